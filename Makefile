@@ -39,10 +39,12 @@ check: $(READY)            ## has any verdict changed against the committed base
 	$(BIN)/simbench run ci -o runs/ci -j 2 >/dev/null
 	$(BIN)/simbench check runs/ci --against results/baseline --exact
 
-real: $(READY)             ## every record of real loops, every method, scored by unit
+real: $(READY)             ## every record of real loops, every method and every verb, by loop and by unit
 	@mkdir -p runs
 	$(BIN)/simbench detect ../shared/data/real --labels ../shared/data/real/records.csv --method full \
 		--method likelihood --why > runs/real_records.txt
+	(echo; $(BIN)/python benchmarks/verbs_on_records.py ../shared/data/real \
+		../shared/data/real/records.csv) >> runs/real_records.txt
 	mv runs/real_records.txt results/real_records.txt
 
 results: $(READY_TEST)     ## every file of results/ again, or those of FILES, by the commands that results/README.md lists

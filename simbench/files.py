@@ -8,10 +8,10 @@ import io
 import os
 import platform
 import re
-import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
+from zlib import crc32
 
 from detectors.errors import ParameterError, UserError, masked
 from detectors.record import LoopRecord
@@ -41,9 +41,11 @@ def _host() -> str:
     space = ""
     with contextlib.suppress(OSError):  # other systems, or processes that may not look, have none
         space = os.readlink("/proc/self/ns/pid")
-    return f"{zlib.crc32(f'{platform.node()} {os.stat(os.sep).st_dev} {space}'.encode()):08x}"
+    return f"{crc32(f'{platform.node()} {os.stat(os.sep).st_dev} {space}'.encode()):08x}"
 
 
+# bytes; file systems take 255, and a temporary file's name is longer by its machine and process
+_LONG_NAME = 200
 HOST = _host()  # in the names of temporary files: those of other machines are let be
 # the name of a file, or a plug-in's text, may be no Unicode
 _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
@@ -65,7 +67,8 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     """Open a file for writing that appears under its name only when all of it is on disk."""
     path = _local(path)
     special = path.exists() and not path.is_file()
-    temporary = path if special else path.with_name(f".{path.name}.{HOST}.{os.getpid()}")
+    name = path.name if len(os.fsencode(path.name)) < _LONG_NAME else f"{crc32(os.fsencode(path))}"
+    temporary = path if special else path.with_name(f".{name}.{HOST}.{os.getpid()}")
     try:
         if path.is_dir():
             raise IsADirectoryError(21, "it is a folder")

@@ -1,11 +1,13 @@
-"""The comparison of a scenario's cost: shares and ratios count, times do not."""
+"""Benchmarks: shares and ratios of a scenario's cost count, and every verb concludes the same."""
 
 import copy
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from benchmarks import perf_shares
+from benchmarks import perf_shares, verbs_on_records
+from tests.simbench.boundary.test_hostile import write
 
 TOLD = {
     "fast": {"minimum_ms": 10.0, "share": {"hammerstein": 0.3, "glue": 0.1, "rest": 0.6}},
@@ -53,3 +55,24 @@ def test_time_is_charged_to_whoever_runs_and_adds_up(monkeypatch):
     meter.wrap("outer", inner)()
     meter.charge()
     assert meter.seconds == {"glue": 2.0, "outer": 8.0, "inner": 1.0}
+
+
+def test_every_verb_s_conclusion_on_labelled_records_is_printed_by_loop_and_by_unit(
+    tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "plant").mkdir()
+    for k in range(2):
+        write(tmp_path / "plant" / f"r{k}.csv", np.arange(250 + 20 * k))
+    labels = tmp_path / "labels.csv"
+    labels.write_text("id,loop,label\nr0,A,stiction\nr1,C,no_stiction\n")
+    monkeypatch.setattr(
+        verbs_on_records, "_VERBS", {"diagnose": verbs_on_records._VERBS["diagnose"]}
+    )
+    verbs_on_records.main(tmp_path / "plant", labels)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["loop", "label", "records", "diagnose", "report"]
+    for line in lines[1:3]:
+        answers = line.split()[3:]
+        assert answers[: len(answers) // 2] == answers[len(answers) // 2 :]
+    assert lines[-2].startswith("diagnose, report: Conclusion by loop: stiction in ")
+    assert lines[-1].startswith("diagnose, report: Conclusion by unit: stiction in ")

@@ -28,7 +28,6 @@ from detectors.records.roles import (
 )
 from detectors.records.tables import BLANK, Sheet
 
-_LONG = 5000  # cells from which a column of numbers is read as a whole
 _NEEDED = "a number, or nothing for unknown, is needed"
 # words written in place of a missing number
 _NO_VALUE = set(
@@ -51,7 +50,7 @@ _BAD = set(
 )
 _UNSURE = set(
     entries("""
-    uncertain, questionable, doubtful, u, substituted, annotated, unsicher, incertain, 不确定
+    uncertain, questionable, doubtful, u, q, substituted, annotated, unsicher, incertain, 不确定
 """)
 )
 _FIRST_SURE = (
@@ -88,13 +87,12 @@ _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNO
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousands
 # a cell with its unit: 12,3 m3/h
 _WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")
-# a historian's mark after a value: 119.9 ?, 119.9 (Q), 119.9*, 119.9 [Bad]
-_MARK = "|".join(map(re.escape, sorted(_GOOD | _BAD | _UNSURE)))
-_MARKED, _MARK_ENDS = (
-    re.compile(
-        rf"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)\s*(\?|\*|[(\[](?:[A-Z?]|{_MARK})[)\]])", re.IGNORECASE
-    ),
-    ("?", "*", ")", "]"),
+# a historian's mark after a value: 119.9 ?, 119.9 (Q), 119.9*, 119.9 [Bad], 119.9 Q
+_MARKS = _GOOD | _BAD | _UNSURE
+_MARK = rf"(?:[A-Z]|{'|'.join(map(re.escape, sorted(_MARKS)))})"
+_MARKED = re.compile(
+    rf"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)(?:\s*(\?|\*|[(\[](?:\?|{_MARK})[)\]])|\s+({_MARK}))",
+    re.IGNORECASE,
 )
 _SUMMARY = 12  # lines below a table that may sum it up
 # numbers that may be whole, or have three decimals
@@ -182,7 +180,6 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
             f" {', '.join(filter(None, first.values()))}"
         )
         del sheet.lines[:1]
-    words = _GOOD | _BAD | _UNSURE
     nameless = {
         n: {plain(cell) for cell in c} - {""}
         for n, c in sheet.columns.items()
@@ -191,14 +188,20 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     renamed = {
         n: f"Status.{i}"
         for i, (n, cells) in enumerate(nameless.items(), 1)
-        if cells and cells <= words
+        if cells and cells <= _MARKS
     }
     sheet.columns = {renamed.get(n, n): c for n, c in sheet.columns.items()}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
-        if name != time and written and _numeric(written[1]):
-            sheet.columns[name] = [str(c).strip().removesuffix(written[2]).rstrip() for c in column]
-            units[name] = units.get(name) or written[2].lower()
+        if name == time or not written or not _numeric(written[1]) or plain(written[2]) in _MARKS:
+            continue
+        mark, cells = written[2], [str(c).strip() for c in column]
+        if len(mark) == 1 and mark.isalpha():
+            if any(c[-1:].isdigit() for c in cells):
+                continue  # a unit stands after every number
+            sheet.notes.append(f"unit: {mark!r} after each value of {name} is taken as its unit")
+        sheet.columns[name] = [c.removesuffix(mark).rstrip() for c in cells]
+        units[name] = units.get(name) or mark.lower()
     return units
 
 
@@ -300,16 +303,18 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
 
 
 def _plain_numbers(sheet: Sheet, names: Sequence[str]) -> dict[str, np.ndarray] | None:
-    """Return long columns of finite numbers with a point that nothing else can be; None where they
-    need a closer look.
+    """Return columns of finite numbers with a point that nothing else can be; None where they need
+    a closer look.
     """
     out = {}
     for name in names:
         cells = sheet.columns[name]
-        if len(cells) < _LONG or _is_numeric(cells):
+        if _is_numeric(cells):
             return None
         try:
             x = np.array(cells, dtype=np.float64)
+            if "_" in "".join(cells):  # which Python reads as nothing, and no plant writes
+                return None
         except (TypeError, ValueError):
             return None
         marked = next((c for c in cells if "." in c), None)
@@ -426,8 +431,10 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
 def _taken_apart(value: object) -> tuple[str, str]:
     """Return a cell without separators of thousands, and the mark that follows its value."""
     text, mark = "" if value is None else str(value).strip(), ""
-    if text[-1:] in _MARK_ENDS and (marked := _MARKED.fullmatch(text)):
-        text, mark = marked[1].rstrip(), plain(marked[2].strip("()[]"))
+    if not text[-1:].isdigit() and (marked := _MARKED.fullmatch(text)):
+        text, mark = marked[1].rstrip(), plain((marked[2] or marked[3]).strip("()[]"))
+    if not text.isascii():
+        text = text.replace("\u2212", "-")  # the minus sign of some languages
     apart = not text.isascii() or "'" in text or " " in text
     return _APART.sub("", text) if apart and text[:1] in "+-0123456789" else text, mark
 

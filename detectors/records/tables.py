@@ -24,6 +24,7 @@ MOST_PARQUET_ROWS, MOST_PARQUET_BYTES = (
     10_000_000,
     1_000_000_000,
 )  # a year of 3 s samples; bytes without compression
+_OLD_EXCEL = b"\xd0\xcf\x11\xe0"  # begins a compound file, as which Excel encrypts, too
 MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
@@ -155,6 +156,12 @@ def _workbook(path: Path) -> dict[str, list[list[str]]]:
     """
     import pandas as pd
 
+    with open(path, "rb") as f:
+        if f.read(4) == _OLD_EXCEL:
+            raise RecordError(
+                f"file {path} is a workbook of an old Excel, or one with a password; one saved as"
+                " .xlsx without a password is needed"
+            )
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as packed:
             size = sum(item.file_size for item in packed.infolist())

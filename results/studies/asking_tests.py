@@ -168,7 +168,7 @@ def _run_plan(seeds: list[tuple[str, int]], i: int) -> list[bool]:
     true = item.answer["effect"]
     acts = [] if true == NONE else [{"effect": true, "parameters": item.answer["parameters"]}]
     out = []
-    for test in (x.trial for x in tests.tests if x.trial.op_travel or x.trial.id == "sp_steps"):
+    for test in (x for x in tests.tests if x.op_travel or x.id == "sp_steps"):
         levels = np.asarray(test.op)
         run = w.test(
             item.answer,

@@ -102,7 +102,7 @@ def asked(
     world: str, index: int, entry: dict[str, Any], place: Path, seed: int = SEED
 ) -> dict[str, Any]:
     """Return the discovery of one drawn record, and what a file of its law keeps."""
-    drawn_by, began = WORLDS.load(world), time.process_time()
+    drawn_by = WORLDS.load(world)
     drawn_as = {k: v for k, v in entry.items() if k != "asked"}
     item = drawn_by.draw(seed, index, drawn_as)
     files = write_item(item, place, f"{world}_{index}")
@@ -112,7 +112,6 @@ def asked(
         "world": world,
         "effect": effect,
         "asked": entry.get("asked", ""),
-        "drawing_s": drawn - began,
     }
     try:
         record, loop = read_record(files[0]), load_loop(files[1])
@@ -132,14 +131,14 @@ def asked(
         "block": discovery.block,
         "probability": discovery.probability,
         "form": None,
+        "why": discovery.why,
+        "oracle": oracle(discovery.situation, world, item.answer, effect),
+        "true": drawn_by.FOREIGN.get(effect) or block_of(effect),
     }
-    row |= {"why": discovery.why, "oracle": oracle(discovery.situation, world, item.answer, effect)}
-    row |= {"true": drawn_by.FOREIGN.get(effect) or block_of(effect)}
     if discovery.law is not None and discovery.gap is not None:
         row |= {
             "form": discovery.law.form,
             "left": gap_left(discovery.gap),
-            "nats": discovery.law.nats,
             "nearest": discovery.nearest,
         }
         file = place / f"law_{world}_{index}.py"

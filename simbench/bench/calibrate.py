@@ -66,7 +66,7 @@ class _Calibration:
 
     def as_text(self) -> str:
         """Return one line per method, and what the columns mean."""
-        a = self.about
+        a, band, none = self.about, self.abstaining, f" {'-':>8} {'-':>5}"
         lines = [
             (
                 f"Thresholds for a false-positive rate of {self.false_alarm:g}, chosen on seed"
@@ -89,7 +89,7 @@ class _Calibration:
                 f" {_range(r.false_alarm_lo, r.false_alarm_hi):>9} {r.detection:>5.2f}"
                 f" {r.auc:>4.2f} {_range(r.auc_lo, r.auc_hi):<12}"
                 f" {r.published_false_alarm:>8.2f} {r.published_detection:>6.2f}"
-                f" {r.coverage:>8.2f} {r.wrong_decided:>5.2f}"
+                + (f" {r.coverage:>8.2f} {r.wrong_decided:>5.2f}" if r.method in band else none)
             )
         lines += [
             "",
@@ -98,7 +98,8 @@ class _Calibration:
                 " valve does not make cycle called stiction. Sens.: sensitivity, the same share"
                 " of the loops that it makes cycle. AUC: area under the ROC curve. Two thresholds:"
                 " between them the method gives no decision; decided: share of loops decided;"
-                " wrong: share of wrong answers among these."
+                " wrong: share of wrong answers among these; -: no two thresholds keep that share"
+                " as small."
             ),
         ]
         vague = [r.method for r in self.table.itertuples() if not r.informative]

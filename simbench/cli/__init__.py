@@ -62,17 +62,22 @@ def main(arguments: list[str] | None = None) -> int:
 
 def entry() -> None:
     """Run the command line as a console script."""
+    # an unknown one ends matplotlib's import, and nothing is shown on a screen here
+    os.environ.pop("MPLBACKEND", None)
     sys.exit(main())
 
 
 def _command(arguments: list[str] | None) -> int | None:
-    command = typer.main.get_command(app)
+    command, words = typer.main.get_command(app), sys.argv[1:] if arguments is None else arguments
+    if "" in words:  # as a path it would be the folder in which the command runs
+        raise ParameterError(
+            f"argument {words.index('') + 1} is empty, as of a shell variable that is not set; a"
+            " path or a value is needed"
+        )
     try:
         return command.main(args=arguments, prog_name="simbench", standalone_mode=False)
     except CommandError as error:
-        raise ParameterError(
-            _usage(error, sys.argv[1:] if arguments is None else arguments)
-        ) from None
+        raise ParameterError(_usage(error, words)) from None
     except typer.Abort as error:
         raise KeyboardInterrupt(str(error)) from None
 

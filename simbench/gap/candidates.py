@@ -117,9 +117,14 @@ def with_ordinary_load(
     """Allow to every candidate what the load may do by itself; return the base and the candidates,
     gains over the new base.
     """
-    for effect, one in candidates.items():
-        ordinary = recogniser(effect).ordinary
+    n = engine.main(base).residual.size
+    of_load = [e for e in candidates if recogniser(e).ordinary is not None]
+    for effect in sorted(of_load, key=lambda e: -candidates[e].log_likelihood_gain):
+        one, ordinary = candidates[effect], recogniser(effect).ordinary
         if ordinary is None or not one.used or one.log_likelihood_gain <= 0.0:
+            continue
+        plain = ordinary(one.fit, base, engine.data, n)
+        if plain is None:
             continue
         out = _on_top_of(
             engine,
@@ -127,8 +132,9 @@ def with_ordinary_load(
             one.log_likelihood_gain,
             {e: c for e, c in candidates.items() if e != effect},
         )
-        gain = 0.0 if ordinary(one.fit, base) else min(one.log_likelihood_gain, LAST)
-        return one.fit, {e: out.get(e, replace(one, log_likelihood_gain=gain)) for e in candidates}
+        gain = 0.0 if plain else min(one.log_likelihood_gain, LAST)
+        base = one.fit
+        candidates = {e: out.get(e, replace(one, log_likelihood_gain=gain)) for e in candidates}
     return base, candidates
 
 

@@ -14,7 +14,7 @@ from detectors.compiled import one_thread
 from detectors.errors import ParameterError, RecordError, printable
 from detectors.record import LoopRecord
 from detectors.records.io import read_record
-from scenarios.spec import load_loop
+from scenarios.spec import checked, load_loop, read_toml
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.discover.discovery import Discovery, discover
@@ -23,11 +23,10 @@ from simbench.gap.discover.effect_file import write_effect as write_law
 from simbench.gap.discover.recognise import effects_known
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
-from simbench.gap.plan.menu import read_limits
+from simbench.gap.plan.menu import Limits
 from simbench.gap.plan.order import PlannedTests, plan
 from simbench.gap.prediction import Prediction, predict, read_settings
 from simbench.gap.report.result import GapReport
-from simbench.gap.report.traces import kick_of
 
 
 @dataclass(frozen=True)
@@ -222,7 +221,7 @@ def plan_files(
 ) -> PlannedTests:
     """Return the tests that are recommended next on the loop of a record."""
     refuse_own_input([html], [record, baseline, limits])
-    within = None if limits is None else read_limits(limits)
+    within = Limits() if limits is None else checked(Limits, read_toml(limits), str(limits))
     report = diagnose_files([record], baseline, tests=tests, **about)
     with one_thread():
         p = {r.effect: r.probability for r in report.ranking}
@@ -271,7 +270,7 @@ def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -
 
 
 def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
-    kick = kick_of(report, report.named)
+    kick = report.behind.loops.kick(report.named)
     lines = [
         report.sentence(),
         f"records: {', '.join(records)}; baseline: {baseline or 'identified'}",
@@ -300,18 +299,12 @@ def _again(
     words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
     for name, value in about.items():
         if isinstance(value, dict):
-            words += [f"--{name}", ",".join(f"{role}={column}" for role, column in value.items())]
-        elif isinstance(value, list):
-            words += [word for one in value for word in (f"--{name}", str(one))]
-        elif value is True:
-            words += [f"--{name.replace('_', '-')}"]
-        elif value is not None:
-            words += [
-                f"--{name.replace('_', '-').lower()}",
-                *map(str, value if isinstance(value, tuple) else [value]),
-            ]
+            value = ",".join(f"{role}={column}" for role, column in value.items())
+        for one in value if isinstance(value, list) else [] if value is None else [value]:
+            numbers = one if isinstance(one, tuple) else () if one is True else (one,)
+            words += [f"--{name.replace('_', '-').lower()}", *map(str, numbers)]
     words += ["--write-loop", "fixed.toml"]
-    kick = kick_of(report, report.named)
+    kick = report.behind.loops.kick(report.named)
     return [
         shlex.join(words),
         "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else ""),

@@ -147,11 +147,9 @@ class _Controller(NamedTuple):
         e = s.sp - (np.append(pv[0], pv[:-1]) if late else pv)
         control, Ts = s.baseline.controller, s.record.Ts
         Kc = control.sign * control.Kc
-        # digits of OP and PV, as far as they reach OP
-        unit = (
-            max(written_unit(s.op), abs(Kc) * written_unit(pv), 1e-6 * float(np.std(s.op)), 1e-9)
-            / 3.0
-        )
+        # digits of OP and PV as far as they reach OP, or what an archive by exception hides
+        units = written_unit(s.op), abs(Kc) * written_unit(pv), 1e-6 * float(np.std(s.op)), 1e-9
+        unit = max(*units, s.law.hidden) / 3.0
         law = cls(
             np.asarray(s.op),
             e,
@@ -300,7 +298,7 @@ _POSITIVE = ("gain", "integral", "Td", "filter", "down", "up")
 def sensor_law(s: Situation, first: int) -> FoundLaw | None:
     """Return what single samples of PV show: stairs, ends of a range, spells without change."""
     pv = np.asarray(s.record.pv)
-    unit = max(s.samples.resolution, 1e-9 * float(np.ptp(pv)))
+    unit = max(s.samples.resolution, 2.0 * s.samples.band, 1e-9 * float(np.ptp(pv)))
     if s.archive.rounding is not None:
         step = s.archive.rounding[0]
         return _read_off(
@@ -318,8 +316,8 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
     if ends and still[at_end].mean() > 0.3:
         laws.append(_read_off("clipped", ends, at_end, chance, first, at_end))
     long = still & (holds(pv)[np.cumsum(~still) - 1] >= 3)
-    beyond_chance = long.mean() > _HELD and not s.samples.by_exception
-    if beyond_chance and (s.frozen or s.baseline.noise.std > unit):
+    noisy = s.samples.band == 0.0 and s.baseline.noise.std > unit
+    if long.mean() > _HELD and (s.frozen or noisy):
         runs = runs_of(long)
         numbers = {
             "share": float(long.mean()),

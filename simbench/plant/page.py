@@ -15,7 +15,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from simbench.files import whole_file
-from simbench.html.page import render
+from simbench.html.page import parts_of, render
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 
@@ -73,10 +73,12 @@ def section(
 
 
 def write(path: str | Path, title: str, subtitle: str, sections: Sequence[dict[str, Any]]) -> None:
-    """Write a self-contained page, readable in light and dark and on a phone."""
+    """Write a self-contained page, readable in light and dark and on a phone.
+
+    A section has a `body`, or `parts` that are made one after the other as they are written.
+    """
+    about = {"title": title, "subtitle": subtitle, "sections": list(sections)}
     footer = f"simbench {version('stiction-simbench')}"
-    text = render(
-        ROOM, "page.html", title=title, subtitle=subtitle, sections=list(sections), footer=footer
-    )
     with whole_file(path) as f:
-        f.write(text)
+        for part in parts_of(ROOM, "page.html", **about, footer=footer):
+            f.write(part)

@@ -72,9 +72,7 @@ def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
     """
     try:
         content = without_checksum(json.loads(file.read_text(encoding="utf-8")), file)
-        return _decoded(
-            content["answer"], {c.__name__: c for c in _classes(get_type_hints(ask)["return"])}
-        )
+        return _decoded(content["answer"], _classes(get_type_hints(ask)["return"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, UserError):
         answer = ask(*about)
     with whole_file(file) as f:
@@ -82,20 +80,21 @@ def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:
     return answer
 
 
-def _classes(hint: Any) -> set[type]:
+@cache
+def _classes(hint: Any) -> dict[str, type]:
     """Return the data classes and models that an annotation speaks of, and those of their
-    fields.
+    fields, by name.
     """
-    classes, todo = set(), [hint]
+    classes, todo = {}, [hint]
     while todo:
         hint = todo.pop()
         todo += get_args(hint)
         if (
             isinstance(hint, type)
             and (is_dataclass(hint) or issubclass(hint, BaseModel))
-            and hint not in classes
+            and hint not in classes.values()
         ):
-            classes.add(hint)
+            classes[hint.__name__] = hint
             todo += get_type_hints(hint).values()
     return classes
 

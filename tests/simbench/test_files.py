@@ -98,6 +98,15 @@ def test_a_name_that_is_no_text_is_written_and_printed(tmp_path, capsys):
     assert (tmp_path / "a.txt").read_text() == "a\\udcffb"
 
 
+@pytest.mark.parametrize("name", ["x" * 255, "\u4f4d" * 85])
+def test_a_name_as_long_as_the_file_system_takes_is_written(tmp_path, name):
+    with whole_file(tmp_path / name) as f:
+        f.write("whole")
+        (temporary,) = tmp_path.iterdir()
+        assert temporary.name.endswith(f".{HOST}.{os.getpid()}")
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
 def test_what_a_killed_process_left_half_written_goes_and_what_others_write_stays(tmp_path):
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()

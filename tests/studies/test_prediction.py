@@ -54,3 +54,13 @@ def test_an_answer_is_right_where_both_numbers_are_near_or_nothing_oscillates():
     assert not judged(row(1.05, 50.0, np.nan))["right"]
     assert not judged(row(1.05, None, 50.0))["right"]
     assert not judged(row(1.05, 50.0, 60.0))["right"]
+
+
+def test_further_records_are_judged_as_the_prediction_is():
+    one = row(1.05, None, np.nan)
+    # the second half: their mean is as far off as the first of them is not
+    one["truth"][2:] = [{**one["truth"][0], "pv_std": x} for x in (1.0, 2.0)]
+    judgement = judged(one)
+    assert judgement["right"]
+    assert judgement["measured"]
+    assert not judgement["known"]

@@ -58,10 +58,15 @@ def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
 def _made(file: Path, about: dict) -> bool:
     file.parent.mkdir(exist_ok=True)  # the holder before may have removed it when it was done
     try:
-        with open(file, "xb") as f:
-            f.write(_text(about, 0))
+        f = open(file, "xb")  # noqa: SIM115
     except FileExistsError:
         return False
+    try:
+        with f:
+            f.write(_text(about, 0))
+    except OSError:  # a lease without a holder, as a full disk leaves it, keeps others waiting
+        file.unlink()
+        raise
     return True
 
 

@@ -119,7 +119,7 @@ def compare_books(
     ]
     unseen = (*_unseen(tests, basis), *untold)
     said = (
-        f"{_basis(now, before, pairs, margin)}. A loss of {100 * _REACH[basis]:g} percentage points"
+        f"{_basis(now, before, pairs, margin)}. A loss of {_points(_REACH[basis])}"
         " must be detectable in 8 of 10 such runs, else the run is too small"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
@@ -204,8 +204,7 @@ def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFram
 
 
 def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
-    points = f"{100 * margin:g} percentage points"
-    tests = f"a rate may fall by {points} (exact paired tests with Holm's correction)"
+    tests = f"a rate may fall by {_points(margin)} (exact paired tests with Holm's correction)"
     differ = int((~pairs.same).sum())
     if pairs.now.size and not differ:
         return (
@@ -222,9 +221,14 @@ def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> st
         return f"{why} ({more}), as on another processor. Rule: {tests}"
     return (
         f"the loops are not those of the baseline; two-sample tests compare {now.ids.size} with"
-        f" {before.ids.size} scenarios. A rate may fall by {100 * _UNPAIRED:g} percentage points"
+        f" {before.ids.size} scenarios. A rate may fall by {_points(_UNPAIRED)}"
         " (Holm's correction)"
     )
+
+
+def _points(share: float) -> str:
+    """Return a share in percentage points."""
+    return f"{100 * share:g} percentage point{'s' * (share != 0.01)}"
 
 
 def _seen(row: dict[str, Any], basis: str, tests: int) -> float:

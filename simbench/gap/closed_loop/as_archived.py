@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from detectors.signal.lattice import hides_nothing, lattice, resolution, written
+from simbench.gap.controller.recovered_pv import mean_like
 from simbench.gap.situation import Situation
 
 
@@ -22,7 +23,7 @@ def as_archived(
     if late:
         op = np.append(np.repeat(op[0], late), op[:-late])
     if situation.law.averaged and situation.law.recovered_pv is not None:
-        pv = _mean_like(np.asarray(situation.record.pv), situation.law.recovered_pv, pv)
+        pv = mean_like(situation.record.pv, situation.law.recovered_pv, pv)
     op_digits, pv_digits = _digits_of(situation)
     return _rounded(op, op_digits), _rounded(pv, pv_digits)
 
@@ -32,7 +33,7 @@ def _digits_of(s: Situation) -> tuple[float, float]:
     """Return the steps in which OP and PV are written, computed once per record because it is
     simulated many times.
     """
-    pv = np.asarray(s.record.pv)
+    pv = s.record.pv
     return _digits(s.op, pv), _digits(pv, s.op)
 
 
@@ -47,18 +48,3 @@ def _digits(x: np.ndarray, other: np.ndarray) -> float:
 
 def _rounded(x: np.ndarray, unit: float) -> np.ndarray:
     return unit * np.round(x / unit) if unit > 0.0 else x
-
-
-def _mean_like(real: np.ndarray, seen: np.ndarray, pv: np.ndarray) -> np.ndarray:
-    """Return PV averaged over neighbouring samples in the way that makes what the controller saw
-    equal to the record.
-    """
-
-    def near(x: np.ndarray) -> np.ndarray:
-        return np.column_stack([np.append(x[0], x[:-1]), x, np.append(x[1:], x[-1])])
-
-    weights = np.linalg.lstsq(
-        near(seen - seen.mean())[2:-2], (real - real.mean())[2:-2], rcond=None
-    )[0]
-    weights = np.maximum(weights, 0.0)
-    return near(pv) @ (weights / (weights.sum() or 1.0))

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.errors import UserError
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
+from simbench.gap.closed_loop.level import RUNS, run_with_seeds
 from simbench.gap.closed_loop.summary_features import (
     CAP,
     chance_of,
@@ -20,10 +20,8 @@ from simbench.gap.closed_loop.summary_features import (
     seed_spread,
 )
 from simbench.gap.situation import Situation
-from simbench.loop.simulate import simulate
 
 _HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
-_SEEDS = 8  # runs of each loop
 _RESOLVABLE = 1.5  # gap before over floor from which there is something to close
 # times the interval that seeds alone give: the simulated load is not quite the plant's (116
 # records, seed 303)
@@ -47,7 +45,7 @@ def simulate_runs(
     loop: Loop,
     seed: int,
     kick: float = 0.0,
-    seeds: int = _SEEDS,
+    seeds: int = RUNS,
     part: slice | None = None,
 ) -> Runs | None:
     """Simulate the record's whole length with several seeds and keep the features of a part, the
@@ -55,23 +53,13 @@ def simulate_runs(
 
     The part before is the warm-up: a sticky loop started at rest does not cycle at once.
     """
+    records = run_with_seeds(loop, seed, seeds, kick)
+    if records is None:
+        return None
     part = part or slice(held_out(situation), None)
-    op, pv, best = [], [], None
-    for i in range(seeds):
-        try:
-            record = simulate(loop, seed=seed + i, kick=kick).record
-        except UserError:
-            return None
-        if not (np.all(np.isfinite(record.pv)) and np.abs(record.pv).max() < 1e9):
-            return None
-        kept_op, kept_pv = as_archived(situation, np.asarray(record.op), np.asarray(record.pv))
-        op.append(kept_op[part])
-        pv.append(kept_pv[part])
-        if best is None:
-            best = record
-    assert best is not None
-    values = features(np.array(op), np.array(pv), situation.sp[part])
-    return Runs(loop, np.array(list(values.values())).T, np.asarray(best.op), np.asarray(best.pv))
+    kept = np.array([as_archived(situation, r.op, r.pv) for r in records])[..., part]
+    values = features(kept[:, 0], kept[:, 1], situation.sp[part])
+    return Runs(loop, np.array(list(values.values())).T, records[0].op, records[0].pv)
 
 
 def held_out(situation: Situation) -> int:
@@ -101,9 +89,7 @@ def measure(
 ) -> Shrinkage:
     """Compare three sets of runs with the record on the held-out part."""
     start = held_out(situation)
-    named = features(
-        situation.op[start:], np.asarray(situation.record.pv)[start:], situation.sp[start:]
-    )
+    named = features(situation.op[start:], situation.record.pv[start:], situation.sp[start:])
     real = np.array(list(named.values()))
     runs = [a.features for a in (before, recalibrated, after)]
 
@@ -126,8 +112,9 @@ def measure(
     # features move together from record to record, which drawing them one by one would average away
     chance = [chance_of(runs[0], spread), chance_of(runs[2], spread)]
     for _ in range(40):
-        rows = [x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])]
-        before_, after_ = (x if len(x) > 2 else y for x, y in zip(rows, (runs[0], runs[2])))
+        before_, after_ = (
+            x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])
+        )
         keep = rng.integers(0, real.size, real.size)
         ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, runs[1], after_)], axis=0))
         far = np.minimum(

@@ -8,19 +8,10 @@ import numpy as np
 
 from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
-from simbench.gap.closed_loop.level import simulated
-from simbench.gap.closed_loop.summary_features import (
-    Features,
-    features,
-    seed_spread,
-)
+from simbench.gap.closed_loop.level import RUNS, run_with_seeds
+from simbench.gap.closed_loop.summary_features import BANDS, features, seed_spread
 from simbench.gap.situation import Situation
 
-_RUNS = 12  # simulated records that the record is compared with
-_SHARE, _BEGINS = (
-    0.35,
-    (0.05, 0.3, 0.65),
-)  # length and begins of the stretches compared, shares of the record
 _IN_SENTENCE = 3  # features put into words
 _PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs
 _WORDS = {
@@ -58,38 +49,26 @@ def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
     """Return what a record has and runs of a loop have not; None where the loop cannot be
     simulated.
     """
-    records = simulated(loop, seed, _RUNS)
+    records = run_with_seeds(loop, seed, RUNS)
     if records is None:
         return None
-    n = situation.record.n
-    runs = [as_archived(situation, np.asarray(r.op), np.asarray(r.pv)) for r in records]
-    real, length = (situation.op, np.asarray(situation.record.pv)), int(_SHARE * n)
+    both = [(situation.op, situation.record.pv)]
+    both += [as_archived(situation, r.op, r.pv) for r in records]
+    signals, length = np.array(both), situation.record.n // 3
     sizes, names = [], []
-    for begin in (int(share * n) for share in _BEGINS):
-        part = slice(begin, begin + length)
-        sp = situation.sp[part]
-        named = _without_tails(features(real[0][part], real[1][part], sp))
-        recorded = np.array(list(named.values()))
-        sims = np.array(
-            [list(_without_tails(features(op[part], pv[part], sp)).values()) for op, pv in runs]
-        )
-        if not np.all(np.isfinite(sims)):
-            return None
-        spread, names = seed_spread(sims), list(named)
-        sizes.append((recorded - sims.mean(axis=0)) / spread)
+    for part in (slice(i * length, (i + 1) * length) for i in range(3)):
+        op, pv = signals[:, 0, part], signals[:, 1, part]
+        # a baseline states nothing of the kind of its noise, nor of ordinary loads: no tails
+        named = features(op, pv, situation.sp[part]).items()
+        names = [name for name, _ in named if not name.endswith("kurtosis")]
+        real, *sims = np.array([x for name, x in named if name in names]).T
+        sizes.append((real - np.mean(sims, axis=0)) / seed_spread(np.array(sims)))
     # what differs in every stretch, in the same direction
     same = np.all(np.sign(sizes) == np.sign(sizes[0]), axis=0)
     least = np.where(same, np.min(np.abs(sizes), axis=0), 0.0) * np.sign(sizes[0])
     differing = [(name, float(z)) for name, z in zip(names, least) if abs(z) > _PLAIN]
     differing.sort(key=lambda f: -abs(f[1]))
     return Lacking(tuple((_in_words(name, z, situation, length), z) for name, z in differing))
-
-
-def _without_tails(values: Features) -> Features:
-    """Return features without the tails: a baseline states nothing of the kind of its noise, nor of
-    ordinary loads.
-    """
-    return {name: x for name, x in values.items() if not name.endswith("kurtosis")}
 
 
 def _in_words(name: str, z: float, s: Situation, length: int) -> str:
@@ -100,12 +79,9 @@ def _in_words(name: str, z: float, s: Situation, length: int) -> str:
     kind, _, number = what.partition(" ") if what.startswith(("band", "memory")) else (what, "", "")
     words = _WORDS[kind][0 if z > 0 else 1]
     if kind == "band":
-        edges = np.geomspace(2, length // 2 + 1, 7) if length > 4 else np.ones(7)
-        i = min(int(number), 6)
-        words += (
-            f" at periods of {length * s.record.Ts / edges[i]:.3g} to"
-            f" {length * s.record.Ts / edges[i - 1]:.3g} s"
-        )
+        periods = length * s.record.Ts / np.geomspace(2, length // 2 + 1, BANDS + 1)
+        short, long = periods[int(number)], periods[int(number) - 1]
+        words += f" at periods of {short:.3g} to {long:.3g} s"
     elif kind == "memory":
         words += f" over {int(number) * s.record.Ts:.3g} s"
     return f"{signal.upper()} {words}"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from scenarios.spec import Loop, Plant
+from simbench.gap.closed_loop.level import WITHIN
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.effects._recogniser import clip
 from simbench.gap.likelihood import kernels
@@ -38,7 +39,8 @@ def fixed_loop(
         per = Ts if situation.integrating else 1.0
         numbers = {
             "K": fit.K / per if fit.K * d.K > 0 else base.plant.K,
-            "Td": delay_of(fit.spec, fit.theta) * Ts,
+            # an OP that was archived late hides as many samples of the dead time
+            "Td": (delay_of(fit.spec, fit.theta) + d.late) * Ts,
         }
         numbers |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
         stated = {recogniser(e).replaces for e in effects}
@@ -93,7 +95,7 @@ def fixed_loop(
     gain = Plant.model_validate(table["plant"]).K if d.T > 0 else np.inf
     led = sum(recogniser(e).mean_op_shift(p, half, gain) for e, p in effects.items())
     table["operating_point"] = {
-        "op0": clip(_rest(situation, fit) + led, 1.0, 99.0),
+        "op0": clip(_rest(situation, fit) + led, *WITHIN),
         "pv0": float(sp[0]),
     }
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
@@ -138,4 +140,4 @@ def _rest(situation: Situation, fit: Fit) -> float:
     # lag between them
     maps = fit.spec.valve == kernels.CURVE or fit.spec.moves is not None
     slope = float(np.polyfit(v, situation.op, 1)[0]) if maps and np.ptp(v) > 0 else 1.0
-    return clip(float(np.mean(situation.op)) - ahead * slope, 1.0, 99.0)
+    return clip(float(np.mean(situation.op)) - ahead * slope, *WITHIN)

@@ -23,38 +23,31 @@ class ClosedLoops:
 
     def __init__(self, fitted: Fitted, seed: int) -> None:
         self.fitted, self.seed = fitted, seed
-        self.done: dict[tuple[str, ...], Shrinkage] = {}
-        self.kept: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
-        self.shared: dict[tuple[str, int, bool], Runs | None] = {}
+        self.arms: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
         self.levelled: dict[tuple[str, ...], Loop] = {}
 
     def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
         """Return the baseline with some effects in it, under the load of their fit or
         of another one.
         """
-        f = self.fitted
-        fit = self.fit_of(effects)
+        f, fit = self.fitted, self.fit_of(effects)
         numbers = {e: f.parameters[e] for e in effects if e in f.parameters}
-        return fixed_loop(
-            f.situation,
-            fit,
-            numbers,
-            plant="fitted",
-            load=load or fit,
-            jumps=load_may_jump(effects),
-        )
+        jumps = load_may_jump(effects)
+        return fixed_loop(f.situation, fit, numbers, plant="fitted", load=load or fit, jumps=jumps)
 
     def corrected(self, effects: Sequence[str]) -> Loop:
         """Return the baseline with some effects in it, at the level of the record."""
         key = tuple(effects)
         if key not in self.levelled:
             self.levelled[key] = level(
-                self.fitted.situation, self.loop(effects), self._kick(effects), self.seed
+                self.fitted.situation, self.loop(effects), self.kick(effects), self.seed
             )
         return self.levelled[key]
 
-    def _kick(self, effects: Sequence[str]) -> float:
-        """Return the offset of OP (%) that starts a cycle under these effects."""
+    def kick(self, effects: Sequence[str]) -> float:
+        """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left
+        at rest may stay there.
+        """
         known = self.fitted.parameters
         return max(
             (recogniser(e).initial_op_offset(known[e]) for e in effects if e in known), default=0.0
@@ -65,38 +58,37 @@ class ClosedLoops:
         f = self.fitted
         if list(effects) == f.chosen:
             return f.final
-        engine = [e for e in effects if e in f.candidates]
-        return f.candidates[engine[0]].fit if engine else f.base
-
-    def _runs(self, key: tuple[str, int, bool], loop: Loop) -> Runs | None:
-        if key not in self.shared:
-            self.shared[key] = simulate_runs(self.fitted.situation, loop, self.seed)
-        return self.shared[key]
+        return next((f.candidates[e].fit for e in effects if e in f.candidates), f.base)
 
     def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
-        return simulate_runs(
-            self.fitted.situation, self.loop(effects, load), self.seed, self._kick(effects)
-        )
+        loop = self.loop(effects, load)
+        return simulate_runs(self.fitted.situation, loop, self.seed, self.kick(effects))
 
-    def shrink(self, effects: Sequence[str]) -> Shrinkage:
-        """Return gap before, recalibrated, after and floor for some effects."""
+    def runs_with(self, effects: Sequence[str]) -> tuple[Runs, Runs, Runs]:
+        """Return runs of the baseline, of the recalibrated loop and of that with some effects, all
+        under the load of the effects' fit; the loop before stands for one that runs away.
+        """
         key = tuple(effects)
-        if key not in self.done:
-            f, s = self.fitted, self.fitted.situation
-            fit = self.fit_of(effects)
+        if key not in self.arms:
+            f, s, fit = self.fitted, self.fitted.situation, self.fit_of(effects)
             jumps = load_may_jump(effects)
-            bare = fixed_loop(s, f.base, {}, plant="baseline", load=fit, jumps=jumps)
-            tuned = fixed_loop(s, f.base, {}, plant="fitted", load=fit, jumps=jumps)
-            before = self._runs(("bare", id(fit), jumps), bare)
-            again = self._runs(("tuned", id(fit), jumps), tuned) or before
-            after = self._after(effects, fit) if key else again
+            before, again = (
+                simulate_runs(
+                    s, fixed_loop(s, f.base, {}, plant=p, load=fit, jumps=jumps), self.seed
+                )
+                for p in ("baseline", "fitted")
+            )
             if before is None:
                 raise RecordError(
                     "the baseline cannot be simulated with this record's set point: it runs away"
                 )
-            self.kept[key] = (before, again or before, after or before)
-            self.done[key] = measure(s, *self.kept[key], seed=self.seed)
-        return self.done[key]
+            after = self._after(effects, fit) if key else again
+            self.arms[key] = (before, again or before, after or before)
+        return self.arms[key]
+
+    def shrink(self, effects: Sequence[str]) -> Shrinkage:
+        """Return gap before, recalibrated, after and floor for some effects."""
+        return measure(self.fitted.situation, *self.runs_with(effects), seed=self.seed)
 
     @cached_property
     def lacking(self) -> Lacking | None:
@@ -112,8 +104,7 @@ class ClosedLoops:
         """Return what other effects close under the load of the named ones; None where that loop
         cannot be simulated.
         """
-        self.shrink(named)
-        before, again, _ = self.kept[tuple(named)]
+        before, again, _ = self.runs_with(named)
         after = self._after(effects, self.fit_of(named))
         return (
             None

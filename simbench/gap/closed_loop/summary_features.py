@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
-_BANDS = 6  # octave-like bands of the spectra
+BANDS = 6  # octave-like bands of the spectra
 _LAGS = (1, 3, 10, 30)  # samples
 
-Features = dict[str, Any]  # numbers, or arrays of them where several runs are looked at together
 
-
-def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Features:
+def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
     """Return the features of one (part of a) record, or of several at once."""
     e = pv - sp
-    out: Features = {}
+    out: dict[str, Any] = {}
     for name, x in (("pv", e), ("op", op)):
         x = x - x.mean(axis=-1, keepdims=True)
         d = np.diff(x)
@@ -35,7 +33,7 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Features:
         out[f"{name} at limit"] = np.log(0.01 + np.mean(ends, axis=-1))
         n = x.shape[-1]
         power = np.abs(np.fft.rfft(x * np.hanning(n))) ** 2
-        edges = np.unique(np.geomspace(2, power.shape[-1], _BANDS + 1).astype(int))
+        edges = np.unique(np.geomspace(2, power.shape[-1], BANDS + 1).astype(int))
         for i, (a, b) in enumerate(pairwise(edges)):
             out[f"{name} band {i + 1}"] = np.log(power[..., a:b].sum(axis=-1) / n + 1e-12)
         top = np.sort(power[..., 2:], axis=-1)[..., -3:].sum(axis=-1) / (

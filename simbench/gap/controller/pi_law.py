@@ -21,6 +21,7 @@ from simbench.gap.controller.recovered_pv import (
     rest_of_mean,
 )
 from simbench.gap.controller.regression import (
+    EXACT,
     FORMS,
     LawFit,
     about_zero,
@@ -30,23 +31,31 @@ from simbench.gap.controller.regression import (
     with_derivative,
 )
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
-from simbench.loop.effects.detuning import PARAMETERS as TUNING
+from simbench.gap.sensor.samples import exception_band
 
-_EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 # the law is also taken as known if its residual is below this multiple of what rounding explains
-_DIGITS = 2.5
-_CARD = 0.05  # % of OP: the rounding step of an output card of 11 bits
-# the card's lattice is hidden if OP is written in steps of more than this share of it
-_BLURRED = 0.1
+DIGITS = 2.5
+# % of OP: the step of an output card of 11 bits, whose lattice decimals of a tenth of it hide
+CARD = 0.05
 _HALF = 0.5  # share of OP's moves above which such rounding explains too much to be assumed
-# share of samples at rest from which a finely written OP cannot follow the mean of a moving PV
+# share of samples at rest from which a finely written OP cannot follow the mean of a moving PV: a
+# controller that misses a tenth of its scans rests in more
 _RESTING = 0.05
-_RESTS_LONG = 0.01  # the same in standstills longer than chance brings
-_RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
+# share of samples in standstills that no chance brings: without it a controller that misses scans
+# is taken for a mean in one of 164 records
+STUCK = 0.01
+_LAW_ROWS = 60  # changes of OP and PV that an archive by exception stored, enough to see the law
+_LOUD = 5.0  # bands of OP, of which an archive by exception misses none under another tuning either
+RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
-_NEAR = 0.25  # half steps of a coarse OP beyond half a step, below which a law explains OP
-_FINER = 0.02  # of OP's lattice, to which rounding never brings a law
-# share of PV on straight lines from which the archive is known to have been thinned
+# half steps of a coarse OP beyond half a step, below which a law explains OP: at .03 two of 164
+# records lose theirs
+_NEAR = 0.25
+# of OP's lattice, to which rounding never brings a law: without it PV's steps, handed on, are
+# called OP's in one of 164 records
+_FINER = 0.02
+# share of PV on straight lines from which the archive is known to have been thinned: at .17 a
+# tuning goes unread in one of 164 records, and a right law is lost in another
 _THINNED = 0.25
 
 
@@ -61,7 +70,8 @@ class Law:
     the controller must have seen (None when it cannot be recovered). `reason` is why the block
     cannot be judged, `foreign` why it is no PI at all, `late` by how many samples OP answers late,
     `averaged` that the archive's PV is a mean, `blur` what the digits leave uncertain of the
-    recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain.
+    recovered PV (PV units), `strays` the samples that an otherwise exact law does not explain,
+    `hidden` what an archive that reports by exception may hide of a change of OP (%).
     """
 
     residual: float
@@ -79,6 +89,7 @@ class Law:
     averaged: bool = False
     blur: float = 0.0
     strays: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    hidden: float = 0.0
 
     @property
     def known(self) -> bool:
@@ -114,7 +125,7 @@ def examine_law(
         tries.append(replace(other, recovered_pv=seen, late=1))
     tries += [_examine(op, pv, s, loop) for s in shifted]
     # a law that is exact but for the set point's steps is only mended by what explains these
-    most = law.strays.size / 2 if law.foreign and law.residual < _EXACT else op.size
+    most = law.strays.size / 2 if law.foreign and law.residual < EXACT else op.size
     known = [t for t in tries if t.known and t.strays.size <= most]
     if known:
         # a mean explains much: it is believed where no alignment needs one, or only under another
@@ -140,7 +151,9 @@ def _examine(
     """
     Ts, Kc, Ti, trusted, noise = loop
     e, Ki = (pv.mean() if sp is None else sp) - pv, Kc * Ts / Ti if Ti else 0.0
-    asked = _Asked(op, pv, sp, e, Ts, Kc, Ki, Ti, written(op, pv), written(pv, op), noise)
+    op_is, pv_is = written(op, pv), written(pv, op)
+    bands = tuple(exception_band(x, max(i.unit, i.step)) for x, i in ((op, op_is), (pv, pv_is)))
+    asked = _Asked(op, pv, sp, e, Ts, Kc, Ki, Ti, op_is, pv_is, noise, *bands)
     free = _free(asked)
     if free.rows.sum() < 20:
         return Law(1.0, 1.0, Kc, Ti or np.inf, reason="OP stands at its limits nearly all the time")
@@ -155,6 +168,7 @@ def _examine(
         step=asked.op_is.step if fitted.coarse else 0.0,
         strays=fitted.fit.strays,
         blur=free.rounding / abs(Kc),
+        hidden=asked.hidden,
     )
     if not trusted:
         reason = "" if fitted.exact else "the recorded PV does not explain OP through a PI law"
@@ -162,21 +176,19 @@ def _examine(
             law, baseline_residual=law.residual, reason=reason, strays=np.empty(0, dtype=int)
         )
     if fitted.plain and skips_scans(
-        op, fitted.e, free.inside, fitted.size, max(asked.op_is.unit, asked.op_is.step)
+        op, fitted.e, free.told, fitted.size, max(asked.op_is.unit, asked.op_is.step)
     ):
         return replace(
             law, foreign="OP stands still where the law would move it: the controller skips scans"
         )
     if fitted.exact:
         return _known(law, asked, free, fitted)
-    if fitted.fit.base < fitted.tolerance:
-        return replace(law, Kc=Kc, Ti=Ti or np.inf)
     return _hidden(law, asked, free, shown, fitted)
 
 
 class _Asked(NamedTuple):
     """The signals, the baseline's law (gain with sign, gain times Ts/Ti, 0 for P, integral time),
-    how OP and PV are written.
+    how OP and PV are written, and the bands within which an archive repeats them.
     """
 
     op: np.ndarray
@@ -190,17 +202,27 @@ class _Asked(NamedTuple):
     op_is: Written
     pv_is: Written
     noise: float
+    op_band: float
+    pv_band: float
+
+    @property
+    def hidden(self) -> float:
+        """What the bands may hide of a change of OP (%)."""
+        return 2.0 * (self.op_band + abs(self.Kc) * self.pv_band)
 
 
 class _Free(NamedTuple):
-    """Where OP is off its limits: `inside` by sample, `rows` by change; how large its changes are.
+    """Where OP is off its limits and stored with PV: `inside` by sample, `rows` by change; how
+    large its changes are.
 
+    `told` are the changes, too, of which the archive would have stored what the baseline asks;
     `rounding` is the standard deviation that the digits of OP and PV leave of the law's changes of
     OP.
     """
 
     inside: np.ndarray
     rows: np.ndarray
+    told: np.ndarray
     limits: tuple[float, float] | None
     size: float
     rounding: float
@@ -247,17 +269,29 @@ def _free(asked: _Asked) -> _Free:
     size = spread(du)
     if size == 0.0:
         size = float(np.std(du)) or 1.0
-    a, b = _first_guess(asked, du, size)
-    limit = limits_of(op, e, a, b, asked.op_is.step, asked.op_is.unit, asked.Ti is None)
+    step, unit = asked.op_is.step, asked.op_is.unit
+    limit = limits_of(
+        op, e, asked.Kc + asked.Ki, -asked.Kc, step, unit, asked.Ti is None, asked.hidden
+    )
     lo, hi = limit.get("lo", -np.inf), limit.get("hi", np.inf)
     inside = (op > lo) & (op < hi)
     # a controller that holds its integral at a limit leaves it by another step
-    rows = inside[1:] & inside[:-1]
+    told = inside[1:] & inside[:-1]
+    # of a value that an archive repeats nobody knows what it was
+    of_pv = np.append(True, np.diff(asked.pv) != 0.0) | (asked.pv_band == 0.0)
+    kept = inside & of_pv & (np.append(True, du != 0.0) | (asked.op_band == 0.0))
+    rows, digits = kept[1:] & kept[:-1], (asked.op_is.digits, asked.pv_is.digits)
+    if asked.hidden > 0.0 and rows.sum() < _LAW_ROWS:
+        rows, digits = told, (2.0 * asked.op_band, 2.0 * asked.pv_band)
+    else:
+        inside = kept
+    loud = np.abs(asked.Kc * np.diff(e) + asked.Ki * e[1:]) > _LOUD * asked.op_band
+    told &= rows | (of_pv[1:] & of_pv[:-1] & loud)
     # the ends of the range are everybody's limits
     lo, hi = lo if lo > 0.01 else 0.0, hi if hi < 99.99 else 100.0
     tight = None if (lo, hi) == (0.0, 100.0) else (lo, hi)
-    rounding = float(np.hypot(asked.op_is.digits, asked.Kc * asked.pv_is.digits)) / np.sqrt(6.0)
-    return _Free(inside, rows, tight, size, rounding)
+    rounding = float(np.hypot(digits[0], asked.Kc * digits[1])) / np.sqrt(6.0)
+    return _Free(inside, rows, told, tight, size, rounding)
 
 
 def _shown(asked: _Asked) -> _Shown:
@@ -280,15 +314,14 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         # a law that meets OP's moves far within its lattice leaves nothing for rounding: the
         # lattice is PV's, handed on
         off = off[rows & (du != 0.0)] - np.median(off[rows])
-        coarse = (
-            float(np.quantile(np.abs(off), 0.9)) > _FINER * asked.op_is.step if off.size else True
-        )
-    fit, gap = None, error_gap(op, e, rows)
-    within = rows & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
-    if gap > 0.0 and np.quantile(np.abs(Kc * np.diff(e) + Ki * e[1:])[within], 0.75) < max(
-        asked.op_is.unit, 0.0 if coarse else asked.op_is.step
-    ):
-        # an error that asks for less than OP is written in moves nothing anyway
+        coarse = not off.size or np.quantile(np.abs(off), 0.9) > _FINER * asked.op_is.step
+    fit, gap = None, error_gap(op, e, free.told)
+    asked_for = np.abs(Kc * np.diff(e) + Ki * e[1:])[
+        free.told & (np.maximum(np.abs(e[1:]), np.abs(e[:-1])) <= gap / 2)
+    ]
+    # an error that asks for less than OP is written in moves nothing anyway
+    least = max(asked.op_is.unit, 0.0 if coarse else asked.op_is.step)
+    if gap > 0.0 and np.quantile(asked_for, 0.75) < least:
         gap = 0.0
     if gap > 0.0:
         if not coarse and (rows & (du != 0.0)).sum() > 20:
@@ -307,10 +340,9 @@ def _fitted(asked: _Asked, free: _Free, shown: _Shown) -> _Fitted:
         fit = by_steps(du, e, rows, Kc, Ki, size, no_sp)
     # OP that mostly rests fits "no control at all" exactly
     collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-    card = _CARD / np.sqrt(6.0) if written_unit(op) > _BLURRED * _CARD else 0.0
-    hidden = _DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
-    tolerance = max(_EXACT, min(hidden / size, _HALF))
-    tolerance = max(tolerance, _NEAR) if coarse else tolerance
+    card = CARD / np.sqrt(6.0) if written_unit(op) > 0.1 * CARD else 0.0
+    hidden = DIGITS * max(free.rounding, card) + 1e-9 * float(np.abs(op).max())
+    tolerance = max(_NEAR if coarse else EXACT, min(hidden / size, _HALF))
     return _Fitted(fit, e, rows, size, gap, bool(coarse), tolerance, collapsed)
 
 
@@ -382,7 +414,7 @@ def _behind_a_mean(law: Law, asked: _Asked, free: _Free, fitted: _Fitted) -> Law
     op, e, inside, P = asked.op, fitted.e, free.inside, asked.Ti is None
     rests = float(np.mean(np.diff(op)[free.rows] == 0.0))
     if asked.op_is.step == 0.0 and (
-        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > _RESTS_LONG
+        rests > _RESTING or stuck(op[inside], asked.op_is.unit) > STUCK
     ):
         return None
     Kc, Ki = asked.Kc, asked.Ki
@@ -421,25 +453,8 @@ def _retuned(law: Law, asked: _Asked) -> tuple[float, float] | None:
     """
     Kc_factor = law.Kc / asked.Kc
     Ti_factor = law.Ti / asked.Ti if asked.Ti and np.isfinite(law.Ti) else 1.0
-    bounds = TUNING["Kc_factor"]
-    if not bounds.low <= Kc_factor <= bounds.high:
-        return None
     shift = max(abs(np.log(max(Kc_factor, 1e-6))), abs(np.log(Ti_factor)))
-    return (Kc_factor, Ti_factor) if shift > _RETUNED else None
-
-
-def _first_guess(asked: _Asked, du: np.ndarray, size: float) -> tuple[float, float]:
-    """Return a and b by the samples at which OP is surely at no limit; the baseline's where no law
-    is exact.
-    """
-    op, Kc, Ki = asked.op, asked.Kc, asked.Ki
-    held = np.isin(op, (op.min(), op.max()))
-    rows = ~(held[1:] | held[:-1])
-    if rows.sum() >= 20:
-        fit = by_steps(du, asked.e, rows, Kc, Ki, size, asked.sp is None)
-        if fit.residual < _EXACT and fit.a * Kc > 0.0 and abs(fit.a) > 0.02 * abs(Kc):
-            return fit.a, fit.b
-    return Kc + Ki, -Kc
+    return (Kc_factor, Ti_factor) if shift > RETUNED else None
 
 
 def _nearest_form(a: float, b: float, asked: _Asked) -> tuple[float, float]:
@@ -459,6 +474,6 @@ def _nearest_form(a: float, b: float, asked: _Asked) -> tuple[float, float]:
         distance = abs(np.log(kc / Kc)) + (
             abs(np.log(ti / Ti)) if Ti and np.isfinite(ti) else (10.0 if Ti else 0.0)
         )
-        if distance < best[0] and (share == FORMS[0] or distance < 2 * _RETUNED):
+        if distance < best[0] and (share == FORMS[0] or distance < 2 * RETUNED):
             best = (distance, kc, ti)
     return best[1], best[2]

@@ -9,11 +9,9 @@ import numpy as np
 from detectors.signal.filters import lfilter
 from detectors.signal.lattice import written_unit
 from scenarios.spec import Controller
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.pi_law import DIGITS, Law
+from simbench.gap.controller.regression import EXACT
 from simbench.loop.controller import pid_numbers
-
-_EXACT = 0.03  # of dOP, below which the settings are those of the record
-_DIGITS = 2.5  # digits of OP and PV, as far as they reach dOP, that they may leave
 
 
 def examine_pid(
@@ -44,7 +42,7 @@ def examine_pid(
     if size == 0.0:
         return Law(1.0, 1.0, p.Kc, Ti, reason="OP stands nearly all the time")
     residual = float(np.median(left)) / size
-    digits = _DIGITS * max(written_unit(op), abs(p.Kc) * (1.0 + p.kd) * written_unit(pv)) / size
-    known = residual < max(_EXACT, min(digits, 0.5))
+    digits = DIGITS * max(written_unit(op), abs(p.Kc) * (1.0 + p.kd) * written_unit(pv)) / size
+    known = residual < max(EXACT, min(digits, 0.5))
     why = "" if known else "the PID's settings do not turn the recorded PV into the recorded OP"
     return Law(residual, residual, p.Kc, Ti, reason=why)

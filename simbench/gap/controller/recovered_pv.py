@@ -16,10 +16,12 @@ from simbench.gap.controller.regression import about_zero, solved
 # believed
 FAITHFUL = 0.2
 # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives
-# 0.29
+# 1/sqrt(12) = 0.29
 ROUNDED = 0.35
 MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
-_SUM, _LEAST_WEIGHT = 0.1, -0.2  # how far a mean's weights may miss 1 in sum, and the least of them
+# how far a mean's weights may miss 1 in sum, and the least of them: without either one tuning of
+# 129 records is another
+_SUM, _LEAST_WEIGHT = 0.1, -0.2
 _BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
 
@@ -73,24 +75,27 @@ def rest_of_mean(pv: np.ndarray, seen: np.ndarray) -> float:
     """Return what is left of an archive's PV after a mean of what the controller saw, over a
     sample or within one.
     """
-    weights, mean = _mean(pv, seen)
+    weights = _weights(pv, seen)
     one = abs(float(weights.sum()) - 1.0) < _SUM and float(weights.min()) > _LEAST_WEIGHT
-    rest = about_zero((pv - mean)[2:-2]) / (float(np.std(np.diff(pv))) or 1.0)
+    left = pv - pv.mean() - _around(seen - seen.mean()) @ weights
+    rest = about_zero(left[2:-2]) / (float(np.std(np.diff(pv))) or 1.0)
     return rest if one and rest < _BLURRED else np.inf
 
 
-def mean_of(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return the mean of what the controller saw, over a sample or within one, that is nearest to
-    the archive's PV.
+def mean_like(pv: np.ndarray, seen: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return `other` averaged over neighbouring samples in the way that makes what the controller
+    saw nearest to the archive's PV.
     """
-    return _mean(pv, seen)[1]
+    weights = _weights(pv, seen)
+    return _around(other) @ (weights / weights.sum())
 
 
-def _mean(pv: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    X = np.column_stack([np.roll(seen, shift) for shift in MEAN_OVER])
-    y, inner = pv[2:-2], X[2:-2]
-    weights = solved(inner - inner.mean(axis=0), y - y.mean())
-    return weights, y.mean() + (X - inner.mean(axis=0)) @ weights
+def _around(x: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.roll(x, shift) for shift in MEAN_OVER])
+
+
+def _weights(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    return solved(_around(seen - seen.mean())[2:-2], (pv - pv.mean())[2:-2])
 
 
 def hidden_law(

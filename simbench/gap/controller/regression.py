@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 _ADDED = 200  # samples over which the errors of the digits add up to no more than a line
 FORMS = (1.0, 0.5, 0.0)  # share of the newest error in the integral: backward, trapezoid, forward
 
@@ -57,19 +58,14 @@ def by_steps(
     if with_sp_offset:
         bases = [b - np.median(b) for b in bases]
     base = min(bases, key=about_zero)
-    plain = solved(X, y)
-    # begin with the rows the better of two first guesses explains: spikes and limits leave at once
-    guess = min((np.abs(base), np.abs(y - X @ plain)), key=np.median)
-    keep = guess <= np.quantile(guess, 0.6)
-    beta = np.zeros(X.shape[1])
+    beta, keep = solved(X, y), np.ones(y.size, dtype=bool)
     for _ in range(8):
-        beta = solved(X[keep], y[keep])
         off = np.abs(y - X @ beta)
         # trimming, not weighting: where the law holds it holds exactly
-        new = off <= max(float(np.quantile(off, 0.7)) * 2.0, 1e-12)
-        if np.array_equal(new, keep):
+        keep, before = off <= max(float(np.quantile(off, 0.7)) * 2.0, 1e-12), keep
+        if np.array_equal(keep, before):
             break
-        keep = new
+        beta = solved(X[keep], y[keep])
     off = y - X @ beta
     left = about_zero(off) / size
     strays = np.flatnonzero(rows)[np.abs(off) > max(0.1, 20 * left) * size] + 1

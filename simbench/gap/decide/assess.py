@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from simbench.gap.candidates import (
+    LAST,
     Candidate,
     Fitted,
     fit_candidates,
@@ -250,7 +251,11 @@ def _gains_on_top(
     as it is.
     """
     tried = [
-        e for e in order if e in candidates and gains[e] > _FAINT and recogniser(e).ordinary is None
+        e
+        for e in order
+        if e in candidates
+        and gains[e] > _FAINT
+        and (recogniser(e).ordinary is None or gains[e] > LAST)
     ]
     fitted = fit_candidates(engine, first, tried)
     return {e: float(c.log_likelihood_gain) for e, c in fitted.items()} | {

@@ -9,7 +9,7 @@ import numpy as np
 
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit
+from simbench.gap.likelihood.model import Data, Fit
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import Situation
 
@@ -34,8 +34,10 @@ class Recogniser:
     proven : callable
         What the controller's law or single samples show without doubt.
     ordinary : callable, optional
-        Of what loads do by themselves as well: whether the fit shows no more than that. It is then
-        allowed to every candidate, and only named where nothing else explains the record.
+        Of what loads do by themselves as well: whether the fit shows no more than that over the
+        base, in so many samples of the record. It is then allowed to every candidate, and only
+        named where nothing else explains the record; None where it is plainly more, and named as
+        any effect is.
     explains : str
         The fact of single samples or of the law (`Situation.facts`) that is this effect's; what
         nobody claims is unexplained.
@@ -76,7 +78,7 @@ class Recogniser:
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
     possible: Callable[[Situation], bool] = lambda s: True
     proven: Callable[[Situation], Parameters | None] = lambda s: None
-    ordinary: Callable[[Fit, Fit], bool] | None = None
+    ordinary: Callable[[Fit, Fit, Data, int], bool | None] | None = None
     explains: str = ""
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     by_mv_leaves: float = 0.3

@@ -11,7 +11,7 @@ from scipy.special import gammaln
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, Spec, input_gain, size_penalty
+from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
@@ -125,7 +125,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": len(fit.spec.jumps) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
-def ordinary(fit: Fit, base: Fit) -> bool:
+def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
     """Return whether the jumps may be all that an ordinary load does: small, fading, or with
     nothing else.
     """

@@ -9,15 +9,14 @@ import numpy as np
 from detectors.signal.lattice import hides_nothing
 from detectors.signal.lines import on_line
 from detectors.signal.spikes import cleaned, isolated
-from simbench.gap.controller.recovered_pv import mean_of
 from simbench.gap.intake.observed import Observed
-from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
 
 # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave
 # fewer
 _STRAIGHT = 0.17
-# of the variance of PV's moves, that an archive may differ from what the controller saw
+# of the variance of PV's moves, that an archive may differ from what the controller saw: without
+# it OP is said to move as no PV makes it in three of 164 records
 _SPECKS = 0.02
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
@@ -27,15 +26,9 @@ def archived(it: Observed) -> tuple[Archive, np.ndarray, float, str]:
     no PI law explains OP.
     """
     archive, plant_pv, mismatch = _archive(it)
-    unexplained = _unexplained(it, archive, mismatch)
-    return archive, plant_pv, _resolution(archive, it.samples), unexplained
-
-
-def _resolution(archive: Archive, samples: Samples) -> float:
-    if archive.rounding is None:
-        return samples.digits
-    step, at = archive.rounding
-    return step if at == "loop" else samples.resolution
+    step, at = archive.rounding or (it.samples.hidden, "loop")
+    resolution = step if at == "loop" else it.samples.resolution
+    return archive, plant_pv, resolution, _unexplained(it, archive, mismatch)
 
 
 def _unexplained(it: Observed, archive: Archive, mismatch: str) -> str:
@@ -53,9 +46,10 @@ def _astray(it: Observed) -> str:
     """
     if it.law.limits is not None or it.law.step > 0.0:
         return ""
-    marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(
-        np.asarray(it.record.pv), it.samples.digits
-    )
+    marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(it.record.pv, it.samples.digits)
+    if it.law.hidden > 0.0:
+        # what an archive by exception repeats is not what the controller saw or wrote
+        marked[1:] |= (np.diff(it.op) == 0.0) | (np.diff(it.record.pv) == 0.0)
     # an end of OP's range is everybody's
     marked |= np.isin(it.op, (it.op.min(), it.op.max()))
     excused = np.convolve(marked, np.ones(5), "same") > 0.0
@@ -70,26 +64,20 @@ def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
     makes it move.
     """
     law, samples = it.law, it.samples
-    pv, seen = np.asarray(it.record.pv), law.recovered_pv
+    pv, seen = it.record.pv, law.recovered_pv
     place, band, step = "record" if it.apart else "loop", 0.0, 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
-    elif samples.straight > _STRAIGHT:
-        kept = pv if seen is None else mean_of(pv, seen) if law.averaged else seen
-        size = float(np.quantile(np.abs(pv - kept), 0.98))
-        # noise that the archive's mean has smoothed lies on lines sooner
-        band = (
-            (size or 0.5 * float(np.std(np.diff(pv))))
-            if not law.averaged or size > it.noise
-            else 0.0
-        )
+    # noise that an archive's mean has smoothed lies on lines sooner
+    elif samples.straight > _STRAIGHT and not law.averaged:
+        size = 0.0 if seen is None else float(np.quantile(np.abs(pv - seen), 0.98))
+        band = size or 0.5 * float(np.std(np.diff(pv)))
     elif not hides_nothing(samples.digits, pv, it.noise):
         step = samples.digits
-    # a mean over a sample, or a few lines between samples kept, are the archive's and no effect:
-    # the controller saw PV
-    blurred = seen is not None and (law.averaged or _lines_where_apart(it))
-    plant_pv = np.asarray(seen) if blurred or (it.apart and (step or band)) else pv
-    spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or blurred)
+    # a mean over a sample is the archive's and no effect: the controller saw PV
+    hidden = seen is not None and (law.averaged or (it.apart and (step or band)))
+    plant_pv = seen if hidden else pv
+    spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or law.averaged)
     return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
 
 
@@ -100,7 +88,7 @@ def _spikes(
     moves as no PV makes it.
     """
     law, samples = it.law, it.samples
-    pv, seen, mismatch = np.asarray(it.record.pv), law.recovered_pv, ""
+    pv, seen, mismatch = it.record.pv, law.recovered_pv, ""
     spikes, heights, place = samples.spikes, samples.heights, "loop"
     if seen is not None and not law.foreign and not thinned:
         only, sizes = isolated(pv - seen, 0.0)
@@ -114,10 +102,10 @@ def _spikes(
             if near or np.var(np.diff(pv - seen)) < specks:
                 # an archive that drops the samples least missed; a PV recovered a little off drifts
                 # away from it
-                return None, np.asarray(seen) if near else plant_pv, ""
+                return None, seen if near else plant_pv, ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
-            spikes, heights, place, plant_pv = only, sizes, "record", np.asarray(seen)
+            spikes, heights, place, plant_pv = only, sizes, "record", seen
     elif spikes.size >= 3 and seen is None and not _answered(it, spikes, heights):
         place = "record"
     if spikes.size < 3 or thinned:
@@ -125,16 +113,6 @@ def _spikes(
     if place == "loop" or seen is None:
         plant_pv = cleaned(plant_pv, spikes)
     return (spikes.size / pv.size, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
-
-
-def _lines_where_apart(it: Observed) -> bool:
-    """Return whether PV lies on straight lines wherever it is not what the controller saw: an
-    archive thinned a little.
-    """
-    pv, seen, digits = np.asarray(it.record.pv), it.law.recovered_pv, it.samples.digits
-    apart = np.abs(pv - seen) > max(3.0 * digits, 5.0 * it.law.blur, 1e-3 * float(np.std(pv)))
-    # at a decimal's distance a line through two samples kept is not quite straight
-    return bool(apart.sum() >= 10 and on_line(pv, digits)[apart].mean() > 0.5)
 
 
 def _answered(it: Observed, spikes: np.ndarray, heights: np.ndarray) -> bool:

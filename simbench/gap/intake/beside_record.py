@@ -12,16 +12,14 @@ from detectors.errors import RecordError
 from detectors.signal.holds import runs_of
 from detectors.signal.spikes import cleaned
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.pi_law import RETUNED, Law
 from simbench.gap.intake.check import check
-from simbench.gap.intake.observed import longest_run
+from simbench.gap.intake.observed import LAW_ROWS, longest_run
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_mv_units
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.gap.situation import ModelledTest, Situation, through_valve
 
-_RETUNED = 0.13  # |ln ratio| of Kc or Ti from which a test's tuning is not the one it states
-_LAW_ROWS = 60  # samples in automatic from which a controller can be compared
 _BRISK = 20  # samples at an end of a manual run ...
 _OFTEN = 5  # ... and moves of OP among them, from which no operator made them
 _ELSEWHERE = 10.0  # ranges of the record's PV, beyond which PV is another signal
@@ -30,29 +28,27 @@ _EDGE = 1  # samples at a change of mode that may be written down on either side
 
 def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
     """Return the settings and signals of a test that the fits need."""
-    r, op = test.record, np.asarray(test.record.op_percent)
+    r, op = test.record, test.record.op_percent
     if r.mv is not None:
-        refuse_mv_units(np.asarray(r.mv), op, test.path)
+        refuse_mv_units(r.mv, op, test.path)
     pace = s.record.Ts / r.Ts
     plain = not test.manual.any() and abs(pace - 1.0) <= SAME_TS
     law, proven = None, {}
     if plain:
         situation = check(replace(r, tag=test.name, meta={}), test.loop, s.trusted, s.tuned)
         law, data = situation.law, situation.data
-        proven = {e: p for e, p in situation.proven.items() if e not in ("detuning", "noise")}
+        # a short test may not show that the archive repeats PV by exception, as the record has
+        other = {"detuning", "noise", *(["frozen_sensor"] if s.samples.band > 0.0 else [])}
+        proven = {e: p for e, p in situation.proven.items() if e not in other}
     else:
         samples = inspect_samples(r.pv, op, noise=s.data.noise)
-        pv = cleaned(np.asarray(r.pv, dtype=float), samples.spikes)
-        u = (
-            through_valve(op, s.baseline.valve, r.Ts)
-            if r.mv is None
-            else np.asarray(r.mv, dtype=float)
-        )
+        pv = cleaned(r.pv, samples.spikes)
+        u = through_valve(op, s.baseline.valve, r.Ts) if r.mv is None else r.mv
         data = replace(
-            s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.digits
+            s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.hidden
         )
         rows = longest_run(~test.manual)
-        if abs(pace - 1.0) <= SAME_TS and rows.stop - rows.start >= _LAW_ROWS:
+        if abs(pace - 1.0) <= SAME_TS and rows.stop - rows.start >= LAW_ROWS:
             law = _law(test, rows, s)
     return ModelledTest(
         test.name,
@@ -60,7 +56,7 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         1.0 if plain else pace,
         data,
         op,
-        None if r.mv is None else np.asarray(r.mv, dtype=float),
+        None if r.mv is None else r.mv,
         test.lab,
         float(test.settings.get("test", {}).get("lab_std", 0.0)),
         law,
@@ -71,8 +67,8 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
 
 def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
     r = test.record
-    sp = None if r.sp is None else np.asarray(r.sp)[rows]
-    op, pv = np.asarray(r.op_percent)[rows], np.asarray(r.pv)[rows]
+    sp = None if r.sp is None else r.sp[rows]
+    op, pv = r.op_percent[rows], r.pv[rows]
     if np.ptp(op) == 0.0:
         return None
     return examine_controller(op, pv, sp, r.Ts, test.loop, s.tuned, s.data.noise)
@@ -103,7 +99,7 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
     Ti = s.law.Ti * (stated.Ti / control.Ti if stated.Ti and control.Ti else 1.0)
     off = [np.log(abs(law.Kc / Kc))]
     off += [np.log(law.Ti / Ti)] if np.isfinite(law.Ti) and np.isfinite(Ti) else []
-    if law.Kc * Kc > 0 and max(map(abs, off)) < _RETUNED:
+    if law.Kc * Kc > 0 and max(map(abs, off)) < RETUNED:
         return ""
     return (
         f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's under the"
@@ -135,7 +131,7 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
     manual = test.manual
     if not manual.any():
         return ""
-    moves, edge = _moves(np.asarray(test.record.op)), _EDGE + late
+    moves, edge = _moves(test.record.op), _EDGE + late
     rests = max([edge, *(1.5 * (rows.stop - rows.start) for rows in _runs(~_moves(usual)[1:]))])
     misfit = f"the mode column of {test.name} does not fit its OP, which"
     for rows in _runs(manual):

@@ -73,14 +73,14 @@ class _Unidentified:
 
     @property
     def rough_gain(self) -> float:
-        change = float(np.std(np.diff(np.asarray(self.record.pv))))
+        change = float(np.std(np.diff(self.record.pv)))
         return float(np.std(np.diff(self.op))) / change if change > 0 else 1.0
 
     def law(self, sign: float) -> Law:
         r = self.record
         return examine_law(
             self.op,
-            np.asarray(r.pv),
+            r.pv,
             r.sp,
             r.Ts,
             sign * self.rough_gain,
@@ -102,9 +102,7 @@ class _Unidentified:
         """
         r, samples = self.record, inspect_samples(self.record.pv, self.record.op)
         u = np.ascontiguousarray(self.op if r.mv is None else r.mv, dtype=float)
-        integrating, fit = self._fit(
-            u, cleaned(np.asarray(r.pv), samples.spikes), samples.digits, sign
-        )
+        integrating, fit = self._fit(u, cleaned(r.pv, samples.spikes), samples.digits, sign)
         K = sign * abs(fit.K) if sign else fit.K
         if not (np.isfinite(K) and K != 0.0):
             where = f"record {r.tag!r}" if r.tag else "record"

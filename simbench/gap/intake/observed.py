@@ -13,15 +13,14 @@ from detectors.record import LoopRecord
 from detectors.signal.holds import holds, runs_of
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.pi_law import STUCK, Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like
 
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
-_LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
-_STUCK = 0.01  # share of samples in standstills that no chance brings
+LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +46,19 @@ class Observed:
         """OP in %; as recorded where the scale is not known and nothing rests on it."""
         r = self.record
         if r.op_percent is not None:
-            return np.asarray(r.op_percent)
+            return r.op_percent
         if self.trusted or self.tuned:
             raise RecordError(
                 f"{self.where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of"
                 " travel; give --op-span, the values that mean 0 and 100 %"
             )
-        return np.asarray(r.op)
+        return r.op
 
     @property
     def sp(self) -> np.ndarray:
         """Set point; the mean of PV replaces one that was not recorded."""
         r = self.record
-        return np.full(r.n, r.pv.mean()) if r.sp is None else np.asarray(r.sp)
+        return np.full(r.n, r.pv.mean()) if r.sp is None else r.sp
 
     @property
     def Kc(self) -> float:
@@ -83,7 +82,7 @@ class Observed:
             )
         # in manual OP is an input and no law is asked
         rows = longest_run(~np.asarray(manual))
-        if rows.stop - rows.start < _LAW_ROWS:
+        if rows.stop - rows.start < LAW_ROWS:
             return Law(0.0, 0.0, self.Kc, self.baseline.controller.Ti or np.inf)
         sp = None if r.sp is None else r.sp[rows]
         law = examine_controller(
@@ -103,13 +102,13 @@ class Observed:
 
     @property
     def frozen(self) -> bool:
-        """Whether PV rests while OP moves, other than in an archive that reports by exception;
+        """Whether PV rests while OP moves, longer than an archive that reports by exception has it;
         without noise it rests for the dead time alone.
         """
-        if self.samples.by_exception:
-            return False
-        stuck = self.noise > 0.0 and self.samples.stuck > _STUCK
-        return stuck or _held(self.record.pv, self.op) > max(20, 0.02 * self.record.n)
+        if self.noise > 0.0 and self.samples.stuck > STUCK:
+            return True
+        held = _held(self.record.pv, self.op)
+        return self.samples.band == 0.0 and held > max(20, 0.02 * self.record.n)
 
     @property
     def notes(self) -> list[str]:
@@ -132,7 +131,7 @@ class Observed:
         """
         r, plant = self.record, first_order_like(self.baseline.plant)
         integrating = plant.integrating
-        u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else np.asarray(r.mv)
+        u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else r.mv
         return Data(
             u=np.ascontiguousarray(u, dtype=float),
             y=np.ascontiguousarray(plant_pv, dtype=float),

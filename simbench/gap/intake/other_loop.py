@@ -11,14 +11,13 @@ import numpy as np
 from detectors.errors import RecordError
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.regression import EXACT
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.situation import Situation
 
 _OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
-# share of OP's changes left over, below which the baseline's law still explains them
-_FAILS = 0.3
 # factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time
 # when it is not
 _APART = 1.5
@@ -27,11 +26,9 @@ _PROOF = 30.0  # nats by which another plant must beat every single effect on th
 
 def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
     """Refuse a baseline whose controller acts the other way, or ten times as much."""
-    if law.baseline_residual < _FAILS:
-        return
     if (
         law.known
-        and law.residual < 0.03
+        and law.residual < EXACT
         and np.isfinite(law.Kc)
         and law.Kc != 0.0
         and law.gap == 0.0

@@ -23,8 +23,9 @@ _TABLES = {
     "controller": ("Kc", "Kc_ratio", "Ti", "Ti_ratio", "type", "direction"),
     "sampling": ("Ts", "n"),
 }
-_FEWEST = 40  # samples; a step needs as many to show in the noise
-_FEWEST_LAB = 8
+SAME_TS = 0.01  # relative difference of two sampling periods that a time column may leave
+FEWEST = 40  # samples; a step needs as many to show in the noise
+_FEWEST_LAB = 8  # lab samples, below which a drift of the sensor and one of the load look alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,13 +151,13 @@ def _loop(
     stated one must meet.
     """
     control, Ts = settings.get("controller", {}), settings.get("sampling", {}).get("Ts")
-    if Ts is not None and abs(record.Ts / Ts - 1.0) > 0.01:
+    if Ts is not None and abs(record.Ts / Ts - 1.0) > SAME_TS:
         raise RecordError(
             f"{where}: Ts = {record.Ts:g} s by its time column, but its [sampling] says {Ts:g} s;"
             " they must agree within 1 %"
         )
     period = baseline.sampling.Ts
-    if Ts is None and abs(record.Ts / period - 1.0) > 0.01:
+    if Ts is None and abs(record.Ts / period - 1.0) > SAME_TS:
         raise RecordError(
             f"{where}: Ts = {record.Ts:g} s by its time column, the baseline's is {period:g} s; a"
             " log of another pace is declared by Ts of [sampling] in the test's settings"
@@ -173,35 +174,25 @@ def _loop(
 
 def _refuse(test: RecordedTest) -> None:
     """Refuse a test that shows nothing, or not what it declares."""
-    r, where = test.record, test.path
-    if r.n < _FEWEST:
-        raise RecordError(
-            f"{where}: {r.n} samples; a test needs at least {_FEWEST} to show anything"
-        )
-    if still(r.pv):
-        raise RecordError(
-            f"{where}: PV is constant ({r.pv[0]:g}); nothing can be told from this test"
-        )
-    if still(r.op) and not test.manual.any():
-        raise RecordError(
-            f"{where}: OP is constant ({r.op[0]:g}) in AUTO; a column `mode` that says MAN is"
-            " needed"
-        )
-    if r.op_percent is None:
-        raise RecordError(
-            f"{where}: OP runs from {r.op.min():g} to {r.op.max():g}, which is not % of travel;"
-            " give --op-span"
-        )
-    if test.id == "mv" and r.mv is None:
-        raise RecordError(f"{where}: declared as test 'mv', but it has no column mv")
-    if test.id in ("bump", "stairs", "still") and not test.manual.any():
-        raise RecordError(
-            f"{where}: declared as test {test.id!r}, but no row of a column `mode` says MAN"
-        )
-    if test.id == "lab" and test.lab is None:
-        raise RecordError(f"{where}: declared as test 'lab', but it has no samples in a column lab")
-    count = 0 if test.lab is None else int(np.isfinite(test.lab).sum())
-    if test.id == "lab" and count < _FEWEST_LAB:
-        raise RecordError(
-            f"{where}: {count} samples in column lab; at least {_FEWEST_LAB} are needed"
-        )
+    r, manual = test.record, test.manual.any()
+    sampled = 0 if test.lab is None else int(np.isfinite(test.lab).sum())
+    declared = f"declared as test {test.id!r}, but"
+    wrong = {
+        f"{r.n} samples; a test needs at least {FEWEST} to show anything": r.n < FEWEST,
+        f"PV is constant ({r.pv[0]:g}); nothing can be told from this test": still(r.pv),
+        f"OP is constant ({r.op[0]:g}) in AUTO; a column `mode` that says MAN is needed": (
+            still(r.op) and not manual
+        ),
+        f"OP runs from {r.op.min():g} to {r.op.max():g}, not in % of travel; give --op-span": (
+            r.op_percent is None
+        ),
+        f"{declared} it has no column mv": test.id == "mv" and r.mv is None,
+        f"{declared} no row of a column `mode` says MAN": (
+            test.id in ("bump", "stairs", "still") and not manual
+        ),
+        f"{declared} it has {sampled} samples in column lab; at least {_FEWEST_LAB} are needed": (
+            test.id == "lab" and sampled < _FEWEST_LAB
+        ),
+    }
+    for sentence in (sentence for sentence, is_wrong in wrong.items() if is_wrong):
+        raise RecordError(f"{test.path}: {sentence}")

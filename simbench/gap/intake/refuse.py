@@ -12,8 +12,8 @@ from detectors.signal.holds import still
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake.observed import Observed
 from simbench.gap.intake.other_loop import refuse_other_controller
+from simbench.gap.intake.recorded_test import SAME_TS
 
-SAME_TS = 0.01
 _FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 _LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
 _NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is nearly a factor
@@ -30,9 +30,9 @@ def refuse_unusable(it: Observed) -> None:
     refuse_unfit(r, it.where)
     _refuse_other_pace(it)
     if r.mv is not None:
-        refuse_mv_units(np.asarray(r.mv), op, it.where)
+        refuse_mv_units(r.mv, op, it.where)
     if it.tuned:
-        refuse_op_units(np.asarray(r.op), it.law, it.Kc, control.Ti, it.where)
+        refuse_op_units(r.op, it.law, it.Kc, control.Ti, it.where)
         if it.samples.step == 0.0:
             # what a coarse PV makes of an error can look like any gain
             refuse_other_controller(it.law, it.Kc, it.where)

@@ -6,28 +6,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from detectors.errors import ParameterError, UserError, nearest
+from detectors.errors import UserError
 from detectors.record import LoopRecord
-from scenarios.spec import Loop, read_toml
+from scenarios.spec import Loop, Real
+from simbench.gap.closed_loop.level import RUNAWAY, RUNS
+from simbench.gap.controller.pi_law import CARD
+from simbench.gap.intake.recorded_test import FEWEST
 from simbench.gap.situation import Situation
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 
 LEAD = 120  # samples in automatic before an operator takes over
 _MOST = 1500  # samples of a test; longer ones tell little more, only later
-_SHORTEST = 200  # samples of a test in normal operation, below which it shows next to nothing
-_FASTER = 4
+_FASTER = 4  # times as fast as the record a fast log is, as its sentence says
 _SMALLER = 6  # times a test that would leave its limits is made smaller
-_FAINT = 0.05  # % of OP, below which a move is too small to show
 _AS_OPERATED = ("raw", "mv", "fast", "lab")  # tests under which PV does what it does anyway
 _TINY = 1e-9  # gain of a controller that follows the operator alone
-_DRAWS = 8  # of load and noise, under which PV's excursion is looked at where there are limits ...
-# ... and standard deviations between draws, that it is taken to be larger than their mean
+# standard deviations between draws of load and noise, by which an excursion is taken to be larger
+# than their mean: 20 fresh draws of each of four tests stay within
 _SPREADS = 4.0
 # of a limit on PV that the simulated excursion may use: the plant is not quite the model
 _MARGIN = 0.8
@@ -64,66 +65,31 @@ _LEVELS = {
 _HOLD = {"sp_steps": (12.0, 20), "bump": (6.0, 15), "stairs": (4.0, 10)}
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(BaseModel):
     """What a test may do to the plant: ranges of PV and OP, how far PV and OP may move, how
     long it lasts.
     """
 
-    pv: tuple[float, float] = (-np.inf, np.inf)
-    op: tuple[float, float] = (0.0, 100.0)
-    pv_excursion: float = np.inf
-    op_travel: float = np.inf
-    minutes: float = np.inf
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    pv: tuple[Real, Real] = (-np.inf, np.inf)
+    op: tuple[Real, Real] = (0.0, 100.0)
+    pv_excursion: Annotated[Real, Field(gt=0)] = np.inf
+    op_travel: Annotated[Real, Field(gt=0)] = np.inf
+    minutes: Annotated[Real, Field(gt=0)] = np.inf
 
-
-def read_limits(path: str | Path) -> Limits:
-    """Read limits: `pv` and `op` as [lo, hi] or as tables of lo, hi and excursion or travel;
-    `minutes`.
-    """
-    plain, out = Limits(), {}
-    for name, value in _flat(read_toml(path)).items():
-        if name not in Limits.__dataclass_fields__:
-            raise ParameterError(
-                f"{path}: limit {name!r} is unknown; {nearest(name, Limits.__dataclass_fields__)}"
-            )
-        pair = isinstance(getattr(plain, name), tuple)
-        numbers = value if pair else [value]
-        if (
-            not isinstance(numbers, list)
-            or len(numbers) != 1 + pair
-            or not all(isinstance(x, (int, float)) for x in numbers)
-        ):
-            raise ParameterError(
-                f"{path}: {name} = {value!r}; {'[lo, hi]' if pair else 'a number'} is needed"
-            )
-        if not (numbers[0] < numbers[-1] if pair else numbers[0] > 0):
-            raise ParameterError(
-                f"{path}: {name} = {value!r}; {'lo below hi' if pair else 'a number above 0'} is"
-                " needed"
-            )
-        out[name] = (float(numbers[0]), float(numbers[1])) if pair else float(numbers[0])
-    return Limits(**out)
-
-
-def _flat(table: dict[str, Any]) -> dict[str, Any]:
-    """Return limits with [pv] and [op] as the names of single limits."""
-    out = dict(table)
-    for name, more in (("pv", "excursion"), ("op", "travel")):
-        if isinstance(table.get(name), dict):
-            table_of = dict(out.pop(name))
-            if more in table_of:
-                out[f"{name}_{more}"] = table_of.pop(more)
-            lo, hi = getattr(Limits(), name)
-            # a key that is left is no pair of numbers, and refused as such
-            out[name] = [table_of.pop("lo", lo), table_of.pop("hi", hi), *table_of]
-    return out
+    @field_validator("pv", "op", mode="before")
+    @classmethod
+    def _range(cls, given: Any) -> Any:
+        match given:
+            case [int() | float() as lo, int() | float() as hi] if lo < hi:
+                return given
+        raise ValueError(f"{given!r} is no range; [lo, hi] with lo below hi is needed")
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A test on one loop: its size, SP or manual OP as deviation over its samples (OP NaN in
-    automatic).
+    automatic), and how far PV moves (PV units) on the loops of the explanations.
     """
 
     id: str
@@ -133,6 +99,7 @@ class Trial:
     n: int
     sp: np.ndarray
     op: np.ndarray
+    pv_excursion: float = 0.0
 
     @property
     def minutes(self) -> float:
@@ -156,6 +123,20 @@ class Trial:
         if self.id == "fast":
             out["sampling"] = {"Ts": self.Ts}
         return out
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the test in JSON types.
+
+        The order is fixed: no test is said to bring information or a probability.
+        """
+        return {
+            "id": self.id,
+            "settings": self.settings,
+            "information": None,
+            "p_right": None,
+            "minutes": self.minutes,
+            "pv_excursion": self.pv_excursion,
+        }
 
     @property
     def says(self) -> str:
@@ -182,18 +163,13 @@ class Trial:
             record = run_setup(setup).record
         except UserError:
             return None
-        return (
-            record
-            if np.all(np.isfinite(record.pv)) and float(np.abs(record.pv).max()) < 1e9
-            else None
-        )
+        return record if float(np.abs(record.pv).max()) < RUNAWAY else None
 
 
 def sized(
     id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits: Limits
-) -> tuple[Trial | None, str, float]:
-    """Return a test within limits, or None and why there is none, and PV's largest excursion on the
-    explanations' loops.
+) -> Trial | str:
+    """Return a test within limits on the loops of the explanations, or why there is none.
 
     `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it
     can stick.
@@ -206,8 +182,8 @@ def sized(
     if id_ in ("bump", "stairs"):
         room = min(rest - limits.op[0], limits.op[1] - rest, limits.op_travel)
         most = room / max(_LEVELS[id_][0])
-        if most <= _FAINT:
-            return None, f"{id_}: OP has no room within its limits", 0.0
+        if most <= CARD:
+            return f"{id_}: OP has no room within its limits"
         size = min(size, most)
     if id_ == "sp_steps":
         size *= abs(d.K) * (pace if s.integrating else 1.0)
@@ -216,15 +192,15 @@ def sized(
         trial = _trial(id_, size, pace, s)
         if trial.minutes > limits.minutes:
             n = int(60.0 * limits.minutes / trial.Ts)
-            if moves or n < _SHORTEST:
-                why = f"{trial.minutes:.0f} min, more than the {limits.minutes:.0f} allowed"
-                return None, f"{id_}: {why}", 0.0
+            if moves or n < FEWEST:
+                lasts = f"{id_}: {trial.minutes:.0f} min"
+                return f"{lasts}, more than the {limits.minutes:.0f} allowed"
             trial = replace(trial, n=n, sp=trial.sp[:n], op=trial.op[:n])
         excursion, inside = _excursion(trial, s, loops, limits)
         if inside:
-            return trial, "", excursion
+            return replace(trial, pv_excursion=excursion)
         size *= 0.6
-    return None, f"{id_}: PV or OP would leave its limits (PV by {excursion:.3g})", excursion
+    return f"{id_}: PV or OP would leave its limits (PV by {excursion:.3g})"
 
 
 def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:
@@ -261,7 +237,7 @@ def _excursion(
     worst, inside = 0.0, True
     for loop in loops.values():
         start = loop.setpoint.value
-        runs = [trial.run(loop, seed) for seed in range(_DRAWS if limits != Limits() else 1)]
+        runs = [trial.run(loop, seed) for seed in range(RUNS if limits != Limits() else 1)]
         ends = [
             (r.pv.min() - start, r.pv.max() - start, r.op.min(), r.op.max())
             for r in runs

@@ -4,7 +4,7 @@ within limits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,35 +26,13 @@ _EXPLANATIONS = 5  # likeliest explanations under which a test must stay within 
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedTest:
-    """A test sized for the loop, and how far PV moves (PV units) under it."""
-
-    trial: Trial
-    pv_excursion: float
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the test in JSON types.
-
-        The order is fixed: no test is said to bring information or a probability.
-        """
-        return {
-            "id": self.trial.id,
-            "settings": self.trial.settings,
-            "information": None,
-            "p_right": None,
-            "minutes": self.trial.minutes,
-            "pv_excursion": self.pv_excursion,
-        }
-
-
-@dataclass(frozen=True, eq=False)
 class PlannedTests:
     """The tests that are left, in their order; or why none is recommended.
 
     `left_out` holds a reason for each test that the limits forbid.
     """
 
-    tests: tuple[PlannedTest, ...] = ()
+    tests: tuple[Trial, ...] = ()
     why: str = ""
     left_out: tuple[str, ...] = ()
 
@@ -63,7 +41,7 @@ class PlannedTests:
         """The test to run next, as the diagnosis reports it; None where none is recommended."""
         if not self.tests:
             return None
-        trial = self.tests[0].trial
+        trial = self.tests[0]
         return {
             "test": trial.id,
             "size": trial.size,
@@ -75,7 +53,7 @@ class PlannedTests:
     @property
     def pair(self) -> list[str]:
         """The first two tests."""
-        return [x.trial.id for x in self.tests[:2]]
+        return [x.id for x in self.tests[:2]]
 
     def as_json(self) -> dict[str, Any]:
         """Return the plan as the contract has it."""
@@ -87,7 +65,7 @@ class PlannedTests:
         if not self.tests:
             return f"No further test is recommended: {self.why}."
         then = f"; if the answer stays open, {self.pair[1]} is next" if self.tests[1:] else ""
-        return f"Next test, {self.pair[0]}: {self.tests[0].trial.says}{then}."
+        return f"Next test, {self.pair[0]}: {self.tests[0].says}{then}."
 
     def as_text(self) -> str:
         """Return the plan for a terminal."""
@@ -95,8 +73,7 @@ class PlannedTests:
         if self.tests:
             lines += ["", "minutes  PV moves by  OP moves by (%)  test"]
         lines += [
-            f"{x.trial.minutes:7.0f}  {x.pv_excursion:11.3g}  {x.trial.op_travel:15.3g}"
-            f"  {x.trial.id}: {x.trial.says}"
+            f"{x.minutes:7.0f}  {x.pv_excursion:11.3g}  {x.op_travel:15.3g}  {x.id}: {x.says}"
             for x in self.tests
         ]
         return "\n".join(lines + [f"left out: {why}" for why in self.left_out])
@@ -119,28 +96,23 @@ def plan(
     )[:_EXPLANATIONS]
     files = {e: loops.loop([] if e == NONE else [e]) for e in likely}
     bands = [band(fitted[e]) for e in likely if e != NONE and (band := recogniser(e).band)]
-    tests: list[PlannedTest] = []
+    tests: list[Trial] = []
     left_out: list[str] = []
-    for id_ in _not_run(assessment):
-        if len(tests) == most:
-            break
-        trial, reason, excursion = sized(id_, s, files, min(bands, default=0.0), limits or Limits())
-        if trial is None:
-            left_out.append(reason)
-        else:
-            tests.append(PlannedTest(trial, excursion))
-    why = "" if tests else "every test of the menu was run, or leaves its limits"
-    return PlannedTests(tuple(tests), why, tuple(left_out))
-
-
-def _not_run(assessment: Assessment) -> Sequence[str]:
-    """Return the tests of the order that would record something new."""
-    s, known = assessment.situation, set(assessment.asked)
+    known = set(assessment.asked)
     if s.law.known or s.archive.faithful:
         known.add("raw")
     if assessment.valve_seen:
         known.add("mv")
-    return [id_ for id_ in ORDER if id_ not in known]
+    for id_ in (one for one in ORDER if one not in known):
+        if len(tests) == most:
+            break
+        trial = sized(id_, s, files, min(bands, default=0.0), limits or Limits())
+        if isinstance(trial, str):
+            left_out.append(trial)
+        else:
+            tests.append(trial)
+    why = "" if tests else "every test of the menu was run, or leaves its limits"
+    return PlannedTests(tuple(tests), why, tuple(left_out))
 
 
 def _no_need(assessment: Assessment, probability: Mapping[str, float]) -> str:

@@ -6,20 +6,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.gap.closed_loop.gap import held_out
+from detectors.record import LoopRecord
 from simbench.gap.discover.discovery import Discovery
 from simbench.gap.report import law_pictures
 from simbench.gap.report.parts import captioned, compared, render, write
-from simbench.gap.report.traces import Traces
+from simbench.gap.report.traces import end_of
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 from simbench.loop.laws import LAW_FORMS
-
-_MOST = 1200  # samples of a trace drawn
 
 
 def write_law_page(discovery: Discovery, path: str | Path) -> None:
@@ -67,8 +64,8 @@ def law_section(discovery: Discovery) -> Markup:
 
 def _look(discovery: Discovery) -> Markup:
     s = discovery.situation
-    n, Ts = s.record.n, s.record.Ts
-    record = Traces(s.op, np.asarray(s.record.pv), s.sp, None, Ts)
-    runs = {name: Traces(op, pv, s.sp, None, Ts) for name, (op, pv) in discovery.runs.items()}
-    items = captioned(compared(record, runs, max(held_out(s), n - _MOST), n))
+    Ts = s.record.Ts
+    record = LoopRecord(s.op, s.record.pv, Ts, s.sp)
+    runs = {name: LoopRecord(op, pv, Ts, s.sp) for name, (op, pv) in discovery.runs.items()}
+    items = captioned(compared(record, runs, *end_of(s)))
     return render("look.html", items=items, added="the law", absent=False, given=s.trusted)

@@ -13,12 +13,11 @@ from detectors.errors import UserError
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panels, styled
 from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.discover.discovery import Discovery
+from simbench.gap.report.pictures import WIDTH
 from simbench.loop.laws import apply_law, law_parameters
 from simbench.loop.parameters import resolve
 from simbench.loop.response import stages_response
 from simbench.loop.setup import plain_setup
-
-_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 
 _Curve = tuple[np.ndarray, np.ndarray, str, str]  # x, y, names of both axes
 
@@ -27,9 +26,9 @@ _Curve = tuple[np.ndarray, np.ndarray, str, str]  # x, y, names of both axes
 def draw_windows(discovery: Discovery) -> Figure:
     """Draw PV and OP of the record, the spells in which the law acts shaded."""
     s = discovery.situation
-    figure, grid = panels(2, 1, _WIDTH, 3.2, sharex=True)
+    figure, grid = panels(2, 1, WIDTH, 3.2, sharex=True)
     t = np.arange(s.record.n) * s.record.Ts
-    for axes, x, name in zip(grid[:, 0], (np.asarray(s.record.pv), s.op), ("PV", "OP (%)")):
+    for axes, x, name in zip(grid[:, 0], (s.record.pv, s.op), ("PV", "OP (%)")):
         axes.plot(t, x, color=BLACK, linewidth=0.7)
         for a, b in discovery.windows:
             axes.axvspan(a, b, color=RED, alpha=0.18, linewidth=0)
@@ -46,7 +45,7 @@ def draw_law(discovery: Discovery) -> Figure:
     assert law is not None
     assert curve is not None
     x, y, across, up = curve
-    figure, grid = panels(1, 1, _WIDTH, 3.0)
+    figure, grid = panels(1, 1, WIDTH, 3.0)
     axes: Axes = grid[0, 0]
     ends = [{**law.numbers, name: value} for name, pair in law.intervals.items() for value in pair]
     near = [c[1] for c in (law_curve(discovery, numbers) for numbers in ends) if c is not None]
@@ -74,7 +73,7 @@ def draw_lacking(lacks: Lacking) -> Figure:
     bars.
     """
     rows = lacks.features[:8][::-1]
-    figure, grid = panels(1, 1, _WIDTH, 0.9 + 0.34 * len(rows))
+    figure, grid = panels(1, 1, WIDTH, 0.9 + 0.34 * len(rows))
     axes: Axes = grid[0, 0]
     axes.barh(
         range(len(rows)),
@@ -113,7 +112,7 @@ def law_curve(discovery: Discovery, numbers: dict[str, float] | None = None) -> 
         _, y = step((setup.num, den), T=t)
         return t + s.baseline.plant.Td, y, "time after a step of MV by 1 % (s)", "PV (PV units)"
     if law.form == "regime":
-        e = np.quantile(s.sp - np.asarray(s.record.pv), np.linspace(0.01, 0.99, 99))
+        e = np.quantile(s.sp - s.record.pv, np.linspace(0.01, 0.99, 99))
         return (
             e,
             e * (p.gain + p.square * np.abs(e)) + p.side * np.abs(e),

@@ -98,8 +98,7 @@ def _where(report: GapReport) -> Markup:
 
 def _look(report: GapReport) -> Markup:
     record, simulated = runs.recorded(report), runs.simulated(report)
-    start, stop = runs.window(report)
-    part = (record, simulated, start, stop)
+    part = (record, simulated, *runs.end_of(report.behind.found.situation))
     drawn = compared(*part)
     caption = "PV over OP: record and simulations"
     drawn.insert(2, (pictures.draw_loops("PV", *part), "pv-op", caption))

@@ -10,9 +10,9 @@ from pathlib import Path
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from detectors.record import LoopRecord
 from simbench.files import whole_file
 from simbench.gap.report import pictures
-from simbench.gap.report.traces import Traces
 from simbench.html.page import render as render_in
 from simbench.html.svg import inline_svg
 
@@ -35,7 +35,9 @@ def write(
         f.write(text)
 
 
-def compared(record: Traces, runs: Mapping[str, Traces], start: int, stop: int) -> list[Picture]:
+def compared(
+    record: LoopRecord, runs: Mapping[str, LoopRecord], start: int, stop: int
+) -> list[Picture]:
     """Return the pictures of PV and of OP over time, and of the power spectra."""
     part, shown = (record, runs, start, stop), "record and simulations"
     return [

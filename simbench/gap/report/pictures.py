@@ -11,10 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
+from detectors.record import LoopRecord
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, label, panels, styled
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, Traces
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED
 
-_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
+WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 RECORD = "record"
 LOOK = {
     RECORD: (BLACK, "-"),
@@ -30,7 +31,7 @@ _BEYOND = 2.0  # share of the record's range that a runaway simulation may be dr
 @styled
 def draw_blocks(shares: Mapping[str, float]) -> Figure:
     """Draw the probability of each block as bars, the largest on top."""
-    figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.28 * len(shares))
+    figure, grid = panels(1, 1, WIDTH, 0.65 + 0.28 * len(shares))
     blocks = sorted(shares, key=lambda b: -shares[b])
     fill_ranking(grid[0, 0], blocks, [shares[b] for b in blocks])
     return figure
@@ -38,25 +39,25 @@ def draw_blocks(shares: Mapping[str, float]) -> Figure:
 
 @styled
 def draw_traces(
-    signal: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int
+    signal: str, record: LoopRecord, runs: Mapping[str, LoopRecord], start: int, stop: int
 ) -> Figure:
     """Draw one signal over time: the record on top, a panel per simulation below, all on the same
     axes.
     """
     every = {RECORD: record, **runs}
-    figure, grid = panels(len(every), 1, _WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
+    figure, grid = panels(len(every), 1, WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
     fill_traces(list(grid[:, 0]), signal, every, start, stop)
     return figure
 
 
 def fill_traces(
-    panels: Sequence[Axes], signal: str, every: Mapping[str, Traces], start: int, stop: int
+    panels: Sequence[Axes], signal: str, every: Mapping[str, LoopRecord], start: int, stop: int
 ) -> None:
     """Draw one signal over time, a panel each, as `draw_traces`."""
-    limits = _limits([_signal(t.part(start, stop), signal) for t in every.values()])
+    limits = _limits([_signal(t.window(start, stop), signal) for t in every.values()])
     for axes, (name, trace) in zip(panels, every.items()):
-        part, seconds = trace.part(start, stop), np.arange(start, stop) * trace.Ts
-        if signal == "PV":
+        part, seconds = trace.window(start, stop), np.arange(start, stop) * trace.Ts
+        if signal == "PV" and part.sp is not None:
             axes.plot(seconds, part.sp, color=GREY, linestyle=":", linewidth=1.0)
         axes.plot(seconds, _signal(part, signal), color=LOOK[name][0], linewidth=0.9)
         label(axes, "", signal + (" (%)" if signal == "OP" else ""), name)
@@ -67,26 +68,22 @@ def fill_traces(
 
 @styled
 def draw_loops(
-    across: str, record: Traces, runs: Mapping[str, Traces], start: int, stop: int
+    across: str, record: LoopRecord, runs: Mapping[str, LoopRecord], start: int, stop: int
 ) -> Figure:
     """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same
     axes.
     """
     every = {RECORD: record, **runs}
     rows = (len(every) + 1) // 2
-    figure, grid = panels(rows, 2, _WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
-    parts = {name: trace.part(start, stop) for name, trace in every.items()}
+    figure, grid = panels(rows, 2, WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
+    parts = {name: trace.window(start, stop) for name, trace in every.items()}
     for axes, (name, part) in zip(grid.flat, parts.items()):
         axes.plot(part.op, _signal(part, across), color=LOOK[name][0], linewidth=0.7, alpha=0.9)
         label(axes, "", "", name)
     for axes in grid.flat[len(every) :]:
         axes.set_axis_off()
-    for axes in grid[:, 0]:
-        axes.set_ylabel(across + (" (%)" if across == "MV" else ""))
-    for j in (0, 1):
-        lowest = grid[-1, j] if grid[-1, j].axison else grid[-2, j]
-        lowest.set_xlabel("OP (%)")
-        lowest.tick_params(labelbottom=True)
+    figure.supxlabel("OP (%)", fontsize="medium")
+    figure.supylabel("MV (%)" if across == "MV" else across, fontsize="medium")
     sideways = _limits([p.op for p in parts.values()])
     upwards = _limits([_signal(p, across) for p in parts.values()])
     grid[0, 0].set(xlim=sideways, ylim=upwards)
@@ -97,11 +94,11 @@ def draw_loops(
 
 
 @styled
-def draw_spectra(record: Traces, runs: Mapping[str, Traces]) -> Figure:
+def draw_spectra(record: LoopRecord, runs: Mapping[str, LoopRecord]) -> Figure:
     """Draw the power spectra of PV and OP over the whole length, record and simulations in one
     panel each.
     """
-    figure, grid = panels(2, 1, _WIDTH, 4.4, sharex=True)
+    figure, grid = panels(2, 1, WIDTH, 4.4, sharex=True)
     for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), ("PV units$^2$ s", "%$^2$ s")):
         for name, trace in {**runs, RECORD: record}.items():
             f, power = spectrum(_signal(trace, signal), trace.Ts)
@@ -140,7 +137,7 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
     """Draw the gap of every simulation as a bar, with the floor that seed-to-seed variation alone
     gives.
     """
-    figure, grid = panels(1, 1, _WIDTH, 0.65 + 0.34 * len(sizes))
+    figure, grid = panels(1, 1, WIDTH, 0.65 + 0.34 * len(sizes))
     fill_gap(grid[0, 0], sizes)
     return figure
 
@@ -180,10 +177,8 @@ def _bars(
         )
 
 
-def _signal(trace: Traces, name: str) -> np.ndarray:
-    x = {"OP": trace.op, "PV": trace.pv, "MV": trace.mv}[name]
-    assert x is not None
-    return x
+def _signal(trace: LoopRecord, name: str) -> np.ndarray:
+    return getattr(trace, name.lower())
 
 
 def _limits(signals: Sequence[np.ndarray]) -> tuple[float, float]:

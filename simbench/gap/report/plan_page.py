@@ -19,10 +19,10 @@ def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> 
     frame = pd.DataFrame(
         {
             "order": range(1, len(plan.tests) + 1),
-            "test": [f"{x.trial.id}: {x.trial.says}" for x in plan.tests],
-            "minutes": [x.trial.minutes for x in plan.tests],
+            "test": [f"{x.id}: {x.says}" for x in plan.tests],
+            "minutes": [x.minutes for x in plan.tests],
             "PV moves by (PV units)": [x.pv_excursion for x in plan.tests],
-            "OP moves by (%)": [x.trial.op_travel for x in plan.tests],
+            "OP moves by (%)": [x.op_travel for x in plan.tests],
         }
     )
     body = render(

@@ -19,6 +19,8 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 if TYPE_CHECKING:
     import pandas as pd
 
+SHOWN = 0.005  # probability from which an explanation is shown: what does not round to 0 %
+
 
 @dataclass(frozen=True)
 class Ranked:
@@ -255,7 +257,7 @@ class GapReport:
             lines.append(f"These effects give the same signals in this record: {names}.")
         if any(self.blocks.values()):
             shares = [
-                f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= 0.005
+                f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= SHOWN
             ]
             lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
         lines += [*self.gap_lines(), "", "probability  effect"]

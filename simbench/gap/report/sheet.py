@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 
 from simbench.figures._style import label, styled
 from simbench.gap.report.pictures import RECORD, fill_gap, fill_ranking, fill_traces
-from simbench.gap.report.result import GapReport, words
-from simbench.gap.report.traces import gap_sizes, recorded, simulated, window
+from simbench.gap.report.result import SHOWN, GapReport, words
+from simbench.gap.report.traces import end_of, gap_sizes, recorded, simulated
 
 _SAMPLES = 400  # of the record's end: a few periods of most loops
-_SHOWN = 5  # candidates
+_MOST = 5  # candidates: as many as fit beside the traces
 
 
 @styled
@@ -21,11 +21,10 @@ def draw_sheet(report: GapReport) -> Figure:
     runs = {RECORD: recorded(report), **simulated(report)}
     figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(runs)), layout="constrained")
     left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0], squeeze=False)[0]
-    fill_traces(
-        list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *window(report, _SAMPLES)
-    )
+    end = end_of(report.behind.found.situation, _SAMPLES)
+    fill_traces(list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *end)
     which, gap = right.subplots(2, 1)
-    top = [r for r in report.ranking if r.probability >= 0.005][:_SHOWN]
+    top = [r for r in report.ranking if r.probability >= SHOWN][:_MOST]
     fill_ranking(which, [words(r.effect) for r in top], [r.probability for r in top])
     fill_gap(gap, gap_sizes(report))
     label(which, "probability", "", "what is missing")

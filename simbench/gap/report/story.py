@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -14,12 +13,10 @@ from matplotlib.figure import Figure
 from simbench.figures._style import BLACK, GREY, label, panels, styled
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.report.parts import render
-from simbench.gap.report.result import GapReport, words
+from simbench.gap.report.pictures import WIDTH
+from simbench.gap.report.result import SHOWN, GapReport, words
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
-
-_SEEN = 0.01  # probability, before or after, from which an explanation is shown
-_WIDTH = 4.6  # inches
 
 
 def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -> Markup:
@@ -27,7 +24,7 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
     records drawn.
     """
     chances = [{r.effect: r.probability for r in one.ranking} for one in (before, report)]
-    shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= _SEEN]
+    shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= SHOWN]
     frame = pd.DataFrame(
         {
             "explanation": [words(e) for e in shown],
@@ -62,14 +59,12 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
 @styled
 def _draw(test: RecordedTest) -> Figure:
     r = test.record
-    figure, grid = panels(2, 1, _WIDTH, 2.8, sharex=True)
+    figure, grid = panels(2, 1, WIDTH, 2.8, sharex=True)
     for axes, name, x in ((grid[0, 0], "PV", r.pv), (grid[1, 0], "OP (%)", r.op)):
         axes.plot(r.t, x, color=BLACK, linewidth=0.9)
         label(axes, "", name, "")
         low, high = axes.get_ylim()
-        axes.fill_between(
-            r.t, low, high, where=np.asarray(test.manual), color=GREY, alpha=0.25, linewidth=0
-        )
+        axes.fill_between(r.t, low, high, where=test.manual, color=GREY, alpha=0.25, linewidth=0)
         axes.set_ylim(low, high)
     if r.sp is not None:
         grid[0, 0].plot(r.t, r.sp, color=GREY, linestyle=":", linewidth=1.0)

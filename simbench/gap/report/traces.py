@@ -4,17 +4,12 @@ with the record.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
-
-from detectors.errors import UserError
 from detectors.record import LoopRecord
 from simbench.gap.closed_loop.gap import held_out
-from simbench.gap.effects import recogniser
+from simbench.gap.closed_loop.level import run_with_seeds
 from simbench.gap.report.result import GapReport
+from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, UNKNOWN
-from simbench.loop.simulate import simulate
 
 BASELINE, TUNED, FIXED, NEAREST = (
     "baseline",
@@ -22,24 +17,6 @@ BASELINE, TUNED, FIXED, NEAREST = (
     "with the effect",
     "with the nearest effect",
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Traces:
-    """Signals to draw: OP in %, PV and SP in PV units, MV in % or None, each of shape (n,), every
-    `Ts` s.
-    """
-
-    op: np.ndarray
-    pv: np.ndarray
-    sp: np.ndarray
-    mv: np.ndarray | None
-    Ts: float
-
-    def part(self, start: int, stop: int) -> Traces:
-        """Return samples start to stop."""
-        mv = None if self.mv is None else self.mv[start:stop]
-        return Traces(self.op[start:stop], self.pv[start:stop], self.sp[start:stop], mv, self.Ts)
 
 
 def nearest(report: GapReport) -> list[str]:
@@ -62,57 +39,27 @@ def gap_sizes(report: GapReport) -> dict[str, float]:
     return sizes | {"floor": g.floor}
 
 
-def kick_of(report: GapReport, effects: list[str]) -> float:
-    """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left at
-    rest may stay there.
-    """
-    return max(
-        (
-            recogniser(r.effect).initial_op_offset(r.parameters)
-            for r in report.ranking
-            if r.effect in effects
-        ),
-        default=0.0,
-    )
-
-
-def recorded(report: GapReport) -> Traces:
-    """Return the record as the diagnosis saw it."""
+def recorded(report: GapReport) -> LoopRecord:
+    """Return the record as the diagnosis saw it: OP in %, a set point that was not recorded too."""
     s = report.behind.found.situation
-    return _trace(s.record, s.op, s.sp)
+    return LoopRecord(s.op, s.record.pv, s.record.Ts, s.sp, s.record.mv)
 
 
-def simulated(report: GapReport) -> dict[str, Traces]:
+def simulated(report: GapReport) -> dict[str, LoopRecord]:
     """Simulate the record's length with the baseline, the recalibrated loop and the loop with the
-    named (or nearest) effect.
+    named (or nearest) effect; what cannot be simulated is left out.
     """
     runs, effects, close = report.behind.loops, report.named, nearest(report)
-    runs.shrink(effects)
-    before, tuned, _ = runs.kept[tuple(effects)]
+    before, tuned, _ = runs.runs_with(effects)
     loops = {BASELINE: (before.loop, 0.0), TUNED: (tuned.loop, 0.0)}
-    if effects:
-        loops[FIXED] = (report.fixed_loop(), kick_of(report, effects))
-    elif close:
-        loops[NEAREST] = (runs.corrected(close), kick_of(report, close))
-    runs_by_name = {}
-    for name, (loop, kick) in loops.items():
-        try:
-            record = simulate(loop, seed=0, kick=kick).record
-        except UserError:
-            continue
-        if np.all(np.isfinite(record.pv)):
-            assert record.sp is not None
-            runs_by_name[name] = _trace(record, record.op, record.sp)
-    return runs_by_name
+    if effects or close:
+        shown = effects or close
+        loops[FIXED if effects else NEAREST] = (runs.corrected(shown), runs.kick(shown))
+    records = {name: run_with_seeds(loop, 0, 1, kick) for name, (loop, kick) in loops.items()}
+    return {name: found[0] for name, found in records.items() if found}
 
 
-def window(report: GapReport, most: int = 1200) -> tuple[int, int]:
+def end_of(situation: Situation, most: int = 1200) -> tuple[int, int]:
     """Return first and last sample of the end of the held-out part, at most so many samples."""
-    situation = report.behind.found.situation
     n = situation.record.n
     return max(held_out(situation), n - most), n
-
-
-def _trace(record: LoopRecord, op: np.ndarray, sp: np.ndarray) -> Traces:
-    mv = None if record.mv is None else np.asarray(record.mv)
-    return Traces(np.asarray(op), np.asarray(record.pv), np.asarray(sp), mv, record.Ts)

@@ -14,10 +14,10 @@ from detectors.signal.lines import share_on_lines
 from detectors.signal.spikes import isolated, off_line
 from detectors.signal.tails import heavy_tails
 
-# An archive that reports by exception stores no move within its band. Of moves that are not
-# filtered so, the smallest hundredth lies below .02 of the median (normal law: .019), and a written
-# PV has moves of one and two digits.
-_EXCEPTION, _DIGITS, _MOVES = 0.2, 3.0, 30
+# An archive that reports by exception stores no move within its band: none is smaller, where moves
+# that are not filtered so would be as many within it as in the width next to it.
+_DIGITS, _MOVES, _EXCUSED = 3.0, 20, 0.05
+_ROUGH = 2.5  # bands, of a typical move from which standstills are no longer those of a slow signal
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Samples:
     beyond chance, `spikes` the indices of isolated points, `heights` how far off they are, `held`
     the longest exact standstill in samples, `stuck` the share of samples in standstills longer than
     rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of
-    the noise; `by_exception` whether an archive repeats PV until it leaves a band.
+    the noise; `band` of an archive that repeats PV until it leaves it by more (0 = none).
     """
 
     resolution: float
@@ -40,12 +40,17 @@ class Samples:
     held: int
     stuck: float
     heavy: bool = False
-    by_exception: bool = False
+    band: float = 0.0
 
     @property
     def digits(self) -> float:
         """The coarser of `resolution` and `step`."""
         return max(self.resolution, self.step)
+
+    @property
+    def hidden(self) -> float:
+        """Width of the interval of PV (PV units) that a value on record may stand for."""
+        return max(self.digits, 2.0 * self.band)
 
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> Samples:
@@ -60,6 +65,9 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> 
     heavy = spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0], most)
     if heavy:
         spikes, heights = spikes[:0], heights[:0]
+    band, moves = exception_band(pv, rounding), np.abs(np.diff(pv))
+    # what moves by little more than the band each time rests within it by nature
+    rough = band == 0.0 or float(np.median(moves[moves > 0.0])) > _ROUGH * band
     return Samples(
         unit,
         step,
@@ -67,17 +75,25 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> 
         spikes,
         heights,
         int(holds(pv).max()),
-        stuck(pv, unit),
+        stuck(pv, max(unit, 2.0 * band)) if rough else 0.0,
         heavy,
-        reported_by_exception(pv, rounding),
+        band,
     )
 
 
-def reported_by_exception(pv: np.ndarray, rounding: float) -> bool:
-    """Return whether PV repeats values between moves that are all wider than some band."""
-    moves = np.abs(np.diff(pv))
-    repeats, moves = np.mean(moves == 0.0), moves[moves > 0.0]
-    if moves.size < _MOVES or not repeats:
-        return False
-    least = float(np.quantile(moves, 0.01))
-    return least > max(_DIGITS * rounding, _EXCEPTION * float(np.median(moves)))
+def exception_band(x: np.ndarray, rounding: float) -> float:
+    """Return the band within which an archive repeats a signal's last value; 0 where it does not.
+
+    A time limit may store a few smaller moves.
+    """
+    moves = np.sort(np.abs(np.diff(x)))
+    repeats = int(np.count_nonzero(moves == 0.0))
+    moves = moves[repeats:]
+    for smaller in range(0, moves.size // 50 + 1, moves.size // 200 + 1):
+        if moves.size <= smaller + _MOVES:
+            break
+        band = float(moves[smaller])
+        near = int(np.count_nonzero(moves <= 2.0 * band)) - smaller
+        if band > _DIGITS * rounding and near > _MOVES and near > smaller / _EXCUSED:
+            return band if 4 * repeats > near else 0.0
+    return 0.0

@@ -21,19 +21,19 @@ def as_lines(
     The probability of a loop is that of the mean of its records' log-odds; a record that cannot be
     judged has none.
     """
-    loops = _concluded(conclusions, labels, "loop")
+    loops = group_conclusions(conclusions, labels, "loop")
     rows = [
         (name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[answer])
         for (name, label), (n, p, answer) in loops.items()
     ]
     return [
         *columns([_HEAD, *rows]),
-        _score("loop", loops),
-        _score("unit", _concluded(conclusions, labels, "unit_group")),
+        count_agreement("loop", loops),
+        count_agreement("unit", group_conclusions(conclusions, labels, "unit_group")),
     ]
 
 
-def _concluded(
+def group_conclusions(
     conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]], key: str
 ):
     """Return records, probability and verdict of each group of records that share a key and a
@@ -53,7 +53,9 @@ def _concluded(
     return out
 
 
-def _score(what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]) -> str:
+def count_agreement(
+    what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]
+) -> str:
     """Return in one sentence how often the conclusions agree with the labels."""
     labelled = {
         group: answer for group, (_, _, answer) in groups.items() if group[1] not in ("", "unknown")

@@ -244,7 +244,9 @@ def _few(s: Situation) -> Assessment:
     engine = Engine(s.data, load_memory(s))
     # a load that jumps is no cause here, but friction must
     # explain more than it does
-    tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE) or recogniser(e).ordinary]
+    tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE, "load_steps")]
+    # of an identified plant nobody knows how far a load drifts
+    tried += ["load_drift"] if s.trusted else []
     bare = engine.base()
     base, fitted = with_ordinary_load(engine, bare, fit_candidates(engine, bare, tried))
     gains = dict.fromkeys(EFFECTS, NOT_TRIED) | {

@@ -20,6 +20,7 @@ _FEWEST, _FEWEST_PERIODS = (
     20,
     6,
 )  # samples, and periods, of common time below which nothing is concluded
+_LAGS = (0, 1)  # samples that may lie between an output and the set point that follows it
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
@@ -46,14 +47,14 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
 
 
 def _together(one: Prepared, other: Prepared) -> bool:
+    periods = np.array([one.oscillation.period_s, other.oscillation.period_s])
+    if abs(np.log(periods[0] / periods[1])) > _NEAR:
+        return False
     both = same_time(one.record, other.record)
     if both is None:
         return False
     a, b = both
-    periods = np.array([one.oscillation.period_s, other.oscillation.period_s]) / a.Ts
-    if abs(np.log(periods[0] / periods[1])) > _NEAR:
-        return False
-    period = float(np.sqrt(periods.prod()))
+    period = float(np.sqrt(periods.prod())) / a.Ts
     return a.n >= _FEWEST_PERIODS * period and phase_locking(a.pv, b.pv, period) > _LOCKED
 
 
@@ -77,27 +78,58 @@ def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
     outer.
     """
     pairs = []
+    stds = {name: [_std(r.op[: r.n - k]) for k in _LAGS] for name, r in records.items()}
     for inner, slave in records.items():
-        if slave.sp is None or np.ptp(slave.sp) == 0.0:
+        moves = _set_point(slave)
+        if moves is None:
             continue
-        # a loop does not follow itself
-        match, outer = max((_follows(record, slave), name) for name, record in records.items())
+        match, outer = max(
+            (_follows(record, stds[name], slave, moves), name) for name, record in records.items()
+        )
         if match > _FOLLOWS:
             pairs.append((outer, inner))
     return pairs
 
 
-def _follows(master: LoopRecord, slave: LoopRecord) -> float:
-    """Return how well the output of one loop explains the set point of another, 1 = wholly; one
-    sample may lie between.
+def _set_point(slave: LoopRecord) -> list[np.ndarray] | None:
+    """Return the set point without its mean and divided by its length and standard deviation, as
+    it is and without its first sample; None where it hardly moves.
     """
-    both = None if master is slave else same_time(master, slave)
-    if both is None or both[1].sp is None:
+    if slave.sp is None or np.count_nonzero(np.diff(slave.sp)) < _FEWEST:
+        return None
+    shifted = [slave.sp[k:] for k in _LAGS]
+    return [(x - x.mean()) / (x.size * _std(x)) for x in shifted]
+
+
+def _follows(
+    master: LoopRecord, stds: Sequence[float], slave: LoopRecord, moves: Sequence[np.ndarray]
+) -> float:
+    """Return how well the output of one loop explains the set point of another, 1 = wholly; a loop
+    does not follow itself.
+
+    Most loops of a plant have the same times: for these only two scalar products are left to do,
+    as there are as many pairs as loops squared.
+    """
+    if master is slave:
         return 0.0
-    op, sp = both[0].op, both[1].sp
-    if np.ptp(op) == 0.0 or np.ptp(sp) == 0.0 or np.count_nonzero(np.diff(sp)) < _FEWEST:
-        return 0.0
-    return max(abs(float(np.corrcoef(op[: op.size - k], sp[k:])[0, 1])) for k in (0, 1))
+    if (master.Ts, master.n, master.meta.get("start")) != (
+        slave.Ts, slave.n, slave.meta.get("start")
+    ):  # fmt: skip
+        both = same_time(master, slave)
+        again = None if both is None else _set_point(both[1])
+        if both is None or again is None:
+            return 0.0
+        master, moves = both[0], again
+        stds = [_std(master.op[: master.n - k]) for k in _LAGS]
+    return max(
+        abs(float(master.op[: master.n - k] @ moves[k])) / stds[k] if stds[k] else 0.0
+        for k in _LAGS
+    )
+
+
+def _std(x: np.ndarray) -> float:
+    """Return a standard deviation, exactly 0 for a constant."""
+    return float(np.std(x)) if x.size and np.ptp(x) else 0.0
 
 
 def likely_root(

@@ -199,6 +199,8 @@ def survey(
     names = choose_methods(["all"])
     asked = [(name, r, names, known.get(name, {}).get("label", "")) for name, r in records.items()]
     members: list[FleetLoop] = resumed(_one, asked, jobs=jobs, keep=keep, what="loops")
+    # one copy of each record, not those that came from a file or another process
+    members = [replace(m, trust=replace(m.trust, record=records[m.name])) for m in members]
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
     # with the time of the calendar
     timed = {m.name: replace(records[m.name], mv=None) for m in members}

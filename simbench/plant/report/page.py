@@ -133,13 +133,11 @@ def write_fleet(
         _drawn(*about) if any(map(_ACTIVE.search, seen)) else seen
         for about, seen in zip(asked, drawn, strict=True)
     ]
-    loops = [
-        _article(rank, m, seen)
+    loops = (
+        render(ROOM, "loops.html", loops=[_article(rank, m, seen)])
         for rank, (m, seen) in enumerate(zip(fleet.members, drawn, strict=True), 1)
-    ]
-    parts.append(
-        {"id": "loops", "title": "Loop by loop", "body": render(ROOM, "loops.html", loops=loops)}
     )
+    parts.append({"id": "loops", "title": "Loop by loop", "parts": loops})
     if fleet.refused:
         parts.append(
             section(

@@ -806,14 +806,58 @@ def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
     assert np.allclose(read_record(file, **{**options, **typed}).pv, PV)
 
 
-@pytest.mark.parametrize("mark", [" ?", " (Q)", "*", "[?]", " (uncertain)"])
-def test_a_mark_after_a_value_is_the_quality_of_the_sample(tmp_path, mark):
-    marked = [f"{x}{mark if 40 <= i < 45 else ''}" for i, x in enumerate(PV)]
+DOUBTS = [" ?", " (Q)", "*", "[?]", " (uncertain)", " Q", " uncertain", " A"]
+
+
+@pytest.mark.parametrize("mark", DOUBTS)
+@pytest.mark.parametrize("first", [0, 40])
+def test_a_mark_after_a_value_is_the_quality_of_the_sample(tmp_path, mark, first):
+    marked = [f"{x}{mark if first <= i < first + 5 else ''}" for i, x in enumerate(PV)]
     record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
     assert np.allclose(record.pv, PV)
     assert any(
         "5 samples of PV that carry a mark of doubt are kept" in note for note in record.notes
     )
+
+
+@pytest.mark.parametrize(
+    ("mark", "words"),
+    [
+        (" Q", f"quality: {N} samples of PV that carry a mark of doubt are kept"),
+        (" C", "unit: 'C' after each value of PV is taken as its unit"),
+        (" Good", None),
+        (" m3/h", None),
+    ],
+)
+def test_a_mark_or_a_unit_after_every_value_is_reported(tmp_path, mark, words):
+    marked = [f"{x}{mark}" for x in PV]
+    record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
+    assert np.allclose(record.pv, PV)
+    assert words is None or words in record.notes
+
+
+def test_a_minus_sign_of_typesetting_is_a_minus_sign(tmp_path):
+    signed = [f"{x - 1200:.2f}".replace("-", "\u2212") for x in PV]
+    record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), signed, OP), "csv"))
+    assert record.pv.min() < 0.0
+    assert np.allclose(record.pv, [round(x - 1200, 2) for x in PV])
+
+
+@pytest.mark.parametrize("rows", [100, 6000])
+def test_an_underscore_makes_no_number_in_a_column_of_any_length(tmp_path, rows):
+    lines = [f"{k},{50 + k % 7},{'1_2' if k == 70 else 20 + k % 5}" for k in range(rows)]
+    (tmp_path / "rec.csv").write_text("\n".join(["t,OP,PV", *lines, ""]))
+    with pytest.raises(RecordError, match="line 72: PV is '1_2'"):
+        read_record(tmp_path / "rec.csv")
+
+
+def test_values_marked_as_bad_count_as_missing(tmp_path):
+    marked = [
+        f"{x}{' Bad' if i in (40, 41) else ' B' if i == 70 else ''}" for i, x in enumerate(PV)
+    ]
+    record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
+    assert "quality: 3 samples of PV marked as bad count as missing" in record.notes
+    assert f"gaps: 3 of {N} samples missing, bridged by straight lines" in record.notes
 
 
 LARGE = [("MOST_PARQUET_ROWS", "has 400 rows; at most 100"), ("MOST_PARQUET_BYTES", "unpacks to")]

@@ -78,6 +78,14 @@ def test_a_score_that_tells_nothing_is_not_informative(runs):
     assert "Not informative here" in calibrate_books(a, replace(b, score=noise), WRONG).as_text()
 
 
+def test_a_method_without_two_thresholds_shows_no_share_of_decided_loops(runs):
+    a, b = runs
+    noise = np.random.default_rng(0).normal(size=a.score_raw.shape).astype(np.float32)
+    row = calibrate_books(replace(a, score_raw=noise), b, WRONG).as_text().splitlines()[4]
+    assert row.split()[-2:] == ["-", "-"]
+    assert calibrate_books(a, b, WRONG).as_text().splitlines()[4].split()[-1] != "-"
+
+
 @pytest.mark.parametrize("share", [0.01, 0.05, 0.3])
 def test_a_cut_is_the_lowest_score_that_few_exceed(share):
     healthy = np.round(np.random.default_rng(5).normal(size=83), 1)

@@ -171,6 +171,12 @@ def test_a_damaged_binary_file(here, suffix, damage):
         check_sentence(message)
 
 
+@pytest.mark.parametrize("name", ["rec.xls", "rec.xlsx"])
+def test_a_workbook_of_an_old_excel_or_with_a_password(here, name):
+    (here / name).write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(2000))
+    refused(f"detect {name}", name, "without a password is needed")
+
+
 @pytest.mark.parametrize("column", ["op", "pv", "t"])
 def test_a_parquet_column_of_another_type(here, column):
     for value in ("a", None, [1, 2], b"\0", True):

@@ -5,6 +5,7 @@ cannot be.
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -383,6 +384,17 @@ def verbs(command, words: str = "") -> Iterator[str]:
     for name, sub in command.commands.items():
         verb = f"{words} {name}".strip()
         yield from verbs(sub, verb) if hasattr(sub, "commands") else [verb]
+
+
+@pytest.mark.parametrize("words", [["detect", ""], ["report", "x", "-o", ""], ["list", ""]])
+def test_an_empty_argument_is_not_the_folder_in_which_the_command_runs(words):
+    refused(words, f"argument {len(words)} is empty", "is needed")
+
+
+def test_a_backend_that_matplotlib_no_longer_has_hinders_no_picture(here):
+    command = [sys.executable, "-m", "simbench.cli", "figure", "table-11-4", "-o", "."]
+    environment = {**os.environ, "MPLBACKEND": "Qt4Agg"}
+    assert subprocess.run(command, env=environment, capture_output=True).returncode == 0
 
 
 def test_no_verb_is_missing_here():

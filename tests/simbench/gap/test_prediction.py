@@ -14,6 +14,7 @@ from simbench.cli import main
 from simbench.gap import command
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.prediction import (
+    MODEL_ERROR,
     Measures,
     _corrected,
     _interval,
@@ -116,6 +117,20 @@ def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
     assert _moved(MODEL, both) == both
 
 
+def test_a_second_number_of_the_record_corrects_what_the_first_does_not_show():
+    rng = np.random.default_rng(1)
+    model = 0.3 * rng.standard_normal(400)
+    draws = [
+        _Pair(Measures(v, o, 1.0, np.nan, 50.0, 40.0, 60.0), None)
+        for v, o in np.exp(np.stack([0.3 * rng.standard_normal(400), model], axis=1))
+    ]
+    after = [Measures(v, 1.0, 1.0, np.nan, 50.0, 40.0, 60.0) for v in np.exp(model)]
+    record = Measures(1.0, 2.0, 1.0, np.nan, 50.0, 40.0, 60.0)
+    # OP before tells PV after
+    value = _corrected("pv_std", record, [_Pair(d.before, a) for d, a in zip(draws, after)]).value
+    assert value == pytest.approx(2.0, rel=0.05)
+
+
 def test_an_interval_of_equal_draws_is_as_wide_as_the_error_of_a_model():
     prediction = _interval(np.zeros(50), 0.03)
     assert prediction.value == 1.0
@@ -130,15 +145,18 @@ def pairs(before, after):
     return [_Pair(b, a) for b, a in zip(runs(before), runs(after))]
 
 
-@pytest.mark.parametrize(("common", "taken_over"), [(0.3, 1.0), (0.0, 0.0)])
-def test_the_record_corrects_what_draws_have_in_common_and_not_chance(common, taken_over):
-    rng = np.random.default_rng(0)
+@pytest.mark.parametrize("common", [0.3, 0.0])
+def test_the_record_corrects_what_draws_have_in_common_and_not_chance(common):
+    rng, chance = np.random.default_rng(0), 0.1
     model = common * rng.standard_normal(400)
-    before, after = (model + 0.1 * rng.standard_normal(400) for _ in range(2))
+    before, after = (model + chance * rng.standard_normal(400) for _ in range(2))
+    # what both runs of a draw share, the error of any model with it, over all that scatters
+    shared = common**2 + MODEL_ERROR**2
+    taken_over = shared / (shared + chance**2)
     # the record is twice what the model makes of it
     record = Measures(2.0, 1.0, 1.0, np.nan, 50.0, 40.0, 60.0)
     prediction = _corrected("pv_std", record, pairs(before, after))
-    assert np.log(prediction.value) / np.log(2.0) == pytest.approx(taken_over, abs=0.15)
+    assert np.log(prediction.value) / np.log(2.0) == pytest.approx(taken_over, abs=0.08)
     # nothing to compare with: no oscillation is recorded
     assert _corrected("period_s", record, pairs(before, after)) is None
 

@@ -53,6 +53,15 @@ def test_one_of_two_workers_killed_gives_the_same_bits(small, tmp_path):
     assert same_tables(run, run_grid(small, tmp_path / "one", ["he"], plugins=[file]))
 
 
+def test_a_killed_worker_of_ray_gives_the_same_bits(small, tmp_path):
+    pytest.importorskip("ray")
+    file = slow(tmp_path, 20)
+    kill_when_it_stops(tmp_path)
+    run = run_grid(small, tmp_path / "ray", ["he"], plugins=[file], backend="ray", jobs=2)
+    assert (tmp_path / "seen").stat().st_size > 32
+    assert same_tables(run, run_grid(small, tmp_path / "one", ["he"], plugins=[file]))
+
+
 @pytest.fixture
 def processes(tmp_path):
     """A scheduler and a worker that nobody replaces."""

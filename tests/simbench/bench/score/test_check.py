@@ -38,6 +38,8 @@ def test_the_same_answers_pass_and_are_paired(base):
     assert check.paired
     assert not check.failed
     assert check.flips.empty
+    assert "may fall by 1 percentage point (" in check.basis
+    assert "A loss of 2 percentage points must" in check.basis
     assert check.tests["p"].eq(1).all()
 
 

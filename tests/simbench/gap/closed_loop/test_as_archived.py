@@ -46,6 +46,12 @@ def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
     assert np.sqrt(np.mean((pv - wanted.pv)[2:-2] ** 2)) < 0.02 * np.std(np.diff(other.pv))
 
 
+def test_the_corrected_loop_has_the_dead_time_that_a_late_op_hides(record):
+    # between the archived OP and PV one sample less of it is seen
+    loops = diagnose(late(record), LOOP).behind.loops
+    assert loops.corrected(()).plant.Td == pytest.approx(LOOP.plant.Td, abs=0.3)
+
+
 def test_counts_that_were_rounded_to_decimals_repeat_as_often_in_the_simulation(record):
     other = recorded(SHORT, seed=9)
     _, pv = as_archived(check(counts(record), LOOP), other.op, other.pv)

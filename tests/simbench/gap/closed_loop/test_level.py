@@ -12,7 +12,6 @@ from scenarios.spec import Loop, load_loop
 from simbench.blind.making import STRENGTHS, write_item
 from simbench.gap import diagnose
 from simbench.gap.closed_loop.level import level
-from simbench.gap.report.traces import kick_of
 from simbench.loop.simulate import simulate
 
 TABLE = {
@@ -67,7 +66,7 @@ def off_level(place, number):
     file, baseline = write_item(item, place, "loop")
     record = read_record(file)
     report = diagnose(record, load_loop(baseline))
-    loop, kick = report.fixed_loop(), kick_of(report, report.named)
+    loop, kick = report.fixed_loop(), report.behind.loops.kick(report.named)
     runs = [simulate(loop, seed=100 + i, kick=kick).record for i in range(RUNS)]
     pairs = (
         (np.mean([getattr(run, name).mean() for run in runs]), getattr(record, name))

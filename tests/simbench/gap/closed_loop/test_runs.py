@@ -70,7 +70,7 @@ def test_an_effect_is_compared_with_the_bare_and_the_recalibrated_loop_under_one
     assert seen.compared == [
         ((*BARE, "stuck"), (*TUNED, "stuck"), ("stuck", ("stiction",), "fitted", "stuck"), 7)
     ]
-    assert loops.shrink(["stiction"]) == 1
+    loops.shrink(["stiction"])
     assert len(seen.simulated) == 3
 
 
@@ -102,7 +102,7 @@ def test_effects_share_the_fit_in_which_they_were_chosen_or_the_first_ones(made)
 
 def test_a_rival_is_run_under_the_load_of_the_answer(made):
     loops, seen = made
-    assert loops.rival(["gain_mismatch"], ["stiction"]) == 2
+    assert loops.rival(["gain_mismatch"], ["stiction"]) == len(seen.compared)
     assert seen.simulated[-1] == ("slack", ("gain_mismatch",), "fitted", "stuck", 0.0)
     assert seen.compared[-1] == (
         (*BARE, "stuck"),

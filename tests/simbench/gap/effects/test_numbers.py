@@ -96,7 +96,18 @@ def test_load_steps_are_counted_and_sized_in_percent_of_op():
 def test_jumps_that_the_ordinary_load_may_make_are_ordinary(rest, height, lasting, ordinary):
     # a jump of two parts of .707 is one of twice a load of .5
     jumping = fit(jumps=(100, 200), lasting=lasting, load=rest, load_jump=height)
-    assert load_steps.ordinary(jumping, fit(load=1.0)) == ordinary
+    assert load_steps.ordinary(jumping, fit(load=1.0), DATA, 1000) == ordinary
+
+
+@pytest.mark.parametrize(
+    ("ramp", "walk", "drifts"), [(9.0, 0.0, True), (11.0, 0.0, None), (7.0, 8.0 / 1000**0.5, None)]
+)
+def test_a_load_that_drifts_by_five_percent_of_travel_is_an_ordinary_one(ramp, walk, drifts):
+    # K = 2: five percent are ten of PV; a ramp over two records is half as long in the first
+    drifting = SimpleNamespace(beta=np.array([2.0, 0.0, 0.0, 2.0 * ramp]), K=2.0)
+    drifting.theta = {"load_walk": walk}
+    both = SimpleNamespace(n=2000, K=2.0, trusted=True)
+    assert load_drift.ordinary(drifting, drifting, both, 1000) is drifts
 
 
 @pytest.mark.parametrize("T", [0.0, 20.0])
@@ -111,12 +122,14 @@ def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
             return [SimpleNamespace(theta=theta | points[-1])]
 
         def fit(self, spec, theta):
-            seen.append(spec.channels)
-            return theta
+            seen.append((spec.channels, theta["load"]))
+            return SimpleNamespace(loglik=0.0, theta=theta)
 
     spec = SimpleNamespace(join=lambda other: other)
-    _, count = load_drift.fit(Engine(), SimpleNamespace(spec=spec, theta={"T": T}))
-    ((line,),) = seen
+    _, count = load_drift.fit(Engine(), SimpleNamespace(spec=spec, theta={"T": T, "load": 2.0}))
+    # once with the load as it was, once with next to none beside the drift
+    ((line,), load), (_, quiet) = seen
+    assert (load, quiet) == (2.0, pytest.approx(0.1))
     assert count == 2.0
     # from next to nothing to all that PV (or what moves a vessel) does within the record
     size = 1.0 / np.sqrt(12.0) if T else 0.0

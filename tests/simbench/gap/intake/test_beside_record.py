@@ -33,7 +33,7 @@ def situation():
 
 
 def made(id_, situation, loop=LOOP, stated=LOOP):
-    trial = sized(id_, situation, {"none": LOOP}, 0.0, Limits())[0]
+    trial = sized(id_, situation, {"none": LOOP}, 0.0, Limits())
     record = trial.run(loop, 5)
     manual = np.isfinite(trial.op)
     if manual.any():

@@ -73,7 +73,7 @@ def test_mode_shows_where_op_is_the_operators_and_lab_samples_are_few(tmp_path):
         ({"settings": "[controller]\nKq = 1\n"}, "controller.Kq is unknown"),
         ({"settings": "[test]\nid = 'bump'\n"}, "no row of a column `mode` says MAN"),
         ({"settings": "[test]\nid = 'mv'\n"}, "it has no column mv"),
-        ({"settings": "[test]\nid = 'lab'\n"}, "no samples in a column lab"),
+        ({"settings": "[test]\nid = 'lab'\n"}, "it has 0 samples in column lab"),
         (
             {"settings": "[test]\nid = 'lab'\n", "lab": [""] * 97 + ["5"] * 3},
             "3 samples in column lab; at least 8",

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
-from scenarios.spec import Loop
-from simbench.gap.plan.menu import LEAD, Limits, read_limits, sized
+from scenarios.errors import SpecError
+from scenarios.spec import Loop, checked
+from simbench.gap.plan.menu import LEAD, Limits, sized
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 2.0, "T": 10.0, "Td": 2.0},
@@ -29,38 +29,35 @@ def situation():
 
 @pytest.mark.parametrize("id_", ["bump", "stairs"])
 def test_in_manual_op_is_the_operators_and_pv_answers_through_the_plant(id_):
-    trial, why, excursion = sized(id_, situation(), {"none": LOOP}, 0.0, Limits())
-    assert why == ""
+    trial = sized(id_, situation(), {"none": LOOP}, 0.0, Limits())
     record = trial.run(LOOP, 0)
     np.testing.assert_allclose(record.op[LEAD:], 50.0 + trial.op[LEAD:], atol=1e-6)
     # held until settled, PV has moved by K d
-    assert excursion == pytest.approx(2.0 * trial.op_travel, rel=0.05)
+    assert trial.pv_excursion == pytest.approx(2.0 * trial.op_travel, rel=0.05)
     assert trial.minutes == pytest.approx(trial.n / 60.0)
 
 
 def test_a_set_point_step_moves_pv_by_its_size_and_half_the_gain_is_half():
-    trial, _, excursion = sized("sp_steps", situation(), {"none": LOOP}, 0.0, Limits())
-    assert excursion == pytest.approx(trial.size, rel=0.3)
+    trial = sized("sp_steps", situation(), {"none": LOOP}, 0.0, Limits())
+    assert trial.pv_excursion == pytest.approx(trial.size, rel=0.3)
     assert trial.settings["test"] == {"id": "sp_steps", "size": trial.size, "hold_s": trial.hold_s}
-    half, _, _ = sized("kc_half", situation(), {"none": LOOP}, 0.0, Limits())
+    half = sized("kc_half", situation(), {"none": LOOP}, 0.0, Limits())
     assert half.settings["controller"] == {"Kc_ratio": 0.5}
 
 
 def test_stairs_are_finer_than_the_friction_they_look_for():
-    trial, _, _ = sized("stairs", situation(), {"none": LOOP}, 1.0, Limits())
+    trial = sized("stairs", situation(), {"none": LOOP}, 1.0, Limits())
     assert trial.size == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("id_", ["bump", "sp_steps", "stairs"])
 @pytest.mark.parametrize("most", [0.5, 2.0, 5.0])
 def test_no_test_leaves_its_limits(id_, most):
-    trial, why, excursion = sized(
-        id_, situation(), {"none": LOOP}, 0.0, Limits(pv_excursion=most, op_travel=3.0)
-    )
-    if trial is None:
-        assert id_ in why
+    trial = sized(id_, situation(), {"none": LOOP}, 0.0, Limits(pv_excursion=most, op_travel=3.0))
+    if isinstance(trial, str):
+        assert id_ in trial
     else:
-        assert excursion <= most
+        assert trial.pv_excursion <= most
         assert trial.op_travel <= 3.0 + 1e-9
 
 
@@ -69,7 +66,7 @@ def test_another_load_takes_no_test_out_of_its_limits(id_):
     load = {"type": "coloured", "amplitude": 1.0, "period": 30.0}
     loop = Loop.from_table(LOOP.to_table() | {"disturbance": [load], "noise": {"std": 0.2}})
     limits = Limits(pv=(0.0, 60.0), op=(20.0, 80.0), pv_excursion=15.0, op_travel=10.0)
-    trial, _, _ = sized(id_, situation(), {"none": loop}, 0.0, limits)
+    trial = sized(id_, situation(), {"none": loop}, 0.0, limits)
     runs = [trial.run(loop, 100 + seed) for seed in range(20)]
     assert max(np.abs(r.pv - 30.0).max() for r in runs) <= limits.pv_excursion
     assert all(limits.op[0] <= r.op.min() and r.op.max() <= limits.op[1] for r in runs)
@@ -77,34 +74,27 @@ def test_another_load_takes_no_test_out_of_its_limits(id_):
 
 def test_a_test_that_would_last_too_long_is_left_out_and_a_passive_one_is_cut():
     limits = Limits(minutes=5.0)
-    assert "more than the 5 allowed" in sized("stairs", situation(), {"none": LOOP}, 0.0, limits)[1]
-    trial, _, _ = sized("mv", situation(), {"none": LOOP}, 0.0, limits)
+    assert "more than the 5 allowed" in sized("stairs", situation(), {"none": LOOP}, 0.0, limits)
+    trial = sized("mv", situation(), {"none": LOOP}, 0.0, limits)
     assert trial.minutes == pytest.approx(5.0)
 
 
-def test_limits_are_read_flat_or_as_tables(tmp_path):
-    file = tmp_path / "limits.toml"
-    file.write_text("pv = [10.0, 20.0]\nminutes = 30\n")
-    assert read_limits(file) == Limits(pv=(10.0, 20.0), minutes=30.0)
-    file.write_text("[pv]\nlo = 10\nhi = 20\nexcursion = 3\n[op]\nlo = 20\ntravel = 5\n")
-    assert read_limits(file) == Limits(
-        pv=(10.0, 20.0), op=(20.0, 100.0), pv_excursion=3.0, op_travel=5.0
-    )
+def test_limits_are_read_from_a_table():
+    limits = checked(Limits, {"pv": [10, 20.0], "minutes": 30}, "limits.toml")
+    assert limits == Limits(pv=(10.0, 20.0), minutes=30.0)
+    assert limits.op == (0.0, 100.0)
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("table", "message"),
     [
-        ("minute = 3\n", "did you mean 'minutes'?"),
-        ("minutes = -1\n", "a number above 0"),
-        ("pv = [3.0, 1.0]\n", "lo below hi"),
-        ("pv = 3.0\n", "[lo, hi]"),
-        ("[op]\nlow = 3\n", "[lo, hi]"),
+        ({"minute": 3}, "did you mean 'minutes'?"),
+        ({"minutes": -1}, "minutes = -1; input should be greater than 0"),
+        ({"pv": [3.0, 1.0]}, "[3.0, 1.0] is no range"),
+        ({"pv": 3.0}, "[lo, hi] with lo below hi"),
     ],
 )
-def test_limits_that_cannot_be_meant_are_refused(tmp_path, text, message):
-    file = tmp_path / "limits.toml"
-    file.write_text(text)
-    with pytest.raises(UserError) as error:
-        read_limits(file)
+def test_limits_that_cannot_be_meant_are_refused(table, message):
+    with pytest.raises(SpecError) as error:
+        checked(Limits, table, "limits.toml")
     assert message in str(error.value)

@@ -2,24 +2,20 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from simbench.gap.plan import order
-from simbench.gap.plan.order import ORDER, PlannedTest, PlannedTests, plan
+from simbench.gap.plan.menu import Trial
+from simbench.gap.plan.order import ORDER, PlannedTests, plan
 
 OPEN = {"stiction": 0.5, "deadband": 0.45, "none": 0.05}
 LOOPS = SimpleNamespace(loop=tuple)
 
 
 def trial(id_="bump"):
-    about = {
-        "size": 2.0,
-        "hold_s": 60.0,
-        "minutes": 9.0,
-        "op_travel": 2.0,
-        "settings": {"test": {"id": id_}},
-    }
-    return SimpleNamespace(id=id_, says=f"do {id_}", **about)
+    still = np.zeros(540)
+    return Trial(id_, 2.0, 60.0, 1.0, still.size, still, still, pv_excursion=3.0)
 
 
 def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, **more):
@@ -27,7 +23,7 @@ def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, **m
 
     def sized(id_, s, loops, band, limits):
         seen.update(loops=loops, band=band)
-        return (None, f"{id_}: no", 0.0) if id_ in left_out else (trial(id_), "", 3.0)
+        return f"{id_}: no" if id_ in left_out else trial(id_)
 
     monkeypatch.setattr(order, "sized", sized)
     situation = SimpleNamespace(
@@ -50,16 +46,16 @@ def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, **m
 
 
 def ids(planned):
-    return [x.trial.id for x in planned.tests]
+    return [x.id for x in planned.tests]
 
 
 def test_the_json_of_a_plan_has_the_contracts_keys_and_claims_no_information():
-    made = PlannedTests((PlannedTest(trial("mv"), 3.0), PlannedTest(trial(), 4.0)))
+    made = PlannedTests((trial("mv"), trial()))
     answer = made.as_json()
     assert set(answer) == {"tests", "pair", "why"}
     assert answer["tests"][0] == {
         "id": "mv",
-        "settings": {"test": {"id": "mv"}},
+        "settings": {"test": {"id": "mv", "size": 2.0, "hold_s": 60.0}},
         "information": None,
         "p_right": None,
         "minutes": 9.0,
@@ -70,11 +66,11 @@ def test_the_json_of_a_plan_has_the_contracts_keys_and_claims_no_information():
         "test": "mv",
         "size": 2.0,
         "hold_s": 60.0,
-        "settings": {"test": {"id": "mv"}},
-        "says": "do mv",
+        "settings": {"test": {"id": "mv", "size": 2.0, "hold_s": 60.0}},
+        "says": made.tests[0].says,
     }
     assert made.as_text().startswith(
-        "Next test, mv: do mv; if the answer stays open, bump is next."
+        f"Next test, mv: {made.tests[0].says}; if the answer stays open, bump is next."
     )
 
 

@@ -19,7 +19,7 @@ from scenarios.spec import Loop
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.report.page import write_page
 from simbench.gap.report.sheet import draw_sheet
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, recorded, simulated, window
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, end_of, recorded, simulated
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
 
@@ -110,8 +110,8 @@ def test_pictures_show_the_record_and_three_simulations_of_its_length(sticky, cl
         for name, t in runs.items()
     }
     assert far[FIXED] < 0.5 < far[BASELINE]
-    assert window(sticky, 400) == (1100, 1500)
-    assert window(sticky) == (975, 1500)
+    assert end_of(sticky.behind.found.situation, 400) == (1100, 1500)
+    assert end_of(sticky.behind.found.situation) == (975, 1500)
     assert FIXED not in simulated(clean)
 
 

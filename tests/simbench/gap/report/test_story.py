@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from simbench.gap.plan.order import PlannedTest, PlannedTests
+from simbench.gap.plan.order import PlannedTests
 from simbench.gap.report.plan_page import write_plan_page
 from simbench.gap.report.story import story
 
@@ -64,8 +64,9 @@ def test_the_page_of_a_plan_shows_every_test_and_what_was_left_out(tmp_path):
         size=2.0,
         hold_s=9.0,
         settings={},
+        pv_excursion=3.125,
     )
-    made = PlannedTests((PlannedTest(trial, 3.125),), "", ("stairs: too long",))
+    made = PlannedTests((trial,), "", ("stairs: too long",))
     write_plan_page(made, report("It may be drift."), tmp_path / "plan.html")
     html = (tmp_path / "plan.html").read_text(encoding="utf-8")
     for words in (

@@ -7,18 +7,17 @@ import pytest
 
 from detectors.errors import RecordError
 from scenarios.spec import Loop
-from simbench.gap.report import traces
+from simbench.gap.closed_loop import level
 from simbench.gap.report.result import Ranked
 from simbench.gap.report.traces import (
     BASELINE,
     FIXED,
     NEAREST,
     TUNED,
-    kick_of,
+    end_of,
     nearest,
     recorded,
     simulated,
-    window,
 )
 
 X = np.arange(100.0)
@@ -41,10 +40,13 @@ class Loops:
 
     def __init__(self):
         arms = tuple(SimpleNamespace(loop=loop(K)) for K in (1.0, 1.1, 1.2))
-        self.kept, self.asked = {("stiction",): arms, (): arms}, []
+        self.arms = {("stiction",): arms, (): arms}
 
-    def shrink(self, effects):
-        self.asked.append(list(effects))
+    def runs_with(self, effects):
+        return self.arms[tuple(effects)]
+
+    def kick(self, effects):
+        return 5.0
 
     def corrected(self, effects):
         return loop(1.3)
@@ -73,32 +75,27 @@ def test_the_known_effect_nearest_to_an_unknown_one_is_the_first_with_a_fit():
     assert nearest(report("unknown", (), ranking=ranking[:3])) == []
 
 
-def test_a_sticky_loop_is_kicked_by_its_band_and_no_other_is():
-    assert kick_of(report(), ["stiction"]) == 5.0
-    assert kick_of(report(), ["drift"]) == kick_of(report(), []) == 0.0
-
-
 @pytest.mark.parametrize(("effect", "named", "shown"), [
     ("stiction", ["stiction"], [BASELINE, TUNED, FIXED]), ("none", [], [BASELINE, TUNED]),
     ("unknown", [], [BASELINE, TUNED, NEAREST]),
 ])  # fmt: skip
 def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect, named, shown):
-    seen, real = [], traces.simulate
+    seen, real = [], level.simulate
 
     def noted(x, seed, kick):
         seen.append((x.plant.K, seed, kick))
         return real(x, seed=seed, kick=kick)
 
-    monkeypatch.setattr(traces, "simulate", noted)
+    monkeypatch.setattr(level, "simulate", noted)
     runs = simulated(report(effect, named))
     assert list(runs) == shown
-    part = recorded(report(mv=False)).part(10, 13)
+    part = recorded(report(mv=False)).window(10, 13)
     # OP in percent, not as recorded
     assert [part.op.tolist(), part.sp.tolist(), part.mv] == [[10, 11, 12], [12, 13, 14], None]
     expected = [
         (1.0, 0, 0.0),
         (1.1, 0, 0.0),
-        {FIXED: (1.2, 0, 5.0), NEAREST: (1.3, 0, 5.0)}.get(shown[-1]),
+        {FIXED: (1.3, 0, 5.0), NEAREST: (1.3, 0, 5.0)}.get(shown[-1]),
     ]
     assert seen == expected[: len(shown)]
     for trace in runs.values():
@@ -111,10 +108,10 @@ def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
     def fails(x, seed, kick):
         if x.plant.K == 1.0:
             raise RecordError("it runs away")
-        pv = np.full(9, np.inf if x.plant.K == 1.1 else 1.0)
+        pv = np.full(9, 1e10 if x.plant.K == 1.1 else 1.0)
         return SimpleNamespace(record=SimpleNamespace(op=pv, pv=pv, sp=pv, mv=None, Ts=1.0))
 
-    monkeypatch.setattr(traces, "simulate", fails)
+    monkeypatch.setattr(level, "simulate", fails)
     assert list(simulated(report())) == [FIXED]
 
 
@@ -122,5 +119,5 @@ def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
     ("n", "most", "first"), [(1000, 1200, 650), (1000, 300, 700), (10_000, 1200, 8800)]
 )
 def test_the_end_of_the_part_on_which_nothing_was_fitted_is_drawn(n, most, first):
-    assert window(report(n=n), most) == (first, n)
-    assert window(report(n=10_000)) == (8800, 10_000)
+    assert end_of(report(n=n).behind.found.situation, most) == (first, n)
+    assert end_of(report(n=10_000).behind.found.situation) == (8800, 10_000)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.gap.sensor.samples import inspect_samples, reported_by_exception
+from simbench.gap.sensor.samples import exception_band, inspect_samples
 from simbench.loop.effects.compression import swinging_door
 
 
@@ -62,8 +62,24 @@ def test_an_archive_that_reports_by_exception_is_told_from_a_sensor_that_freezes
     frozen = pv.copy()
     for start in range(100, 1400, 150):
         frozen[start : start + 60] = frozen[start]
-    assert reported_by_exception(archived_by_exception(pv, 0.3), 0.0)
-    assert reported_by_exception(np.round(archived_by_exception(pv, 0.3), 2), 0.01)
-    assert not reported_by_exception(pv, 0.0)
-    assert not reported_by_exception(frozen, 0.0)
-    assert not reported_by_exception(np.round(pv, 1), 0.1)
+    for unit in (0.0, 0.01):
+        kept = archived_by_exception(pv, 0.3)
+        shown = np.round(kept / unit) * unit if unit else kept
+        assert exception_band(shown, unit) == pytest.approx(0.3, abs=0.02)
+    for other, unit in ((pv, 0.0), (frozen, 0.0), (np.round(pv, 1), 0.1)):
+        assert exception_band(other, unit) == 0.0
+
+
+def test_an_archive_by_exception_that_also_stores_after_a_time_limit_is_still_one():
+    pv = np.random.default_rng(12).normal(50.0, 1.0, 3000)
+    kept = archived_by_exception(pv, 0.2)
+    kept[1000] = kept[999] + 0.05
+    assert exception_band(kept, 0.0) == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_rough_pv_that_freezes_is_stuck_in_an_archive_by_exception_too():
+    pv = np.random.default_rng(13).normal(50.0, 1.0, 3000)
+    assert inspect_samples(archived_by_exception(pv, 0.2)).stuck == 0.0
+    for start in range(100, 2900, 200):
+        pv[start : start + 40] = pv[start]
+    assert inspect_samples(archived_by_exception(pv, 0.2)).stuck == pytest.approx(0.187, abs=0.03)

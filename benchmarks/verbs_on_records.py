@@ -1,0 +1,98 @@
+"""Ask every verb that concludes for its conclusion on labelled records.
+
+`python benchmarks/verbs_on_records.py FOLDER LABELS` runs `detect`, `diagnose`, `trust`,
+`gap diagnose` and `report` as a user would, with nothing but what the table of labels states of
+each loop. It prints one row per loop with the probability of stiction and the conclusion of each
+verb, then for each verb how many loops, and how many units, agree with their labels. A unit is a
+loop, or several that share an oscillation. All verbs should conclude the same.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import re
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from detectors.records.io import read_labels
+from detectors.report.report import columns
+from detectors.verdict import PROBABILITY
+from simbench.cli import main as simbench
+from simbench.gap.stiction.by_loop import count_agreement, group_conclusions
+from simbench.gap.stiction.conclusion import WORDS
+
+_VERBS = {
+    "detect": "detect FILE --method likelihood",
+    "diagnose": "diagnose FILE",
+    "trust": "trust FILE --method horch_histogram",  # its conclusion does not depend on methods
+    "gap diagnose": "gap diagnose FILE --identify",
+}
+_REPORT = "report"
+_ANSWER = re.compile(r"\(probability of stiction ([\d.]+|unknown)\)")
+
+
+@dataclass(frozen=True)
+class Concluded:
+    """What a verb printed of one record; None where it printed that nothing is known."""
+
+    probability: float | None
+
+
+def ask(words: list[str]) -> str:
+    """Run a verb and return what it printed."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
+        simbench(words)
+    return printed.getvalue()
+
+
+def ask_on_record(verb: str, file: Path, row: dict[str, str]) -> Concluded:
+    """Return the conclusion of a verb on one record."""
+    words = [str(file) if word == "FILE" else word for word in _VERBS[verb].split()]
+    for option in ("kind", "process"):
+        words += [f"--{option}", row[option]] if row[option] else []
+    answer = _ANSWER.search(ask(words))
+    known = answer is not None and answer[1] != "unknown"
+    return Concluded(float(answer[1]) if known else None)
+
+
+def ask_report(folder: Path, labels: Path) -> dict[str, Concluded]:
+    """Return what `report` writes of each record to its table."""
+    with tempfile.TemporaryDirectory() as place:
+        page = Path(place) / "page.html"
+        ask([_REPORT, str(folder), "--labels", str(labels), "-o", str(page), "-j", "1"])
+        with open(page.with_suffix(".csv"), newline="", encoding="utf-8") as f:
+            cells = {row["loop"]: row[PROBABILITY] for row in csv.DictReader(f)}
+    return {name: Concluded(float(p) if p else None) for name, p in cells.items()}
+
+
+def main(folder: Path, labels: Path) -> None:
+    """Print the table of loops, and for each verb how often it agrees with the labels."""
+    known = read_labels(labels)
+    files = {f.stem: f for f in sorted(folder.glob("*.csv")) if f.stem in known}
+    by_verb = {
+        verb: {name: ask_on_record(verb, f, known[name]) for name, f in files.items()}
+        for verb in _VERBS
+    }
+    by_verb[_REPORT] = ask_report(folder, labels)
+    loops = {verb: group_conclusions(c, known, "loop") for verb, c in by_verb.items()}
+    rows = [("loop", "label", "records", *by_verb)]
+    for (name, label), (n, _, _) in loops[_REPORT].items():
+        answers = (loops[verb].get((name, label), (0, None, "no_decision")) for verb in by_verb)
+        cells = [f"{'' if p is None else f'{p:.2f} '}{WORDS[answer]}" for _, p, answer in answers]
+        rows.append((name, label, str(n), *cells))
+    print("\n".join([*columns(rows), ""]))
+    sentences: dict[str, list[str]] = {}
+    for verb in by_verb:
+        units = group_conclusions(by_verb[verb], known, "unit_group")
+        for what, groups in (("loop", loops[verb]), ("unit", units)):
+            sentences.setdefault(count_agreement(what, groups), []).append(verb)
+    print("\n".join(f"{', '.join(verbs)}: {one}" for one, verbs in sorted(sentences.items())))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
