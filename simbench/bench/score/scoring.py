@@ -124,8 +124,8 @@ def score_book(
                     found, ranks, ranked = kept[truth, kind]
                     found = [{**row, **place} for row in found]
                 else:
-                    here = _chosen(process, of) & _chosen(book.oscillating, going)
-                    block = _block(book, truth, here[some], place, blind)
+                    here = _chosen(process[some], of) & _chosen(book.oscillating[some], going)
+                    block = _block(book, truth, here, place, blind)
                     # where nothing oscillates no score tells loops apart
                     found = [
                         _row(block, a, c[:, of, going].sum((1, 2)), undecided, going != slice(1))
