@@ -11,7 +11,7 @@ import pandas as pd
 from simbench.bench.score.compare import plain
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR
 
-SHOWN = 20  # flipped scenarios in a text; JSON has all
+_SHOWN = 20  # flipped scenarios in a text; JSON has all
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Check:
         if len(moved):
             lines += ["", moved.to_string(index=False, float_format="%.3f")]
         if len(self.flips):
-            shown = _worst_first(self).head(SHOWN)
+            shown = _worst_first(self).head(_SHOWN)
             lines += [
                 "",
                 f"{len(self.flips)} verdicts changed" + _cut(self),
@@ -78,7 +78,7 @@ class Check:
         moved = _moved(self)
         lines += _table(moved) if len(moved) else ["No rate moved."]
         if len(self.flips):
-            shown = _worst_first(self).head(SHOWN)
+            shown = _worst_first(self).head(_SHOWN)
             title = f"{len(self.flips)} verdicts changed{_cut(self)}"
             lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
             lines += ["", f"`{again(self, str(shown['scenario_id'].iloc[0]))}`", "", "</details>"]
@@ -148,7 +148,7 @@ def _moved(check: Check) -> pd.DataFrame:
     return (
         changed.drop(columns=[] if check.paired else ["lost", "won"])
         .sort_values("p", kind="stable")
-        .head(2 * SHOWN)
+        .head(2 * _SHOWN)
     )
 
 
@@ -161,7 +161,7 @@ def _worst_first(check: Check) -> pd.DataFrame:
 
 
 def _cut(check: Check) -> str:
-    return f", the first {SHOWN}:" if len(check.flips) > SHOWN else ":"
+    return f", the first {_SHOWN}:" if len(check.flips) > _SHOWN else ":"
 
 
 def _table(frame: pd.DataFrame) -> list[str]:

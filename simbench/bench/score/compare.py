@@ -15,7 +15,7 @@ import pandas as pd
 
 from detectors.errors import UserError, nearest
 from simbench.bench.score.baseline import read_book
-from simbench.bench.score.scoring import axis_values, home_of
+from simbench.bench.score.scoring import axis_codes, home_of
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
@@ -233,7 +233,9 @@ def _comparison(
 def _by_axis(book: RunArrays, truth: str, raw: bool) -> Iterator[tuple]:
     right, known = _right(book, truth, raw), _applies(book) & (book.truth[truth] >= 0)
     for axis in AXES:
-        for value, chosen in axis_values(book, axis):
+        values, codes = axis_codes(book, axis)
+        for k, value in enumerate(values):
+            chosen = codes == k
             for method, row, mine in zip(book.methods, right, known):
                 use = chosen & mine
                 if use.any():

@@ -14,7 +14,7 @@ import numpy as np
 from detectors.record import LoopRecord
 from detectors.signal.autocorrelation import centred
 from detectors.signal.conditioning import median
-from simbench.bench.score.folds import out_of_fold
+from simbench.bench.score.folds import out_of_fold, sample_of
 
 if TYPE_CHECKING:
     from simbench.bench.store.reading import RunArrays
@@ -98,20 +98,20 @@ def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
     }
 
 
-def no_waveform(book: RunArrays) -> tuple[np.ndarray, np.ndarray]:
+def no_waveform(book: RunArrays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the probability of a cycle and the verdict (1 stiction) of a classifier on `FEATURES`,
-    for every scenario.
+    for every scenario, and which scenarios it knows.
 
     It is asked about loops that oscillate: of others the probability is -inf and the verdict 0, as
     of every method after the oscillation detection. It learns from the loops of other groups; where
     the truth is not clear it knows nothing, .5. Of a large run it knows the sample alone.
     """
-    known = np.zeros(book.oscillating.size, dtype=bool)
-    known[book.sample] = True
-    known &= book.oscillating & (book.truth["cycled"] >= 0)
+    asked = np.zeros(book.groups.size, dtype=bool)
+    asked[sample_of(book.groups)] = True
+    known = asked & book.oscillating & (book.truth["cycled"] >= 0)
     chance = np.where(book.oscillating, 0.5, -np.inf)
     features = book.design[:, : len(FEATURES)]
     chance[known] = out_of_fold(
         features[known], book.truth["cycled"][known] == 1, book.groups[known]
     )
-    return chance, (chance > 0.5).astype(np.int8)
+    return chance, (chance > 0.5).astype(np.int8), asked

@@ -98,7 +98,7 @@ class Scores:
         Of the run.
     counts : dict
         How many scenarios the run has, how many of them oscillate and, of a run of more than
-        30 000, how many were drawn at random (whole groups) for what needs an order or a scatter:
+        20 000, how many were drawn at random (whole groups) for what needs an order or a scatter:
         AUC, found_at_5, risk_coverage, cost_over_no_waveform, median_ms, the row `no_waveform`, and
         the width of the cost's interval. Every other number counts all.
     stability : dict of truth to RankStability

@@ -92,7 +92,8 @@ def score_book(
     rows, by_axis, left_out, first = [], [], [], RAW if raw else FRONT
     standing, stable = {}, {}
     blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
-    some, alike = book.sample, _same_where_oscillating(book)
+    some = np.flatnonzero(blind.applies)
+    alike = _same_where_oscillating(book, some)
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
     axes = {axis: axis_codes(book, axis) for axis in AXES}
     kept: dict[tuple[str, str], tuple[list[dict[str, Any]], Ranks, list[int]]] = {}
@@ -123,8 +124,8 @@ def score_book(
                     found, ranks, ranked = kept[truth, kind]
                     found = [{**row, **place} for row in found]
                 else:
-                    here = _chosen(process, of) & _chosen(book.oscillating, going)
-                    block = _block(book, truth, here[some], place, blind)
+                    here = _chosen(process[some], of) & _chosen(book.oscillating[some], going)
+                    block = _block(book, truth, here, place, blind)
                     # where nothing oscillates no score tells loops apart
                     found = [
                         _row(block, a, c[:, of, going].sum((1, 2)), undecided, going != slice(1))
@@ -157,21 +158,22 @@ def score_book(
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
     other = _disagreement(book), _frame(left_out, {}), quantification(book)
     sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int(book.oscillating.sum())}
-    if book.ids[some].size < book.ids.size:
-        sizes[SAMPLED] = int(book.ids[some].size)
+    if some.size < book.ids.size:
+        sizes[SAMPLED] = some.size
     return Scores(
         *frames, *other, standing, book.manifest, sizes, stable, failing, first, undecided
     )
 
 
-def _same_where_oscillating(book: RunArrays) -> bool:
+def _same_where_oscillating(book: RunArrays, some: np.ndarray) -> bool:
     """Whether all answers on loops that oscillate are the same with and without the common
     oscillation detection; of a large run also the sample's scores.
     """
-    going, some = book.oscillating, book.sample
-    one, other = (x[:, some][:, going[some]] for x in (book.score, book.score_raw))
-    differ = (book.verdict != book.verdict_raw) & going
-    return not differ.any() and np.array_equal(one, other, equal_nan=True)
+    some = some[book.oscillating[some]]
+    differ = (book.verdict != book.verdict_raw) & book.oscillating
+    return not differ.any() and np.array_equal(
+        book.score[:, some], book.score_raw[:, some], equal_nan=True
+    )
 
 
 def _chosen(numbers: np.ndarray, of: slice) -> np.ndarray:
@@ -270,9 +272,7 @@ def no_waveform_answers(book: RunArrays) -> _Answers:
     It is trained once for a run in memory.
     """
     if book not in _classified:
-        (chance, verdicts), nothing = no_waveform(book), np.zeros(book.ids.size)
-        asked = np.zeros(book.ids.size, dtype=bool)
-        asked[book.sample] = True
+        (chance, verdicts, asked), nothing = no_waveform(book), np.zeros(book.ids.size)
         _classified[book] = _Answers(
             NO_WAVEFORM,
             ROLE_YARDSTICK,
@@ -284,13 +284,6 @@ def no_waveform_answers(book: RunArrays) -> _Answers:
             nothing,
         )
     return _classified[book]
-
-
-def axis_values(book: RunArrays, axis: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield every value of an axis as text, in order, with the scenarios that have it."""
-    values, codes = axis_codes(book, axis)
-    for k, value in enumerate(values):
-        yield value, codes == k
 
 
 def axis_codes(book: RunArrays, axis: str) -> tuple[list[str], np.ndarray]:
@@ -324,7 +317,7 @@ class _Block(NamedTuple):
 def _block(
     book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: _Answers
 ) -> _Block:
-    some = book.sample
+    some = np.flatnonzero(blind.applies)
     label = book.truth[truth][some]
     use = np.flatnonzero(chosen & (label >= 0))
     groups = np.unique(book.groups[some][use], return_inverse=True)[1]
@@ -372,23 +365,22 @@ def _row(
         row[f"{name}_lo"], row[f"{name}_hi"] = ends
     earned = _earned(said, positive, cost)
     mean = (m - right - (1.0 - cost) * undecided) / m if m else math.nan
-    row["cost"], row["cost_lo"], row["cost_hi"] = _mean_of_groups(
-        1.0 - earned, groups, 0.0, mean, m
-    )
+    ranges = {"cost": _mean_of_groups(1.0 - earned, groups, 0.0, mean, m)}
     score = a.score[here]
     if interval:
-        over = _mean_of_groups(_earned(blind, positive, cost) - earned, groups, -1.0)
-        (
-            row["cost_over_no_waveform"],
-            row["cost_over_no_waveform_lo"],
-            row["cost_over_no_waveform_hi"],
-        ) = over
         sticky = int(positive.sum())
         both = 0 < sticky < positive.size
-        ends = rate(found_at(score, positive, folds), sticky) if both else rate(0, 0)
-        row["found_at_5"], row["found_at_5_lo"], row["found_at_5_hi"] = ends
-        ends = _mean_of_groups(risk_coverage(score, positive, folds)[1], groups)
-        row["risk_coverage"], row["risk_coverage_lo"], row["risk_coverage_hi"] = ends
+        found = rate(found_at(score, positive, folds), sticky) if both else rate(0, 0)
+        sure = risk_coverage(score, positive, folds)[1]
+        ranges |= {
+            "cost_over_no_waveform": _mean_of_groups(
+                _earned(blind, positive, cost) - earned, groups, -1.0
+            ),
+            "found_at_5": found,
+            "risk_coverage": _mean_of_groups(sure, groups),
+        }
+    for name, ends in ranges.items():
+        row[name], row[f"{name}_lo"], row[f"{name}_hi"] = ends
     if not (known := score >= 0).all():
         score, positive = score[known], positive[known]
     row["scored"] = score.size

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +35,6 @@ _CODED = {
     "verdicts": ("scenario_id", "method", "verdict", "verdict_raw"),
 }
 _NUMBERS = tuple(axis for axis in AXES if axis not in _WORDS)
-# scenarios; the 95 % interval of an area under a curve is then about .01 wide
-MOST_ORDERED = 30_000
 ID = np.dtype("S16")
 _ENDS = ("S_lo", "S_hi", "J_lo", "J_hi")
 # as baselines keep them
@@ -149,20 +146,6 @@ class RunArrays:
     # (k,) every S and J that a method gave, with the numbers of loop and method; the ends of an
     # interval, or twice a number
     levels: np.ndarray = field(default_factory=lambda: np.empty(0, LEVELS))
-
-    @cached_property
-    def sample(self) -> np.ndarray | slice:
-        """Scenarios on which orders and spreads are worked out: all, of a large run those of groups
-        drawn at random.
-        """
-        if self.groups.size <= MOST_ORDERED:
-            return slice(None)
-        place = np.unique(self.groups, return_inverse=True)[1]
-        sizes = np.bincount(place)
-        order = np.random.default_rng(0).permutation(sizes.size)
-        kept = np.empty(sizes.size, dtype=bool)
-        kept[order] = np.cumsum(sizes[order]) - sizes[order] < MOST_ORDERED
-        return np.flatnonzero(kept[place])
 
     @classmethod
     def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> RunArrays:

@@ -98,12 +98,13 @@ def test_the_classifier_learns_from_other_groups_and_only_about_loops_that_oscil
     alike = replace(run, groups=groups, design=rng.normal(size=(600, len(NAMES))))
     alike.truth["cycled"][:] = label_of_group
     alike.design[:, 0] = rng.permutation(200)[groups]
-    chance, _ = no_waveform(alike)
+    chance, _, asked = no_waveform(alike)
+    assert asked.all()
     assert np.mean((chance > 0.5) == label_of_group) < 0.65
     leaking = replace(run, design=alike.design.copy(), oscillating=np.arange(600) < 400)
     leaking.truth["cycled"][:] = truth
     leaking.design[:, 3] = truth + rng.normal(0, 0.1, 600)
-    chance, verdict = no_waveform(leaking)
+    chance, verdict, _ = no_waveform(leaking)
     assert np.mean(verdict[:400] == truth[:400]) > 0.95
     assert np.isneginf(chance[400:]).all()
     assert not verdict[400:].any()

@@ -16,13 +16,12 @@ from simbench.bench.calibrate import abstention, calibrate, calibrate_books
 from simbench.bench.execute.adaptive import trials
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
-from simbench.bench.score import no_waveform
+from simbench.bench.score import folds, no_waveform
 from simbench.bench.score.compare import between_methods
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
 from simbench.bench.statistics import wilson
-from simbench.bench.store import reading
 from simbench.bench.store.reading import RunArrays
 
 LOOP = Loop.from_table(
@@ -404,12 +403,12 @@ def test_a_large_run_counts_all_loops_and_orders_a_sample_of_whole_groups(book, 
     run = replace(book(verdict, truth), groups=np.repeat(np.arange(n // 3), 3))
     run = replace(run, score=truth + rng.normal(size=(2, n)), design=rng.normal(size=(n, 6)))
     whole = score_book(run)
-    monkeypatch.setattr(reading, "MOST_ORDERED", 1500)
+    monkeypatch.setattr(folds, "MOST_ORDERED", 1500)
     run = replace(run)
     part = score_book(run)
-    taken = np.bincount(run.groups[run.sample], minlength=n // 3)
+    taken = np.bincount(run.groups[folds.sample_of(run.groups)], minlength=n // 3)
     assert set(taken) == {0, 3}
-    assert part.counts["sampled"] == run.ids[run.sample].size == 1500
+    assert part.counts["sampled"] == taken.sum() == 1500
     one, other = (x.ranking().set_index("method") for x in (whole, part))
     counted = ["n", "n_all", "positives", "accuracy_applicable", "found", "cost", "errors", "rank"]
     pd.testing.assert_frame_equal(one.loc[["m0", "m1"], counted], other.loc[["m0", "m1"], counted])
