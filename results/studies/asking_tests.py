@@ -271,7 +271,7 @@ def _closes(report: GapReport, fresh: list[dict[str, np.ndarray]]) -> float:
     """Return how far what was named closes the gap of the user's simulation to fresh records, by
     the means of their gaps.
     """
-    s, runs = report.behind.found.situation, report.behind.loops.kept[tuple(report.named)]
+    s, runs = report.behind.found.situation, report.behind.loops.runs_with(report.named)
     gaps = []
     for columns in fresh:
         op, pv = (np.asarray(columns[name], dtype=float) for name in ("op", "pv"))

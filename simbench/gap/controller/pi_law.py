@@ -44,7 +44,7 @@ _RESTING = 0.05
 # share of samples in standstills that no chance brings: without it a controller that misses scans
 # is taken for a mean in one of 164 records
 STUCK = 0.01
-_LAW_ROWS = 60  # changes of OP and PV that an archive by exception stored, enough to see the law
+LAW_ROWS = 60  # changes of OP and PV, stored and in automatic, enough to see the law
 _LOUD = 5.0  # bands of OP, of which an archive by exception misses none under another tuning either
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
@@ -281,7 +281,7 @@ def _free(asked: _Asked) -> _Free:
     of_pv = np.append(True, np.diff(asked.pv) != 0.0) | (asked.pv_band == 0.0)
     kept = inside & of_pv & (np.append(True, du != 0.0) | (asked.op_band == 0.0))
     rows, digits = kept[1:] & kept[:-1], (asked.op_is.digits, asked.pv_is.digits)
-    if asked.hidden > 0.0 and rows.sum() < _LAW_ROWS:
+    if asked.hidden > 0.0 and rows.sum() < LAW_ROWS:
         rows, digits = told, (2.0 * asked.op_band, 2.0 * asked.pv_band)
     else:
         inside = kept

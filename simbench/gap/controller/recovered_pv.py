@@ -90,8 +90,8 @@ def mean_like(pv: np.ndarray, seen: np.ndarray, other: np.ndarray) -> np.ndarray
     return _around(other) @ (weights / weights.sum())
 
 
-def _around(x: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.roll(x, shift) for shift in MEAN_OVER])
+def _around(x: np.ndarray, over: tuple[int, ...] = MEAN_OVER) -> np.ndarray:
+    return np.column_stack([np.roll(x, shift) for shift in over])
 
 
 def _weights(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -114,15 +114,12 @@ def hidden_law(
     """
     y, many = e[exact], len(over)
 
-    def around(x: np.ndarray) -> list[np.ndarray]:
-        return [np.roll(x, shift) for shift in over]
-
     def gain(beta: np.ndarray) -> float:
         total = float(beta[:many].sum())
         return 1.0 / total if total != 0.0 else np.inf
 
     if Ki == 0.0:
-        X = np.column_stack([*around(op), np.ones(op.size)])[exact]
+        X = np.column_stack([_around(op, over), np.ones(op.size)])[exact]
         beta = solved(X, y)
         base = y - op[exact] / Kc
         return _Hidden(gain(beta), -gain(beta), float(np.std(y - X @ beta)), float(np.std(base)))
@@ -132,7 +129,7 @@ def hidden_law(
     def channels(wait: float) -> tuple[np.ndarray, float]:
         forget = wait / (1.0 + wait)  # wait = Ti/Ts
         of_op, of_start = (lfilter([1.0], [1.0, -forget], x) for x in (drive, unit))
-        return np.column_stack([*around(of_op), of_start])[exact], forget
+        return np.column_stack([_around(of_op, over), of_start])[exact], forget
 
     def misfit(log_wait: float) -> float:
         X, _ = channels(float(np.exp(log_wait)))

@@ -9,7 +9,7 @@ import numpy as np
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import LINEAR, Fit, Spec
+from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
 
 _SURE_WITHIN = 0.2  # share of its rate within which a ramp is known from PV
@@ -20,17 +20,18 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     already.
     """
     n, T = engine.data.n, engine.data.T
-    line = np.linspace(0.0, 1.0, n)
-    spec = base.spec.join(Spec(walk=True, channels=(line,) if T > 0 else ()))
+    t = np.linspace(0.0, 1.0, n)
+    # as a load's, it may bend
+    spec = base.spec.join(Spec(walk=True, channels=(4.0 * t * (1.0 - t), t) if T > 0 else ()))
     size = float(np.std(engine.data.y)) / np.sqrt(n)
     best = engine.grid(spec, base.theta, [{"walk": size * f} for f in (0.01, 0.1, 0.5, 2.0)])[0]
-    return engine.fit(spec, best.theta), 2.0 if T > 0 else 1.0
+    return engine.fit(spec, best.theta), 3.0 if T > 0 else 1.0
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return ramp (PV units/s) and walk (PV units/sqrt(s))."""
     Ts = s.record.Ts
-    rate = fit.beta[LINEAR:][-1] / (s.data.n * Ts) if s.data.T > 0 else 0.0
+    rate = fit.beta[-1] / (s.data.n * Ts) if s.data.T > 0 else 0.0
     return {"rate": float(rate), "walk": float(fit.theta["walk"] / np.sqrt(Ts))}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import LINEAR, Data, Fit, Spec, input_gain
+from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain
 from simbench.gap.likelihood.search import likeliest
 from simbench.gap.situation import Situation
 
@@ -20,10 +20,12 @@ _A_DAY = 5.0
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Fit a random walk with a ramp to the load."""
+    """Fit a random walk with a bent ramp to the load."""
     d = engine.data
-    line = kernels.plant(np.linspace(0.0, 1.0, d.n), base.theta["T"] if d.T > 0 else 0.0, 0.0, 0.0)
-    spec = base.spec.join(Spec(load_walk=True, channels=(line,)))
+    t, T = np.linspace(0.0, 1.0, d.n), base.theta["T"] if d.T > 0 else 0.0
+    # a sine slower than the record bends
+    bend, line = (kernels.plant(x, T, 0.0, 0.0) for x in (4.0 * t * (1.0 - t), t))
+    spec = base.spec.join(Spec(load_walk=True, channels=(bend, line)))
     size = float(np.std(d.y)) if d.T > 0 else float(np.std(np.diff(d.y)))
     best = engine.grid(
         spec, base.theta, [{"load_walk": size * f / np.sqrt(d.n)} for f in (1e-3, 0.03, 0.3, 1.0)]
@@ -31,14 +33,14 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     # the base's load had taken the drift's place
     quiet = {"load": 0.05 * best.theta["load"], "load_walk": 0.05 * size / np.sqrt(d.n)}
     quiet = {**best.theta, **quiet}
-    return likeliest(engine, spec, (best.theta, quiet)), 2.0
+    return likeliest(engine, spec, (best.theta, quiet)), 3.0
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return ramp (%/s) and walk (%/sqrt(s)) at the plant's input."""
     Ts, K = s.record.Ts, input_gain(fit, s.data)
     rate, walk = (
-        fit.beta[LINEAR:][-1] / K / (s.data.n * Ts),
+        fit.beta[-1] / K / (s.data.n * Ts),
         fit.theta["load_walk"] / abs(K) / np.sqrt(Ts),
     )
     return {"rate": float(rate), "walk": float(walk)}
@@ -49,7 +51,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
     beyond.
     """
     # the ramp runs over all records that are fitted as one
-    ramp, walk = fit.beta[LINEAR:][-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
+    ramp, walk = fit.beta[-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
     near = np.hypot(ramp, walk) < _A_DAY * abs(input_gain(fit, data))
     return True if near and data.trusted else None
 

@@ -22,6 +22,8 @@ _SHARES = (0.7, 0.2)  # shares of the load that may be left with jumps
 _SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
 # share of the load that must be left with the jumps: a load that only jumps is an ordinary one
 _REMAINING = 0.25
+# % of OP's travel, up to which jumps are those of every day (five healthy records: .03 to .5)
+_PETTY = 1.0
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -126,13 +128,15 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 
 def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
-    """Return whether the jumps may be all that an ordinary load does: small, fading, or with
-    nothing else.
+    """Return whether the jumps may be all that an ordinary load does: a single one, petty, small,
+    fading, or with nothing else.
     """
+    once = len(fit.spec.jumps) == 1
+    petty = data.trusted and fit.theta["load_jump"] < _PETTY * abs(input_gain(fit, data))
     alone = fit.theta["load"] < _REMAINING * base.theta["load"]
     # a jump is two parts
     small = np.sqrt(2.0) * fit.theta["load_jump"] < _SMALL * fit.theta["load"]
-    return alone or small or not fit.spec.lasting
+    return once or petty or alone or small or not fit.spec.lasting
 
 
 RECOGNISER = Recogniser(

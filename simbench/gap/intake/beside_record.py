@@ -12,9 +12,9 @@ from detectors.errors import RecordError
 from detectors.signal.holds import runs_of
 from detectors.signal.spikes import cleaned
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import RETUNED, Law
+from simbench.gap.controller.pi_law import LAW_ROWS, RETUNED, Law
 from simbench.gap.intake.check import check
-from simbench.gap.intake.observed import LAW_ROWS, longest_run
+from simbench.gap.intake.observed import longest_run, moving
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_mv_units
 from simbench.gap.sensor.samples import inspect_samples
@@ -131,40 +131,25 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
     manual = test.manual
     if not manual.any():
         return ""
-    moves, edge = _moves(test.record.op), _EDGE + late
-    rests = max([edge, *(1.5 * (rows.stop - rows.start) for rows in _runs(~_moves(usual)[1:]))])
+    moves, edge = moving(test.record.op), _EDGE + late
+    rests = max([edge, *(1.5 * (b - a) for a, b in runs_of(~moving(usual)[1:]))])
     misfit = f"the mode column of {test.name} does not fit its OP, which"
-    for rows in _runs(manual):
+    for a, b in runs_of(manual):
         # where an operator took over OP may jump to his first level
-        x = moves[rows]
-        for place, side in (("first", x[1:]), ("last", x[::-1])):
-            if _length(side) > edge or side[:_BRISK].sum() >= _OFTEN + late:
+        for place, side in (("first", moves[a + 1 : b]), ("last", moves[a:b][::-1])):
+            if side.cumprod().sum() > edge or side[:_BRISK].sum() >= _OFTEN + late:
                 return (
                     f"{misfit} still moves like a controller's in the {place} samples that are"
                     " called MAN"
                 )
-    for rows in _runs(~manual):
-        x = ~moves[rows]
-        for place, side, shown in (
-            ("first", x[1:], rows.start > 0),
-            ("last", x[::-1], rows.stop < manual.size),
-        ):
-            if shown and _length(side) > rests:
+    for a, b in runs_of(~manual):
+        still = ~moves[a:b]
+        sides = [("first", still[1:])] if a > 0 else []
+        sides += [("last", still[::-1])] if b < manual.size else []
+        for place, side in sides:
+            if side.cumprod().sum() > rests:
                 return f"{misfit} stands still in the {place} samples that are called AUTO"
     return ""
-
-
-def _moves(op: np.ndarray) -> np.ndarray:
-    return np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
-
-
-def _runs(x: np.ndarray) -> list[slice]:
-    return [slice(int(a), int(b)) for a, b in runs_of(x)]
-
-
-def _length(x: np.ndarray) -> int:
-    """Return the number of leading samples that are true."""
-    return int(x.cumprod().sum())
 
 
 def refuse_twice(tests: list[RecordedTest]) -> None:

@@ -13,14 +13,13 @@ from detectors.record import LoopRecord
 from detectors.signal.holds import holds, runs_of
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import STUCK, Law
+from simbench.gap.controller.pi_law import LAW_ROWS, STUCK, Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like
 
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
-LAW_ROWS = 60  # samples in automatic, from which the controller's law is asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +159,12 @@ def _held(pv: np.ndarray, op: np.ndarray) -> int:
     to rest as a whole.
     """
     lengths = holds(pv)
-    moves = np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
-    return int(np.bincount(np.repeat(np.arange(lengths.size), lengths), moves).max())
+    return int(np.bincount(np.repeat(np.arange(lengths.size), lengths), moving(op)).max())
+
+
+def moving(op: np.ndarray) -> np.ndarray:
+    """Return the samples to which OP moved."""
+    return np.append(False, np.abs(np.diff(op)) > 1e-9 * float(np.abs(op).max()))
 
 
 def _moves_of(sp: np.ndarray) -> list[str]:

@@ -14,7 +14,6 @@ from simbench.gap.discover.discovery import Discovery
 from simbench.gap.report import law_pictures
 from simbench.gap.report.parts import captioned, compared, render, write
 from simbench.gap.report.traces import end_of
-from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 from simbench.loop.laws import LAW_FORMS
 
@@ -49,17 +48,12 @@ def law_section(discovery: Discovery) -> Markup:
         }
         for name, value in law.numbers.items()
     ]
-    caption = "record with the law's spells shaded"
-    items = [
-        {
-            "svg": inline_svg(law_pictures.draw_windows(discovery), "windows", caption),
-            "caption": "Where it acts, shaded.",
-        }
-    ]
+    drawn = [(law_pictures.draw_windows(discovery), "windows", "Where it acts, shaded")]
     if law_pictures.law_curve(discovery) is not None:
-        drawn = inline_svg(law_pictures.draw_law(discovery), "law", law.text)
-        items.insert(0, {"svg": drawn, "caption": f"The law: {LAW_FORMS[law.form].says}."})
-    return render("law.html", lines=lines, items=items, table=sortable(pd.DataFrame(rows)))
+        says = f"The law: {LAW_FORMS[law.form].says}"
+        drawn.insert(0, (law_pictures.draw_law(discovery), "law", says))
+    table = sortable(pd.DataFrame(rows))
+    return render("law.html", lines=lines, items=captioned(drawn), table=table)
 
 
 def _look(discovery: Discovery) -> Markup:

@@ -13,7 +13,7 @@ from detectors.errors import UserError
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panels, styled
 from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.discover.discovery import Discovery
-from simbench.gap.report.pictures import WIDTH
+from simbench.gap.report.pictures import PHONE_WIDTH
 from simbench.loop.laws import apply_law, law_parameters
 from simbench.loop.parameters import resolve
 from simbench.loop.response import stages_response
@@ -26,7 +26,7 @@ _Curve = tuple[np.ndarray, np.ndarray, str, str]  # x, y, names of both axes
 def draw_windows(discovery: Discovery) -> Figure:
     """Draw PV and OP of the record, the spells in which the law acts shaded."""
     s = discovery.situation
-    figure, grid = panels(2, 1, WIDTH, 3.2, sharex=True)
+    figure, grid = panels(2, 1, PHONE_WIDTH, 3.2, sharex=True)
     t = np.arange(s.record.n) * s.record.Ts
     for axes, x, name in zip(grid[:, 0], (s.record.pv, s.op), ("PV", "OP (%)")):
         axes.plot(t, x, color=BLACK, linewidth=0.7)
@@ -45,7 +45,7 @@ def draw_law(discovery: Discovery) -> Figure:
     assert law is not None
     assert curve is not None
     x, y, across, up = curve
-    figure, grid = panels(1, 1, WIDTH, 3.0)
+    figure, grid = panels(1, 1, PHONE_WIDTH, 3.0)
     axes: Axes = grid[0, 0]
     ends = [{**law.numbers, name: value} for name, pair in law.intervals.items() for value in pair]
     near = [c[1] for c in (law_curve(discovery, numbers) for numbers in ends) if c is not None]
@@ -73,7 +73,7 @@ def draw_lacking(lacks: Lacking) -> Figure:
     bars.
     """
     rows = lacks.features[:8][::-1]
-    figure, grid = panels(1, 1, WIDTH, 0.9 + 0.34 * len(rows))
+    figure, grid = panels(1, 1, PHONE_WIDTH, 0.9 + 0.34 * len(rows))
     axes: Axes = grid[0, 0]
     axes.barh(
         range(len(rows)),

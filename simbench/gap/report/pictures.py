@@ -15,7 +15,7 @@ from detectors.record import LoopRecord
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, label, panels, styled
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED
 
-WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
+PHONE_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 RECORD = "record"
 LOOK = {
     RECORD: (BLACK, "-"),
@@ -31,7 +31,7 @@ _BEYOND = 2.0  # share of the record's range that a runaway simulation may be dr
 @styled
 def draw_blocks(shares: Mapping[str, float]) -> Figure:
     """Draw the probability of each block as bars, the largest on top."""
-    figure, grid = panels(1, 1, WIDTH, 0.65 + 0.28 * len(shares))
+    figure, grid = panels(1, 1, PHONE_WIDTH, 0.65 + 0.28 * len(shares))
     blocks = sorted(shares, key=lambda b: -shares[b])
     fill_ranking(grid[0, 0], blocks, [shares[b] for b in blocks])
     return figure
@@ -45,7 +45,9 @@ def draw_traces(
     axes.
     """
     every = {RECORD: record, **runs}
-    figure, grid = panels(len(every), 1, WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True)
+    figure, grid = panels(
+        len(every), 1, PHONE_WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True
+    )
     fill_traces(list(grid[:, 0]), signal, every, start, stop)
     return figure
 
@@ -75,7 +77,7 @@ def draw_loops(
     """
     every = {RECORD: record, **runs}
     rows = (len(every) + 1) // 2
-    figure, grid = panels(rows, 2, WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
+    figure, grid = panels(rows, 2, PHONE_WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
     parts = {name: trace.window(start, stop) for name, trace in every.items()}
     for axes, (name, part) in zip(grid.flat, parts.items()):
         axes.plot(part.op, _signal(part, across), color=LOOK[name][0], linewidth=0.7, alpha=0.9)
@@ -98,7 +100,7 @@ def draw_spectra(record: LoopRecord, runs: Mapping[str, LoopRecord]) -> Figure:
     """Draw the power spectra of PV and OP over the whole length, record and simulations in one
     panel each.
     """
-    figure, grid = panels(2, 1, WIDTH, 4.4, sharex=True)
+    figure, grid = panels(2, 1, PHONE_WIDTH, 4.4, sharex=True)
     for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), ("PV units$^2$ s", "%$^2$ s")):
         for name, trace in {**runs, RECORD: record}.items():
             f, power = spectrum(_signal(trace, signal), trace.Ts)
@@ -137,7 +139,7 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
     """Draw the gap of every simulation as a bar, with the floor that seed-to-seed variation alone
     gives.
     """
-    figure, grid = panels(1, 1, WIDTH, 0.65 + 0.34 * len(sizes))
+    figure, grid = panels(1, 1, PHONE_WIDTH, 0.65 + 0.34 * len(sizes))
     fill_gap(grid[0, 0], sizes)
     return figure
 

@@ -19,7 +19,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 if TYPE_CHECKING:
     import pandas as pd
 
-SHOWN = 0.005  # probability from which an explanation is shown: what does not round to 0 %
+LEAST_SHOWN = 0.005  # probability from which an explanation is shown: what does not round to 0 %
 
 
 @dataclass(frozen=True)
@@ -257,7 +257,7 @@ class GapReport:
             lines.append(f"These effects give the same signals in this record: {names}.")
         if any(self.blocks.values()):
             shares = [
-                f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= SHOWN
+                f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= LEAST_SHOWN
             ]
             lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
         lines += [*self.gap_lines(), "", "probability  effect"]

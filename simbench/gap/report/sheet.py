@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from simbench.figures._style import label, styled
 from simbench.gap.report.pictures import RECORD, fill_gap, fill_ranking, fill_traces
-from simbench.gap.report.result import SHOWN, GapReport, words
+from simbench.gap.report.result import LEAST_SHOWN, GapReport, words
 from simbench.gap.report.traces import end_of, gap_sizes, recorded, simulated
 
 _SAMPLES = 400  # of the record's end: a few periods of most loops
@@ -24,7 +24,7 @@ def draw_sheet(report: GapReport) -> Figure:
     end = end_of(report.behind.found.situation, _SAMPLES)
     fill_traces(list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *end)
     which, gap = right.subplots(2, 1)
-    top = [r for r in report.ranking if r.probability >= SHOWN][:_MOST]
+    top = [r for r in report.ranking if r.probability >= LEAST_SHOWN][:_MOST]
     fill_ranking(which, [words(r.effect) for r in top], [r.probability for r in top])
     fill_gap(gap, gap_sizes(report))
     label(which, "probability", "", "what is missing")

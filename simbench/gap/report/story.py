@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 
 from simbench.figures._style import BLACK, GREY, label, panels, styled
 from simbench.gap.intake.recorded_test import RecordedTest
-from simbench.gap.report.parts import render
-from simbench.gap.report.pictures import WIDTH
-from simbench.gap.report.result import SHOWN, GapReport, words
-from simbench.html.svg import inline_svg
+from simbench.gap.report.parts import captioned, render
+from simbench.gap.report.pictures import PHONE_WIDTH
+from simbench.gap.report.result import LEAST_SHOWN, GapReport, words
 from simbench.html.table import sortable
 
 
@@ -24,7 +23,7 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
     records drawn.
     """
     chances = [{r.effect: r.probability for r in one.ranking} for one in (before, report)]
-    shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= SHOWN]
+    shown = [e for e in chances[1] if max(c.get(e, 0.0) for c in chances) >= LEAST_SHOWN]
     frame = pd.DataFrame(
         {
             "explanation": [words(e) for e in shown],
@@ -33,17 +32,10 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
         }
     )
     asked = before.next_test
-    items = [
-        {
-            "svg": inline_svg(
-                _draw(test), f"test-{i}", f"{test.name}: PV and OP over time, manual shaded"
-            ),
-            "caption": (
-                f"{test.name}: PV with its set point, and OP; the operator's part is shaded."
-            ),
-        }
-        for i, test in enumerate(tests)
-    ]
+    shown_of_test = "PV with its set point, and OP; the operator's part is shaded"
+    items = captioned(
+        (_draw(test), f"test-{i}", f"{test.name}: {shown_of_test}") for i, test in enumerate(tests)
+    )
     return render(
         "story.html",
         believed=before.sentence(),
@@ -59,7 +51,7 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
 @styled
 def _draw(test: RecordedTest) -> Figure:
     r = test.record
-    figure, grid = panels(2, 1, WIDTH, 2.8, sharex=True)
+    figure, grid = panels(2, 1, PHONE_WIDTH, 2.8, sharex=True)
     for axes, name, x in ((grid[0, 0], "PV", r.pv), (grid[1, 0], "OP (%)", r.op)):
         axes.plot(r.t, x, color=BLACK, linewidth=0.9)
         label(axes, "", name, "")

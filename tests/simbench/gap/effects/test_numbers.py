@@ -20,6 +20,7 @@ from simbench.gap.likelihood import kernels
 
 PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
 DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2)
+TRUSTED = SimpleNamespace(**vars(DATA), trusted=True)
 SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
 
 
@@ -95,8 +96,11 @@ def test_load_steps_are_counted_and_sized_in_percent_of_op():
 )
 def test_jumps_that_the_ordinary_load_may_make_are_ordinary(rest, height, lasting, ordinary):
     # a jump of two parts of .707 is one of twice a load of .5
-    jumping = fit(jumps=(100, 200), lasting=lasting, load=rest, load_jump=height)
-    assert load_steps.ordinary(jumping, fit(load=1.0), DATA, 1000) == ordinary
+    jumping = fit(K=-0.6, jumps=(100, 200), lasting=lasting, load=rest, load_jump=height)
+    assert load_steps.ordinary(jumping, fit(load=1.0), TRUSTED, 1000) == ordinary
+    # of one percent of OP's travel they are those of every day
+    jumping = fit(K=-1.01 * height, jumps=(100, 200), load=rest, load_jump=height)
+    assert load_steps.ordinary(jumping, fit(load=1.0), TRUSTED, 1000)
 
 
 @pytest.mark.parametrize(
@@ -128,9 +132,10 @@ def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
     spec = SimpleNamespace(join=lambda other: other)
     _, count = load_drift.fit(Engine(), SimpleNamespace(spec=spec, theta={"T": T, "load": 2.0}))
     # once with the load as it was, once with next to none beside the drift
-    ((line,), load), (_, quiet) = seen
+    ((bend, line), load), (_, quiet) = seen
+    assert bend[0] == pytest.approx(0.0, abs=1e-12)
     assert (load, quiet) == (2.0, pytest.approx(0.1))
-    assert count == 2.0
+    assert count == 3.0
     # from next to nothing to all that PV (or what moves a vessel) does within the record
     size = 1.0 / np.sqrt(12.0) if T else 0.0
     assert np.ravel(walks)[[0, -1]] == pytest.approx(
