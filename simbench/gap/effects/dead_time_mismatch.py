@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from simbench.gap.effects._mismatch import dead_times, released
-from simbench.gap.effects._recogniser import Recogniser
+from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
-from simbench.gap.likelihood.model import Spec, delay_of
+from simbench.gap.likelihood.model import Fit, Spec, delay_of
+from simbench.gap.situation import Situation
+
+
+def numbers(fit: Fit, s: Situation) -> Parameters:
+    """Return the dead time beyond the baseline's (s); an OP archived late hides a sample of it."""
+    return {"extra": (delay_of(fit.spec, fit.theta) + s.data.late - s.data.Td) * s.record.Ts}
 
 
 def smallest(probe: Probe) -> tuple[float, str]:
@@ -17,7 +23,7 @@ def smallest(probe: Probe) -> tuple[float, str]:
 
 RECOGNISER = Recogniser(
     fit=released("Td", dead_times),
-    numbers=lambda fit, s: {"extra": (delay_of(fit.spec, fit.theta) - s.data.Td) * s.record.Ts},
+    numbers=numbers,
     needs="plant",
     bends_plant=True,
     replaces="Td",

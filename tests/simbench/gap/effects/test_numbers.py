@@ -19,7 +19,7 @@ from simbench.gap.effects import (
 from simbench.gap.likelihood import kernels
 
 PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
-DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2)
+DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2, late=0)
 TRUSTED = SimpleNamespace(**vars(DATA), trusted=True)
 SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
 
@@ -54,6 +54,12 @@ def fit(K=1.0, linear=(), jumps=(), lasting=True, **theta):
 )
 def test_a_fits_numbers_are_those_of_the_loop_file(effect, fitted, numbers):
     assert recogniser(effect).numbers(fitted, SITUATION) == pytest.approx(numbers)
+
+
+def test_an_op_that_is_archived_late_hides_a_sample_of_the_dead_time():
+    late = SimpleNamespace(data=SimpleNamespace(Td=4.0, late=1), record=SITUATION.record)
+    numbers = recogniser("dead_time_mismatch").numbers(fit(Td=7.0), late)
+    assert numbers == {"extra": pytest.approx(8.0)}
 
 
 def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
