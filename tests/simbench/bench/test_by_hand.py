@@ -21,12 +21,14 @@ from simbench.bench.execute.failures import Failures
 from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario import truth
 from simbench.bench.scenario.motion import Motion, largest_sine, motion
-from simbench.bench.score.check_result import SHOWN, Check
+from simbench.bench.score.check_result import Check
 from simbench.bench.score.names import kind_of
 from simbench.bench.score.pairing import pair
 from simbench.bench.score.ranks import loops_needed, rank_methods
 from simbench.bench.store import manifest
 from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA, encode
+
+SHOWN = 20  # flipped scenarios that a check shows
 
 
 def test_ranks_of_nobody_of_one_and_of_two_that_are_far_apart():
