@@ -63,8 +63,8 @@ def fixed_loop(
         "steps": [[float(k * Ts), float(sp[k])] for k in changes],
     }
     table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
-    if not situation.trusted:
-        table["noise"] = {"std": fit.theta["noise_std"]}
+    std = d.noise if situation.trusted else fit.theta["noise_std"]
+    table["noise"] = {**table.get("noise", {}), "std": std}
     source = load or fit
     # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the
     # same in every arm

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from detectors.signal.holds import holds, runs_of
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
 from simbench.gap.controller.pi_law import LAW_ROWS, STUCK, Law
-from simbench.gap.likelihood.model import Data
+from simbench.gap.likelihood.model import REDDEST, Data
 from simbench.gap.sensor.samples import Samples, inspect_samples
 from simbench.gap.situation import through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like
@@ -66,10 +67,20 @@ class Observed:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of PV's noise as the baseline states it; 0 where that is not its
-        author's.
+        """Standard deviation of PV's noise as the baseline states it, coloured noise on PV counted
+        in; 0 where that is not its author's.
         """
-        return self.baseline.noise.std if self.trusted else 0.0
+        if not self.trusted:
+            return 0.0
+        tables: list[dict[str, Any]] = [
+            part.parameters for part in self.baseline.disturbance if part.name == "coloured"
+        ]
+        coloured = (
+            p["amplitude"]
+            for p in tables
+            if p.get("at") == "output" and np.exp(-self.record.Ts / p["period"]) < REDDEST
+        )
+        return float(np.linalg.norm([self.baseline.noise.std, *coloured]))
 
     @cached_property
     def law(self) -> Law:

@@ -17,6 +17,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import (
     HOLDING,
     INNER,
+    REDDEST,
     Data,
     Fit,
     Spec,
@@ -34,7 +35,6 @@ _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
 _HALF = 0.5
 _LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 _SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
-_REDDEST = 0.8  # correlation from sample to sample: noise of more memory has passed a filter
 _QUICK = 0.08  # share of the longest memory a load may have: below it the prior ...
 _QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
 STEP = 1e-4  # step of a parameter or its logarithm, for derivatives
@@ -145,7 +145,7 @@ class Engine:
             "load_lag": (0.05, self.longest_load),
             "load": (1e-3 * d.floor if d.T > 0 else 1e-8 * d.size, 100.0 * d.size),
             "noise_std": (d.floor, 10.0 * d.size),
-            "colour": (-_REDDEST, _REDDEST),
+            "colour": (-REDDEST, REDDEST),
         }[name]
 
     def evaluate(
@@ -264,7 +264,7 @@ class Engine:
         if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
-            out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(0.05), _EDGE))
+            out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(_NOMINAL), _EDGE))
         return out
 
     def fit(

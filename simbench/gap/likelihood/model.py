@@ -16,6 +16,7 @@ from simbench.gap.likelihood import kernels
 
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
+REDDEST = 0.8  # correlation from sample to sample: noise of more memory has passed a filter
 _ABSENT = 1e-9  # smallest noise std (PV units)
 LINEAR = 3  # linear coefficients before those of an effect: gain, bias or ramp, onset
 INNER = "inner"  # a pole that every plant may have in place of some of its dead time

@@ -194,3 +194,14 @@ def test_what_the_baselines_valve_does_to_op_is_no_gap(valve):
     r = run(valve=valve)
     situation = check(replace(r, mv=None), loop(valve=valve))
     assert np.abs(situation.data.u - r.mv)[100:].max() < 0.05
+
+
+def test_coloured_noise_that_the_baseline_states_on_pv_is_noise_and_a_slow_load_is_none():
+    parts = [
+        {"type": "coloured", "amplitude": 0.08, "period": 2.0, "at": "output"},
+        {"type": "coloured", "amplitude": 0.5, "period": 60.0, "at": "output"},
+        {"type": "coloured", "amplitude": 0.6, "period": 2.0},
+    ]
+    stated = loop(noise={"std": 0.06}, disturbance=parts)
+    assert check(run(), stated).data.noise == pytest.approx(0.1)
+    assert check(run(), stated, trusted=False).data.noise == 0.0
