@@ -8,13 +8,15 @@ import numpy as np
 
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, Spec, input_gain
+from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
 # fewest periods with which any of three simulators draws this effect; down to three, 3 of 8 records
 # whose ordinary load was such a sine were called an oscillation
 _PERIODS = 8.0
+# |ln ratio| of periods, and share of a stated amplitude, beyond which a sine is another one
+_SAME_PERIOD, _LARGER = 0.05, 1.5
 _LOWEST = 12  # bins of a spectrum four times as fine as the record's: three whole periods
 
 
@@ -54,9 +56,18 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
 
 
+def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
+    """Return whether the baseline states this sine; None where it does not."""
+    period, amplitude = fit.theta["period"], float(np.hypot(*fit.beta[-2:]))
+    stated = any(
+        abs(np.log(period / p)) < _SAME_PERIOD and amplitude < _LARGER * a for p, a in data.sines
+    )
+    return stated or None
+
+
 def masked(s: Situation, p: Parameters) -> bool:
     """Return whether so few periods are an ordinary load that wanders."""
     return float(p["period"]) * _PERIODS > s.record.duration
 
 
-RECOGNISER = Recogniser(fit=fit, numbers=numbers, masked=masked)
+RECOGNISER = Recogniser(fit=fit, numbers=numbers, ordinary=ordinary, masked=masked)

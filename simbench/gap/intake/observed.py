@@ -72,15 +72,16 @@ class Observed:
         """
         if not self.trusted:
             return 0.0
-        tables: list[dict[str, Any]] = [
-            part.parameters for part in self.baseline.disturbance if part.name == "coloured"
-        ]
         coloured = (
             p["amplitude"]
-            for p in tables
+            for p in self._stated("coloured")
             if p.get("at") == "output" and np.exp(-self.record.Ts / p["period"]) < REDDEST
         )
         return float(np.linalg.norm([self.baseline.noise.std, *coloured]))
+
+    def _stated(self, kind: str) -> list[dict[str, Any]]:
+        """Return the loads of a kind that the baseline states."""
+        return [part.parameters for part in self.baseline.disturbance if part.name == kind]
 
     @cached_property
     def law(self) -> Law:
@@ -153,7 +154,17 @@ class Observed:
             resolution=resolution,
             trusted=self.trusted,
             late=self.law.late,
+            sines=tuple(map(self._on_pv, self._stated("sine"))) if self.trusted else (),
         )
+
+    def _on_pv(self, sine: dict[str, Any]) -> tuple[float, float]:
+        """Return the period (samples) and the amplitude on PV of a sine that the baseline
+        states.
+        """
+        plant, w = first_order_like(self.baseline.plant), 2.0 * np.pi / sine["period"]
+        pole = 1j * w if plant.integrating else 1j * w * float(plant.T or 0.0) + 1.0
+        gain = 1.0 if sine.get("at") == "output" else abs(plant.K / pole)
+        return sine["period"] / self.record.Ts, sine["amplitude"] * gain
 
 
 def longest_run(x: np.ndarray) -> slice:

@@ -30,7 +30,8 @@ class Data:
     samples (T = 0: integrating, K per sample); `noise`: stated std (PV units), 0 where none is;
     `resolution`: smallest step PV is written in; `late`: samples by which OP answers PV late in the
     archive; not `trusted`: K, T, Td are mere starting values; `shape` (b, a): of a baseline of
-    higher order, the filter of unit gain between its input and that of the first-order plant.
+    higher order, the filter of unit gain between its input and that of the first-order plant;
+    `sines` period (samples) and amplitude on PV of the sines that the baseline states.
     """
 
     u: np.ndarray
@@ -43,6 +44,7 @@ class Data:
     trusted: bool = True
     late: int = 0
     shape: tuple[np.ndarray, np.ndarray] | None = None
+    sines: tuple[tuple[float, float], ...] = ()
 
     def shaped(self, v: np.ndarray) -> np.ndarray:
         """Return MV as it drives the first-order plant, from rest at its first value."""

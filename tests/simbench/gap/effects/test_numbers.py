@@ -316,3 +316,14 @@ def test_heavy_tails_of_the_noise_are_no_spikes():
     s = SimpleNamespace(record=SimpleNamespace(pv=x), law=SimpleNamespace(known=True))
     score = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
     assert score is None or score[0] < 0.0
+
+
+@pytest.mark.parametrize(
+    ("period", "amplitude", "ordinary"),
+    [(50.0, 3.0, True), (52.0, 3.0, True), (53.0, 3.0, None), (50.0, 4.6, None)],
+)
+def test_a_sine_that_the_baseline_states_is_an_ordinary_load(period, amplitude, ordinary):
+    stated = SimpleNamespace(sines=((50.0, 3.0),))
+    sine = fit(linear=(0.6 * amplitude, 0.8 * amplitude), period=period)
+    assert oscillation.ordinary(sine, sine, stated, 1000) is ordinary
+    assert oscillation.ordinary(sine, sine, SimpleNamespace(sines=()), 1000) is None

@@ -205,3 +205,11 @@ def test_coloured_noise_that_the_baseline_states_on_pv_is_noise_and_a_slow_load_
     stated = loop(noise={"std": 0.06}, disturbance=parts)
     assert check(run(), stated).data.noise == pytest.approx(0.1)
     assert check(run(), stated, trusted=False).data.noise == 0.0
+
+
+def test_a_stated_sine_is_as_large_on_pv_as_the_plant_lets_it_through():
+    # at 2 pi T a pole takes a factor of the root of 2; K = 1.2
+    sine = {"type": "sine", "amplitude": 2.0, "period": 40.0 * np.pi}
+    stated = loop(disturbance=[sine, {**sine, "at": "output"}])
+    seen = [(40.0 * np.pi, 2.4 / np.sqrt(2.0)), (40.0 * np.pi, 2.0)]
+    assert check(run(), stated).data.sines == tuple(pytest.approx(one) for one in seen)
