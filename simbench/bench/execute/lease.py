@@ -17,6 +17,7 @@ from pathlib import Path
 
 from detectors.errors import masked, printable
 from simbench.bench.store.checksums import RunError
+from simbench.files import FileError
 
 LEASE = ".lease"
 BEAT = 0.5  # s between two heartbeats
@@ -56,17 +57,20 @@ def lease(folder: Path, subfolders: tuple[str, ...] = ("",)) -> Iterator[None]:
 
 
 def _made(file: Path, about: dict) -> bool:
-    file.parent.mkdir(exist_ok=True)  # the holder before may have removed it when it was done
     try:
-        f = open(file, "xb")  # noqa: SIM115
+        file.parent.mkdir(exist_ok=True)  # the holder before may have removed it when it was done
+        with open(file, "xb") as f:
+            try:
+                f.write(_text(about, 0))
+                f.flush()
+            except OSError:  # a lease without a holder, as a full disk leaves it, delays others
+                file.unlink()
+                raise
     except FileExistsError:
         return False
-    try:
-        with f:
-            f.write(_text(about, 0))
-    except OSError:  # a lease without a holder, as a full disk leaves it, keeps others waiting
-        file.unlink()
-        raise
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise FileError(f"{file} cannot be written: {why}") from error
     return True
 
 
