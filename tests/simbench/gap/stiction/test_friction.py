@@ -41,31 +41,20 @@ from simbench.plant.trust.trust import trust
 def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
     case = random_case(seed, effects)
     case = replace(case, record=case.record.window(0, 800))
-    alone, slow = (
-        friction(case.record, case.baseline if known else None).assessment,
-        at_its_pace(case.record),
-    )
-    whole = [diagnose(case.record, case.baseline if known else None).behind.found]
+    loop, slow = case.baseline if known else None, at_its_pace(case.record)
+    alone = friction(case.record, loop)
+    whole = [diagnose(case.record, loop).behind.found]
     if not known and slow is not case.record:
-        whole.append(
-            plausible(
-                assess(
-                    check(
-                        slow,
-                        identify(slow, controller=exact_controller(case.record)),
-                        trusted=False,
-                    )
-                )
-            )
-        )
-    best = max(whole, key=lambda assessment: assessment.log_likelihood_gains[FRICTION])
+        identified = identify(slow, controller=exact_controller(case.record))
+        whole.append(plausible(assess(check(slow, identified, trusted=False))))
+    weighed = [friction(case.record, loop, assessment) for assessment in whole]
     # what is beyond doubt as sampled is not asked again
-    if best.log_likelihood_gains[FRICTION] > ENOUGH:
-        best = next(f for f in whole if f.log_likelihood_gains[FRICTION] > ENOUGH)
-    assert alone.log_likelihood_gains[FRICTION] == pytest.approx(
-        best.log_likelihood_gains[FRICTION], abs=1e-6
+    best = next(
+        (one for one in weighed if one.evidence.gain > ENOUGH),
+        max(weighed, key=lambda one: one.evidence.gain),
     )
-    assert alone.parameters.get(FRICTION) == pytest.approx(best.parameters.get(FRICTION))
+    assert alone.evidence.gain == pytest.approx(best.evidence.gain, abs=1e-6)
+    assert alone.fitted == pytest.approx(best.fitted)
 
 
 @pytest.mark.slow
