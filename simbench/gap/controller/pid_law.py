@@ -4,13 +4,16 @@ recorded error.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from detectors.signal.filters import lfilter
-from detectors.signal.lattice import written_unit
+from detectors.signal.lattice import written
 from scenarios.spec import Controller
 from simbench.gap.controller.pi_law import DIGITS, Law
 from simbench.gap.controller.regression import EXACT
+from simbench.gap.sensor.samples import exception_band
 from simbench.loop.controller import pid_numbers
 
 
@@ -24,6 +27,22 @@ def examine_pid(
 ) -> Law:
     """Judge a PID from SP, PV and OP: positional and velocity form move OP alike between its
     limits.
+    """
+    law, late = (_examined(op, x, sp, Ts, settings, pv0) for x in (pv, np.append(pv[0], pv[:-1])))
+    # an archive may store PV before, or OP after, the controller ran
+    return replace(late, late=1) if late.known and not law.known else law
+
+
+def _examined(
+    op: np.ndarray,
+    pv: np.ndarray,
+    sp: np.ndarray | None,
+    Ts: float,
+    settings: Controller,
+    pv0: float,
+) -> Law:
+    """Judge a PID under one alignment of the signals; an archive that repeats values by exception
+    hides what it left out.
     """
     Ti = settings.Ti or np.inf
     p = pid_numbers(settings, settings.sign * settings.Kc, Ti, Ts, pv0, -np.inf, np.inf)
@@ -42,7 +61,12 @@ def examine_pid(
     if size == 0.0:
         return Law(1.0, 1.0, p.Kc, Ti, reason="OP stands nearly all the time")
     residual = float(np.median(left)) / size
-    digits = DIGITS * max(written_unit(op), abs(p.Kc) * (1.0 + p.kd) * written_unit(pv)) / size
-    known = residual < max(EXACT, min(digits, 0.5))
+    per_pv, op_is, pv_is = abs(p.Kc) * (1.0 + p.kd), written(op, pv), written(pv, op)
+    digits = DIGITS * max(op_is.unit, per_pv * pv_is.unit) / size
+    hidden = 2.0 * (
+        exception_band(op, max(op_is.unit, op_is.step))
+        + per_pv * exception_band(pv, max(pv_is.unit, pv_is.step))
+    )
+    known = residual < max(EXACT, min(digits, 0.5), hidden / size)
     why = "" if known else "the PID's settings do not turn the recorded PV into the recorded OP"
-    return Law(residual, residual, p.Kc, Ti, reason=why)
+    return Law(residual, residual, p.Kc, Ti, reason=why, hidden=hidden)

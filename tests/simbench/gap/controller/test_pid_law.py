@@ -33,3 +33,28 @@ def test_settings_explain_the_op_that_they_made_and_no_other(settings):
     assert law.residual < 1e-9
     detuned = loop.controller.model_copy(update={"Td": 4.0})
     assert examine_pid(r.op, r.pv, r.sp, r.Ts, detuned, loop.pv0).reason
+
+
+def by_exception(x, band):
+    """Return a signal as an archive has it that repeats the last value until it leaves it by more
+    than a band.
+    """
+    kept = x.copy()
+    for k in range(1, x.size):
+        if abs(x[k] - kept[k - 1]) <= band:
+            kept[k] = kept[k - 1]
+    return kept
+
+
+def test_an_archive_that_stores_op_late_or_by_exception_hides_no_settings():
+    loop = Loop.from_table({**TABLE, "noise": {"std": 0.3}})
+    r = simulate(loop, kick=5.0).record
+    about = (r.Ts, loop.controller, loop.pv0)
+    late = examine_pid(r.op[:-1], r.pv[1:], r.sp[1:], *about)
+    assert (late.known, late.late) == (True, 1)
+    coarse = examine_pid(by_exception(r.op, 0.3), by_exception(r.pv, 0.3), r.sp, *about)
+    assert coarse.known
+    # two bands of OP, and what two of PV make of it
+    assert coarse.hidden > 0.6
+    other = loop.controller.model_copy(update={"Kc": 6.0})
+    assert examine_pid(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, other, loop.pv0).reason
