@@ -269,9 +269,11 @@ def _free(asked: _Asked) -> _Free:
     size = spread(du)
     if size == 0.0:
         size = float(np.std(du)) or 1.0
-    step, unit = asked.op_is.step, asked.op_is.unit
+    step = asked.op_is.step
+    # what the digits of PV leave of the law counts as those of OP
+    written = max(asked.op_is.unit, abs(asked.Kc) * asked.pv_is.digits)
     limit = limits_of(
-        op, e, asked.Kc + asked.Ki, -asked.Kc, step, unit, asked.Ti is None, asked.hidden
+        op, e, asked.Kc + asked.Ki, -asked.Kc, step, written, asked.Ti is None, asked.hidden
     )
     lo, hi = limit.get("lo", -np.inf), limit.get("hi", np.inf)
     inside = (op > lo) & (op < hi)
