@@ -24,6 +24,7 @@ from simbench.loop.response import stages_response
 
 # nats that a valve identified from MV must bring, before OP of the other records is sent through it
 _BY_MV = 10.0
+_BETWEEN = 0.5  # samples by which a lag that is seen in samples alone may be longer than it is
 _DIGITS = 6  # decimals of MV (%) that are read
 VALVE_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
@@ -42,7 +43,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     seen = [] if s.record.mv is None else [(s.op, np.asarray(s.record.mv), s.record.Ts)]
     seen += [(t.op, t.mv, t.Ts) for t in tests if t.mv is not None and np.ptp(t.op) > _MOVES]
     total: Maps = {}
-    strays = False
+    powers = np.zeros(3)
     for op, mv, Ts in seen:
         expected = np.clip(through_valve(op, s.baseline.valve, Ts), 0.0, 100.0)
         search = MapSearch(op, mv, Ts, expected, s.expected_band, s.valve_lag / Ts)
@@ -50,13 +51,13 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))
         left = healthy * float(np.exp(-max(maps[winner][0], 0.0) / op.size))
-        strays |= left > recogniser(winner).by_mv_leaves * healthy and left > max(
-            0.15, 0.03 * float(np.std(op))
-        )
+        allowed = recogniser(winner).by_mv_leaves * healthy
+        powers += op.size * np.square([left, allowed, max(0.15, 0.03 * float(np.std(op)))])
         for e, (gain, p) in maps.items():
             before, kept = total.get(e, (0.0, p))
             total[e] = (before + gain, p if gain >= before else kept)
-    return total, strays
+    # of all records together: one in which a limit hardly acts shows another map
+    return total, bool(powers[0] > powers[1:].max())
 
 
 def with_lag_in_dead_time(s: Situation, maps: Maps) -> Situation:
@@ -67,9 +68,9 @@ def with_lag_in_dead_time(s: Situation, maps: Maps) -> Situation:
     """
     gain, numbers = maps.get(VALVE_LAG, (0.0, {}))
     tau, Ts = float(numbers.get("tau", 0.0)), s.record.Ts
-    if gain <= _BY_MV or tau > s.data.Td * Ts or not s.trusted:
+    if gain <= 0.0 or tau / Ts > s.data.Td + _BETWEEN or not s.trusted:
         return s
-    return replace(s, data=replace(s.data, Td=s.data.Td - tau / Ts), valve_lag=tau)
+    return replace(s, data=replace(s.data, Td=max(s.data.Td - tau / Ts, 0.0)), valve_lag=tau)
 
 
 def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.signal.filters import lfilter
+from detectors.signal.lattice import written_unit
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.search import followed
+from simbench.gap.sensor.samples import exception_band
 
 _PEAKS = 4  # number of best points of a grid over valve maps that are refined
 _SHARES = (
@@ -55,15 +57,17 @@ class MapSearch:
         self.op, self.mv, self.Ts, self.lag = op, mv, Ts, lag
         self.span = float(np.ptp(op)) or 1.0
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
+        # what an archive that reports by exception may hide of OP is no valve's
+        hidden = exception_band(op, written_unit(op)) / np.sqrt(3.0)
+        self.fine = (1e-3 * self.span) ** 2 + hidden**2
         self.healthy = min(self.level(expected), self.level(self.moved(kernels.PLAY, band, 0.0)))
 
     def level(self, v: np.ndarray) -> float:
         """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's
         valve is known.
         """
-        fine = (1e-3 * self.span) ** 2
         v = lagged(v, self.lag, self.mv[0])
-        return 0.5 * self.op.size * np.log(float(np.mean((self.mv - v) ** 2)) + fine)
+        return 0.5 * self.op.size * np.log(float(np.mean((self.mv - v) ** 2)) + self.fine)
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> MapFit:
         """Return the answer for a model of that level with `count` fitted numbers."""

@@ -11,7 +11,7 @@ import pytest
 from scenarios.spec import Part
 from simbench import Loop
 from simbench.gap.decide.assess import assess
-from simbench.gap.decide.beside_tests import joint_engine, lab_gains
+from simbench.gap.decide.beside_tests import joint_engine, lab_gains, valve_maps
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.model import Data
@@ -115,3 +115,18 @@ def test_a_lag_of_mv_that_the_dead_time_holds_is_no_effect(Td, tau, within):
 def test_of_a_lag_that_the_dead_time_could_hold_only_pv_shows_that_it_is_missing():
     nats = [assessed(6.0, tau).log_likelihood_gains["valve_lag"] for tau in (2.0, 9.0)]
     assert 5.0 < nats[0] < 0.5 * nats[1]
+
+
+def test_mv_strays_only_where_no_map_explains_all_its_records_together():
+    s = lagging(6.0, 2.0)
+    rng = np.random.default_rng(4)
+
+    def recorded(n, spread):
+        op = 50.0 + np.cumsum(rng.standard_normal(n))
+        mv = op + spread * rng.standard_normal(n)
+        return SimpleNamespace(op=op, mv=mv, Ts=s.record.Ts)
+
+    assert not valve_maps(s, [recorded(300, 0.1)])[1]
+    # one short record that another map explains better counts by its length
+    assert not valve_maps(s, [recorded(100, 0.2)])[1]
+    assert valve_maps(s, [recorded(9000, 3.0)])[1]

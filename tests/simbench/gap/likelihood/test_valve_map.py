@@ -119,3 +119,17 @@ def test_friction_of_a_cycling_loop_is_read_from_mv_however_long_the_record(mode
         identified = recogniser("stiction").by_mv(MapSearch(run.op, run.mv, 1.0, run.op))[1]
         right += abs(identified["S"] / S - 1.0) < 0.05 and abs(identified["J"] - J) < 0.1 * S
     assert right >= 7
+
+
+def test_what_an_archive_by_exception_hides_of_op_is_no_friction():
+    rng = np.random.default_rng(3)
+    true = 50.0 + np.cumsum(0.1 * rng.standard_normal(1500))
+    op = true.copy()
+    for k in range(1, op.size):
+        if abs(op[k] - op[k - 1]) <= 0.1:
+            op[k] = op[k - 1]
+    seen = MapSearch(op, true, TS, op)
+    # within the band any map is as good
+    assert seen.fine == pytest.approx((1e-3 * np.ptp(op)) ** 2 + 0.1**2 / 3.0, rel=0.05)
+    for effect in ("stiction", "deadband"):
+        assert recogniser(effect).by_mv(seen)[0] < 0.0
