@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._recogniser import Parameters, Recogniser
+from simbench.gap.effects._recogniser import LARGER, Parameters, Recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain
@@ -46,12 +46,13 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 
 def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
-    """Return whether the load drifts no further than the hours of an ordinary day let it; None
-    beyond.
+    """Return whether the load drifts no further than on an ordinary day, or than the baseline
+    states; None beyond.
     """
     # the ramp runs over all records that are fitted as one
     ramp, walk = fit.beta[-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
-    near = np.hypot(ramp, walk) < _A_DAY * abs(input_gain(fit, data))
+    most = max(_A_DAY, LARGER * data.loads.get("load_drift", 0.0))
+    near = np.hypot(ramp, walk) < most * abs(input_gain(fit, data))
     return True if near and data.trusted else None
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.special import gammaln
 
-from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
+from simbench.gap.effects._recogniser import LARGER, Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, size_penalty
@@ -16,6 +16,7 @@ from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 
 _AT_ONCE = 16  # number of jumps looked for before the load's other numbers are fitted again
+_APART = 5  # samples between jumps: two that are closer, there and back, are one wild reading
 _ROUNDS = 8  # times that jumps are looked for at most
 _NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
 _SHARES = (0.7, 0.2)  # shares of the load that may be left with jumps
@@ -54,7 +55,7 @@ def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
     n, best = engine.data.n, base
     for _ in range(_ROUNDS):
         places, height = _jumps(engine, best)
-        places, better = [k for k in places if k not in best.spec.jumps], best
+        better = best
         while places and better is best:
             trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *places), lasting=lasting))
             start = {"load_jump": height, **best.theta, "load": share * best.theta["load"]}
@@ -105,13 +106,15 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     conjugate = np.conj(np.fft.rfft(white, size))
     places: list[int] = []
     heights: list[float] = []
+    taken = np.zeros(n, dtype=bool)
+    taken[list(fit.spec.jumps)] = True
     for _ in range(_AT_ONCE):
         cross = np.fft.irfft(np.fft.rfft(residual, size) * conjugate, size)[:n]
         score = 0.5 * cross**2 / energy
         score[:edge], score[-5:] = 0.0, 0.0
+        score[np.convolve(taken, np.ones(2 * _APART + 1), "same") > 0.5] = 0.0
         k = int(np.argmax(score))
-        if k in places:
-            break
+        taken[k] = True
         height = float(cross[k] / energy[k])
         residual[k:] -= height * white[: n - k]
         places.append(k)
@@ -129,10 +132,12 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
     """Return whether the jumps may be all that an ordinary load does: a single one, petty, small,
-    fading, or with nothing else.
+    stated, fading, or with nothing else.
     """
-    once = len(fit.spec.jumps) == 1
-    petty = data.trusted and fit.theta["load_jump"] < _PETTY * abs(input_gain(fit, data))
+    # one in as many samples as the record has
+    once = len(fit.spec.jumps) * n <= data.n + n - 1
+    day = max(_PETTY, LARGER * data.loads.get("load_steps", 0.0))
+    petty = data.trusted and fit.theta["load_jump"] < day * abs(input_gain(fit, data))
     alone = fit.theta["load"] < _REMAINING * base.theta["load"]
     # a jump is two parts
     small = np.sqrt(2.0) * fit.theta["load_jump"] < _SMALL * fit.theta["load"]
@@ -143,5 +148,4 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
-    bends_plant=True,
 )

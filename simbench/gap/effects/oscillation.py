@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
+from simbench.gap.effects._recogniser import LARGER, Parameters, Recogniser, clip
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain
 from simbench.gap.likelihood.search import SMOOTH
@@ -15,8 +15,7 @@ from simbench.gap.situation import Situation
 # fewest periods with which any of three simulators draws this effect; down to three, 3 of 8 records
 # whose ordinary load was such a sine were called an oscillation
 _PERIODS = 8.0
-# |ln ratio| of periods, and share of a stated amplitude, beyond which a sine is another one
-_SAME_PERIOD, _LARGER = 0.05, 1.5
+_SAME_PERIOD = 0.05  # |ln ratio| of periods, beyond which a sine is another one
 _LOWEST = 12  # bins of a spectrum four times as fine as the record's: three whole periods
 
 
@@ -60,7 +59,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
     """Return whether the baseline states this sine; None where it does not."""
     period, amplitude = fit.theta["period"], float(np.hypot(*fit.beta[-2:]))
     stated = any(
-        abs(np.log(period / p)) < _SAME_PERIOD and amplitude < _LARGER * a for p, a in data.sines
+        abs(np.log(period / p)) < _SAME_PERIOD and amplitude < LARGER * a for p, a in data.sines
     )
     return stated or None
 

@@ -155,7 +155,27 @@ class Observed:
             trusted=self.trusted,
             late=self.law.late,
             sines=tuple(map(self._on_pv, self._stated("sine"))) if self.trusted else (),
+            loads=self._loads if self.trusted else {},
         )
+
+    @property
+    def _loads(self) -> dict[str, float]:
+        """Size (% of travel) of the steps and drifts that the baseline states at the plant's input,
+        over this record.
+        """
+        steps, ramps, walks = (
+            [p for p in self._stated(kind) if p.get("at", "input") == "input"]
+            for kind in ("steps", "ramp", "random_walk")
+        )
+        # between levels that are drawn evenly from -amplitude to amplitude
+        jumps = [p["amplitude"] * np.sqrt(2.0 / 3.0) for p in steps]
+        far = self.record.duration
+        drifts = [p["amplitude"] * min(far / p["period"], 1.0) for p in ramps]
+        drifts += [p["amplitude"] * np.sqrt(far / p["period"]) for p in walks]
+        return {
+            "load_steps": float(np.linalg.norm(jumps)),
+            "load_drift": float(np.linalg.norm(drifts)),
+        }
 
     def _on_pv(self, sine: dict[str, Any]) -> tuple[float, float]:
         """Return the period (samples) and the amplitude on PV of a sine that the baseline

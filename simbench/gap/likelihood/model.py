@@ -31,7 +31,8 @@ class Data:
     `resolution`: smallest step PV is written in; `late`: samples by which OP answers PV late in the
     archive; not `trusted`: K, T, Td are mere starting values; `shape` (b, a): of a baseline of
     higher order, the filter of unit gain between its input and that of the first-order plant;
-    `sines` period (samples) and amplitude on PV of the sines that the baseline states.
+    `sines` period (samples) and amplitude on PV of the sines that the baseline states; `loads` the
+    size (% of travel) of its other loads, by the effect that each would be called.
     """
 
     u: np.ndarray
@@ -45,6 +46,7 @@ class Data:
     late: int = 0
     shape: tuple[np.ndarray, np.ndarray] | None = None
     sines: tuple[tuple[float, float], ...] = ()
+    loads: Mapping[str, float] = field(default_factory=dict)
 
     def shaped(self, v: np.ndarray) -> np.ndarray:
         """Return MV as it drives the first-order plant, from rest at its first value."""

@@ -19,7 +19,7 @@ from simbench.gap.effects import (
 from simbench.gap.likelihood import kernels
 
 PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
-DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2, late=0)
+DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2, late=0, loads={})
 TRUSTED = SimpleNamespace(**vars(DATA), trusted=True)
 SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
 
@@ -107,6 +107,11 @@ def test_jumps_that_the_ordinary_load_may_make_are_ordinary(rest, height, lastin
     # of one percent of OP's travel they are those of every day
     jumping = fit(K=-1.01 * height, jumps=(100, 200), load=rest, load_jump=height)
     assert load_steps.ordinary(jumping, fit(load=1.0), TRUSTED, 1000)
+    # and so are those that the baseline states, up to half as much again
+    stated = SimpleNamespace(**(vars(TRUSTED) | {"loads": {"load_steps": 2.0}}))
+    for size, is_ordinary in ((2.9, True), (3.1, False)):
+        jumping = fit(K=-1.0, jumps=(100, 200), load=0.5, load_jump=size)
+        assert load_steps.ordinary(jumping, fit(load=1.0), stated, 1000) is is_ordinary
 
 
 @pytest.mark.parametrize(
@@ -116,8 +121,11 @@ def test_a_load_that_drifts_by_three_percent_of_travel_is_an_ordinary_one(ramp, 
     # K = 2: three percent are six of PV; a ramp over two records is half as long in the first
     drifting = SimpleNamespace(beta=np.array([2.0, 0.0, 0.0, 2.0 * ramp]), K=2.0)
     drifting.theta = {"load_walk": walk}
-    both = SimpleNamespace(n=2000, K=2.0, trusted=True)
+    both = SimpleNamespace(n=2000, K=2.0, trusted=True, loads={})
     assert load_drift.ordinary(drifting, drifting, both, 1000) is drifts
+    # a baseline that states a drift of five percent allows half as much again
+    both.loads = {"load_drift": 5.0}
+    assert load_drift.ordinary(drifting, drifting, both, 1000) is True
 
 
 @pytest.mark.parametrize("T", [0.0, 20.0])
@@ -246,9 +254,13 @@ def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, placed
     residual[k:] += 5.0 * white[: n - k]
     data = SimpleNamespace(n=n, T=5.0)
     engine = SimpleNamespace(data=data, noise_model=lambda spec, theta: model)
-    places, heights = load_steps._jumps(engine, SimpleNamespace(theta=theta, residual=residual))
+    placed_before = SimpleNamespace(jumps=(600,))
+    fitted = SimpleNamespace(theta=theta, residual=residual, spec=placed_before)
+    places, heights = load_steps._jumps(engine, fitted)
     assert (places[0] == k) == placed
     assert all(5 <= place < n - 5 for place in places)
+    # one there and one back within a few samples are a wild reading
+    assert np.diff(sorted([*places, 600])).min() > load_steps._APART
     if placed:
         # what is left once the jump is taken out is a hundredth of it
         assert heights * np.sqrt(len(places)) == pytest.approx(5.0, rel=0.1)

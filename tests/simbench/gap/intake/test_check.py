@@ -213,3 +213,18 @@ def test_a_stated_sine_is_as_large_on_pv_as_the_plant_lets_it_through():
     stated = loop(disturbance=[sine, {**sine, "at": "output"}])
     seen = [(40.0 * np.pi, 2.4 / np.sqrt(2.0)), (40.0 * np.pi, 2.0)]
     assert check(run(), stated).data.sines == tuple(pytest.approx(one) for one in seen)
+
+
+def test_stated_steps_and_drifts_count_where_they_enter_before_the_plant():
+    parts = [
+        {"type": "steps", "amplitude": 3.0, "period": 300.0},
+        {"type": "steps", "amplitude": 9.0, "period": 300.0, "at": "output"},
+        {"type": "ramp", "amplitude": 4.0, "period": 8000.0},
+        {"type": "random_walk", "amplitude": 1.5, "period": 8000.0},
+    ]
+    record, stated = run(), loop(disturbance=parts)
+    far = record.duration / 8000.0
+    seen = check(record, stated).data.loads
+    assert seen["load_steps"] == pytest.approx(3.0 * np.sqrt(2.0 / 3.0))
+    assert seen["load_drift"] == pytest.approx(np.hypot(4.0 * far, 1.5 * np.sqrt(far)))
+    assert check(record, stated, trusted=False).data.loads == {}
