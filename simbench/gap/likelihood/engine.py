@@ -30,6 +30,9 @@ from simbench.gap.likelihood.model import (
 
 _NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
 _EDGE = 0.02  # ... and falls off with this standard deviation outside
+# shares of a baseline's gain between which another one is looked for (four simulators draw .25 to
+# 4): below, a load explains all and the valve nothing, as it can in any loop at rest
+_MISMATCH = (0.2, 5.0)
 _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
 # share of the dead time that may be a lag of the plant; a lag is looked for from shares of that
 _HALF = 0.5
@@ -51,7 +54,7 @@ class Engine:
     `refit_within` nats behind the best is not fitted twice.
     """
 
-    refit_within = np.inf
+    refit_within = 40.0
 
     def __init__(self, data: Data, longest_load: float) -> None:
         self.data = data
@@ -233,8 +236,7 @@ class Engine:
         A.flat[:: len(A) + 1] += 1e-12 * float(np.trace(A)) + 1e-300
         beta = np.linalg.solve(A, b)
         K = self.data.K
-        trust = (0.05, 20.0) if "K" in spec.free else (1 - _NOMINAL, 1 + _NOMINAL)
-        low, high = sorted((K * trust[0], K * trust[1]))
+        low, high = self._gains(spec)
         if not self.data.trusted or low <= beta[0] <= high:
             return beta, 0.0
         edge = low if beta[0] < low else high
@@ -243,6 +245,16 @@ class Engine:
         b[0] += weight * edge
         beta = np.linalg.solve(A, b)
         return beta, float((beta[0] - edge) / (_EDGE * K))
+
+    def _gains(self, spec: Spec) -> tuple[float, float]:
+        """Return the smallest and the largest gain that the plant may have."""
+        least, most = 1.0 - _NOMINAL, 1.0 + _NOMINAL
+        if not self.data.trusted:
+            least, most = 0.05, 20.0
+        elif "K" in spec.free:
+            least, most = _MISMATCH
+        low, high = sorted((self.data.K * least, self.data.K * most))
+        return low, high
 
     def _surprises(self, spec: Spec, theta: Mapping[str, float]) -> list[float]:
         """Return how far, in standard deviations, each parameter lies outside its prior."""
@@ -434,9 +446,7 @@ class Engine:
         fine grid costs little.
         """
         gy, gg = self._scanned(spec, theta, kind, points)
-        d = self.data
-        trust = (0.05, 20.0) if "K" in spec.free or not d.trusted else (1 - _NOMINAL, 1 + _NOMINAL)
-        low, high = sorted((d.K * trust[0], d.K * trust[1]))
+        low, high = self._gains(spec)
         seen = gg > 1e-12
         K = np.where(seen, np.clip(gy / np.where(seen, gg, 1.0), low, high), 0.0)
         return K * gy - 0.5 * K * K * gg

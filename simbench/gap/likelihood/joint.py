@@ -30,8 +30,6 @@ class JointEngine(Engine):
     of its samples.
     """
 
-    refit_within = 40.0
-
     def __init__(self, parts: Sequence[JointPart], longest_load: float) -> None:
         first = parts[0].data
         u, y = (np.concatenate([getattr(p.data, name) for p in parts]) for name in ("u", "y"))

@@ -304,3 +304,13 @@ def test_scattered_fits_lie_as_far_below_the_likeliest_as_the_chi_squared_distri
     assert 0.25 * len(best.spec.names) < np.median(below) < 0.75 * len(best.spec.names)
     assert np.std([f.theta["T"] for f in fits]) / T < 0.2
     assert 0.0 < np.std([f.K for f in fits]) / K < 0.2
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_gain_a_fifth_to_five_times_the_baselines_is_as_good_as_any_and_less_is_held(sign):
+    spec, theta = Spec(free=frozenset({"K"})), THETA
+    inside, outside = (engine(gain=sign * gain, pv=sign * PV) for gain in (4.0, 10.0))
+    free = engine(gain=sign, pv=sign * PV).evaluate(spec, theta)
+    # the plant's own gain is a quarter of the first baseline's and a tenth of the second's
+    assert inside.evaluate(spec, theta)[0] == pytest.approx(free[0], abs=1e-6)
+    assert outside.evaluate(spec, theta)[0] < free[0] - 10.0
