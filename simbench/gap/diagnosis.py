@@ -250,6 +250,9 @@ def assess_with_tests(situation: Situation, tests: Sequence[RecordedTest]) -> As
             notes.append(f"test: {test.name} contradicts the record and is not counted: {reason}")
         else:
             kept.append(one)
+            if test.id == "raw" and one.explained:
+                # what the archive hides of PV, or stores at another time, is no other controller
+                situation = replace(situation, unexplained_law="")
     assessment = assess(situation, kept)
     if kept and situation.trusted:
         others = other_plants(assessment, assessment.situation, kept)

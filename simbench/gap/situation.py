@@ -124,7 +124,8 @@ class ModelledTest:
     (NaN between) and their std.
 
     `pace` are samples to one of the record's; `law` the controller's in automatic, None where it
-    was not asked; `proven` as in `Situation`; `moved` whether somebody moved SP, or OP in manual.
+    was not asked; `proven` as in `Situation`; `moved` whether somebody moved SP, or OP in manual;
+    `explained` whether the law explains OP whole.
     """
 
     name: str
@@ -138,6 +139,7 @@ class ModelledTest:
     law: Law | None = None
     proven: dict[str, dict[str, float | str]] = field(default_factory=dict)
     moved: bool = True
+    explained: bool = False
 
 
 def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:

@@ -33,10 +33,10 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         refuse_mv_units(r.mv, op, test.path)
     pace = s.record.Ts / r.Ts
     plain = not test.manual.any() and abs(pace - 1.0) <= SAME_TS
-    law, proven = None, {}
+    law, proven, unexplained = None, {}, ""
     if plain:
         situation = check(replace(r, tag=test.name, meta={}), test.loop, s.trusted, s.tuned)
-        law, data = situation.law, situation.data
+        law, data, unexplained = situation.law, situation.data, situation.unexplained_law
         # a short test may not show that the archive repeats PV by exception, as the record has
         other = {"detuning", "noise", *(["frozen_sensor"] if s.samples.band > 0.0 else [])}
         proven = {e: p for e, p in situation.proven.items() if e not in other}
@@ -48,7 +48,8 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
             s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.hidden
         )
         rows = longest_run(~test.manual)
-        if abs(pace - 1.0) <= SAME_TS and rows.stop - rows.start >= LAW_ROWS:
+        same = abs(pace - 1.0) <= SAME_TS or test.id == "raw"
+        if same and rows.stop - rows.start >= LAW_ROWS:
             law = _law(test, rows, s)
     return ModelledTest(
         test.name,
@@ -62,6 +63,7 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         law,
         proven,
         any(x is not None and x.size and np.ptp(x) > 0.0 for x in (r.sp, op[test.manual])),
+        law is not None and law.known and not unexplained,
     )
 
 

@@ -2,6 +2,7 @@
 is accepted.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from scenarios.spec import Loop
 from simbench.gap.decide import beside_tests
 from simbench.gap.decide.assess import assess
+from simbench.gap.diagnosis import assess_with_tests
 from simbench.gap.intake.beside_record import contradiction, modelled
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import RecordedTest
@@ -125,3 +127,20 @@ def test_in_manual_no_law_is_asked(situation):
     assert fitted.proven == {}
     assert fitted.law is not None
     assert fitted.law.gap == 0.0
+
+
+@pytest.mark.parametrize(("foreign", "settled"), [(False, True), (True, False)])
+def test_a_log_without_the_archive_settles_whether_the_controller_is_another(
+    foreign, settled, situation
+):
+    strays = replace(situation, unexplained_law="OP strays from a law that holds elsewhere")
+    raw = made("raw", situation)
+    if foreign:
+        op = raw.record.op.copy()
+        op[100:400:20] += 0.5
+        raw = replace(raw, record=replace(raw.record, op=op))
+    assert modelled(raw, strays).explained is settled
+    left = assess_with_tests(strays, [raw]).situation.unexplained_law
+    assert (left == "") is settled
+    # any other test is made with the archive
+    assert assess_with_tests(strays, [made("mv", situation)]).situation.unexplained_law

@@ -18,7 +18,7 @@ def trial(id_="bump"):
     return Trial(id_, 2.0, 60.0, 1.0, still.size, still, still, pv_excursion=3.0)
 
 
-def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, **more):
+def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, strays="", **more):
     seen = {}
 
     def sized(id_, s, loops, band, limits):
@@ -30,6 +30,7 @@ def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, **m
         proven={},
         law=SimpleNamespace(known=known),
         archive=SimpleNamespace(faithful=faithful),
+        unexplained_law=strays,
     )
     numbers = {"stiction": {"S": 2.0, "J": 1.0}, "deadband": {"S": 1.5}}
     about = {
@@ -83,14 +84,25 @@ def test_mv_comes_first_then_a_bump_and_what_was_recorded_is_not_asked_for_again
 
 
 @pytest.mark.parametrize(
-    ("known", "faithful", "first"),
-    [(True, False, "mv"), (False, True, "mv"), (False, False, "raw")],
+    ("known", "faithful", "strays", "first"),
+    [
+        (True, False, "", "mv"),
+        (False, True, "", "mv"),
+        (False, False, "", "raw"),
+        (True, True, "OP strays", "raw"),
+    ],
 )
 def test_raw_data_come_first_where_neither_law_nor_samples_speak_for_the_archive(
-    monkeypatch, known, faithful, first
+    monkeypatch, known, faithful, strays, first
 ):
-    assessment = assessed(monkeypatch, known=known, faithful=faithful)
+    assessment = assessed(monkeypatch, known=known, faithful=faithful, strays=strays)
     assert plan(assessment, OPEN, LOOPS).next_test["test"] == first
+
+
+def test_lab_samples_come_before_a_bump_where_the_sensor_may_drift(monkeypatch):
+    some, little = OPEN | {"drift": 0.11}, OPEN | {"drift": 0.09}
+    assert ids(plan(assessed(monkeypatch), some, LOOPS))[:3] == ["mv", "lab", "bump"]
+    assert ids(plan(assessed(monkeypatch), little, LOOPS))[:3] == ["mv", "bump", "lab"]
 
 
 def test_a_test_that_would_leave_its_limits_is_left_out_with_its_reason(monkeypatch):
@@ -133,10 +145,13 @@ def test_a_second_effect_named_by_likelihood_alone_is_asked_for_however_sure_the
     assert (made.next_test is None) == shown
 
 
-def test_unknown_is_asked_about_however_sure_unless_the_controller_is_no_known_one(monkeypatch):
+def test_unknown_is_asked_about_until_a_log_without_archive_shows_no_known_controller(monkeypatch):
     unknown = {"unknown": 0.95, "stiction": 0.05}
     strays = {"valve": "MV strays"}
     assert plan(assessed(monkeypatch, unexplained=strays), unknown, LOOPS).next_test is not None
     law = {"controller": "OP stands still"}
-    assert "OP stands still" in plan(assessed(monkeypatch, unexplained=law), unknown, LOOPS).why
+    strange = assessed(monkeypatch, unexplained=law, strays="OP stands still")
+    assert plan(strange, unknown, LOOPS).next_test["test"] == "raw"
+    strange.asked = ("raw",)
+    assert "OP stands still" in plan(strange, unknown, LOOPS).why
     assert plan(assessed(monkeypatch, unexplained=law), OPEN, LOOPS).next_test is not None
