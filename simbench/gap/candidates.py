@@ -22,7 +22,7 @@ from simbench.loop.plant import first_order_like
 
 # upper limit (nats) on the gain of an effect that an ordinary load could imitate: any other effect
 # that explains as much is named first
-LAST = 9.0
+LAST = 11.0
 
 
 @dataclass(frozen=True, eq=False)

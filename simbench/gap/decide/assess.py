@@ -264,8 +264,9 @@ def _gains_on_top(
 
 
 # nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), and
-# half of it
-LEAST_NATS = 5.0
+# as much again, as models overstate; with 5 four simulators' healthy records were named in 4 of 80
+# cases more, and effects rightly in 1 of 115
+LEAST_NATS = 7.0
 # what the residual tests of whole models do not exceed (98 to 99 % of development records), and the
 # block that fails beyond; a direction that no effect owns must bring three nats more than an effect
 # must
