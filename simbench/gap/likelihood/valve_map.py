@@ -65,9 +65,15 @@ class MapSearch:
     def level(self, v: np.ndarray) -> float:
         """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's
         valve is known.
+
+        MV may be logged at any time between OP's last sample and this one, or as a mean over it.
         """
         v = lagged(v, self.lag, self.mv[0])
-        return 0.5 * self.op.size * np.log(float(np.mean((self.mv - v) ** 2)) + self.fine)
+        left, back = self.mv - v, np.diff(v, prepend=v[0])
+        moved = float(back @ back)
+        share = min(max(-float(left @ back) / moved, 0.0), 1.0) if moved > 0.0 else 0.0
+        left += share * back
+        return 0.5 * self.op.size * np.log(float(left @ left) / left.size + self.fine)
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> MapFit:
         """Return the answer for a model of that level with `count` fitted numbers."""
