@@ -105,3 +105,12 @@ def test_stages_before_and_after_a_valve_act_in_their_order():
     before = through_valve(u, Part(name="lag", parameters={"T": 4.0, "before": [play]}), 2.0)
     assert after == pytest.approx(before)
     assert after[-1] == pytest.approx(53.0, abs=1e-3)
+
+
+def test_lines_that_the_noise_hides_are_an_ordinary_archives():
+    # the noise has a standard deviation of .1
+    thin, thick = (situation(archive=Archive(band=band)) for band in (0.045, 0.055))
+    assert (thin.compressed, thick.compressed) == (0.0, 0.055)
+    assert thin.facts == {}
+    assert "band" in thick.facts
+    assert not thin.archive.faithful
