@@ -28,6 +28,7 @@ from simbench.gap.decide.classify import Classified
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import WORDS, friction_share, from_posterior, from_record
+from simbench.gap.stiction.probability import STICKING_VALVES
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.plant.report.fleet import survey
@@ -273,10 +274,15 @@ def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_with_the_lag
         "effect": [{"name": "sensor_lag", "tau": 6.0}],
     }
     record = simulate(Loop.from_table(table), 1).record.without_mv()
-    alone, informed = conclude(record), conclude(record, load_loop(EXAMPLE))
+    alone, report = conclude(record), diagnose(record, load_loop(EXAMPLE))
+    informed = report.conclusion
     assert alone.verdict == informed.verdict == NO_STICTION
-    assert informed.probability < 0.1
     assert "sensor lag" in informed.cause
+    p = {r.effect: r.probability for r in report.ranking}
+    friction = sum(p.get(effect, 0.0) for effect in FRICTION)
+    # all but this comes from the share of what is unknown: of two effects one is left over
+    assert friction < 0.02
+    assert informed.probability == pytest.approx(friction + STICKING_VALVES * p["unknown"])
 
 
 def test_what_cannot_be_judged_has_no_probability_and_a_reason():
