@@ -24,7 +24,6 @@ from simbench.loop.response import stages_response
 
 # nats that a valve identified from MV must bring, before OP of the other records is sent through it
 _BY_MV = 10.0
-_BETWEEN = 0.5  # samples by which a lag that is seen in samples alone may be longer than it is
 _DIGITS = 6  # decimals of MV (%) that are read
 VALVE_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
@@ -68,9 +67,9 @@ def with_lag_in_dead_time(s: Situation, maps: Maps) -> Situation:
     """
     gain, numbers = maps.get(VALVE_LAG, (0.0, {}))
     tau, Ts = float(numbers.get("tau", 0.0)), s.record.Ts
-    if gain <= 0.0 or tau / Ts > s.data.Td + _BETWEEN or not s.trusted:
+    if gain <= 0.0 or tau / Ts > s.data.Td or not s.trusted:
         return s
-    return replace(s, data=replace(s.data, Td=max(s.data.Td - tau / Ts, 0.0)), valve_lag=tau)
+    return replace(s, data=replace(s.data, Td=s.data.Td - tau / Ts), valve_lag=tau)
 
 
 def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:

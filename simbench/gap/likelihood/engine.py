@@ -50,11 +50,7 @@ _COLOURED = 0.5  # std of the prior on the noise's correlation from sample to sa
 
 
 class Engine:
-    """Evaluates and maximises the likelihood for one record; an effect more than
-    `refit_within` nats behind the best is not fitted twice.
-    """
-
-    refit_within = 40.0
+    """Evaluates and maximises the likelihood for one record."""
 
     def __init__(self, data: Data, longest_load: float) -> None:
         self.data = data
