@@ -45,7 +45,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     powers = np.zeros(3)
     for op, mv, Ts in seen:
         expected = np.clip(through_valve(op, s.baseline.valve, Ts), 0.0, 100.0)
-        search = MapSearch(op, mv, Ts, expected, s.expected_band, s.valve_lag / Ts)
+        search = MapSearch(op, mv, Ts, expected, s.expected_band, s.valve_lag / Ts, s.data.late)
         maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))

@@ -43,6 +43,8 @@ class MapSearch:
         Dead-band (%) of the baseline's valve: where in it MV began is anybody's guess.
     lag : float
         Time constant (samples) of a sound valve, after every map; 0 for none.
+    late : int
+        Samples by which the archive may have stored OP late.
     """
 
     def __init__(
@@ -53,8 +55,9 @@ class MapSearch:
         expected: np.ndarray,
         band: float = 0.0,
         lag: float = 0.0,
+        late: int = 0,
     ) -> None:
-        self.op, self.mv, self.Ts, self.lag = op, mv, Ts, lag
+        self.op, self.mv, self.Ts, self.lag, self.late = op, mv, Ts, lag, late
         self.span = float(np.ptp(op)) or 1.0
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
         # what an archive that reports by exception may hide of OP is no valve's
@@ -66,14 +69,18 @@ class MapSearch:
         """Return n log(rms of MV less a model of it); below a thousandth of the range nobody's
         valve is known.
 
-        MV may be logged at any time between OP's last sample and this one, or as a mean over it.
+        MV may be logged at any time between OP's last sample and this one, or as a mean over it;
+        and before OP, where that was stored late.
         """
         v = lagged(v, self.lag, self.mv[0])
-        left, back = self.mv - v, np.diff(v, prepend=v[0])
-        moved = float(back @ back)
-        share = min(max(-float(left @ back) / moved, 0.0), 1.0) if moved > 0.0 else 0.0
-        left += share * back
-        return 0.5 * self.op.size * np.log(float(left @ left) / left.size + self.fine)
+        left, last, least = self.mv - v, np.append(v[0], v[:-1]), np.inf
+        for other in (last, np.append(v[1:], v[-1])) if self.late else (last,):
+            way = other - v
+            moved = float(way @ way)
+            share = min(max(float(left @ way) / moved, 0.0), 1.0) if moved > 0.0 else 0.0
+            rest = left - share * way
+            least = min(least, float(rest @ rest))
+        return 0.5 * self.op.size * np.log(least / left.size + self.fine)
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> MapFit:
         """Return the answer for a model of that level with `count` fitted numbers."""
@@ -136,7 +143,8 @@ class MapSearch:
         starts = np.arange(0, n - size + 1, max(size // 2, 1))
         first = int(starts[np.argmax(way[starts + size - 1] - way[starts])])
         here = slice(first, first + size)
-        return MapSearch(self.op[here], self.mv[here], self.Ts, self.op[here], lag=self.lag)
+        op, mv = self.op[here], self.mv[here]
+        return MapSearch(op, mv, self.Ts, op, lag=self.lag, late=self.late)
 
     def peaks(self, kind: int, grid: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
         """Return level and numbers at the bottoms below the best few points of a grid: peaks are

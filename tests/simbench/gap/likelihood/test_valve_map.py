@@ -68,6 +68,14 @@ def test_mv_may_be_logged_at_any_time_within_the_sample(share):
     assert identified == pytest.approx({"S": 3.17, "J": 1.3}, rel=0.02)
 
 
+def test_mv_is_ahead_of_an_op_that_was_stored_late_and_of_no_other():
+    ahead = np.append(OP[1:], OP[-1])
+    whole = MapSearch(OP, ahead + NOISE, TS, OP, late=1)
+    assert max(recogniser(e).by_mv(whole)[0] for e in ("stiction", "valve_lag")) < 0.0
+    # without the delay the same MV is far off OP
+    assert search(ahead + NOISE).healthy > whole.healthy + 300.0
+
+
 def test_numbers_are_paid_for_and_nobody_asks_how_much_worse():
     s = search(OP + 0.3)
     assert s.priced(s.healthy - 30.0, {"S": 1.0}, 2.0) == (
