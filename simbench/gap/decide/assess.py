@@ -23,6 +23,7 @@ from simbench.gap.candidates import (
 from simbench.gap.decide.beside_tests import (
     VALVE_LAG,
     Maps,
+    by_stem,
     joint_engine,
     lab_gains,
     valve_maps,
@@ -201,7 +202,11 @@ def _by_maps(
     """Return the situation with the engine's data, the engine, its base and every effect on top,
     under one reading of MV.
     """
-    engine = joint_engine(s, tests, maps) if tests else Engine(s.data, load_memory(s))
+    if tests:
+        engine: Engine = joint_engine(s, tests, maps)
+    else:
+        data = by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps)
+        engine = Engine(data, load_memory(s))
     shown = {e: p for t in tests for e, p in t.proven.items()}
     s = replace(s, data=engine.data, proven={**shown, **s.proven})
     base = engine.base()

@@ -16,7 +16,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Data, Fit, Spec, later
 from simbench.gap.likelihood.search import likeliest
-from simbench.gap.likelihood.valve_map import MapSearch, lagged
+from simbench.gap.likelihood.valve_map import MapSearch, lagged, share_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
 from simbench.loop.resolve import resolve_loop
@@ -24,6 +24,7 @@ from simbench.loop.response import stages_response
 
 # nats that a valve identified from MV must bring, before OP of the other records is sent through it
 _BY_MV = 10.0
+_EARLY = 0.1  # of a sample, by which MV must be logged early before its time is believed
 _DIGITS = 6  # decimals of MV (%) that are read
 VALVE_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
@@ -76,12 +77,12 @@ def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> Joi
     """Return the engine over the record and its tests; where MV was recorded once, the valve is
     known in all.
     """
-    parts = [JointPart(_by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps))]
-    parts += [JointPart(_by_stem(s, t.data, t.op, t.Ts, t.mv, maps), t.pace) for t in tests]
+    parts = [JointPart(by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps))]
+    parts += [JointPart(by_stem(s, t.data, t.op, t.Ts, t.mv, maps), t.pace) for t in tests]
     return JointEngine(parts, load_memory(s))
 
 
-def _by_stem(
+def by_stem(
     s: Situation, data: Data, op: np.ndarray, Ts: float, mv: np.ndarray | None, maps: Maps
 ) -> Data:
     """Return a record's data with MV for OP: as the identified valve makes it, or as logged where
@@ -99,9 +100,13 @@ def _by_stem(
     made = lagged(made, s.valve_lag / Ts)
     if mv is not None:
         steps = np.diff(np.unique(np.round(mv, _DIGITS)))
-        made = (
-            np.where(np.abs(mv - made) <= steps.min(initial=np.inf), made, mv) if steps.size else mv
-        )
+        digit = float(steps.min()) if steps.size else 0.0
+        low, high = made - digit, made + digit
+        last = np.append(made[0], made[:-1])
+        if share_of(mv - made, last - made) > _EARLY:
+            # between the last sample and this one only the time at which MV was logged differs
+            low, high = np.minimum(low, last - digit), np.maximum(high, last + digit)
+        made = np.where((low <= mv) & (mv <= high), made, mv)
     return replace(data, u=np.ascontiguousarray(made))
 
 

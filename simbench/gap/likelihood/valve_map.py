@@ -73,14 +73,9 @@ class MapSearch:
         and before OP, where that was stored late.
         """
         v = lagged(v, self.lag, self.mv[0])
-        left, last, least = self.mv - v, np.append(v[0], v[:-1]), np.inf
-        for other in (last, np.append(v[1:], v[-1])) if self.late else (last,):
-            way = other - v
-            moved = float(way @ way)
-            share = min(max(float(left @ way) / moved, 0.0), 1.0) if moved > 0.0 else 0.0
-            rest = left - share * way
-            least = min(least, float(rest @ rest))
-        return 0.5 * self.op.size * np.log(least / left.size + self.fine)
+        others = [np.append(v[0], v[:-1])] + [np.append(v[1:], v[-1])] * bool(self.late)
+        left = [self.mv - v - share_of(self.mv - v, other - v) * (other - v) for other in others]
+        return 0.5 * self.op.size * np.log(min(float(np.mean(x * x)) for x in left) + self.fine)
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> MapFit:
         """Return the answer for a model of that level with `count` fitted numbers."""
@@ -165,6 +160,11 @@ class MapSearch:
                 value, a, b = tried(near)[0]
             lowest.append((value, a, b))
         return lowest
+
+
+def share_of(left: np.ndarray, way: np.ndarray) -> float:
+    """Return which share of a `way` (n,), from none to all, explains what is `left` (n,) best."""
+    return float(np.clip(left @ way / max(float(way @ way), 1e-300), 0.0, 1.0))
 
 
 def lagged(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
