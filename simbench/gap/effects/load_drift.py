@@ -51,7 +51,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
     """
     # the ramp runs over all records that are fitted as one
     ramp, walk = fit.beta[-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
-    most = max(_A_DAY, LARGER * data.loads.get("load_drift", 0.0))
+    most = max(_A_DAY, LARGER * data.loads.get("slow", 0.0))
     near = np.hypot(ramp, walk) < most * abs(input_gain(fit, data))
     return True if near and data.trusted else None
 

@@ -136,7 +136,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
     """
     # one in as many samples as the record has
     once = len(fit.spec.jumps) * n <= data.n + n - 1
-    day = max(_PETTY, LARGER * data.loads.get("load_steps", 0.0))
+    day = max(_PETTY, LARGER * data.loads.get("steps", 0.0))
     petty = data.trusted and fit.theta["load_jump"] < day * abs(input_gain(fit, data))
     alone = fit.theta["load"] < _REMAINING * base.theta["load"]
     # a jump is two parts

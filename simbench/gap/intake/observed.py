@@ -173,8 +173,8 @@ class Observed:
         drifts = [p["amplitude"] * min(far / p["period"], 1.0) for p in ramps]
         drifts += [p["amplitude"] * np.sqrt(far / p["period"]) for p in walks]
         return {
-            "load_steps": float(np.linalg.norm(jumps)),
-            "load_drift": float(np.linalg.norm(drifts)),
+            "steps": float(np.linalg.norm(jumps)),
+            "slow": float(np.linalg.norm(drifts)),
         }
 
     def _on_pv(self, sine: dict[str, Any]) -> tuple[float, float]:

@@ -108,7 +108,7 @@ def test_jumps_that_the_ordinary_load_may_make_are_ordinary(rest, height, lastin
     jumping = fit(K=-1.01 * height, jumps=(100, 200), load=rest, load_jump=height)
     assert load_steps.ordinary(jumping, fit(load=1.0), TRUSTED, 1000)
     # and so are those that the baseline states, up to half as much again
-    stated = SimpleNamespace(**(vars(TRUSTED) | {"loads": {"load_steps": 2.0}}))
+    stated = SimpleNamespace(**(vars(TRUSTED) | {"loads": {"steps": 2.0}}))
     for size, is_ordinary in ((2.9, True), (3.1, False)):
         jumping = fit(K=-1.0, jumps=(100, 200), load=0.5, load_jump=size)
         assert load_steps.ordinary(jumping, fit(load=1.0), stated, 1000) is is_ordinary
@@ -124,7 +124,7 @@ def test_a_load_that_drifts_by_three_percent_of_travel_is_an_ordinary_one(ramp, 
     both = SimpleNamespace(n=2000, K=2.0, trusted=True, loads={})
     assert load_drift.ordinary(drifting, drifting, both, 1000) is drifts
     # a baseline that states a drift of five percent allows half as much again
-    both.loads = {"load_drift": 5.0}
+    both.loads = {"slow": 5.0}
     assert load_drift.ordinary(drifting, drifting, both, 1000) is True
 
 

@@ -225,6 +225,6 @@ def test_stated_steps_and_drifts_count_where_they_enter_before_the_plant():
     record, stated = run(), loop(disturbance=parts)
     far = record.duration / 8000.0
     seen = check(record, stated).data.loads
-    assert seen["load_steps"] == pytest.approx(3.0 * np.sqrt(2.0 / 3.0))
-    assert seen["load_drift"] == pytest.approx(np.hypot(4.0 * far, 1.5 * np.sqrt(far)))
+    assert seen["steps"] == pytest.approx(3.0 * np.sqrt(2.0 / 3.0))
+    assert seen["slow"] == pytest.approx(np.hypot(4.0 * far, 1.5 * np.sqrt(far)))
     assert check(record, stated, trusted=False).data.loads == {}
