@@ -78,11 +78,11 @@ class Situation:
 
     @property
     def compressed(self) -> float:
-        """Largest error (PV units) of the lines that the archive drew; 0 where it is lost in the
-        noise.
+        """Largest error (PV units) of the lines that the archive drew; 0 where it is known and
+        lost in the noise.
         """
-        band = self.archive.band
-        return band if band > _LIGHT * self.data.noise else 0.0
+        band, known = self.archive.band, self.law.recovered_pv is not None
+        return band if not known or band > _LIGHT * self.data.noise else 0.0
 
     @property
     def facts(self) -> dict[str, tuple[str, str]]:
