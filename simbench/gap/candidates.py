@@ -4,7 +4,7 @@ indistinguishable, and which size of each could have been seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,8 +74,9 @@ def proven(s: Situation) -> dict[str, Parameters]:
     """Return the effects that the controller's law or single samples show without doubt, with their
     parameters.
     """
+    missing = [e for e in EFFECTS if e not in s.stated]
     parameters = {
-        e: recogniser(e).proven(s) for e in sorted(EFFECTS, key=lambda e: BLOCKS.index(block_of(e)))
+        e: recogniser(e).proven(s) for e in sorted(missing, key=lambda e: BLOCKS.index(block_of(e)))
     }
     return {e: p for e, p in parameters.items() if p is not None}
 
@@ -115,18 +116,19 @@ def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
 
 
 def with_ordinary_load(
-    engine: Engine, base: Fit, candidates: dict[str, Candidate]
+    engine: Engine, base: Fit, candidates: dict[str, Candidate], stated: Collection[str] = ()
 ) -> tuple[Fit, dict[str, Candidate]]:
-    """Allow to every candidate what the load may do by itself; return the base and the candidates,
-    gains over the new base.
+    """Allow to every candidate what the load may do by itself and the effects that the baseline
+    states; return the base and the candidates, gains over the new base.
     """
     n = engine.main(base).residual.size
-    of_load = [e for e in candidates if recogniser(e).ordinary is not None]
-    for effect in sorted(of_load, key=lambda e: -candidates[e].log_likelihood_gain):
+    allowed = [e for e in candidates if e in stated or recogniser(e).ordinary is not None]
+    allowed.sort(key=lambda e: (e not in stated, -candidates[e].log_likelihood_gain))
+    for effect in allowed:
         one, ordinary = candidates[effect], recogniser(effect).ordinary
-        if ordinary is None or not one.used or one.log_likelihood_gain <= 0.0:
+        if not one.used or one.log_likelihood_gain <= 0.0:
             continue
-        plain = ordinary(one.fit, base, engine.data, n)
+        plain = effect in stated or ordinary is None or ordinary(one.fit, base, engine.data, n)
         if plain is None:
             continue
         out = _on_top_of(

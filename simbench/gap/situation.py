@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from detectors.errors import UserError
 from detectors.record import LoopRecord
-from scenarios.spec import Loop, Part
+from scenarios.spec import Loop
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
-from simbench.loop.response import valve_response
+from simbench.loop.resolve import undisturbed
+from simbench.loop.response import stages_response
 
 # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 _LOAD_MEMORY = 4.0
@@ -115,13 +118,18 @@ class Situation:
     @property
     def expected_mv(self) -> np.ndarray:
         """MV (%) as the baseline's valve makes it of the recorded OP."""
-        return np.clip(through_valve(self.op, self.baseline.valve, self.record.Ts), 0.0, 100.0)
+        return through_valve(self.op, self.baseline, self.record.Ts)
 
     @property
     def expected_band(self) -> float:
         """Dead-band (%) of the baseline's valve, 0 of one that jumps or has none."""
         parameters = self.baseline.valve.parameters
         return float(parameters["S"]) if "S" in parameters and not parameters.get("J") else 0.0
+
+    @property
+    def stated(self) -> frozenset[str]:
+        """The effects that the baseline states: the simulation has them, whatever their size."""
+        return frozenset(part.name for part in self.baseline.effect)
 
     @property
     def integrating(self) -> bool:
@@ -153,19 +161,24 @@ class ModelledTest:
     explained: bool = False
 
 
-def through_valve(op: np.ndarray, valve: Part, Ts: float) -> np.ndarray:
-    """Return OP as the baseline's valve passes it on: a band that the simulation has is no
-    gap.
+def through_valve(
+    op: np.ndarray, baseline: Loop, Ts: float, effect: Mapping[str, Any] | None = None
+) -> np.ndarray:
+    """Return MV (%) as the baseline's valve makes it of OP, the effects that the baseline states
+    included, and one more.
     """
-    if valve.name == "ideal":
+    if baseline.valve.name == "ideal" and not baseline.effect and effect is None:
         return op
-    parameters: dict[str, Any] = dict(valve.parameters)
-    before, after = parameters.pop("before", []), parameters.pop("behind", [])
-    for stage in [*before, {"model": valve.name, **parameters}, *after]:
-        op = valve_response(
-            stage["model"], op, {k: v for k, v in stage.items() if k != "model"}, Ts
-        )
-    return op
+    table = baseline.to_table()
+    table["effect"] = [*table.get("effect", []), *([] if effect is None else [effect])]
+    table["sampling"] = {"Ts": Ts, "n": max(op.size, 3)}
+    try:
+        valves = undisturbed(type(baseline).from_table(table)).valves
+    except UserError:
+        # friction beside friction
+        return op
+    op = np.ascontiguousarray(op, dtype=float)
+    return np.clip(stages_response(tuple(valves), op, float(op[0])), 0.0, 100.0)
 
 
 def load_memory(situation: Situation) -> float:

@@ -43,7 +43,7 @@ def fixed_loop(
             "Td": (delay_of(fit.spec, fit.theta) + d.late) * Ts,
         }
         numbers |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
-        stated = {recogniser(e).replaces for e in effects}
+        stated = {recogniser(e).replaces for e in (*effects, *situation.stated)}
         numbers = {name: value for name, value in numbers.items() if name not in stated}
         if d.shape is None:
             table["plant"] |= numbers

@@ -101,7 +101,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         refuse_other_plant(situation)
     record = situation
     situation, maps, engine, base, candidates = _fitted(situation, tests)
-    base, with_load = with_ordinary_load(engine, base, candidates)
+    base, with_load = with_ordinary_load(engine, base, candidates, situation.stated)
     base, candidates = with_higher_order(engine, base, with_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
     by_lab = lab_gains(tests, base, parameters, gains)
@@ -231,7 +231,8 @@ def _scores(
         by_noise = recogniser(effect).by_innovations(alone, s)
         if by_noise is not None:
             gains[effect], parameters[effect] = by_noise
-        if effect in parameters and recogniser(effect).masked(s, parameters[effect]):
+        masked = effect in parameters and recogniser(effect).masked(s, parameters[effect])
+        if masked or effect in s.stated:
             gains[effect] = min(gains[effect], 0.0)
     return gains, parameters
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from detectors.errors import UserError
 from simbench.gap.candidates import Fitted
 from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
@@ -19,8 +18,6 @@ from simbench.gap.likelihood.search import likeliest
 from simbench.gap.likelihood.valve_map import MapSearch, lagged, share_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
-from simbench.loop.resolve import resolve_loop
-from simbench.loop.response import stages_response
 
 # nats that a valve identified from MV must bring, before OP of the other records is sent through it
 _BY_MV = 10.0
@@ -45,7 +42,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     total: Maps = {}
     powers = np.zeros(3)
     for op, mv, Ts in seen:
-        expected = np.clip(through_valve(op, s.baseline.valve, Ts), 0.0, 100.0)
+        expected = through_valve(op, s.baseline, Ts)
         search = MapSearch(op, mv, Ts, expected, s.expected_band, s.valve_lag / Ts, s.data.late)
         maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
         winner = max(maps, key=lambda e: maps[e][0])
@@ -92,11 +89,8 @@ def by_stem(
     if not winner:
         return data
     sound = maps[winner][0] <= _BY_MV
-    made = (
-        through_valve(op, s.baseline.valve, Ts)
-        if sound
-        else through_effect(s, winner, maps[winner][1], op, Ts)
-    )
+    effect = None if sound else {"name": winner, **maps[winner][1]}
+    made = through_valve(op, s.baseline, Ts, effect)
     made = lagged(made, s.valve_lag / Ts)
     if mv is not None:
         steps = np.diff(np.unique(np.round(mv, _DIGITS)))
@@ -108,23 +102,6 @@ def by_stem(
             low, high = np.minimum(low, last - digit), np.maximum(high, last + digit)
         made = np.where((low <= mv) & (mv <= high), made, mv)
     return replace(data, u=np.ascontiguousarray(made))
-
-
-def through_effect(
-    s: Situation, effect: str, p: Parameters, op: np.ndarray, Ts: float
-) -> np.ndarray:
-    """Return MV (%) as the baseline's valve with an effect makes it of OP."""
-    table = s.baseline.to_table()
-    table["effect"], table["sampling"] = [{"name": effect, **p}], {"Ts": Ts, "n": max(op.size, 3)}
-    try:
-        valves = resolve_loop(type(s.baseline).from_table(table), 0).valves
-    except UserError:
-        return op
-    return np.clip(
-        stages_response(tuple(valves), np.ascontiguousarray(op, dtype=float), float(op[0])),
-        0.0,
-        100.0,
-    )
 
 
 def lab_gains(

@@ -43,7 +43,7 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
     else:
         samples = inspect_samples(r.pv, op, noise=s.data.noise)
         pv = cleaned(r.pv, samples.spikes)
-        u = through_valve(op, s.baseline.valve, r.Ts) if r.mv is None else r.mv
+        u = through_valve(op, s.baseline, r.Ts) if r.mv is None else r.mv
         data = replace(
             s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.hidden
         )

@@ -13,6 +13,7 @@ from simbench.gap.intake.archive import archived
 from simbench.gap.intake.observed import Observed
 from simbench.gap.intake.refuse import refuse_unusable
 from simbench.gap.situation import Situation
+from simbench.loop.effects import block_of
 
 
 def check(
@@ -41,4 +42,16 @@ def check(
         frozen=it.frozen and archive.rounding is None and archive.band == 0.0,
         unexplained_law=unexplained if it.tuned else "",
     )
-    return replace(situation, proven=proven(situation))
+    # what a block of the loop file is stated to do is not told from what else may happen there
+    blocks = {block_of(e) for e in situation.stated}
+    if "sensor" in blocks:
+        situation = replace(situation, frozen=False)
+    if "controller" in blocks:
+        situation = replace(situation, unexplained_law="")
+    named = ", ".join(sorted(situation.stated))
+    notes = [f"the loop file states {named}: what it states is no gap, of whatever size"]
+    return replace(
+        situation,
+        proven=proven(situation),
+        notes=[*situation.notes, *(notes if named else [])],
+    )

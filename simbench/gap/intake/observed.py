@@ -142,7 +142,7 @@ class Observed:
         """
         r, plant = self.record, first_order_like(self.baseline.plant)
         integrating = plant.integrating
-        u = through_valve(self.op, self.baseline.valve, r.Ts) if r.mv is None else r.mv
+        u = through_valve(self.op, self.baseline, r.Ts) if r.mv is None else r.mv
         return Data(
             u=np.ascontiguousarray(u, dtype=float),
             y=np.ascontiguousarray(plant_pv, dtype=float),

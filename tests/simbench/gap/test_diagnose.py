@@ -105,26 +105,26 @@ def slow(effect, parameters):
     return pytest.param(effect, parameters, marks=pytest.mark.slow)
 
 
-@pytest.mark.parametrize(
-    ("effect", "parameters"),
-    [
-        STICKY,
-        slow("gain_mismatch", {"factor": 1.7}),
-        slow("oscillation", {"amplitude": 3.0, "period": 77.0}),
-        slow("quantisation", {"step": 0.4, "at": "loop"}),
-        slow("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
-        slow("deadband", {"S": 5.0}),
-        slow("time_constant_mismatch", {"factor": 2.0}),
-        slow("dead_time_mismatch", {"extra": 6.0}),
-        slow("noise", {"factor": 2.5}),
-        slow("compression", {"band": 0.4}),
-        slow("outliers", {"rate": 0.01, "size": 2.0}),
-        slow("sensor_lag", {"tau": 5.0}),
-        slow("error_deadband", {"width": 0.4}),
-        slow("saturation", {"lo": 48.5, "hi": 100.0}),
-        slow("op_quantisation", {"step": 0.5}),
-    ],
-)
+PLAIN = [
+    STICKY,
+    slow("gain_mismatch", {"factor": 1.7}),
+    slow("oscillation", {"amplitude": 3.0, "period": 77.0}),
+    slow("quantisation", {"step": 0.4, "at": "loop"}),
+    slow("detuning", {"Kc_factor": 1.6, "Ti_factor": 1.0}),
+    slow("deadband", {"S": 5.0}),
+    slow("time_constant_mismatch", {"factor": 2.0}),
+    slow("dead_time_mismatch", {"extra": 6.0}),
+    slow("noise", {"factor": 2.5}),
+    slow("compression", {"band": 0.4}),
+    slow("outliers", {"rate": 0.01, "size": 2.0}),
+    slow("sensor_lag", {"tau": 5.0}),
+    slow("error_deadband", {"width": 0.4}),
+    slow("saturation", {"lo": 48.5, "hi": 100.0}),
+    slow("op_quantisation", {"step": 0.5}),
+]
+
+
+@pytest.mark.parametrize(("effect", "parameters"), PLAIN)
 def test_a_plain_effect_is_named_with_its_size(effect, parameters):
     report = report_on((effect, parameters))
     assert report.effect == effect
@@ -132,6 +132,31 @@ def test_a_plain_effect_is_named_with_its_size(effect, parameters):
     for key, value in parameters.items():
         if isinstance(value, float) and key not in ("J", "rate", "Ti_factor", "R"):
             assert report.effects[0]["parameters"][key] == pytest.approx(value, rel=0.25), key
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameters"),
+    [
+        *PLAIN,
+        ("derivative_action", {"Td": 3.0}),
+        slow("missed_executions", {"share": 0.1}),
+        slow("valve_lag", {"tau": 8.0}),
+        slow("slew_limit", {"slowness": 5.0}),
+        slow("valve_characteristic", {"R": 10.0}),
+    ],
+)
+def test_an_effect_that_the_loop_file_states_is_no_gap(effect, parameters):
+    loop = BASE.with_all({"effect": [{"name": effect, **parameters}]})
+    report = diagnose(blind(simulate(loop, seed=5).record), loop)
+    assert report.effect == NONE
+    assert any(effect in note for note in report.notes)
+
+
+def test_beside_a_stated_effect_another_one_is_named():
+    loop = BASE.with_all({"effect": [{"name": "quantisation", "step": 0.4, "at": "record"}]})
+    found = diagnose(simulate(loop.with_("plant.K", 3.0), seed=5).record, loop)
+    assert found.effect == "gain_mismatch"
+    assert found.effects[0]["parameters"]["factor"] == pytest.approx(2.0, rel=0.15)
 
 
 @pytest.mark.slow
