@@ -19,7 +19,7 @@ _AT_ONCE = 16  # number of jumps looked for before the load's other numbers are 
 _APART = 5  # samples between jumps: two that are closer, there and back, are one wild reading
 _ROUNDS = 8  # times that jumps are looked for at most
 _NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
-_SHARES = (0.7, 0.2)  # shares of the load that may be left with jumps
+_LEFT = 0.7  # share of the load that the search with jumps begins from
 _SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
 # share of the load that must be left with the jumps: a load that only jumps is an ordinary one
 _REMAINING = 0.25
@@ -32,9 +32,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     all last or all fade.
     """
     n = engine.data.n
-    tries = [
-        _jumping(engine, base, lasting, share) for lasting in (True, False) for share in _SHARES
-    ]
+    tries = [_jumping(engine, base, lasting) for lasting in (True, False)]
     best = max(tries, key=lambda f: f.loglik - _price(f, n))
     # their std is one more number
     return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
@@ -48,17 +46,15 @@ def _price(fit: Fit, n: int) -> float:
     return float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
 
 
-def _jumping(engine: Engine, base: Fit, lasting: bool, share: float) -> Fit:
-    """Return the fit with jumps added as long as they are worth their price; the load begins at a
-    share of the last one's.
-    """
+def _jumping(engine: Engine, base: Fit, lasting: bool) -> Fit:
+    """Return the fit with jumps added as long as they are worth their price."""
     n, best = engine.data.n, base
     for _ in range(_ROUNDS):
         places, height = _jumps(engine, best)
         better = best
         while places and better is best:
             trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *places), lasting=lasting))
-            start = {"load_jump": height, **best.theta, "load": share * best.theta["load"]}
+            start = {"load_jump": height, **best.theta, "load": _LEFT * best.theta["load"]}
             # the base had bent its plant around the jumps
             one = _pruned(
                 engine,
