@@ -14,7 +14,6 @@ from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
-from simbench.gap.likelihood.search import SMOOTH, promising, settle
 from simbench.gap.situation import Situation
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.effects._alike import circumstances, indistinguishable
@@ -88,8 +87,6 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
         try_it = recogniser(effect).fit
         assert try_it is not None, effect
         fit, count = try_it(engine, base)
-        if fit is not base and promising(fit, base):
-            fit = _reshaped(engine, fit)
         gain = _brought(engine, base, fit) - size_penalty(
             engine.data.n, count + engine.more_numbers(fit.spec, base.spec)
         )
@@ -180,32 +177,6 @@ def _on_top_of(
     return {
         e: max(again.get(e, c), c, key=lambda c: c.log_likelihood_gain) for e, c in alone.items()
     }
-
-
-def _reshaped(engine: Engine, fit: Fit) -> Fit:
-    """Return the fit under the other shape of load (1/f, or first and second order) where that is
-    more likely.
-
-    The base's shape was chosen without the effect, and may have been bent around it.
-    """
-    kept = {k: v for k, v in fit.theta.items() if k not in fit.spec.names}
-    spec = replace(fit.spec, pink=not fit.spec.pink)
-    if spec.pink:
-        theta = {**fit.theta, "load_time": 0.7 * engine.longest_load}
-        theta.pop("load_lag")
-    else:
-        theta = {
-            **fit.theta,
-            "load_time": 0.3 * fit.theta["load_time"],
-            "load_lag": 0.1 * fit.theta["load_time"],
-        }
-    other = engine.fit(spec, theta, search=SMOOTH, steps=6)
-    if promising(other, fit):
-        other = settle(engine, other, steps=6)
-    if other.loglik <= fit.loglik:
-        return fit
-    other.theta.update(kept)
-    return other
 
 
 def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None) -> tuple[str, ...]:

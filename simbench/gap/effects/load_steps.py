@@ -21,7 +21,8 @@ _ROUNDS = 8  # times that jumps are looked for at most
 _NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
 _LEFT = 0.7  # share of the load that the search with jumps begins from
 _SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
-# share of the load that must be left with the jumps: a load that only jumps is an ordinary one
+# share of the load that must be left with the jumps where the baseline states no load: then one
+# that only jumps is ordinary
 _REMAINING = 0.25
 # % of OP's travel, up to which jumps are those of every day (five healthy records: .03 to .5)
 _PETTY = 1.0
@@ -134,7 +135,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
     once = len(fit.spec.jumps) * n <= data.n + n - 1
     day = max(_PETTY, LARGER * data.loads.get("steps", 0.0))
     petty = data.trusted and fit.theta["load_jump"] < day * abs(input_gain(fit, data))
-    alone = fit.theta["load"] < _REMAINING * base.theta["load"]
+    alone = not data.loads and fit.theta["load"] < _REMAINING * base.theta["load"]
     # a jump is two parts
     small = np.sqrt(2.0) * fit.theta["load_jump"] < _SMALL * fit.theta["load"]
     return once or petty or alone or small or not fit.spec.lasting

@@ -10,7 +10,7 @@ from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
-from simbench.gap.likelihood.search import band_sizes, search_map
+from simbench.gap.likelihood.search import band_sizes, better, promising, search_map
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 from simbench.gap.situation import Situation
 from simbench.loop.resolve import friction
@@ -25,8 +25,11 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     them.
     """
     coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in _JUMPS])
-    tries = [search_map(engine, base, kind, coarse, few=True) for kind in _MODELS]
-    return max(tries, key=lambda f: f.loglik), 2.5
+    best = search_map(engine, base, _MODELS[0], coarse, few=True)
+    if promising(best, base):
+        # where the first model is hopeless, so is the second
+        best = better(best, search_map(engine, base, _MODELS[1], coarse, few=True))
+    return best, 2.5
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:

@@ -161,8 +161,10 @@ class Observed:
     @property
     def _loads(self) -> dict[str, float]:
         """Size (% of travel) of the steps and drifts that the baseline states at the plant's input,
-        over this record.
+        over this record; nothing where it states no load.
         """
+        if not self.baseline.disturbance:
+            return {}
         steps, ramps, walks = (
             [p for p in self._stated(kind) if p.get("at", "input") == "input"]
             for kind in ("steps", "ramp", "random_walk")

@@ -32,7 +32,8 @@ class Data:
     archive; not `trusted`: K, T, Td are mere starting values; `shape` (b, a): of a baseline of
     higher order, the filter of unit gain between its input and that of the first-order plant;
     `sines` period (samples) and amplitude on PV of the sines that the baseline states; `loads` the
-    size (% of travel) of its `steps`, and of its ramps and walks (`slow`).
+    size (% of travel) of its `steps`, and of its ramps and walks (`slow`), empty where it states no
+    load.
     """
 
     u: np.ndarray

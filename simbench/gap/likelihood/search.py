@@ -38,8 +38,8 @@ _HOPELESS = 4.0  # nats below the base from which a grid's best point is not wor
 
 def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
     """Return the fit of a valve map (`kind`: play, dead zone or stick-slip; a point holds S, J and
-    where MV starts). The likelihood is rough in these: scan them, refit plant, load and noise, scan
-    again, refine.
+    where MV starts). The likelihood is rough in these: scan them, refit plant, load and noise,
+    refine.
     """
     best = None
     # at the load that "no effect" needed, peaks look flat: try quieter ones
@@ -54,17 +54,7 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bo
     for theta in [*starts, idle(engine, base)]:
         best = better(best, settle(engine, scanned(engine, base.spec, theta, kind, coarse)))
     assert best is not None
-    for _ in range(2):
-        again = settle(engine, scanned(engine, base.spec, best.theta, kind, coarse))
-        if again.loglik > best.loglik + 0.1:
-            best = again
-        if not promising(best, base):
-            break
-        before = best.loglik
-        best = narrow(engine, best)
-        if best.loglik < before + 2.0:
-            break
-    return best
+    return narrow(engine, best) if promising(best, base) else best
 
 
 @lru_cache(maxsize=4)

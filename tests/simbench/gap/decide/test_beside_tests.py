@@ -60,7 +60,9 @@ def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
     mv = np.round(op, 1)
     mv[100:] += 0.5
     data = Data(op, op - 50.0, 1.0, 10.0, 2.0, 0.1)
-    baseline = SimpleNamespace(valve=Part(name="ideal"), controller=SimpleNamespace(Kc=1.0))
+    baseline = SimpleNamespace(
+        valve=Part(name="ideal"), controller=SimpleNamespace(Kc=1.0), effect=()
+    )
     record = SimpleNamespace(Ts=1.0, mv=mv)
     s = SimpleNamespace(
         data=data, op=op, baseline=baseline, record=record, integrating=False, valve_lag=0.0
