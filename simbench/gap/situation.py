@@ -118,7 +118,7 @@ class Situation:
     @property
     def expected_mv(self) -> np.ndarray:
         """MV (%) as the baseline's valve makes it of the recorded OP."""
-        return through_valve(self.op, self.baseline, self.record.Ts)
+        return np.clip(through_valve(self.op, self.baseline, self.record.Ts), 0.0, 100.0)
 
     @property
     def expected_band(self) -> float:

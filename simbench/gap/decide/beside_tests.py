@@ -42,7 +42,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     total: Maps = {}
     powers = np.zeros(3)
     for op, mv, Ts in seen:
-        expected = through_valve(op, s.baseline, Ts)
+        expected = np.clip(through_valve(op, s.baseline, Ts), 0.0, 100.0)
         search = MapSearch(op, mv, Ts, expected, s.expected_band, s.valve_lag / Ts, s.data.late)
         maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
         winner = max(maps, key=lambda e: maps[e][0])

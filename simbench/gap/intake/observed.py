@@ -173,7 +173,8 @@ class Observed:
         jumps = [p["amplitude"] * np.sqrt(2.0 / 3.0) for p in steps]
         far = self.record.duration
         drifts = [p["amplitude"] * min(far / p["period"], 1.0) for p in ramps]
-        drifts += [p["amplitude"] * np.sqrt(far / p["period"]) for p in walks]
+        # a walk ends within two of its standard deviations
+        drifts += [2.0 * p["amplitude"] * np.sqrt(far / p["period"]) for p in walks]
         return {
             "steps": float(np.linalg.norm(jumps)),
             "slow": float(np.linalg.norm(drifts)),

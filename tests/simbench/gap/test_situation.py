@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from detectors.record import LoopRecord
-from scenarios.spec import Loop, Part
+from scenarios.spec import Loop
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.situation import Archive, Situation, load_memory, through_valve
@@ -101,15 +101,17 @@ def test_a_baselines_valve_is_no_gap():
 def test_stages_before_and_after_a_valve_act_in_their_order():
     u = np.where(np.arange(60) < 10, 50.0, 54.0)
     play, lag = {"model": "deadband", "S": 2.0}, {"model": "lag", "T": 4.0}
-    after = through_valve(u, Part(name="deadband", parameters={"S": 2.0, "behind": [lag]}), 2.0)
-    before = through_valve(u, Part(name="lag", parameters={"T": 4.0, "before": [play]}), 2.0)
+    after = situation(valve={**play, "behind": [lag]}).baseline
+    before = situation(valve={**lag, "before": [play]}).baseline
+    after, before = (through_valve(u, baseline, 2.0) for baseline in (after, before))
     assert after == pytest.approx(before)
     assert after[-1] == pytest.approx(53.0, abs=1e-3)
 
 
 def test_lines_that_the_noise_hides_are_an_ordinary_archives():
     # the noise has a standard deviation of .1
-    thin, thick = (situation(archive=Archive(band=band)) for band in (0.045, 0.055))
+    law = Law(0.0, 0.0, 0.5, 20.0, recovered_pv=PV)
+    thin, thick = (situation(archive=Archive(band=band), law=law) for band in (0.045, 0.055))
     assert (thin.compressed, thick.compressed) == (0.0, 0.055)
     assert thin.facts == {}
     assert "band" in thick.facts
