@@ -91,41 +91,6 @@ def diagnose_files(
     >>> diagnose_files([place / "FIC101.csv"], place / "loop.toml").block
     'controller'
     """
-    _refuse_wrong_request(records, baseline, tests, wanted)
-    loop = None if baseline is None else read_baseline(baseline)
-    read = [_cut(read_record(path, automatic=False, **about), window, path) for path in records]
-    _refuse_shares(read, records)
-    recorded_tests = [
-        read_test(t, loop.loop if isinstance(loop, Partial) else loop, **about)
-        for t in tests
-        if loop is not None
-    ]
-    source = read if len(read) > 1 else read[0]
-    with effects_known(effect_plugins):
-        # other processes do not know them
-        jobs = 1 if effect_plugins else jobs
-        report = _with_assumptions(diagnose(source, loop, tests=recorded_tests, jobs=jobs), read)
-        tests_story = None
-        if wanted.html is not None and recorded_tests:
-            from simbench.gap.report.story import story
-
-            tests_story = story(report, diagnose(source, loop, jobs=jobs), recorded_tests)
-        options = {
-            **about,
-            "window": window,
-            "effect-plugin": list(effect_plugins),
-            "test": list(tests),
-        }
-        _write(report, records, baseline, options, wanted, tests_story)
-    return report
-
-
-def _refuse_wrong_request(
-    records: Sequence[str | Path],
-    baseline: str | Path | None,
-    tests: Sequence[str],
-    wanted: DiagnosisFiles,
-) -> None:
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
     if tests and baseline is None:
@@ -133,51 +98,45 @@ def _refuse_wrong_request(
             "gap diagnose --test needs --baseline LOOP.toml, which all records are compared with"
         )
     inputs = [part for t in tests for part in files_of(t) if part]
-    outputs = [wanted.html, wanted.write_loop, wanted.picture]
-    refuse_own_input(outputs, [*records, baseline, *inputs])
+    refuse_own_input(
+        [wanted.html, wanted.write_loop, wanted.picture], [*records, baseline, *inputs]
+    )
     if wanted.picture is not None:
         picture_kind(wanted.picture)
+    loop = None if baseline is None else read_baseline(baseline)
+    read = [_read(path, window, about) for path in records]
+    stated = loop.loop if isinstance(loop, Partial) else loop
+    recorded_tests = [] if stated is None else [read_test(t, stated, **about) for t in tests]
+    with effects_known(effect_plugins):
+        # other processes do not know them
+        jobs = 1 if effect_plugins else jobs
+        report = diagnose(read, loop, tests=recorded_tests, jobs=jobs)
+        # what reading the records assumed
+        assumed = [note for record in read for note in record.notes]
+        report = replace(report, notes=tuple(dict.fromkeys([*report.notes, *assumed])))
+        if wanted.write_loop is not None:
+            with whole_file(wanted.write_loop) as f:
+                f.write(_loop_text(report, [str(p) for p in records], baseline))
+        if wanted.picture is not None:
+            from simbench.figures._style import write_picture
+            from simbench.gap.report.sheet import draw_sheet
 
+            write_picture(draw_sheet(report), wanted.picture)
+        if wanted.html is not None:
+            from simbench.gap.report.page import write_page
+            from simbench.gap.report.story import story
 
-def _refuse_shares(read: Sequence[LoopRecord], records: Sequence[str | Path]) -> None:
-    for record, path in zip(read, records, strict=True):
-        if record.op_share:
-            runs = f"OP runs from {record.op.min():g} to {record.op.max():g}"
-            raise RecordError(
-                f"{path}: {runs}, which is not % of travel; --op-span, what means 0 and 100 %, is"
-                " needed"
-            )
-
-
-def _with_assumptions(report: GapReport, read: Sequence[LoopRecord]) -> GapReport:
-    """Return the report with what reading the records assumed among its notes."""
-    assumed = dict.fromkeys(
-        note for record in read for note in record.notes if note not in report.notes
-    )
-    return replace(report, notes=(*report.notes, *assumed))
-
-
-def _write(
-    report: GapReport,
-    records: Sequence[str | Path],
-    baseline: str | Path | None,
-    options: dict[str, Any],
-    wanted: DiagnosisFiles,
-    story: Any,
-) -> None:
-    """Write what was asked for of a report."""
-    if wanted.write_loop is not None:
-        with whole_file(wanted.write_loop) as f:
-            f.write(_loop_text(report, [str(p) for p in records], baseline))
-    if wanted.picture is not None:
-        from simbench.figures._style import write_picture
-        from simbench.gap.report.sheet import draw_sheet
-
-        write_picture(draw_sheet(report), wanted.picture)
-    if wanted.html is not None:
-        from simbench.gap.report.page import write_page
-
-        write_page(report, wanted.html, _again(report, records, baseline, options), story)
+            told = None
+            if recorded_tests:
+                told = story(report, diagnose(read, loop, jobs=jobs), recorded_tests)
+            options = {
+                **about,
+                "window": window,
+                "effect-plugin": list(effect_plugins),
+                "test": list(tests),
+            }
+            write_page(report, wanted.html, _again(report, records, baseline, options), told)
+    return report
 
 
 def discover_file(
@@ -254,6 +213,16 @@ def one_file(record: Path, baseline: Path, tests: Sequence[str] = ()) -> dict[st
     check's processes call it.
     """
     return diagnose_files([record], baseline, tests=tests).as_json()
+
+
+def _read(path: str | Path, window: tuple[int, int] | None, about: Mapping[str, Any]) -> LoopRecord:
+    record = _cut(read_record(path, automatic=False, **about), window, path)
+    if record.op_share:
+        raise RecordError(
+            f"{path}: OP runs from {record.op.min():g} to {record.op.max():g}, which is not % of"
+            " travel; --op-span, what means 0 and 100 %, is needed"
+        )
+    return record
 
 
 def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -> LoopRecord:

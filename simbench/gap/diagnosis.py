@@ -3,7 +3,7 @@ gap diagnose`).
 
 The steps stand in `diagnose_all`: assess every record (`_assess_one`), simulate the closed loop
 with each effect (`ClosedLoops`), weigh the effects (`classify`), describe what stays unknown
-(`_locate_unknown`), and write the report (`report`).
+(`described`), and write the report (`report`).
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from detectors.record import LoopRecord
 from detectors.sources import RecordSignals, as_record
 from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
-from simbench.gap.closed_loop.gap import held_out
+from simbench.gap.closed_loop.gap import RESOLVABLE, held_out
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.discover.discovery import Discovery, described
+from simbench.gap.discover.discovery import described
 from simbench.gap.discover.search import search
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
@@ -52,8 +52,6 @@ from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 
 if TYPE_CHECKING:
     from detectors.sources import Source
-
-_WIDE = 1.5  # floors, beyond which a gap is wide
 
 
 def diagnose(
@@ -109,7 +107,7 @@ def diagnose(
     >>> diagnose(loop.with_("controller.Kc", 1.6).simulate(1).record, loop).effect
     'detuning'
     """
-    records = [as_record(one, **signals) for one in _listed(record)]
+    records = _records(record, signals)
     if not records:
         raise RecordError("no record to diagnose")
     refuse_twice(tests)
@@ -136,25 +134,16 @@ def diagnose_all(
     """
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        assessment, loops, more = _assess_all(records, baseline, jobs, tests)
-        runs = ClosedLoops(assessment, seed)
+        assessment, loops = _assess_all(records, baseline, jobs, tests)
         weights, like = classify(assessment), None
         if describe and named_by(weights, assessment) == [UNKNOWN]:
-            weights, like = _locate_unknown(weights, assessment, seed)
-        return replace(report(assessment, weights, runs, more, loops), looks_like=like)
-
-
-def _locate_unknown(
-    weights: Classified, assessment: Assessment, seed: int
-) -> tuple[Classified, Discovery]:
-    """Return the probabilities with the block of what is unknown, and its description.
-
-    A law that pays on unseen samples, or the best of all explanations, locates it better than a
-    test that fails.
-    """
-    situation = assessment.situation
-    like = described(situation, search(situation, held_out(situation)), lambda: assessment, seed)
-    return (replace(weights, unknown_block=like.block) if like.block else weights), like
+            # a law that pays on unseen samples, or the best of all explanations, locates what is
+            # unknown better than a test that fails
+            s = assessment.situation
+            like = described(s, search(s, held_out(s)), lambda: assessment, seed)
+            weights = replace(weights, unknown_block=like.block or weights.unknown_block)
+        answer = report(assessment, weights, ClosedLoops(assessment, seed), loops)
+        return replace(answer, looks_like=like)
 
 
 def conclude(
@@ -194,16 +183,16 @@ def conclude(
     >>> conclude(random_case(5, ("stiction",)).record).verdict
     'stiction'
     """
-    if loop is None and (isinstance(record, str) or not isinstance(record, Sequence)):
-        return judged(as_record(record, **signals))[0]
-    records = [as_record(one, **signals) for one in _listed(record)]
+    records = _records(record, signals)
+    if loop is None and len(records) == 1:
+        return judged(records[0])[0]
     return diagnose_all(records, loop, tests, describe=False).conclusion
 
 
-def _listed(record: Any) -> list[Any]:
+def _records(given: Any, signals: Any) -> list[LoopRecord]:
     """Return one record or several as a list."""
-    several = isinstance(record, Sequence) and not isinstance(record, str)
-    return list(record) if several else [record]
+    several = isinstance(given, Sequence) and not isinstance(given, str)
+    return [as_record(one, **signals) for one in (given if several else [given])]
 
 
 def _assess_one(
@@ -243,34 +232,31 @@ def assess_with_tests(situation: Situation, tests: Sequence[RecordedTest]) -> As
     not counted.
     """
     kept, notes = [], []
+    contrary = "test: {} contradicts the record and is not counted: {}"
     for test in tests:
         one = modelled(test, situation)
         reason = contradiction(test, one, situation)
         if reason:
-            notes.append(f"test: {test.name} contradicts the record and is not counted: {reason}")
+            notes.append(contrary.format(one.name, reason))
         else:
             kept.append(one)
             if test.id == "raw" and one.explained:
                 # what the archive hides of PV, or stores at another time, is no other controller
                 situation = replace(situation, unexplained_law="")
     assessment = assess(situation, kept)
-    if kept and situation.trusted:
-        others = other_plants(assessment, assessment.situation, kept)
-        if any(others):
-            notes += [
-                f"test: {one.name} contradicts the record and is not counted: {reason}; the loop"
-                f" of {one.name} is another"
-                for one, reason in zip(kept, others)
-                if reason
-            ]
-            kept = [one for one, reason in zip(kept, others) if not reason]
-            assessment = assess(situation, kept)
+    others = (
+        other_plants(assessment, assessment.situation, kept) if kept and situation.trusted else []
+    )
+    for one, reason in [pair for pair in zip(kept, others) if pair[1]]:
+        notes.append(contrary.format(one.name, f"{reason}; the loop of {one.name} is another"))
+        kept.remove(one)
+    if any(others):
+        assessment = assess(situation, kept)
     if kept:
-        notes.append(
-            f"tests: {', '.join(one.name for one in kept)} judged with the record as one model"
-        )
-    reason = replace(assessment.situation, notes=[*assessment.situation.notes, *notes])
-    return replace(assessment, situation=reason, asked=tuple(t.id for t in tests))
+        names = ", ".join(one.name for one in kept)
+        notes.append(f"tests: {names} judged with the record as one model")
+    noted = replace(assessment.situation, notes=[*assessment.situation.notes, *notes])
+    return replace(assessment, situation=noted, asked=tuple(t.id for t in tests))
 
 
 def _assess_all(
@@ -278,50 +264,41 @@ def _assess_all(
     baseline: Loop | Partial | None,
     jobs: int,
     tests: Sequence[RecordedTest] = (),
-) -> tuple[Assessment, CandidateLoops | str, list[str]]:
+) -> tuple[Assessment, CandidateLoops | str]:
     """Assess every record; evidence adds up, and the longest record carries the tests, the fits,
     parameters and the gap.
     """
-    longest = max(records, key=lambda r: r.n) if tests else None
-    with Parallel(n_jobs=jobs if len(records) > 1 else 1) as parallel:
-        calls = (
-            delayed(_assess_one)(r, baseline, *((tests,) if r is longest else ())) for r in records
-        )
-        pairs: list[Any] = list(parallel(calls))
-    every = [assessment for assessment, _ in pairs]
-    main, loops = max(pairs, key=lambda pair: pair[0].situation.record.n)
-    others = tuple(f for f in every if f is not main)
+    longest, *shorter = sorted(records, key=lambda r: -r.n)
+    one = delayed(_assess_one)
+    calls = [one(longest, baseline, tests), *(one(r, baseline) for r in shorter)]
+    pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
+    every, loops = [assessment for assessment, _ in pairs], pairs[0][1]
+    main, *others = every
     weighed = [one for _, one in pairs if isinstance(one, CandidateLoops)]
     if weighed:
-        loops = loops if isinstance(loops, CandidateLoops) else weighed[0]
-        loops = replace(loops, log_odds=pooled([one.log_odds for one in weighed]))
+        loops = replace(weighed[0], log_odds=pooled([one.log_odds for one in weighed]))
         main = replace(main, stiction=loops.probability)
     if not others:
-        return main, loops, []
-    proven = [e for e in main.log_likelihood_gains if any(e in f.situation.proven for f in every)]
-    gains = {
+        return main, loops
+    summed = {
         e: float(sum(f.log_likelihood_gains[e] for f in every))
         for e in main.log_likelihood_gains
-        if e not in proven
+        if not any(e in f.situation.proven for f in every)
     }
-    gains = dict.fromkeys(main.log_likelihood_gains, SURE) | capped(gains)
-    parameters = {e: p for f in [*others, main] for e, p in f.parameters.items()}
-    chosen = main.chosen or max((f.chosen for f in every), key=len)
+    s = main.situation
     note = (
         f"{len(every)} records judged together; gap and parameters are those of"
-        f" {main.situation.record.tag or 'the longest'}"
+        f" {s.record.tag or 'the longest'}"
     )
-    return (
-        replace(
-            main,
-            log_likelihood_gains=gains,
-            parameters=parameters,
-            chosen=chosen,
-            other_records=others,
-        ),
-        loops,
-        [note],
+    main = replace(
+        main,
+        situation=replace(s, notes=[*s.notes, note]),
+        log_likelihood_gains=dict.fromkeys(main.log_likelihood_gains, SURE) | capped(summed),
+        parameters={e: p for f in reversed(every) for e, p in f.parameters.items()},
+        chosen=main.chosen or max((f.chosen for f in every), key=len),
+        other_records=tuple(others),
     )
+    return main, loops
 
 
 def named_by(weights: Classified, assessment: Assessment) -> list[str]:
@@ -337,25 +314,15 @@ def named_by(weights: Classified, assessment: Assessment) -> list[str]:
         # friction that is not the more probable, all its effects taken together, is none of them
         p = {e: v for e, v in p.items() if e not in EFFECTS or recogniser(e).band is None}
     first = max(p, key=lambda e: p[e])
-    if first not in EFFECTS or first not in assessment.chosen:
+    if first not in assessment.chosen:
         return [first]
     return [first, *[e for e in assessment.chosen if block_of(e) != block_of(first)][:1]]
-
-
-def _wide(assessment: Assessment, runs: ClosedLoops) -> bool:
-    """Return whether a gap stays that recalibration does not close; an identified baseline is
-    recalibrated already.
-    """
-    gap = runs.shrink([])
-    size = gap.recalibrated if assessment.situation.trusted else max(gap.before, gap.recalibrated)
-    return gap.resolvable and size > _WIDE * gap.floor
 
 
 def report(
     assessment: Assessment,
     weights: Classified,
     runs: ClosedLoops,
-    more: Sequence[str] = (),
     loops: CandidateLoops | str = "",
 ) -> GapReport:
     """Turn scores and probabilities into the answer."""
@@ -365,27 +332,31 @@ def report(
     first = named[0]
     effects = [e for e in named if e in EFFECTS]
     main = runs.shrink(effects)
-    rivals = {
-        e: runs.rival([e], effects)
-        for e, _ in ranking[:3]
-        if e in assessment.parameters and [e] != effects
-    }
-    shown = {e: gap for e, gap in rivals.items() if gap is not None}
+    # gap before and after, of what was simulated
+    sizes = {NONE: (main.before, main.before)}
     if len(effects) == 1:
-        shown[first] = main
-    lines = []
-    for e, p in ranking:
-        before, after = (
-            (shown[e].before, shown[e].after)
-            if e in shown
-            else (main.before,) * 2
-            if e == NONE
-            else (None, None)
+        sizes[first] = main.before, main.after
+    for e, _ in ranking[:3]:
+        if e in assessment.parameters and [e] != effects:
+            rival = runs.rival([e], effects)
+            if rival is not None:
+                sizes[e] = rival.before, rival.after
+    lines = {
+        e: Ranked(
+            e,
+            weights.block(e),
+            float(p),
+            *sizes.get(e, (None, None)),
+            assessment.parameters.get(e, {}),
         )
-        lines.append(
-            Ranked(e, weights.block(e), float(p), before, after, assessment.parameters.get(e, {}))
-        )
-    by_load = first == NONE and _wide(assessment, runs)
+        for e, p in ranking
+    }
+    # a wide gap that needs no effect; an identified baseline is recalibrated already
+    by_load = (
+        first == NONE
+        and main.resolvable
+        and (not situation.trusted or main.recalibrated > RESOLVABLE * main.floor)
+    )
     gap = Gap(
         main.before, main.recalibrated, main.after, main.floor, main.resolvable and not by_load
     )
@@ -394,18 +365,17 @@ def report(
         shrinkage = {"value": main.value, "lo": main.lo, "hi": main.hi}
     answers = tuple(
         {
-            "block": weights.block(e),
-            "effect": e,
-            "parameters": assessment.parameters.get(e, {}),
-            "probability": float(weights.probability[e]),
+            "block": line.block,
+            "effect": line.effect,
+            "parameters": line.parameters,
+            "probability": line.probability,
         }
-        for e in named
+        for line in (lines[e] for e in named)
     )
     planned = plan(assessment, weights.probability, runs, most=1)
     advice = planned.next_test
     notes = [
         *situation.notes,
-        *more,
         *(f"{block}: {why}" for block, why in assessment.unexplained.items()),
     ]
     if advice is None:
@@ -427,27 +397,26 @@ def report(
             "the loop file's valve has friction: the probability of stiction is that of more"
             " friction than it states"
         )
-    sizes = smallest_detectable(situation, assessment.base, load_memory(situation))
+    detectable = smallest_detectable(situation, assessment.base, load_memory(situation))
     if situation.trusted and not loops:
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
-        visible = sizes.get(FRICTION, (float("inf"), ""))[0]
+        visible = detectable.get(FRICTION, (float("inf"), ""))[0]
         conclusion = from_posterior(weights, named, assessment, visible, test)
     elif situation.trusted:
         conclusion = without(str(loops), named)
     else:
         conclusion = from_record(Prepared(replace(situation.record, mv=None)), loops)[0]
-    group = alike(first, situation, assessment.parameters.get(first))
     return GapReport(
         block=weights.block(first),
         effect=first,
         effects=answers,
-        group=group,
-        ranking=tuple(lines),
+        group=alike(first, situation, assessment.parameters.get(first)),
+        ranking=tuple(lines.values()),
         gap=gap,
         shrinkage=shrinkage,
         blocks=weights.shares,
         next_test=advice,
         notes=tuple(notes),
         conclusion=conclusion,
-        behind=DiagnosisDetails(assessment, runs, main, sizes),
+        behind=DiagnosisDetails(assessment, runs, main, detectable),
     )

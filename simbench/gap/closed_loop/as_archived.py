@@ -24,8 +24,11 @@ def as_archived(
         op = np.append(np.repeat(op[0], late), op[:-late])
     if situation.law.averaged and situation.law.recovered_pv is not None:
         pv = mean_like(situation.record.pv, situation.law.recovered_pv, pv)
-    op_digits, pv_digits = _digits_of(situation)
-    return _rounded(op, op_digits), _rounded(pv, pv_digits)
+    op, pv = (
+        unit * np.round(x / unit) if unit > 0.0 else x
+        for x, unit in zip((op, pv), _digits_of(situation))
+    )
+    return op, pv
 
 
 @lru_cache(maxsize=4)
@@ -33,8 +36,7 @@ def _digits_of(s: Situation) -> tuple[float, float]:
     """Return the steps in which OP and PV are written, computed once per record because it is
     simulated many times.
     """
-    pv = s.record.pv
-    return _digits(s.op, pv), _digits(pv, s.op)
+    return _digits(s.op, s.record.pv), _digits(s.record.pv, s.op)
 
 
 def _digits(x: np.ndarray, other: np.ndarray) -> float:
@@ -44,7 +46,3 @@ def _digits(x: np.ndarray, other: np.ndarray) -> float:
     digits = written(x, other).digits
     counts = lattice(x, resolution(x) / 3.0)  # its levels lie up to half a decimal off
     return counts if counts > digits and hides_nothing(counts, x) else digits
-
-
-def _rounded(x: np.ndarray, unit: float) -> np.ndarray:
-    return unit * np.round(x / unit) if unit > 0.0 else x

@@ -22,7 +22,7 @@ from simbench.gap.closed_loop.summary_features import (
 from simbench.gap.situation import Situation
 
 _HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
-_RESOLVABLE = 1.5  # gap before over floor from which there is something to close
+RESOLVABLE = 1.5  # gap before over floor from which there is something to close
 # times the interval that seeds alone give: the simulated load is not quite the plant's (116
 # records, seed 303)
 _WIDER = 1.6
@@ -94,17 +94,12 @@ def measure(
     runs = [a.features for a in (before, recalibrated, after)]
 
     # one ruler for all, or a noisier loop would look nearer
-    spread = np.sqrt(np.mean([seed_spread(x) ** 2 for x in runs], axis=0))
+    spread = _ruler(runs)
     b, r, a = (distance(real, x, spread) for x in runs)
     f = floor_of(runs[2], spread)
-    resolvable = b >= _RESOLVABLE * f
-    per = {
-        name: (
-            float(abs(real[i] - runs[0][:, i].mean()) / spread[i]),
-            float(abs(real[i] - runs[2][:, i].mean()) / spread[i]),
-        )
-        for i, name in enumerate(named)
-    }
+    resolvable = b >= RESOLVABLE * f
+    off = [np.abs(real - x.mean(axis=0)) / spread for x in (runs[0], runs[2])]
+    per = {name: (float(first), float(last)) for name, first, last in zip(named, *off)}
     if not resolvable:
         return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per)
     rng = np.random.default_rng([seed, 41])
@@ -116,7 +111,7 @@ def measure(
             x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])
         )
         keep = rng.integers(0, real.size, real.size)
-        ruler = np.sqrt(np.mean([seed_spread(x) ** 2 for x in (before_, runs[1], after_)], axis=0))
+        ruler = _ruler([before_, runs[1], after_])
         far = np.minimum(
             np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP
         )[:, keep]
@@ -125,6 +120,11 @@ def measure(
     value = closed(b, a, f)
     lo, hi = np.clip(value + _WIDER * (np.quantile(draws, [0.05, 0.95]) - value), -1.0, 1.0)
     return Shrinkage(b, r, a, f, True, value, float(min(lo, value)), float(max(hi, value)), per)
+
+
+def _ruler(runs: list[np.ndarray]) -> np.ndarray:
+    """Return the standard deviation of each feature from seed to seed over several sets of runs."""
+    return np.sqrt(np.mean([seed_spread(x) ** 2 for x in runs], axis=0))
 
 
 def closed(before: float, after: float, floor: float) -> float:

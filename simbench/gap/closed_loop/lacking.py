@@ -15,17 +15,18 @@ from simbench.gap.situation import Situation
 _IN_SENTENCE = 3  # features put into words
 _PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs
 _WORDS = {
-    "size": ("swings more", "swings less"),
-    "change": ("moves more from sample to sample", "moves less from sample to sample"),
-    "at rest": ("stands still more often", "stands still less often"),
-    "straight": ("runs on straight lines more often", "runs on straight lines less often"),
-    "at limit": ("stands at an end more often", "stands at an end less often"),
-    "sharpness": ("oscillates more sharply", "oscillates less sharply"),
-    "wander": ("wanders more", "wanders less"),
-    "memory": ("remembers longer", "remembers less"),
-    "band": ("moves more", "moves less"),
+    "size": "swings {}",
+    "change": "moves {} from sample to sample",
+    "at rest": "stands still {} often",
+    "straight": "runs on straight lines {} often",
+    "at limit": "stands at an end {} often",
+    "sharpness": "oscillates {} sharply",
+    "wander": "wanders {}",
+    "memory": "remembers {}",
+    "band": "moves {}",
+    "op after pv": "OP follows PV otherwise",
+    "pv after op": "PV follows OP otherwise",
 }
-_LINKS = {"op after pv": "OP follows PV otherwise", "pv after op": "PV follows OP otherwise"}
 
 
 @dataclass(frozen=True)
@@ -55,33 +56,33 @@ def lacking(situation: Situation, loop: Loop, seed: int) -> Lacking | None:
     both = [(situation.op, situation.record.pv)]
     both += [as_archived(situation, r.op, r.pv) for r in records]
     signals, length = np.array(both), situation.record.n // 3
-    sizes, names = [], []
-    for part in (slice(i * length, (i + 1) * length) for i in range(3)):
-        op, pv = signals[:, 0, part], signals[:, 1, part]
+    sizes, named = [], {}
+    for i in range(3):
+        part = slice(i * length, (i + 1) * length)
         # a baseline states nothing of the kind of its noise, nor of ordinary loads: no tails
-        named = features(op, pv, situation.sp[part]).items()
-        names = [name for name, _ in named if not name.endswith("kurtosis")]
-        real, *sims = np.array([x for name, x in named if name in names]).T
+        named = features(signals[:, 0, part], signals[:, 1, part], situation.sp[part])
+        named = {name: x for name, x in named.items() if not name.endswith("kurtosis")}
+        real, *sims = np.array([*named.values()]).T
         sizes.append((real - np.mean(sims, axis=0)) / seed_spread(np.array(sims)))
     # what differs in every stretch, in the same direction
     same = np.all(np.sign(sizes) == np.sign(sizes[0]), axis=0)
     least = np.where(same, np.min(np.abs(sizes), axis=0), 0.0) * np.sign(sizes[0])
-    differing = [(name, float(z)) for name, z in zip(names, least) if abs(z) > _PLAIN]
+    differing = [(name, float(z)) for name, z in zip(named, least) if abs(z) > _PLAIN]
     differing.sort(key=lambda f: -abs(f[1]))
     return Lacking(tuple((_in_words(name, z, situation, length), z) for name, z in differing))
 
 
 def _in_words(name: str, z: float, s: Situation, length: int) -> str:
-    for link, words in _LINKS.items():
-        if name.startswith(link):
-            return words
-    signal, _, what = name.partition(" ")
-    kind, _, number = what.partition(" ") if what.startswith(("band", "memory")) else (what, "", "")
-    words = _WORDS[kind][0 if z > 0 else 1]
-    if kind == "band":
+    # names are a signal, a feature and, of several of a kind, a number
+    kind, _, number = name.rpartition(" ") if name[-1].isdigit() else (name, "", "")
+    signal, _, what = kind.partition(" ")
+    if "after" in what:
+        return _WORDS[kind]
+    words = _WORDS[what].format("more" if z > 0 else "less")
+    if what == "band":
         periods = length * s.record.Ts / np.geomspace(2, length // 2 + 1, BANDS + 1)
         short, long = periods[int(number)], periods[int(number) - 1]
         words += f" at periods of {short:.3g} to {long:.3g} s"
-    elif kind == "memory":
+    elif what == "memory":
         words += f" over {int(number) * s.record.Ts:.3g} s"
     return f"{signal.upper()} {words}"

@@ -25,8 +25,8 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
     """Return the loop with the operating point at which the means of its runs are the record's; the
     nearest one tried.
     """
-    op, pv = situation.op, situation.record.pv
-    wide = max(float(op.std()), 1e-9), max(float(pv.std()), 1e-9)
+    real = np.array([situation.op, situation.record.pv])
+    wide = np.maximum(real.std(axis=1), 1e-9)
     bias_only = loop.controller.Ti is None and not loop.plant.integrating
     best, least = loop, np.inf
     for _ in range(_ROUNDS):
@@ -34,12 +34,13 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
         if runs is None:
             break
         means = np.mean([(run.op.mean(), run.pv.mean()) for run in runs], axis=0)
-        d_op, d_pv = float(op.mean()) - means[0], float(pv.mean()) - means[1]
-        off = max(abs(d_op) / wide[0], abs(d_pv) / wide[1])
+        away = real.mean(axis=1) - means
+        off = float(np.max(np.abs(away) / wide))
         if off < least:
             best, least = loop, off
         if off < _CLOSE:
             break
+        d_op, d_pv = map(float, away)
         at = loop.operating_point
         op0 = at.op0 + d_op
         if bias_only:  # without integral action PV rests where it likes

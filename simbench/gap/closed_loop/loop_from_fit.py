@@ -43,8 +43,8 @@ def fixed_loop(
             "Td": (delay_of(fit.spec, fit.theta) + d.late) * Ts,
         }
         numbers |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
-        stated = {recogniser(e).replaces for e in (*effects, *situation.stated)}
-        numbers = {name: value for name, value in numbers.items() if name not in stated}
+        for effect in (*effects, *situation.stated):
+            numbers.pop(recogniser(effect).replaces, None)
         if d.shape is None:
             table["plant"] |= numbers
         else:
@@ -57,38 +57,33 @@ def fixed_loop(
                 numbers.get("Td", base.plant.Td),
             )
     sp = situation.sp
-    changes = np.flatnonzero(np.diff(sp)) + 1
     table["setpoint"] = {
         "value": float(sp[0]),
-        "steps": [[float(k * Ts), float(sp[k])] for k in changes],
+        "steps": [[float(k * Ts), float(sp[k])] for k in np.flatnonzero(np.diff(sp)) + 1],
     }
     table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
-    std = d.noise if situation.trusted else fit.theta["noise_std"]
-    table["noise"] = {**table.get("noise", {}), "std": std}
+    noise = d.noise if situation.trusted else fit.theta["noise_std"]
     source = load or fit
     # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the
     # same in every arm
     K = abs(input_gain(source, d))
     table["disturbance"] = [
-        {
-            "type": "coloured",
-            "amplitude": std / K,
-            "period": period * Ts,
-            **({"lag": lag * Ts} if lag > 0.0 else {}),
-        }
+        {"type": "coloured", "amplitude": std / K, "period": period * Ts}
+        | ({"lag": lag * Ts} if lag > 0.0 else {})
         for std, period, lag in load_parts(_load(source))
     ]
-    if source.theta["colour"] > _COLOURED and "noise_std" not in source.spec.free:
+    colour = source.theta["colour"]
+    if colour > _COLOURED and "noise_std" not in source.spec.free:
         # noise that remembers is a load on PV itself
-        remembers = -Ts / float(np.log(source.theta["colour"]))
         coloured = {
             "type": "coloured",
             "amplitude": source.theta["noise_std"],
-            "period": remembers,
+            "period": -Ts / float(np.log(colour)),
             "at": "output",
         }
         table["disturbance"].append(coloured)
-        table["noise"] = {**table.get("noise", {}), "std": 0.0}
+        noise = 0.0
+    table["noise"] = table.get("noise", {}) | {"std": noise}
     # a ramp begins at 0: OP's mean lies half of it away from where the record began
     half = 0.5 * n * Ts
     # on an integrating plant a ramp of the measurement is a load

@@ -26,14 +26,21 @@ class ClosedLoops:
         self.arms: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
         self.levelled: dict[tuple[str, ...], Loop] = {}
 
-    def loop(self, effects: Sequence[str], load: Fit | None = None) -> Loop:
-        """Return the baseline with some effects in it, under the load of their fit or
-        of another one.
+    def loop(
+        self, effects: Sequence[str], under: Sequence[str] | None = None, plant: str = "fitted"
+    ) -> Loop:
+        """Return the baseline with some effects in it, under the load of their fit or of the fit
+        with others; `plant` is "fitted" or "baseline".
         """
-        f, fit = self.fitted, self.fit_of(effects)
-        numbers = {e: f.parameters[e] for e in effects if e in f.parameters}
-        jumps = load_may_jump(effects)
-        return fixed_loop(f.situation, fit, numbers, plant="fitted", load=load or fit, jumps=jumps)
+        f, under = self.fitted, effects if under is None else under
+        return fixed_loop(
+            f.situation,
+            self.fit_of(effects),
+            {e: f.parameters[e] for e in effects if e in f.parameters},
+            plant=plant,
+            load=self.fit_of(under),
+            jumps=load_may_jump(effects or under),
+        )
 
     def corrected(self, effects: Sequence[str]) -> Loop:
         """Return the baseline with some effects in it, at the level of the record."""
@@ -60,8 +67,10 @@ class ClosedLoops:
             return f.final
         return next((f.candidates[e].fit for e in effects if e in f.candidates), f.base)
 
-    def _after(self, effects: Sequence[str], load: Fit) -> Runs | None:
-        loop = self.loop(effects, load)
+    def _runs(
+        self, effects: Sequence[str], under: Sequence[str], plant: str = "fitted"
+    ) -> Runs | None:
+        loop = self.loop(effects, under, plant)
         return simulate_runs(self.fitted.situation, loop, self.seed, self.kick(effects))
 
     def runs_with(self, effects: Sequence[str]) -> tuple[Runs, Runs, Runs]:
@@ -70,19 +79,12 @@ class ClosedLoops:
         """
         key = tuple(effects)
         if key not in self.arms:
-            f, s, fit = self.fitted, self.fitted.situation, self.fit_of(effects)
-            jumps = load_may_jump(effects)
-            before, again = (
-                simulate_runs(
-                    s, fixed_loop(s, f.base, {}, plant=p, load=fit, jumps=jumps), self.seed
-                )
-                for p in ("baseline", "fitted")
-            )
+            before, again = (self._runs([], effects, plant) for plant in ("baseline", "fitted"))
             if before is None:
                 raise RecordError(
                     "the baseline cannot be simulated with this record's set point: it runs away"
                 )
-            after = self._after(effects, fit) if key else again
+            after = self._runs(effects, effects) if key else again
             self.arms[key] = (before, again or before, after or before)
         return self.arms[key]
 
@@ -95,22 +97,17 @@ class ClosedLoops:
         """What the record has and the recalibrated loop has not; None where that cannot be
         simulated.
         """
-        f = self.fitted
-        return lacking(
-            f.situation, fixed_loop(f.situation, f.base, {}, plant="fitted", load=f.base), self.seed
-        )
+        return lacking(self.fitted.situation, self.loop([]), self.seed)
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
         """Return what other effects close under the load of the named ones; None where that loop
         cannot be simulated.
         """
         before, again, _ = self.runs_with(named)
-        after = self._after(effects, self.fit_of(named))
-        return (
-            None
-            if after is None
-            else measure(self.fitted.situation, before, again, after, seed=self.seed)
-        )
+        after = self._runs(effects, named)
+        if after is None:
+            return None
+        return measure(self.fitted.situation, before, again, after, seed=self.seed)
 
 
 def load_may_jump(effects: Sequence[str]) -> bool:

@@ -50,19 +50,19 @@ _SENTENCES = {
         "take 40 grab samples of the true process value within {minutes:.0f} min, in a column lab"
     ),
 }
-# how often a test moves OP or SP, and in which direction: on a self-regulating plant, and on an
-# integrating one, where a level that is held would let PV run away
-_LEVELS = {
-    "sp_steps": ((1, -1, 0, -1, 1), (1, -1, 0, -1, 1)),
-    "bump": ((0, 1, -1, 0), (0, 1, 0, 0, -1, 0, 0)),
+# of a test that moves OP or SP: how long a level is held, in T + Td, and in samples at least (a
+# settled step takes about 4 T, one of SP waits for the controller as well); its levels on a
+# self-regulating plant, and on an integrating one, where a level that is held would let PV run away
+_MOVES = {
+    "sp_steps": (12.0, 20, (1, -1, 0, -1, 1), (1, -1, 0, -1, 1)),
+    "bump": (6.0, 15, (0, 1, -1, 0), (0, 1, 0, 0, -1, 0, 0)),
     "stairs": (
+        4.0,
+        10,
         (1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -1, 0),
         tuple(step * way for step in (1, 2, 3, 4) for way in (1, 0, -1, 0)),
     ),
 }
-# how long a level is held, in T + Td, and in samples at least: a settled step takes about 4 T, one
-# of SP waits for the controller as well
-_HOLD = {"sp_steps": (12.0, 20), "bump": (6.0, 15), "stairs": (4.0, 10)}
 
 
 class Limits(BaseModel):
@@ -109,7 +109,7 @@ class Trial:
     @property
     def op_travel(self) -> float:
         """How far the operator moves OP (%)."""
-        return float(np.nanmax(np.abs(self.op), initial=0.0)) if np.isfinite(self.op).any() else 0.0
+        return float(np.nanmax(np.abs(self.op), initial=0.0))
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -146,18 +146,16 @@ class Trial:
     def run(self, loop: Loop, seed: int) -> LoopRecord | None:
         """Simulate the test on a loop file; None where the loop cannot be simulated."""
         table = loop.to_table()
-        start = loop.setpoint.value
         table["sampling"] = {"Ts": self.Ts, "n": self.n}
-        table["setpoint"] = {"value": start}
+        table["setpoint"] = {"value": loop.setpoint.value}
         if self.id == "kc_half":
             table["controller"]["Kc"] *= 0.5
         try:
             setup = resolve_loop(Loop.from_table(table), seed)
             if np.isfinite(self.op).any():
                 # a controller of no gain hands an enormous set point on: OP is the operator's
-                sign = setup.Kc / abs(setup.Kc) * setup.sign
-                setup.Kc, setup.Ti = np.copysign(_TINY, setup.Kc), None
-                setup.sp = setup.pv0 + np.nan_to_num(self.op) / (_TINY * sign)
+                setup.Kc, setup.Ti = _TINY, None
+                setup.sp = setup.pv0 + np.nan_to_num(self.op) / (_TINY * setup.sign)
             else:
                 setup.sp = setup.sp + self.sp
             record = run_setup(setup).record
@@ -181,13 +179,13 @@ def sized(
         size = 0.4 * band if band > 0.0 else 0.25 * size
     if id_ in ("bump", "stairs"):
         room = min(rest - limits.op[0], limits.op[1] - rest, limits.op_travel)
-        most = room / max(_LEVELS[id_][0])
+        most = room / max(_MOVES[id_][2])
         if most <= CARD:
             return f"{id_}: OP has no room within its limits"
         size = min(size, most)
     if id_ == "sp_steps":
         size *= abs(d.K) * (pace if s.integrating else 1.0)
-    moves, excursion = id_ in _LEVELS, 0.0
+    moves, excursion = id_ in _MOVES, 0.0
     for _ in range(_SMALLER if moves else 1):
         trial = _trial(id_, size, pace, s)
         if trial.minutes > limits.minutes:
@@ -204,26 +202,25 @@ def sized(
 
 
 def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:
-    levels = np.array(_LEVELS.get(id_, ((), ()))[s.integrating], dtype=float)
-    Ts, hold = s.record.Ts, 0
-    if levels.size:
-        paces, least = _HOLD[id_]
-        hold = int(np.clip(paces * pace, least, _MOST // levels.size))
+    Ts, n = s.record.Ts, min(s.record.n, _MOST)
+    if id_ in _MOVES:
+        paces, least, *levels = _MOVES[id_]
+        moves = size * np.array(levels[s.integrating], dtype=float)
+        hold = int(np.clip(paces * pace, least, _MOST // moves.size))
         if s.integrating and id_ != "sp_steps":
             hold = max(int(pace), 5)
-        n = LEAD + hold * levels.size
-    else:
-        n = min(s.record.n, _MOST)
-        n = min(_FASTER * n, 2 * _MOST) if id_ == "fast" else n
-    sp, op = np.zeros(n), np.full(n, np.nan)
-    if id_ == "sp_steps":
-        sp[LEAD:] = size * np.repeat(levels, hold)
-    elif levels.size:
-        op[LEAD:] = size * np.repeat(levels, hold)
-    elif id_ == "still":
+        moved = np.append(np.zeros(LEAD), np.repeat(moves, hold))
+        still = np.zeros(moved.size)
+        if id_ == "sp_steps":
+            return Trial(id_, size, hold * Ts, Ts, moved.size, moved, still * np.nan)
+        moved[:LEAD] = np.nan
+        return Trial(id_, size, hold * Ts, Ts, moved.size, still, moved)
+    if id_ == "fast":
+        Ts, n = Ts / _FASTER, min(_FASTER * n, 2 * _MOST)
+    op = np.full(n, np.nan)
+    if id_ == "still":
         op[LEAD:] = 0.0
-    period = Ts / _FASTER if id_ == "fast" else Ts
-    return Trial(id_, size if levels.size else 0.0, hold * Ts, period, n, sp, op)
+    return Trial(id_, 0.0, 0.0, Ts, n, np.zeros(n), op)
 
 
 def _excursion(
@@ -249,10 +246,11 @@ def _excursion(
         far = _SPREADS * np.std(ends, axis=0)
         low, high, op_low, op_high = np.mean(ends, axis=0) + far * np.array([-1.0, 1.0, -1.0, 1.0])
         worst = max(worst, float(-low), float(high))
+        pv_low, pv_high = _MARGIN * (np.array(limits.pv) - start)
         inside &= bool(
-            low >= _MARGIN * (limits.pv[0] - start)
-            and high <= _MARGIN * (limits.pv[1] - start)
-            and op_low >= limits.op[0] - 1e-6
+            pv_low <= low
+            and high <= pv_high
+            and limits.op[0] - 1e-6 <= op_low
             and op_high <= limits.op[1] + 1e-6
             and op_high - op_low <= 2.0 * limits.op_travel
             and worst <= _MARGIN * limits.pv_excursion

@@ -94,9 +94,8 @@ def plan(
     if why:
         return PlannedTests(why=why)
     s, fitted = assessment.situation, assessment.parameters
-    likely = sorted(
-        (e for e in probability if e == NONE or e in fitted), key=lambda e: -probability[e]
-    )[:_EXPLANATIONS]
+    explained = [e for e in probability if e == NONE or e in fitted]
+    likely = sorted(explained, key=lambda e: -probability[e])[:_EXPLANATIONS]
     files = {e: loops.loop([] if e == NONE else [e]) for e in likely}
     bands = [band(fitted[e]) for e in likely if e != NONE and (band := recogniser(e).band)]
     tests: list[Trial] = []

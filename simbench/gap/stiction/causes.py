@@ -31,7 +31,6 @@ _CAUSE_OF_FLAG = {
     "manual": NOT_TOLD,
 }
 _NAMED_FROM = 0.6  # confidence below which no cause is named
-_APART = 0.15  # confidence by which the likeliest must lead the next
 _KEPT = (
     0.9,
     0.98,
@@ -44,9 +43,6 @@ _TIGHT = (
 )  # largest sensitivity from which tuning may be the cause, and from which it surely can
 _BARE = 0.1  # share of S below which J is no jump
 _MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
-_POOR = 1.9  # largest sensitivity from which a loop at rest is not sound either
-# factor between the period of the loop and that of its resonance up to which they are one
-_NEAR = 1.4
 # share of PV's variance that changes from sample to sample, from which it is noise that moves the
 # valve
 _NOISY = 0.75
@@ -102,33 +98,34 @@ def find_causes(
             return Causes(cause, (cause,))
     if isinstance(loops, str):
         return _open(loops, ())
-    known, keeps, periods = _margins(loops), 0.0, 0.0
-    if swing.sustained:
-        periods = loops.record.duration / swing.period_s
-        keeps = (
-            coherence(loops.record.pv, swing.period_s / loops.record.Ts)
-            if periods >= _FEWEST_PERIODS
-            else float("nan")
-        )
-    weighed = [
-        _stiction(loops, keeps),
-        _tuning(known, swing, keeps, periods),
-        _outside(loops, swing, keeps, periods),
-        _sensor(prepared, loops),
-    ]
+    sticks = loops.sticky is not None and loops.probability > 0.5
+    known = margins(loops.sticky if sticks else loops.healthy[0])
+    periods = loops.record.duration / swing.period_s if swing.sustained else 0.0
+    keeps = 0.0
+    if periods >= _FEWEST_PERIODS:
+        keeps = coherence(loops.record.pv, swing.period_s / loops.record.Ts)
+        swung = [_tuning(known, swing, keeps, periods), _outside(loops, keeps, periods)]
+    else:
+        why, open_to = "the loop does not swing", 0.0
+        if swing.sustained:
+            why = f"{periods:.0f} periods are too few to tell a line of the load from a resonance"
+            open_to = 0.3
+        swung = [Cause(name, open_to, (), (why,)) for name in (TIGHT, FROM_OUTSIDE)]
+    weighed = [_stiction(loops, keeps), *swung, _sensor(prepared, loops)]
     if root is not None:
         why = (
             f"shares period, phase and time with {root}, whose valve sticks with probability"
             f" {sure:.2f}"
         )
         weighed.append(Cause(NEIGHBOUR, sure, (why,)))
-    weighed.append(_nothing(loops, swing, known))
+    weighed.append(_nothing(loops, swing))
     weighed.sort(key=lambda c: -c.confidence)
-    first, second = weighed[:2]
+    first = weighed[0]
     # friction of this valve is a separate cause, whatever else oscillates with it
-    sticking = next(c for c in weighed if c.name == STICKING)
+    by_name = {c.name: c for c in weighed}
+    sticking = by_name[STICKING]
     if root is not None and sure > CLAIMED_FROM and sure >= sticking.confidence - 0.1:
-        return Causes(next(c for c in weighed if c.name == NEIGHBOUR), tuple(weighed))
+        return Causes(by_name[NEIGHBOUR], tuple(weighed))
     if sticking.confidence > CLAIMED_FROM:
         return Causes(sticking, tuple(weighed))
     if claimed:
@@ -140,24 +137,11 @@ def find_causes(
         return _open(f"{between}, and with it every other cause", tuple(weighed))
     if first.confidence < _NAMED_FROM or first is sticking:
         return _open("no cause has enough evidence", tuple(weighed))
-    if first.confidence - second.confidence < _APART and {first.name, second.name} != {
-        SENSOR,
-        NO_CAUSE,
-    }:
-        return _open(f"{first.name} and {second.name} are about as likely", tuple(weighed))
     return Causes(first, tuple(weighed))
 
 
 def _open(why: str, weighed: tuple[Cause, ...]) -> Causes:
     return Causes(Cause(NOT_TOLD, 0.0, (), (why,)), weighed)
-
-
-def _margins(loops: CandidateLoops) -> Margins | None:
-    """Return the margins of the loop that explains the record best."""
-    loop = (
-        loops.sticky if loops.sticky is not None and loops.probability > 0.5 else loops.healthy[0]
-    )
-    return margins(loop)
 
 
 def _stiction(loops: CandidateLoops, keeps: float) -> Cause:
@@ -187,39 +171,19 @@ def _stiction(loops: CandidateLoops, keeps: float) -> Cause:
 def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: float) -> Cause:
     if known is None:
         return Cause(TIGHT, 0.0, (), ("margins of this loop are unknown",))
-    margins_text = known.sentence()
-    if not swing.sustained:
-        return Cause(TIGHT, 0.0, (), ("the loop does not swing", margins_text))
+    swings = f"{known.sentence()}; the loop swings with {swing.period_s:.3g} s"
     if keeps > _KEPT[0]:
         kept = (
             f"the phase coherence over {periods:.0f} periods is {keeps:.2f}, more than noise in a"
             " tight loop gives"
         )
-        return Cause(TIGHT, 0.1, (), (kept, margins_text))
-    if np.isnan(keeps):
-        few = f"{periods:.0f} periods are too few to tell a line of the load from a resonance"
-        return Cause(TIGHT, 0.3, (), (few, margins_text))
-    ratio = max(known.period / swing.period_s, swing.period_s / known.period)
-    if known.sensitivity < _TIGHT[0] or ratio > _NEAR:
-        return Cause(
-            TIGHT, 0.05, (), (f"{margins_text}; the loop swings with {swing.period_s:.3g} s",)
-        )
-    tight = float(np.interp(known.sensitivity, _TIGHT, (0.5, 0.95)))
-    return Cause(
-        TIGHT, tight, (f"{margins_text}, near the {swing.period_s:.3g} s with which it swings",)
-    )
+        return Cause(TIGHT, 0.1, (), (kept, swings))
+    if known.sensitivity < _TIGHT[0]:
+        return Cause(TIGHT, 0.05, (), (swings,))
+    return Cause(TIGHT, float(np.interp(known.sensitivity, _TIGHT, (0.5, 0.95))), (swings,))
 
 
-def _outside(loops: CandidateLoops, swing: Oscillation, keeps: float, periods: float) -> Cause:
-    if not swing.sustained:
-        return Cause(FROM_OUTSIDE, 0.0, (), ("the loop does not swing",))
-    if np.isnan(keeps):
-        return Cause(
-            FROM_OUTSIDE,
-            0.3,
-            (),
-            (f"{periods:.0f} periods are too few to tell a line of the load from a resonance",),
-        )
+def _outside(loops: CandidateLoops, keeps: float, periods: float) -> Cause:
     kept = f"over {periods:.0f} periods the phase coherence of the oscillation is {keeps:.2f}: "
     if keeps < _KEPT[0]:
         return Cause(FROM_OUTSIDE, 0.1, (), (f"{kept}no periodic disturbance is seen",))
@@ -227,25 +191,21 @@ def _outside(loops: CandidateLoops, swing: Oscillation, keeps: float, periods: f
         "an external oscillation explains the record better than none (log-likelihood difference"
         f" +{loops.outside:.0f})"
     )
-    sure = float(np.interp(keeps, _KEPT, (0.6, 0.95))) * float(
-        np.interp(loops.probability, (0.4, 0.7), (1.0, 0.3))
-    )
+    sure = float(np.interp(keeps, _KEPT, (0.6, 0.95)))
     line = f"{kept}a line in the load's spectrum, narrower than a loop resonates"
     return Cause(FROM_OUTSIDE, sure, (line, *([gained] if loops.outside > 0 else [])))
 
 
 def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
-    record = prepared.record
-    std = float(np.std(record.pv))
-    noise = min(float(loops.healthy[0].noise.std) / std, 1.0) if std > 0 else 0.0
-    steps = np.diff(record.op)
-    turns = float(np.mean(steps[1:] * steps[:-1] < 0)) if steps.size > 1 else 0.0
-    noisy = f"noise is {noise**2:.0%} of PV's variance, and OP turns in {turns:.0%} of the samples"
     if "spikes" in prepared.flags:
         return Cause(SENSOR, 0.7, (prepared.flags["spikes"].evidence,))
-    percent = record.op_percent
-    moved = float(np.std(steps)) if percent is not None else 0.0
-    if noise**2 > _NOISY and turns > 0.4 and moved > _MOVED and not prepared.oscillation.sustained:
+    record = prepared.record
+    share = min(float(loops.healthy[0].noise.std / np.std(record.pv)), 1.0) ** 2
+    steps = np.diff(record.op)
+    turns = float(np.mean(steps[1:] * steps[:-1] < 0))
+    noisy = f"noise is {share:.0%} of PV's variance, and OP turns in {turns:.0%} of the samples"
+    moved = float(np.std(steps)) if record.op_percent is not None else 0.0
+    if share > _NOISY and turns > 0.4 and moved > _MOVED and not prepared.oscillation.sustained:
         return Cause(
             SENSOR,
             0.8,
@@ -254,13 +214,11 @@ def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
     return Cause(SENSOR, 0.05, (), (noisy,))
 
 
-def _nothing(loops: CandidateLoops, swing: Oscillation, known: Margins | None) -> Cause:
+def _nothing(loops: CandidateLoops, swing: Oscillation) -> Cause:
     if swing.sustained:
         return Cause(NO_CAUSE, 0.0, (), (f"the loop swings ({swing.evidence})",))
     p = loops.probability
     if p >= DENIED_BELOW:
         return Cause(NO_CAUSE, 1.0 - p, (), ("friction is not ruled out",))
     at_rest = "the loop does not oscillate, and nothing else asks for a cause"
-    if known is not None and known.sensitivity > _POOR:
-        return Cause(NO_CAUSE, 0.7 * (1.0 - p), (at_rest,), (known.sentence(),))
     return Cause(NO_CAUSE, 1.0 - p, (at_rest,))

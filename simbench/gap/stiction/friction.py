@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
+import joblib
 import numpy as np
 
 from detectors.compiled import one_thread
@@ -83,7 +84,7 @@ def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = No
         return None
 
 
-_KEPT: dict[tuple[Any, ...], Friction | UserError] = {}
+_KEPT: dict[tuple[Any, ...], Friction] = {}
 
 
 def friction_of(record: LoopRecord) -> Friction:
@@ -92,18 +93,11 @@ def friction_of(record: LoopRecord) -> Friction:
     """
     signals = (record.op, record.pv, record.sp, record.mv, record.meta.get("manual"))
     about = (record.Ts, record.process, record.kind, record.op_span, record.pv_span, record.tag)
-    library = tuple(recogniser(e) for e in EFFECTS)
-    key = (*(None if x is None else np.asarray(x).tobytes() for x in signals), *about, library)
+    key = (joblib.hash((signals, about)), *(recogniser(e) for e in EFFECTS))
     if key not in _KEPT:
         _KEPT.clear()
-        try:
-            _KEPT[key] = friction(record)
-        except UserError as why:
-            _KEPT[key] = why
-    kept = _KEPT[key]
-    if isinstance(kept, UserError):
-        raise kept
-    return kept
+        _KEPT[key] = friction(record)
+    return _KEPT[key]
 
 
 def friction(
@@ -146,19 +140,17 @@ def friction(
         if slow is record:
             whole, given, _ = completed(record, loop)
             return _measured(_fitted(record, whole, given))
-        every = _as_it_is(record)
+        every = _identified(record, record)
         if every is not None and every.log_likelihood_gains[FRICTION] >= ENOUGH:
             return _measured(every)
         if every is not None and record.process is None:
             # one loop has one plant, and all samples tell its kind better than few
             integrating = every.situation.baseline.plant.integrating
             slow = replace(slow, process="integrating" if integrating else "self-regulating")
-        at_pace = _at_pace(slow, record)
-        if every is None and at_pace is None:
+        views = [view for view in (every, _identified(slow, record)) if view is not None]
+        if not views:
             return _measured(_fitted(record, identify(record)))
-        return _measured(
-            max(filter(None, (every, at_pace)), key=lambda f: f.log_likelihood_gains[FRICTION])
-        )
+        return _measured(max(views, key=lambda view: view.log_likelihood_gains[FRICTION]))
 
 
 def refuse_unweighable(record: LoopRecord) -> None:
@@ -203,36 +195,25 @@ def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Asse
     return assessment if s.trusted else plausible(assessment)
 
 
-def _as_it_is(record: LoopRecord) -> Assessment | None:
-    """Return the assessment of all samples; None where no loop can be identified from them."""
-    try:
-        return _fitted(record, identify(record))
-    except UserError:
-        return None
-
-
-def _at_pace(slow: LoopRecord, record: LoopRecord) -> Assessment | None:
-    """Return the assessment of fewer samples; None where no loop can be identified from them."""
-    try:
-        return _as_sampled(
-            _fitted(slow, identify(slow, controller=exact_controller(record))), record
-        )
-    except UserError:
-        return None
-
-
-def _as_sampled(assessment: Assessment, record: LoopRecord) -> Assessment:
-    """Return the assessment with what single samples of the whole record prove, and what must be
-    known of them.
+def _identified(record: LoopRecord, whole: LoopRecord) -> Assessment | None:
+    """Return the assessment of all samples of a record, or of fewer with what the single samples of
+    the whole record prove; None where no loop can be identified from them.
     """
-    s = assessment.situation
-    loop = s.baseline.model_copy(update={"sampling": Sampling(Ts=record.Ts, n=record.n)})
-    whole = check(record, loop, trusted=False)
-    parameters = {
-        e: p for e, p in assessment.parameters.items() if e not in s.proven
-    } | whole.proven
-    situation = replace(s, proven=whole.proven, notes=[*whole.notes, *remarks(whole)])
-    return replace(assessment, situation=situation, parameters=parameters)
+    try:
+        if record is whole:
+            return _fitted(record, identify(record))
+        assessment = _fitted(record, identify(record, controller=exact_controller(whole)))
+        s = assessment.situation
+        sampling = Sampling(Ts=whole.Ts, n=whole.n)
+        shown = check(whole, s.baseline.model_copy(update={"sampling": sampling}), trusted=False)
+    except UserError:
+        return None
+    return replace(
+        assessment,
+        situation=replace(s, proven=shown.proven, notes=[*shown.notes, *remarks(shown)]),
+        parameters={e: p for e, p in assessment.parameters.items() if e not in s.proven}
+        | shown.proven,
+    )
 
 
 def _few(s: Situation) -> Assessment:

@@ -65,9 +65,4 @@ def resampled(record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k:
     """Return a record in which every signal but MV, which is left out, has one sample in place of
     k.
     """
-    signals = {
-        name: change(getattr(record, name))
-        for name in ("op", "pv", "sp")
-        if getattr(record, name) is not None
-    }
-    return replace(record, Ts=record.Ts * k, mv=None, **signals)
+    return replace(record, mv=None).with_signals(change, Ts=record.Ts * k)

@@ -2,6 +2,7 @@
 on stand-ins.
 """
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -141,7 +142,7 @@ def stubs(monkeypatch):
 
 def test_the_answer_is_put_together(stubs):
     rivals = {("gain_mismatch",): gap(after=2.0), ("quantisation",): None}
-    answer = report(assessed("stiction"), weighed(), Loops(rivals=rivals), ["two records"])
+    answer = report(assessed("stiction"), weighed(), Loops(rivals=rivals))
     assert (answer.effect, answer.block, answer.group) == (
         "stiction",
         "valve",
@@ -176,7 +177,7 @@ def test_the_answer_is_put_together(stubs):
         "resolvable": True,
     }
     assert answer.shrinkage == {"value": 0.9, "lo": 0.7, "hi": 0.95}
-    assert answer.notes == ("noted", "two records", "valve: MV strays")
+    assert answer.notes == ("noted", "valve: MV strays")
     assert answer.next_test == {"test": "bump", "says": "bump it"}
     assert answer.behind.detectable == {"deadband": (60.0, "%")}
 
@@ -193,8 +194,15 @@ def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):
     )
 
 
+@dataclass
+class Stub:
+    record: SimpleNamespace
+    proven: dict
+    notes: list
+
+
 def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):
-    s = SimpleNamespace(record=SimpleNamespace(n=n, tag=tag), proven={e: {} for e in proven})
+    s = Stub(record=SimpleNamespace(n=n, tag=tag), proven={e: {} for e in proven}, notes=[])
     return diagnosis.Assessment(
         s, None, {}, parameters or {}, list(chosen), None, dict.fromkeys(EFFECTS, -3.0) | gains
     )
@@ -204,9 +212,9 @@ LOOPS = CandidateLoops(None, (), None, None, 0.0, 1.0, False, None, 1.0, ())
 
 
 def together(monkeypatch, *every):
-    queue = iter(every)
-    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, baseline: (next(queue), LOOPS))
-    return diagnosis._assess_all([SimpleNamespace()] * len(every), None, 1)
+    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, baseline, tests=(): (r.made, LOOPS))
+    records = [SimpleNamespace(n=one.situation.record.n, made=one) for one in every]
+    return diagnosis._assess_all(records, None, 1)
 
 
 def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(monkeypatch):
@@ -219,19 +227,22 @@ def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(mon
         900, {"stiction": 7.0, "drift": 890.0}, parameters={"stiction": {"S": 2.0}}, tag="FIC1"
     )
     more = assessment(700, {"drift": 890.0}, chosen=["drift"])
-    joined, loops, notes = together(monkeypatch, short, long, more)
-    assert joined.situation is long.situation
+    joined, loops = together(monkeypatch, short, long, more)
+    assert joined.situation.record is long.situation.record
     gains = joined.log_likelihood_gains
     assert (gains["stiction"], gains["noise"], gains["quantisation"]) == (13.0, -2.0, 1000.0)
     # no likelihood outranks what single samples prove
     assert gains["drift"] == 900.0
     assert joined.parameters == {"noise": {"factor": 3.0}, "stiction": {"S": 2.0}}
     assert joined.chosen == ["noise", "stiction"]
-    assert [f.situation.record.n for f in joined.other_records] == [500, 700]
-    assert notes == ["3 records judged together; gap and parameters are those of FIC1"]
+    assert [f.situation.record.n for f in joined.other_records] == [700, 500]
+    assert joined.situation.notes == [
+        "3 records judged together; gap and parameters are those of FIC1"
+    ]
     assert joined.stiction == loops.probability == pytest.approx(probability(pooled([1.0] * 3)))
-    assert together(monkeypatch, short)[2] == []
-    assert "those of the longest" in together(monkeypatch, short, more)[2][0]
+    assert together(monkeypatch, short)[0].situation.notes == []
+    [note] = together(monkeypatch, short, more)[0].situation.notes
+    assert "those of the longest" in note
 
 
 @pytest.mark.parametrize(("Ts", "judged"), [(1.009, True), (1.011, False)])

@@ -102,8 +102,11 @@ def test_the_kind_of_an_unknown_plant_is_judged_from_all_samples(monkeypatch, ki
         situation=SimpleNamespace(baseline=SimpleNamespace(plant=plant)),
     )
     asked = []
-    monkeypatch.setattr(module, "_as_it_is", lambda record: whole)
-    monkeypatch.setattr(module, "_at_pace", lambda slow, record: asked.append(slow.process))
+
+    def identified(view, all_samples):
+        return whole if view is all_samples else asked.append(view.process)
+
+    monkeypatch.setattr(module, "_identified", identified)
     monkeypatch.setattr(module, "_measured", lambda assessment: assessment)
     friction(record)
     friction(replace(record, process="integrating"))
@@ -115,7 +118,12 @@ def test_what_single_samples_prove_is_proven_by_all_of_them(monkeypatch):
     step = 0.15 * float(np.std(record.pv))
     rounded = replace(record, pv=np.round(record.pv / step) * step)
     assert at_its_pace(rounded).n < rounded.n
-    monkeypatch.setattr(module, "_as_it_is", lambda record: None)
+    identified = module._identified
+
+    def at_pace_alone(view, all_samples):
+        return None if view is all_samples else identified(view, all_samples)
+
+    monkeypatch.setattr(module, "_identified", at_pace_alone)
     assessment = friction(rounded).assessment
     assert assessment.situation.proven["quantisation"]["step"] == pytest.approx(step)
     assert assessment.parameters["quantisation"] == assessment.situation.proven["quantisation"]
