@@ -47,10 +47,11 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
     de, du = np.diff(e), np.diff(op)
     m = de.shape[-1]
     scale = np.std(de, axis=-1) * np.std(du, axis=-1) + 1e-12
-    for lag in (0, 1, 3):
-        out[f"op after pv {lag}"] = np.mean(de[..., : m - lag] * du[..., lag:], axis=-1) / scale
-    for lag in (2, 6):
-        out[f"pv after op {lag}"] = np.mean(du[..., : m - lag] * de[..., lag:], axis=-1) / scale
+    pairs = (("op after pv", de, du, (0, 1, 3)), ("pv after op", du, de, (2, 6)))
+    for name, first, then, lags in pairs:
+        for lag in lags:
+            together = first[..., : m - lag] * then[..., lag:]
+            out[f"{name} {lag}"] = np.mean(together, axis=-1) / scale
     return out
 
 

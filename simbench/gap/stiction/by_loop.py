@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import log
+
+from scipy.special import logit
 
 from detectors.report.report import columns
 from detectors.verdict import NO_DECISION, STICTION
@@ -40,14 +41,12 @@ def group_conclusions(
     label.
     """
     groups: dict[tuple[str, str], list[float | None]] = {}
-    for name, conclusion in conclusions.items():
-        if name in labels:
-            groups.setdefault((labels[name][key], labels[name]["label"]), []).append(
-                conclusion.probability
-            )
+    for name in (name for name in conclusions if name in labels):
+        group = labels[name][key], labels[name]["label"]
+        groups.setdefault(group, []).append(conclusions[name].probability)
     out = {}
     for group, each in groups.items():
-        odds = [log(p / (1.0 - p)) for p in each if p is not None]
+        odds = [float(logit(p)) for p in each if p is not None]
         p = probability(sum(odds) / len(odds)) if odds else None
         out[group] = len(each), p, NO_DECISION if p is None else verdict(p)
     return out
@@ -57,12 +56,14 @@ def count_agreement(
     what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]
 ) -> str:
     """Return in one sentence how often the conclusions agree with the labels."""
-    labelled = {
-        group: answer for group, (_, _, answer) in groups.items() if group[1] not in ("", "unknown")
-    }
-    sticky = [answer for (_, label), answer in labelled.items() if label == STICTION]
-    others = [answer for (_, label), answer in labelled.items() if label != STICTION]
-    open_ = sum(answer == NO_DECISION for answer in labelled.values())
+    labelled = [
+        (label == STICTION, answer)
+        for (_, label), (_, _, answer) in groups.items()
+        if label not in ("", "unknown")
+    ]
+    sticky = [answer for sticks, answer in labelled if sticks]
+    others = [answer for sticks, answer in labelled if not sticks]
+    open_ = [*sticky, *others].count(NO_DECISION)
     return (
         f"Conclusion by {what}: stiction in {sticky.count(STICTION)} of {len(sticky)} with stiction"
         f" and in {others.count(STICTION)} of {len(others)} without; {open_} of {len(labelled)}"

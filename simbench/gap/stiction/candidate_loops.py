@@ -79,10 +79,10 @@ def candidate_loops(
     loops = ClosedLoops(assessment, 0)
     archive = [e for e in ARCHIVE if e in assessment.situation.proven]
     healthy = [loops.loop(archive)]
-    gains = assessment.log_likelihood_gains
+    outside = max(float(assessment.log_likelihood_gains.get(OUTSIDE, 0.0)), 0.0)
     if OUTSIDE in assessment.parameters:
         healthy.append(loops.loop([*archive, OUTSIDE]))
-        if gains.get(OUTSIDE, 0.0) > 0:
+        if outside:
             healthy.reverse()
     sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
     sizes = smallest_detectable(
@@ -100,7 +100,7 @@ def candidate_loops(
         swing.period_s if swing.sustained else None,
         percent,
         (*notes, *assessment.situation.notes),
-        max(float(gains.get(OUTSIDE, 0.0)), 0.0),
+        outside,
         sizes.get(FRICTION, (float("inf"), ""))[0],
     )
 

@@ -73,13 +73,12 @@ class Causes:
 
     def as_lines(self) -> list[str]:
         """Return of the likeliest causes what speaks for and against each."""
-        return [*map(_line, self.weighed[:4])]
-
-
-def _line(c: Cause) -> str:
-    parts = [f"for: {'; '.join(c.speaks_for)}"] if c.speaks_for else []
-    parts += [f"against: {'; '.join(c.against)}"] if c.against else []
-    return f"  {c.name} ({c.confidence:.2f}): {'. '.join(parts)}."
+        lines = []
+        for c in self.weighed[:4]:
+            said = {"for": c.speaks_for, "against": c.against}
+            parts = [f"{side}: {'; '.join(why)}" for side, why in said.items() if why]
+            lines.append(f"  {c.name} ({c.confidence:.2f}): {'. '.join(parts)}.")
+        return lines
 
 
 def find_causes(
@@ -153,19 +152,17 @@ def _stiction(loops: CandidateLoops, keeps: float) -> Cause:
     )
     if p <= 0.5:
         return Cause(STICKING, p, (), (better,))
-    size = (
-        ""
-        if loops.fitted is None
-        else f"; estimated S = {loops.fitted[0]:.2g}, J = {loops.fitted[1]:.2g} % of travel"
-    )
-    bare = loops.fitted is not None and loops.fitted[1] < _BARE * loops.fitted[0]
-    if bare and keeps > _KEPT[1] and loops.healthy[0].plant.type == "foptd":
+    if loops.fitted is None:
+        return Cause(STICKING, p, (better,))
+    S, J = loops.fitted
+    better += f"; estimated S = {S:.2g}, J = {J:.2g} % of travel"
+    if J < _BARE * S and keeps > _KEPT[1] and loops.healthy[0].plant.type == "foptd":
         why = (
             "a band without a jump makes no self-regulating loop swing, and the swing keeps its"
             " phase as one from outside"
         )
-        return Cause(STICKING, min(p, CLAIMED_FROM - 0.05), (better + size,), (why,))
-    return Cause(STICKING, p, (better + size,))
+        return Cause(STICKING, min(p, CLAIMED_FROM - 0.05), (better,), (why,))
+    return Cause(STICKING, p, (better,))
 
 
 def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: float) -> Cause:

@@ -176,13 +176,13 @@ def with_sound_valve(loop: Loop) -> Loop:
 
 def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
     """Return the record with OP in %, and how many units of its OP one % is."""
-    if record.op_percent is not None:
-        lo, hi = record.op_span or (0.0, 100.0)
-        return replace(record, op=record.op_percent, op_span=(0.0, 100.0)), (hi - lo) / 100.0
-    lo, hi = float(record.op.min()), float(record.op.max())
-    span = (hi - lo) or 1.0
-    lo, wide = lo - _ROOM * span, (1 + 2 * _ROOM) * span
-    return replace(record, op=(record.op - lo) * (100.0 / wide), op_span=(0.0, 100.0)), wide / 100.0
+    lo, hi = record.op_span or (0.0, 100.0)
+    if record.op_percent is None:
+        lo, hi = float(record.op.min()), float(record.op.max())
+        room = _ROOM * ((hi - lo) or 1.0)
+        lo, hi = lo - room, hi + room
+    op = (record.op - lo) * (100.0 / (hi - lo))
+    return replace(record, op=op, op_span=(0.0, 100.0)), (hi - lo) / 100.0
 
 
 def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:

@@ -47,13 +47,8 @@ def margins(loop: Loop) -> Margins | None:
     open_loop = process * controller * np.exp(-s * (plant.Td + 0.5 * Ts))
     size = 1.0 / np.abs(1.0 + open_loop)
     k = int(np.argmax(size))
-    return Margins(gain_margin(open_loop), float(size[k]), float(2.0 * np.pi / w[k]))
-
-
-def gain_margin(open_loop: np.ndarray) -> float:
-    """Return the gain margin of an open loop (w,) at rising frequencies; infinite where the phase
-    never crosses -180 degrees.
-    """
+    # infinite where the phase never crosses -180 degrees
     phase = np.unwrap(np.angle(open_loop))
-    crossed = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
-    return float("inf") if not crossed.size else 1.0 / float(np.abs(open_loop[crossed]).max())
+    crossed = open_loop[:-1][(phase[:-1] > -np.pi) & (phase[1:] <= -np.pi)]
+    gain = float(1.0 / np.abs(crossed).max()) if crossed.size else np.inf
+    return Margins(gain, float(size[k]), float(2.0 * np.pi / w[k]))
