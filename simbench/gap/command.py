@@ -158,9 +158,9 @@ def discover_file(
     if write_effect is not None and discovery.law is not None:
         header = (
             f"Found by `simbench gap discover` in {Path(record).name} beside {Path(baseline).name}:"
-            f" {discovery.law.text}"
+            f" {discovery.law.text}; {discovery.law.nats:.0f} nats on samples that it was not"
+            " fitted to."
         )
-        header += f"; {discovery.law.nats:.0f} nats on samples that it was not fitted to."
         write_law(discovery.law, write_effect, header, f"fitted to {Path(record).name}")
     if html is not None:
         from simbench.gap.report.law_page import write_law_page

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.signal.lattice import hides_nothing, lattice, resolution, written
+from detectors.signal.lattice import written
 from simbench.gap.controller.recovered_pv import mean_like
 from simbench.gap.situation import Situation
 
@@ -36,13 +36,4 @@ def _digits_of(s: Situation) -> tuple[float, float]:
     """Return the steps in which OP and PV are written, computed once per record because it is
     simulated many times.
     """
-    return _digits(s.op, s.record.pv), _digits(s.record.pv, s.op)
-
-
-def _digits(x: np.ndarray, other: np.ndarray) -> float:
-    """Return the step in which a column is written, also if a transmitter's steps were rounded
-    again to decimals.
-    """
-    digits = written(x, other).digits
-    counts = lattice(x, resolution(x) / 3.0)  # its levels lie up to half a decimal off
-    return counts if counts > digits and hides_nothing(counts, x) else digits
+    return written(s.op, s.record.pv).digits, written(s.record.pv, s.op).digits

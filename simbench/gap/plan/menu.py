@@ -88,18 +88,22 @@ class Limits(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A test on one loop: its size, SP or manual OP as deviation over its samples (OP NaN in
-    automatic), and how far PV moves (PV units) on the loops of the explanations.
+    """A test on one loop: its size, the deviations (n,) of SP, or of OP in manual, and how far PV
+    moves (PV units) on the loops of the explanations.
     """
 
     id: str
     size: float
     hold_s: float
     Ts: float
-    n: int
-    sp: np.ndarray
-    op: np.ndarray
+    moves: np.ndarray
+    manual: bool
     pv_excursion: float = 0.0
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return self.moves.size
 
     @property
     def minutes(self) -> float:
@@ -109,7 +113,7 @@ class Trial:
     @property
     def op_travel(self) -> float:
         """How far the operator moves OP (%)."""
-        return float(np.nanmax(np.abs(self.op), initial=0.0))
+        return float(np.abs(self.moves).max()) if self.manual else 0.0
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -152,12 +156,12 @@ class Trial:
             table["controller"]["Kc"] *= 0.5
         try:
             setup = resolve_loop(Loop.from_table(table), seed)
-            if np.isfinite(self.op).any():
+            if self.manual:
                 # a controller of no gain hands an enormous set point on: OP is the operator's
                 setup.Kc, setup.Ti = _TINY, None
-                setup.sp = setup.pv0 + np.nan_to_num(self.op) / (_TINY * setup.sign)
+                setup.sp = setup.pv0 + self.moves / (_TINY * setup.sign)
             else:
-                setup.sp = setup.sp + self.sp
+                setup.sp = setup.sp + self.moves
             record = run_setup(setup).record
         except UserError:
             return None
@@ -193,7 +197,7 @@ def sized(
             if moves or n < FEWEST:
                 lasts = f"{id_}: {trial.minutes:.0f} min"
                 return f"{lasts}, more than the {limits.minutes:.0f} allowed"
-            trial = replace(trial, n=n, sp=trial.sp[:n], op=trial.op[:n])
+            trial = replace(trial, moves=trial.moves[:n])
         excursion, inside = _excursion(trial, s, loops, limits)
         if inside:
             return replace(trial, pv_excursion=excursion)
@@ -209,18 +213,11 @@ def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:
         hold = int(np.clip(paces * pace, least, _MOST // moves.size))
         if s.integrating and id_ != "sp_steps":
             hold = max(int(pace), 5)
-        moved = np.append(np.zeros(LEAD), np.repeat(moves, hold))
-        still = np.zeros(moved.size)
-        if id_ == "sp_steps":
-            return Trial(id_, size, hold * Ts, Ts, moved.size, moved, still * np.nan)
-        moved[:LEAD] = np.nan
-        return Trial(id_, size, hold * Ts, Ts, moved.size, still, moved)
+        moves = np.append(np.zeros(LEAD), np.repeat(moves, hold))
+        return Trial(id_, size, hold * Ts, Ts, moves, id_ != "sp_steps")
     if id_ == "fast":
         Ts, n = Ts / _FASTER, min(_FASTER * n, 2 * _MOST)
-    op = np.full(n, np.nan)
-    if id_ == "still":
-        op[LEAD:] = 0.0
-    return Trial(id_, 0.0, 0.0, Ts, n, np.zeros(n), op)
+    return Trial(id_, 0.0, 0.0, Ts, np.zeros(n), id_ == "still")
 
 
 def _excursion(

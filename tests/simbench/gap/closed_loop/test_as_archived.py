@@ -32,11 +32,6 @@ def means(r):
     return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
 
 
-def counts(r):
-    """A transmitter's counts, rounded once more to two decimals."""
-    return replace(r, pv=np.round(0.033 * np.round(r.pv / 0.033), 2))
-
-
 @pytest.mark.parametrize("archive", [digits, late, means])
 def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
     other = recorded(SHORT, seed=9)
@@ -50,14 +45,6 @@ def test_the_corrected_loop_has_the_dead_time_that_a_late_op_hides(record):
     # between the archived OP and PV one sample less of it is seen
     loops = diagnose(late(record), LOOP).behind.loops
     assert loops.corrected(()).plant.Td == pytest.approx(LOOP.plant.Td, abs=0.3)
-
-
-def test_counts_that_were_rounded_to_decimals_repeat_as_often_in_the_simulation(record):
-    other = recorded(SHORT, seed=9)
-    _, pv = as_archived(check(counts(record), LOOP), other.op, other.pv)
-    assert np.mean(np.diff(pv) == 0.0) == pytest.approx(
-        np.mean(np.diff(counts(other).pv) == 0.0), rel=0.3
-    )
 
 
 def test_a_faithful_archive_changes_nothing(record):

@@ -15,7 +15,7 @@ from simbench.gap.diagnosis import assess_with_tests
 from simbench.gap.intake.beside_record import contradiction, modelled
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import RecordedTest
-from simbench.gap.plan.menu import Limits, sized
+from simbench.gap.plan.menu import LEAD, Limits, sized
 from simbench.loop.simulate import simulate
 
 LOOP = Loop.from_table({
@@ -37,7 +37,7 @@ def situation():
 def made(id_, situation, loop=LOOP, stated=LOOP):
     trial = sized(id_, situation, {"none": LOOP}, 0.0, Limits())
     record = trial.run(loop, 5)
-    manual = np.isfinite(trial.op)
+    manual = trial.manual & (np.arange(trial.n) >= LEAD)
     if manual.any():
         # the operator takes over from a controller, whose OP the menu's run does not show
         lead = simulate(loop.with_("sampling.n", int(np.argmax(manual))), 6).record

@@ -31,7 +31,7 @@ def situation():
 def test_in_manual_op_is_the_operators_and_pv_answers_through_the_plant(id_):
     trial = sized(id_, situation(), {"none": LOOP}, 0.0, Limits())
     record = trial.run(LOOP, 0)
-    np.testing.assert_allclose(record.op[LEAD:], 50.0 + trial.op[LEAD:], atol=1e-6)
+    np.testing.assert_allclose(record.op[LEAD:], 50.0 + trial.moves[LEAD:], atol=1e-6)
     # held until settled, PV has moved by K d
     assert trial.pv_excursion == pytest.approx(2.0 * trial.op_travel, rel=0.05)
     assert trial.minutes == pytest.approx(trial.n / 60.0)

@@ -15,7 +15,7 @@ LOOPS = SimpleNamespace(loop=tuple)
 
 def trial(id_="bump"):
     still = np.zeros(540)
-    return Trial(id_, 2.0, 60.0, 1.0, still.size, still, still, pv_excursion=3.0)
+    return Trial(id_, 2.0, 60.0, 1.0, still, True, pv_excursion=3.0)
 
 
 def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, strays="", **more):
