@@ -22,7 +22,6 @@ _WORDS = {
     "at limit": "stands at an end {} often",
     "sharpness": "oscillates {} sharply",
     "wander": "wanders {}",
-    "memory": "remembers {}",
     "band": "moves {}",
     "op after pv": "OP follows PV otherwise",
     "pv after op": "PV follows OP otherwise",
@@ -78,11 +77,12 @@ def _in_words(name: str, z: float, s: Situation, length: int) -> str:
     signal, _, what = kind.partition(" ")
     if "after" in what:
         return _WORDS[kind]
+    if what == "memory":
+        words = f"remembers {'longer' if z > 0 else 'less'} over {int(number) * s.record.Ts:.3g} s"
+        return f"{signal.upper()} {words}"
     words = _WORDS[what].format("more" if z > 0 else "less")
     if what == "band":
         periods = length * s.record.Ts / np.geomspace(2, length // 2 + 1, BANDS + 1)
         short, long = periods[int(number)], periods[int(number) - 1]
         words += f" at periods of {short:.3g} to {long:.3g} s"
-    elif what == "memory":
-        words += f" over {int(number) * s.record.Ts:.3g} s"
     return f"{signal.upper()} {words}"
