@@ -269,8 +269,8 @@ def _assess_all(
     parameters and the gap.
     """
     longest, *shorter = sorted(records, key=lambda r: -r.n)
-    one = delayed(_assess_one)
-    calls = [one(longest, baseline, tests), *(one(r, baseline) for r in shorter)]
+    assessed = delayed(_assess_one)
+    calls = [assessed(longest, baseline, tests), *(assessed(r, baseline) for r in shorter)]
     pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
     every, loops = [assessment for assessment, _ in pairs], pairs[0][1]
     main, *others = every
