@@ -105,6 +105,7 @@ def built(fit=None, effects=None, *, stated=FOPTD, sp=60.0, pv=60.0, trusted=Tru
         sp=np.broadcast_to(np.asarray(sp, dtype=float), N),
         op=op,
         trusted=trusted,
+        stated=frozenset(),
     )
     return fixed_loop(situation, fit or fitted_as(), effects or {}, **more)
 
