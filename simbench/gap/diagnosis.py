@@ -21,7 +21,7 @@ from detectors.record import LoopRecord
 from detectors.sources import RecordSignals, as_record
 from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
-from simbench.gap.closed_loop.gap import RESOLVABLE, held_out
+from simbench.gap.closed_loop.gap import RESOLVED_FROM, held_out
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
@@ -355,7 +355,7 @@ def report(
     by_load = (
         first == NONE
         and main.resolvable
-        and (not situation.trusted or main.recalibrated > RESOLVABLE * main.floor)
+        and (not situation.trusted or main.recalibrated > RESOLVED_FROM * main.floor)
     )
     gap = Gap(
         main.before, main.recalibrated, main.after, main.floor, main.resolvable and not by_load

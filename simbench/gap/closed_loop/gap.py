@@ -22,7 +22,7 @@ from simbench.gap.closed_loop.summary_features import (
 from simbench.gap.situation import Situation
 
 _HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
-RESOLVABLE = 1.5  # gap before over floor from which there is something to close
+RESOLVED_FROM = 1.5  # gap before over floor from which there is something to close
 # times the interval that seeds alone give: the simulated load is not quite the plant's (116
 # records, seed 303)
 _WIDER = 1.6
@@ -97,7 +97,7 @@ def measure(
     spread = _ruler(runs)
     b, r, a = (distance(real, x, spread) for x in runs)
     f = floor_of(runs[2], spread)
-    resolvable = b >= RESOLVABLE * f
+    resolvable = b >= RESOLVED_FROM * f
     off = [np.abs(real - x.mean(axis=0)) / spread for x in (runs[0], runs[2])]
     per = {name: (float(first), float(last)) for name, first, last in zip(named, *off)}
     if not resolvable:
