@@ -107,10 +107,11 @@ def diagnose_files(
     read = [_read(path, window, about) for path in records]
     stated = loop.loop if isinstance(loop, Partial) else loop
     recorded_tests = [] if stated is None else [read_test(t, stated, **about) for t in tests]
+    source = read if len(read) > 1 else read[0]
     with effects_known(effect_plugins):
         # other processes do not know them
         jobs = 1 if effect_plugins else jobs
-        report = diagnose(read, loop, tests=recorded_tests, jobs=jobs)
+        report = diagnose(source, loop, tests=recorded_tests, jobs=jobs)
         # what reading the records assumed
         assumed = [note for record in read for note in record.notes]
         report = replace(report, notes=tuple(dict.fromkeys([*report.notes, *assumed])))
@@ -128,7 +129,7 @@ def diagnose_files(
 
             told = None
             if recorded_tests:
-                told = story(report, diagnose(read, loop, jobs=jobs), recorded_tests)
+                told = story(report, diagnose(source, loop, jobs=jobs), recorded_tests)
             options = {
                 **about,
                 "window": window,
