@@ -167,8 +167,8 @@ def test_a_search_begins_from_loads_of_several_sizes_and_from_a_valve_that_never
     best = search_map(engine, BASE, kernels.PLAY, coarse, few)
     assert best.theta["S"] == pytest.approx(5.0, rel=1e-3)
     assert loads(engine)[: len(tried)] == tried
-    # then with the load of an idle valve, and once more around the best
-    assert len(loads(engine)) >= len(tried) + 2
+    # then with the load of an idle valve
+    assert len(loads(engine)) == len(tried) + 1
 
 
 @pytest.mark.parametrize(("high", "refined"), [(-3.0, True), (-5.0, False)])
