@@ -28,9 +28,9 @@ def test_three_records_are_judged_anew_with_one_constant_changed(capsys, monkeyp
     asked = []
     again = rules.again
     monkeypatch.setattr(rules, "again", lambda *a: asked.append(a[2]) or again(*a))
-    rules.main(["-n", "3", "--only", "pi_law._RETUNED", "classify._SHARPNESS"])
+    rules.main(["-n", "3", "--only", "pi_law.RETUNED", "classify._SHARPNESS"])
     text = capsys.readouterr().out
     assert "3 records" in text
     assert len(asked) == 4 * 3
-    listed = re.findall(r"pi_law\._RETUNED|classify\._SHARPNESS", text)
+    listed = re.findall(r"pi_law\.RETUNED|classify\._SHARPNESS", text)
     assert len(listed) == 4
