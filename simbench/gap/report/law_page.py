@@ -9,22 +9,25 @@ from pathlib import Path
 import pandas as pd
 from markupsafe import Markup
 
-from detectors.record import LoopRecord
 from simbench.gap.discover.discovery import Discovery
-from simbench.gap.report import law_pictures
-from simbench.gap.report.parts import captioned, compared, render, write
-from simbench.gap.report.traces import end_of
+from simbench.gap.report.law_pictures import draw_law, law_curve
+from simbench.gap.report.parts import captioned, look, render, write
+from simbench.gap.report.pictures import draw_shaded
+from simbench.gap.report.traces import RECORD, recorded
 from simbench.html.table import sortable
 from simbench.loop.laws import LAW_FORMS
 
 
 def write_law_page(discovery: Discovery, path: str | Path) -> None:
     """Write a discovery as one self-contained HTML page."""
-    sections = [("law", "What it looks like", law_section(discovery))]
+    s, seen = discovery.situation, Markup()
     if discovery.law is not None:
-        sections.append(("look", "Record and simulation", _look(discovery)))
-    tag = discovery.situation.record.tag
-    title = f"{tag or 'Record'} beside its simulation"
+        seen = look({RECORD: recorded(s), **discovery.runs}, s)
+    sections = [
+        ("law", "What it looks like", law_section(discovery)),
+        ("look", "Record and simulation", seen),
+    ]
+    title = f"{s.record.tag or 'Record'} beside its simulation"
     write(path, title, "A law for what has no name", sections)
 
 
@@ -35,31 +38,15 @@ def law_section(discovery: Discovery) -> Markup:
     law, lines = discovery.law, discovery.as_text().splitlines()
     if law is None:
         return render("law.html", lines=lines, items=[], table=None)
-    rules = LAW_FORMS[law.form].numbers
-    rows = [
-        {
-            "number": name,
-            "value": f"{value:.4g}",
-            "unit": rules[name].unit,
-            "interval": (
-                "{:.3g} to {:.3g}".format(*law.intervals[name]) if name in law.intervals else ""
-            ),
-            "what it is": rules[name].says,
-        }
-        for name, value in law.numbers.items()
-    ]
-    drawn = [(law_pictures.draw_windows(discovery), "windows", "Where it acts, shaded")]
-    if law_pictures.law_curve(discovery) is not None:
-        says = f"The law: {LAW_FORMS[law.form].says}"
-        drawn.insert(0, (law_pictures.draw_law(discovery), "law", says))
-    table = sortable(pd.DataFrame(rows))
-    return render("law.html", lines=lines, items=captioned(drawn), table=table)
-
-
-def _look(discovery: Discovery) -> Markup:
-    s = discovery.situation
-    Ts = s.record.Ts
-    record = LoopRecord(s.op, s.record.pv, Ts, s.sp)
-    runs = {name: LoopRecord(op, pv, Ts, s.sp) for name, (op, pv) in discovery.runs.items()}
-    items = captioned(compared(record, runs, *end_of(s)))
-    return render("look.html", items=items, added="the law", absent=False, given=s.trusted)
+    form, rows = LAW_FORMS[law.form], []
+    for name, value in law.numbers.items():
+        ends = "{:.3g} to {:.3g}".format(*law.intervals[name]) if name in law.intervals else ""
+        rule = form.numbers[name]
+        rows.append((name, f"{value:.4g}", rule.unit, ends, rule.says))
+    drawn = []
+    if law_curve(discovery, law.numbers) is not None:
+        drawn.append((draw_law(discovery), "law", f"The law: {form.says}"))
+    shaded = draw_shaded(recorded(discovery.situation), discovery.on)
+    drawn.append((shaded, "windows", "Where it acts, shaded"))
+    table = pd.DataFrame(rows, columns=["number", "value", "unit", "interval", "what it is"])
+    return render("law.html", lines=lines, items=captioned(drawn), table=sortable(table))

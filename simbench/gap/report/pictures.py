@@ -4,7 +4,7 @@ as bars.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,11 +12,23 @@ from matplotlib.figure import Figure
 from scipy.signal import welch
 
 from detectors.record import LoopRecord
-from simbench.figures._style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, label, panels, styled
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED
+from detectors.signal.holds import runs_of
+from simbench.figures._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    label,
+    panel,
+    panels,
+    styled,
+)
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED
 
+Traces = Mapping[str, LoopRecord]  # the record and its simulations by name, the record first
 PHONE_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
-RECORD = "record"
 LOOK = {
     RECORD: (BLACK, "-"),
     BASELINE: (BLUE, "--"),
@@ -25,95 +37,83 @@ LOOK = {
     NEAREST: (ORANGE, "-"),
     "with the law": (RED, "-"),
 }
+_OF_GAP = {
+    "before": BLUE,
+    "recalibrated": GREEN,
+    "after": RED,
+    "nearest effect": ORANGE,
+    "floor": GREY,
+}
 _BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
 
 
 @styled
 def draw_blocks(shares: Mapping[str, float]) -> Figure:
     """Draw the probability of each block as bars, the largest on top."""
-    figure, grid = panels(1, 1, PHONE_WIDTH, 0.65 + 0.28 * len(shares))
-    blocks = sorted(shares, key=lambda b: -shares[b])
-    fill_ranking(grid[0, 0], blocks, [shares[b] for b in blocks])
+    figure, axes = panel(PHONE_WIDTH, 0.65 + 0.28 * len(shares))
+    fill_ranking(axes, dict(sorted(shares.items(), key=lambda share: -share[1])))
     return figure
 
 
 @styled
-def draw_traces(
-    signal: str, record: LoopRecord, runs: Mapping[str, LoopRecord], start: int, stop: int
-) -> Figure:
+def draw_traces(signal: str, traces: Traces, part: slice) -> Figure:
     """Draw one signal over time: the record on top, a panel per simulation below, all on the same
     axes.
     """
-    every = {RECORD: record, **runs}
-    figure, grid = panels(
-        len(every), 1, PHONE_WIDTH, 0.5 + 1.15 * len(every), sharex=True, sharey=True
-    )
-    fill_traces(list(grid[:, 0]), signal, every, start, stop)
+    high = 0.5 + 1.15 * len(traces)
+    figure, grid = panels(len(traces), 1, PHONE_WIDTH, high, sharex=True, sharey=True)
+    fill_traces(grid[:, 0], signal, traces, part)
     return figure
 
 
-def fill_traces(
-    panels: Sequence[Axes], signal: str, every: Mapping[str, LoopRecord], start: int, stop: int
-) -> None:
+def fill_traces(panels: Iterable[Axes], signal: str, traces: Traces, part: slice) -> None:
     """Draw one signal over time, a panel each, as `draw_traces`."""
-    limits = _limits([_signal(t.window(start, stop), signal) for t in every.values()])
-    for axes, (name, trace) in zip(panels, every.items()):
-        part, seconds = trace.window(start, stop), np.arange(start, stop) * trace.Ts
-        if signal == "PV" and part.sp is not None:
-            axes.plot(seconds, part.sp, color=GREY, linestyle=":", linewidth=1.0)
-        axes.plot(seconds, _signal(part, signal), color=LOOK[name][0], linewidth=0.9)
-        label(axes, "", signal + (" (%)" if signal == "OP" else ""), name)
+    limits = _limits([_signal(trace, signal)[part] for trace in traces.values()])
+    for axes, (name, trace) in zip(panels, traces.items()):
+        x, last = _signal(trace, signal)[part], name == list(traces)[-1]
+        if signal == "PV" and trace.sp is not None:
+            axes.plot(trace.t[part], trace.sp[part], color=GREY, linestyle=":", linewidth=1.0)
+        axes.plot(trace.t[part], x, color=LOOK[name][0], linewidth=0.9)
+        label(axes, "time (s)" if last else "", signal + (" (%)" if signal == "OP" else ""), name)
         axes.set_ylim(*limits)
-        _mark_beyond(axes, _signal(part, signal), limits)
-    panels[-1].set_xlabel("time (s)")
+        _mark_beyond(axes, x, limits)
 
 
 @styled
-def draw_loops(
-    across: str, record: LoopRecord, runs: Mapping[str, LoopRecord], start: int, stop: int
-) -> Figure:
+def draw_loops(across: str, traces: Traces, part: slice) -> Figure:
     """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same
     axes.
     """
-    every = {RECORD: record, **runs}
-    rows = (len(every) + 1) // 2
+    rows = (len(traces) + 1) // 2
     figure, grid = panels(rows, 2, PHONE_WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
-    parts = {name: trace.window(start, stop) for name, trace in every.items()}
-    for axes, (name, part) in zip(grid.flat, parts.items()):
-        axes.plot(part.op, _signal(part, across), color=LOOK[name][0], linewidth=0.7, alpha=0.9)
-        label(axes, "", "", name)
-    for axes in grid.flat[len(every) :]:
+    both = {name: (t.op[part], _signal(t, across)[part]) for name, t in traces.items()}
+    sideways, upwards = (_limits(signals) for signals in zip(*both.values()))
+    for axes in grid.flat[len(both) :]:
         axes.set_axis_off()
+    for axes, (name, (op, x)) in zip(grid.flat, both.items()):
+        axes.plot(op, x, color=LOOK[name][0], linewidth=0.7, alpha=0.9)
+        label(axes, "", "", name)
+        if not _mark_beyond(axes, op, sideways):
+            _mark_beyond(axes, x, upwards)
+    grid[0, 0].set(xlim=sideways, ylim=upwards)
     figure.supxlabel("OP (%)", fontsize="medium")
     figure.supylabel("MV (%)" if across == "MV" else across, fontsize="medium")
-    sideways = _limits([p.op for p in parts.values()])
-    upwards = _limits([_signal(p, across) for p in parts.values()])
-    grid[0, 0].set(xlim=sideways, ylim=upwards)
-    for axes, part in zip(grid.flat, parts.values()):
-        if not _mark_beyond(axes, part.op, sideways):
-            _mark_beyond(axes, _signal(part, across), upwards)
     return figure
 
 
 @styled
-def draw_spectra(record: LoopRecord, runs: Mapping[str, LoopRecord]) -> Figure:
+def draw_spectra(traces: Traces) -> Figure:
     """Draw the power spectra of PV and OP over the whole length, record and simulations in one
     panel each.
     """
     figure, grid = panels(2, 1, PHONE_WIDTH, 4.4, sharex=True)
     for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), ("PV units$^2$ s", "%$^2$ s")):
-        for name, trace in {**runs, RECORD: record}.items():
-            f, power = spectrum(_signal(trace, signal), trace.Ts)
-            axes.loglog(
-                f,
-                power,
-                color=LOOK[name][0],
-                linestyle=LOOK[name][1],
-                label=name,
-                linewidth=2.0 if name == BASELINE else 1.1,
-            )
-        recorded = spectrum(_signal(record, signal), record.Ts)[1]
-        axes.set_ylim(max(recorded.min(), 1e-8 * recorded.max()) / 5.0, recorded.max() * 8.0)
+        for name in (*list(traces)[1:], RECORD):  # the record last, on top
+            f, power = spectrum(_signal(traces[name], signal), traces[name].Ts)
+            colour, dashes = LOOK[name]
+            wide = 2.0 if name == BASELINE else 1.1
+            axes.loglog(f, power, color=colour, linestyle=dashes, label=name, linewidth=wide)
+        axes.set_ylim(max(power.min(), 1e-8 * power.max()) / 5.0, power.max() * 8.0)
         label(axes, "", f"power of {signal} ({unit})")
     grid[1, 0].set_xlabel("frequency (1/s)")
     grid[0, 0].legend(loc="upper right")
@@ -128,9 +128,23 @@ def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
 
 
-def fill_ranking(axes: Axes, names: Sequence[str], probabilities: Sequence[float]) -> None:
-    """Draw candidates as bars of their probability."""
-    _bars(axes, names, probabilities, [RED, *[GREY] * (len(names) - 1)])
+@styled
+def draw_shaded(record: LoopRecord, on: np.ndarray) -> Figure:
+    """Draw PV with its set point, and OP, over time; where `on` (n,) is True, shaded."""
+    figure, grid = panels(2, 1, PHONE_WIDTH, 3.0, sharex=True)
+    for axes, name, x in zip(grid[:, 0], ("PV", "OP (%)"), (record.pv, record.op)):
+        axes.plot(record.t, x, color=BLACK, linewidth=0.8)
+        for a, b in runs_of(on):
+            axes.axvspan(a * record.Ts, b * record.Ts, color=RED, alpha=0.18, linewidth=0)
+        label(axes, "time (s)" if name != "PV" else "", name)
+    if record.sp is not None:
+        grid[0, 0].plot(record.t, record.sp, color=GREY, linestyle=":", linewidth=1.0)
+    return figure
+
+
+def fill_ranking(axes: Axes, probabilities: Mapping[str, float]) -> None:
+    """Draw candidates as bars of their probability, the first in colour."""
+    fill_bars(axes, probabilities, [RED, *[GREY] * (len(probabilities) - 1)])
     axes.set(xlim=(0, 1.12), xlabel="probability")
 
 
@@ -139,21 +153,14 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
     """Draw the gap of every simulation as a bar, with the floor that seed-to-seed variation alone
     gives.
     """
-    figure, grid = panels(1, 1, PHONE_WIDTH, 0.65 + 0.34 * len(sizes))
-    fill_gap(grid[0, 0], sizes)
+    figure, axes = panel(PHONE_WIDTH, 0.65 + 0.34 * len(sizes))
+    fill_gap(axes, sizes)
     return figure
 
 
 def fill_gap(axes: Axes, sizes: Mapping[str, float]) -> None:
     """Draw gaps as bars, as `draw_gap`."""
-    colours = {
-        "before": BLUE,
-        "recalibrated": GREEN,
-        "after": RED,
-        "nearest effect": ORANGE,
-        "floor": GREY,
-    }
-    _bars(axes, list(sizes), list(sizes.values()), [colours[n] for n in sizes])
+    fill_bars(axes, sizes, [_OF_GAP[name] for name in sizes])
     axes.axvline(sizes["floor"], color=GREY, linestyle=":", linewidth=1.0)
     axes.set(
         xlim=(0, 1.15 * max(sizes.values())),
@@ -161,22 +168,12 @@ def fill_gap(axes: Axes, sizes: Mapping[str, float]) -> None:
     )
 
 
-def _bars(
-    axes: Axes, names: Sequence[str], values: Sequence[float], colours: Sequence[str]
-) -> None:
-    places = np.arange(len(names))[::-1]
-    axes.barh(places, values, color=colours, height=0.62)
-    axes.set_yticks(places, names)
+def fill_bars(axes: Axes, values: Mapping[str, float], colours: Sequence[str]) -> None:
+    """Draw named values as bars, the first on top, each with its number."""
+    places = np.arange(len(values))[::-1]
+    bars = axes.barh(places, values.values(), color=colours, height=0.62, tick_label=list(values))
     axes.tick_params(axis="y", length=0)
-    for y, value in zip(places, values):
-        axes.annotate(
-            f"{value:.2f}",
-            (value, y),
-            (4, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=8,
-        )
+    axes.bar_label(bars, fmt="%.2f", padding=4, fontsize=8)
 
 
 def _signal(trace: LoopRecord, name: str) -> np.ndarray:

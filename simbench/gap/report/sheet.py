@@ -7,9 +7,9 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from simbench.figures._style import label, styled
-from simbench.gap.report.pictures import RECORD, fill_gap, fill_ranking, fill_traces
+from simbench.gap.report.pictures import fill_gap, fill_ranking, fill_traces
 from simbench.gap.report.result import LEAST_SHOWN, GapReport, words
-from simbench.gap.report.traces import end_of, gap_sizes, recorded, simulated
+from simbench.gap.report.traces import compared, end_of, gap_sizes
 
 _SAMPLES = 400  # of the record's end: a few periods of most loops
 _MOST = 5  # candidates: as many as fit beside the traces
@@ -18,14 +18,14 @@ _MOST = 5  # candidates: as many as fit beside the traces
 @styled
 def draw_sheet(report: GapReport) -> Figure:
     """Draw record and simulations over time at the left, probabilities and gap at the right."""
-    runs = {RECORD: recorded(report), **simulated(report)}
-    figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(runs)), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0], squeeze=False)[0]
+    traces = compared(report)
+    figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(traces)), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0])
     end = end_of(report.behind.found.situation, _SAMPLES)
-    fill_traces(list(left.subplots(len(runs), 1, sharex=True)), "PV", runs, *end)
+    fill_traces(left.subplots(len(traces), 1, sharex=True, squeeze=False)[:, 0], "PV", traces, end)
     which, gap = right.subplots(2, 1)
     top = [r for r in report.ranking if r.probability >= LEAST_SHOWN][:_MOST]
-    fill_ranking(which, [words(r.effect) for r in top], [r.probability for r in top])
+    fill_ranking(which, {words(r.effect): r.probability for r in top})
     fill_gap(gap, gap_sizes(report))
     label(which, "probability", "", "what is missing")
     label(

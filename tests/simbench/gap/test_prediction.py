@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from scenarios.spec import Loop
@@ -19,7 +20,6 @@ from simbench.gap.prediction import (
     _corrected,
     _interval,
     _moved,
-    _Pair,
     measure,
     predict,
     read_settings,
@@ -117,17 +117,19 @@ def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
     assert _moved(MODEL, both) == both
 
 
+def measures(pv, op=1.0):
+    """Return the measures of draws with these standard deviations of PV and OP."""
+    rest = {"op_travel_per_hour": 1.0, "period_s": np.nan}
+    return pd.DataFrame({"pv_std": pv, "op_std": op, **rest})
+
+
 def test_a_second_number_of_the_record_corrects_what_the_first_does_not_show():
     rng = np.random.default_rng(1)
     model = 0.3 * rng.standard_normal(400)
-    draws = [
-        _Pair(Measures(v, o, 1.0, np.nan, 50.0, 40.0, 60.0), None)
-        for v, o in np.exp(np.stack([0.3 * rng.standard_normal(400), model], axis=1))
-    ]
-    after = [Measures(v, 1.0, 1.0, np.nan, 50.0, 40.0, 60.0) for v in np.exp(model)]
+    before = measures(np.exp(0.3 * rng.standard_normal(400)), np.exp(model))
     record = Measures(1.0, 2.0, 1.0, np.nan, 50.0, 40.0, 60.0)
     # OP before tells PV after
-    value = _corrected("pv_std", record, [_Pair(d.before, a) for d, a in zip(draws, after)]).value
+    value = _corrected("pv_std", record, before, measures(np.exp(model))).value
     assert value == pytest.approx(2.0, rel=0.05)
 
 
@@ -136,13 +138,6 @@ def test_an_interval_of_equal_draws_is_as_wide_as_the_error_of_a_model():
     assert prediction.value == 1.0
     assert prediction.hi == pytest.approx(np.exp(1.645 * 0.03))
     assert prediction.lo == pytest.approx(1.0 / prediction.hi)
-
-
-def pairs(before, after):
-    def runs(x):
-        return [Measures(v, 1.0, 1.0, np.nan, 50.0, 40.0, 60.0) for v in np.exp(x)]
-
-    return [_Pair(b, a) for b, a in zip(runs(before), runs(after))]
 
 
 @pytest.mark.parametrize("common", [0.3, 0.0])
@@ -155,10 +150,11 @@ def test_the_record_corrects_what_draws_have_in_common_and_not_chance(common):
     taken_over = shared / (shared + chance**2)
     # the record is twice what the model makes of it
     record = Measures(2.0, 1.0, 1.0, np.nan, 50.0, 40.0, 60.0)
-    prediction = _corrected("pv_std", record, pairs(before, after))
+    draws = measures(np.exp(before)), measures(np.exp(after))
+    prediction = _corrected("pv_std", record, *draws)
     assert np.log(prediction.value) / np.log(2.0) == pytest.approx(taken_over, abs=0.08)
     # nothing to compare with: no oscillation is recorded
-    assert _corrected("period_s", record, pairs(before, after)) is None
+    assert _corrected("period_s", record, *draws) is None
 
 
 @pytest.mark.parametrize(

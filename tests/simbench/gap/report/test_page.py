@@ -19,7 +19,7 @@ from scenarios.spec import Loop
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.report.page import write_page
 from simbench.gap.report.sheet import draw_sheet
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED, end_of, recorded, simulated
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED, compared, end_of
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
 
@@ -99,8 +99,9 @@ def test_it_reads_as_the_report_does(name, pages, sticky, clean):
 
 
 def test_pictures_show_the_record_and_three_simulations_of_its_length(sticky, clean):
-    record, runs = recorded(sticky), simulated(sticky)
-    assert list(runs) == [BASELINE, TUNED, FIXED]
+    runs = compared(sticky)
+    assert list(runs) == [RECORD, BASELINE, TUNED, FIXED]
+    record = runs[RECORD]
     assert record.pv.shape == (1500,)
     assert all(t.op.shape == t.pv.shape == t.sp.shape == (1500,) for t in runs.values())
     assert all(np.array_equal(t.sp, record.sp) for t in runs.values())
@@ -110,15 +111,15 @@ def test_pictures_show_the_record_and_three_simulations_of_its_length(sticky, cl
         for name, t in runs.items()
     }
     assert far[FIXED] < 0.5 < far[BASELINE]
-    assert end_of(sticky.behind.found.situation, 400) == (1100, 1500)
-    assert end_of(sticky.behind.found.situation) == (975, 1500)
-    assert FIXED not in simulated(clean)
+    assert end_of(sticky.behind.found.situation, 400) == slice(1100, 1500)
+    assert end_of(sticky.behind.found.situation) == slice(975, 1500)
+    assert FIXED not in compared(clean)
 
 
 def test_for_an_unknown_effect_the_nearest_known_one_is_drawn_under_its_name(sticky, tmp_path):
     answer = {"block": "valve", "effect": "unknown", "parameters": {}, "probability": 0.9}
     unknown = replace(sticky, effect="unknown", effects=(answer,), shrinkage=None)
-    assert list(simulated(unknown)) == [BASELINE, TUNED, NEAREST]
+    assert list(compared(unknown)) == [RECORD, BASELINE, TUNED, NEAREST]
     write_page(unknown, tmp_path / "page.html")
     text = text_of(tmp_path / "page.html")
     assert unknown.sentence() in text

@@ -11,17 +11,17 @@ from detectors.record import LoopRecord
 from simbench.gap.report import page
 from simbench.gap.report.pictures import (
     LOOK,
-    RECORD,
     _limits,
     draw_blocks,
     draw_gap,
     draw_loops,
+    draw_shaded,
     draw_spectra,
     draw_traces,
     fill_ranking,
     spectrum,
 )
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, TUNED
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED
 
 SHARES = {"controller": 0.12, "valve": 0.62, "process": 0.0, "disturbance": 0.2, "sensor": 0.06}
 RNG = np.random.default_rng(0)
@@ -40,8 +40,7 @@ def test_blocks_are_bars_of_their_probability_the_largest_on_top():
 
 
 def test_spectra_name_every_line_once_and_keep_the_record_in_sight():
-    runs = {BASELINE: trace(), FIXED: trace(1e4)}
-    upper, lower = draw_spectra(trace(), runs).axes
+    upper, lower = draw_spectra({RECORD: trace(), BASELINE: trace(), FIXED: trace(1e4)}).axes
     assert [t.get_text() for t in upper.get_legend().get_texts()] == [BASELINE, FIXED, "record"]
     assert lower.get_legend() is None
     assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "frequency (1/s)")
@@ -62,7 +61,7 @@ def test_the_axes_hold_the_record_and_what_is_near():
 
 def test_bars_are_as_long_as_their_numbers_from_the_top_down():
     axes = Figure().add_subplot()
-    fill_ranking(axes, ["stiction", "noise"], [0.91, 0.05])
+    fill_ranking(axes, {"stiction": 0.91, "noise": 0.05})
     assert [p.get_width() for p in axes.patches] == pytest.approx([0.91, 0.05])
     assert axes.patches[0].get_y() > axes.patches[1].get_y()
     assert [t.get_text() for t in axes.texts] == ["0.91", "0.05"]
@@ -104,9 +103,9 @@ def test_the_share_of_the_gap_that_is_removed_is_written_in_percent(
 
 
 DRAWN = {
-    "traces": lambda runs: draw_traces("PV", trace(), runs, 0, 300),
-    "loops": lambda runs: draw_loops("PV", trace(), runs, 0, 300),
-    "spectra": lambda runs: draw_spectra(trace(), runs),
+    "traces": lambda runs: draw_traces("PV", runs, slice(300)),
+    "loops": lambda runs: draw_loops("PV", runs, slice(300)),
+    "spectra": draw_spectra,
 }  # fmt: skip
 
 
@@ -116,7 +115,7 @@ DRAWN = {
     [("traces", 0.5 + 5 * 1.15), ("loops", 0.3 + 3 * 1.85), ("spectra", 4.4)],
 )
 def test_pictures_fit_on_a_phone_and_every_line_has_the_colour_of_its_loop(draw, high):
-    runs = {name: trace() for name in (BASELINE, TUNED, FIXED, NEAREST)}
+    runs = {name: trace() for name in (RECORD, BASELINE, TUNED, FIXED, NEAREST)}
     figure = DRAWN[draw](runs)
     assert figure.get_size_inches() == pytest.approx((4.6, high))
     colours = {colour for colour, _ in LOOK.values()}
@@ -131,14 +130,14 @@ def test_pictures_fit_on_a_phone_and_every_line_has_the_colour_of_its_loop(draw,
 
 @pytest.mark.parametrize(("signal", "up", "lines"), [("PV", "PV", 2), ("OP", "OP (%)", 1)])
 def test_traces_have_a_named_panel_each_and_a_set_point_under_pv_only(signal, up, lines):
-    runs = {BASELINE: trace(), FIXED: trace()}
-    panels = draw_traces(signal, trace(), runs, 100, 300).axes
+    runs = {RECORD: trace(), BASELINE: trace(), FIXED: trace()}
+    panels = draw_traces(signal, runs, slice(100, 300)).axes
     assert [len(a.lines) for a in panels] == [lines] * 3
     assert [a.get_ylabel() for a in panels] == [up] * 3
     assert [a.get_title(loc="left") for a in panels] == [RECORD, BASELINE, FIXED]
     assert [a.get_xlabel() for a in panels] == ["", "", "time (s)"]
     assert panels[0].lines[-1].get_xdata()[[0, -1]].tolist() == [100.0, 299.0]
-    assert draw_loops("MV", trace(), runs, 0, 800).get_supylabel() == "MV (%)"
+    assert draw_loops("MV", runs, slice(800)).get_supylabel() == "MV (%)"
 
 
 @pytest.mark.parametrize(("share", "warns"), [(0.45, False), (0.55, True)])
@@ -147,9 +146,19 @@ def test_a_simulation_that_runs_away_is_marked(share, warns, far, word):
     record, beyond = trace(), np.arange(800) < share * 800
     away = trace().with_signals(lambda x: np.where(beyond, far, x))
     for draw in (draw_traces, draw_loops):
-        axes = draw("PV", record, {FIXED: away}, 0, 800).axes[1]
+        axes = draw("PV", {RECORD: record, FIXED: away}, slice(800)).axes[1]
         words = [t.get_text() for t in axes.texts]
         assert words == [f"runs beyond these axes,\nto {word}"] * warns
+
+
+def test_spells_are_shaded_in_both_panels():
+    upper, lower = draw_shaded(trace(), np.arange(800) // 100 % 4 == 1).axes
+    assert [(p.get_x(), p.get_x() + p.get_width()) for p in upper.patches] == [
+        (100.0, 200.0),
+        (500.0, 600.0),
+    ]
+    assert len(lower.patches) == 2
+    assert [len(axes.lines) for axes in (upper, lower)] == [2, 1]
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,12 @@ from simbench.gap.report.traces import (
     BASELINE,
     FIXED,
     NEAREST,
+    RECORD,
     TUNED,
+    compared,
     end_of,
     nearest,
     recorded,
-    simulated,
 )
 
 X = np.arange(100.0)
@@ -70,9 +71,9 @@ def test_the_known_effect_nearest_to_an_unknown_one_is_the_first_with_a_fit():
         Ranked("deadband", "valve", 0.1, 4.0, 2.0, {"S": 3.0}),
         Ranked("stiction", "valve", 0.1, 4.0, 2.0, {"S": 3.0, "J": 1.0}),
     )
-    assert nearest(report("unknown", (), ranking=ranking)) == ["deadband"]
-    assert nearest(report("stiction", ranking=ranking)) == []
-    assert nearest(report("unknown", (), ranking=ranking[:3])) == []
+    assert nearest(report("unknown", (), ranking=ranking)) is ranking[3]
+    assert nearest(report("stiction", ranking=ranking)) is None
+    assert nearest(report("unknown", (), ranking=ranking[:3])) is None
 
 
 @pytest.mark.parametrize(("effect", "named", "shown"), [
@@ -87,9 +88,9 @@ def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect
         return real(x, seed=seed, kick=kick)
 
     monkeypatch.setattr(level, "simulate", noted)
-    runs = simulated(report(effect, named))
-    assert list(runs) == shown
-    part = recorded(report(mv=False)).window(10, 13)
+    runs = compared(report(effect, named))
+    assert list(runs) == [RECORD, *shown]
+    part = recorded(report(mv=False).behind.found.situation).window(10, 13)
     # OP in percent, not as recorded
     assert [part.op.tolist(), part.sp.tolist(), part.mv] == [[10, 11, 12], [12, 13, 14], None]
     expected = [
@@ -98,6 +99,7 @@ def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect
         {FIXED: (1.3, 0, 5.0), NEAREST: (1.3, 0, 5.0)}.get(shown[-1]),
     ]
     assert seen == expected[: len(shown)]
+    del runs[RECORD]
     for trace in runs.values():
         assert len(trace.op) == len(trace.pv) == len(trace.sp) == 150
         assert trace.Ts == 2.0
@@ -112,12 +114,12 @@ def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
         return SimpleNamespace(record=SimpleNamespace(op=pv, pv=pv, sp=pv, mv=None, Ts=1.0))
 
     monkeypatch.setattr(level, "simulate", fails)
-    assert list(simulated(report())) == [FIXED]
+    assert list(compared(report())) == [RECORD, FIXED]
 
 
 @pytest.mark.parametrize(
     ("n", "most", "first"), [(1000, 1200, 650), (1000, 300, 700), (10_000, 1200, 8800)]
 )
 def test_the_end_of_the_part_on_which_nothing_was_fitted_is_drawn(n, most, first):
-    assert end_of(report(n=n).behind.found.situation, most) == (first, n)
-    assert end_of(report(n=10_000).behind.found.situation) == (8800, 10_000)
+    assert end_of(report(n=n).behind.found.situation, most) == slice(first, n)
+    assert end_of(report(n=10_000).behind.found.situation) == slice(8800, 10_000)
