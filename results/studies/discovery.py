@@ -278,7 +278,7 @@ def recorded(where: Path) -> list[str]:
         assessed, gap = report.behind.found, report.gap
         s = assessed.situation
         with one_thread():
-            law = described(s, search(s, held_out(s)), lambda assessed=assessed: assessed)
+            law = described(s, assessed)
         silent += report.effect == NONE and gap.resolvable
         if gap.resolvable:
             closed["answer"].append(report.shrinkage["value"] if report.shrinkage else 0.0)

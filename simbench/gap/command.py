@@ -148,14 +148,12 @@ def discover_file(
     html: str | Path | None = None,
     **about: Any,
 ) -> Discovery:
-    """Describe by a law what the simulation of a loop file lacks of a record's file; progress goes
-    to stderr.
-    """
+    """Describe by a law what the simulation of a loop file lacks of a record's file."""
     refuse_own_input([write_effect, html], [record, baseline])
     if write_effect is not None:
         refuse_effect_file(write_effect)
     loop, read = load_loop(baseline), read_record(record, automatic=False, **about)
-    discovery = discover(read, loop, progress=True)
+    discovery = discover(read, loop)
     if write_effect is not None and discovery.law is not None:
         header = (
             f"Found by `simbench gap discover` in {Path(record).name} beside {Path(baseline).name}:"

@@ -21,14 +21,13 @@ from detectors.record import LoopRecord
 from detectors.sources import RecordSignals, as_record
 from scenarios.spec import Loop
 from simbench.gap.candidates import alike, smallest_detectable
-from simbench.gap.closed_loop.gap import RESOLVED_FROM, held_out
+from simbench.gap.closed_loop.gap import RESOLVED_FROM
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
 from simbench.gap.discover.discovery import described
-from simbench.gap.discover.search import search
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
@@ -139,8 +138,7 @@ def diagnose_all(
         if describe and named_by(weights, assessment) == [UNKNOWN]:
             # a law that pays on unseen samples, or the best of all explanations, locates what is
             # unknown better than a test that fails
-            s = assessment.situation
-            like = described(s, search(s, held_out(s)), lambda: assessment, seed)
+            like = described(assessment.situation, assessment, seed)
             weights = replace(weights, unknown_block=like.block or weights.unknown_block)
         answer = report(assessment, weights, ClosedLoops(assessment, seed), loops)
         return replace(answer, looks_like=like)

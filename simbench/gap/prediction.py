@@ -143,12 +143,13 @@ class Prediction:
             was = "-" if now is None else f"{now:.3g}"
             lines.append(f"{words:34s}{was:>10s}{value:>11s}{between:>24s}")
         p = "-" if self.oscillates is None else f"{self.oscillates:.2f}"
+        settings = ", ".join(f"{key} = {value}" for key, value in self.settings.items())
         return "\n".join(
             [
                 *lines,
                 "",
                 f"probability of a sustained oscillation: {p}",
-                "settings: " + ", ".join(f"{key} = {value}" for key, value in self.settings.items()),
+                f"settings: {settings}",
                 f"{'valid' if self.valid else 'not valid'}: {self.reason}",
             ]
         )
@@ -273,9 +274,7 @@ def _draws(report: GapReport, seed: int) -> list[tuple[Loop, float]]:
             for e in numbers
             if e in assessment.candidates and recogniser(e).numbers(fit, s) == numbers[e]
         ]
-        scattered = Engine(s.data, load_memory(s)).scattered(
-            fit, count - 1, TEMPERATURE**-0.5, rng
-        )
+        scattered = Engine(s.data, load_memory(s)).scattered(fit, count - 1, TEMPERATURE**-0.5, rng)
         for one in (fit, *scattered):
             numbers |= {e: recogniser(e).numbers(one, s) for e in fitted}
             loop = fixed_loop(s, one, numbers, jumps=load_may_jump(effects))

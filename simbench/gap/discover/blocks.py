@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import find_peaks
 
-from detectors.signal.holds import runs_of
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import NOT_TRIED
 from simbench.gap.likelihood import kernels
@@ -44,15 +44,10 @@ class Located(NamedTuple):
     @property
     def words(self) -> str:
         """The block with its share in a few words, or why none is certain."""
-        like = (
-            f", where {self.nearest[self.block].replace('_', ' ')} explains most"
-            if self.block in self.nearest
-            else ""
-        )
-        return (
-            self.doubt
-            or f"{self.shares[self.block]:.2f} of the evidence lies in the {self.block} block{like}"
-        )
+        words = f"{self.shares[self.block]:.2f} of the evidence lies in the {self.block} block"
+        if self.block in self.nearest:
+            words += f", where {self.nearest[self.block].replace('_', ' ')} explains most"
+        return self.doubt or words
 
 
 def located(
@@ -71,14 +66,12 @@ def located(
     certain = certain or ("valve" if assessment.mv_unexplained else "")
     if certain:
         return Located(certain, {b: float(b == certain) for b in BLOCKS}, "", nearest)
-    evidence = [
-        *((block_of(e), nats) for e, nats in gains.items()),
-        *forms,
-        *_freed(assessment.situation, assessment.base),
-    ]
-    best = {b: max((nats for one, nats in evidence if one == b), default=NOT_TRIED) for b in BLOCKS}
-    weights = {b: max(float(nats) + _NOISE, 1e-9) for b, nats in best.items()}
-    shares = {b: w / sum(weights.values()) for b, w in weights.items()}
+    best = dict.fromkeys(BLOCKS, NOT_TRIED)
+    tried = [(block_of(e), nats) for e, nats in gains.items()]
+    for block, nats in (*tried, *forms, *_freed(assessment.situation, assessment.base)):
+        best[block] = max(best[block], float(nats))
+    weights = {b: max(nats + _NOISE, 1e-9) for b, nats in best.items()}
+    shares = {b: weight / sum(weights.values()) for b, weight in weights.items()}
     first, second = sorted(BLOCKS, key=lambda b: -best[b])[:2]
     doubt = ""
     if best[first] < 0.0:
@@ -91,19 +84,16 @@ def located(
     return Located(first, shares, doubt, nearest)
 
 
-def _freed(s: Situation, base: Fit) -> list[tuple[str, float]]:
-    """Return block and nats of each freedom over the fit without effect, all else fitted again
+def _freed(s: Situation, base: Fit) -> Iterator[tuple[str, float]]:
+    """Yield block and nats of each freedom over the fit without effect, all else fitted again
     and its numbers paid for.
     """
-    engine, out = Engine(s.data, load_memory(s)), []
+    engine = Engine(s.data, load_memory(s))
     walk = 0.1 * float(np.std(s.data.y)) / np.sqrt(s.data.n)
+    start = {"walk": walk, "load_walk": walk, **base.theta}
     for block, spec, count in _freedoms(s, base):
-        joined = base.spec.join(spec)
-        begin = {"walk": walk, "load_walk": walk, **base.theta}
-        starts = [{**begin, "load": share * base.theta["load"]} for share in (1.0, 0.3)]
-        best = max(engine.fit(joined, theta, steps=_STEPS).loglik for theta in starts)
-        out.append((block, best - base.loglik - size_penalty(s.data.n, count)))
-    return out
+        fit = engine.fit(base.spec.join(spec), start, steps=_STEPS)
+        yield block, fit.loglik - base.loglik - size_penalty(s.data.n, count)
 
 
 def _freedoms(s: Situation, base: Fit) -> Iterator[tuple[str, Spec, float]]:
@@ -125,8 +115,7 @@ def _freedoms(s: Situation, base: Fit) -> Iterator[tuple[str, Spec, float]]:
     yield "disturbance", Spec(load_walk=True, channels=(kernels.plant(at / d.n, T, 0.0, 0.0),)), 2.0
     x = x / (1.4826 * float(np.median(np.abs(x))) or 1.0)
     x[: kernels.SKIP] = 0.0
-    # the largest innovation of each run of large ones
-    large = [a + int(np.argmax(np.abs(x[a:b]))) for a, b in runs_of(np.abs(x) > _LARGE)]
+    large, _ = find_peaks(np.abs(x), height=_LARGE)
     events = sorted(large, key=lambda k: -abs(x[k]))[:_EVENTS]
     if events:
         count = 2.0 * len(events)  # where each is counts as well

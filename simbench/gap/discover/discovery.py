@@ -4,7 +4,7 @@ be simulated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from simbench.gap.decide.beside_tests import valve_maps, with_lag_in_dead_time
 from simbench.gap.discover.blocks import located
 from simbench.gap.discover.effect_file import lent_effect
 from simbench.gap.discover.moments import matched, runs_with
-from simbench.gap.discover.search import Finding, chance, search, where
+from simbench.gap.discover.search import Finding, chance, search
 from simbench.gap.intake.check import check
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.law import FoundLaw, windows_of
@@ -39,8 +39,8 @@ class Discovery:
     """What a record shows that its simulation lacks: a law with its certificate, or why there is
     none.
 
-    `runs` are OP and PV of simulations: baseline, recalibrated and with the law; `on` (n,) the
-    samples in which the law acts; `probability` that of the block, if anything is lacking.
+    `runs` are simulations: baseline, recalibrated and with the law; `on` (n,) the samples in which
+    the law acts; `probability` that of the block, if anything is lacking.
     """
 
     situation: Situation
@@ -49,9 +49,14 @@ class Discovery:
     block: str
     probability: float = 1.0
     nearest: str | None = None
-    on: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=bool))
     gap: Shrinkage | None = None
-    runs: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    runs: Mapping[str, LoopRecord] = field(default_factory=dict)
+
+    @property
+    def on(self) -> np.ndarray:
+        """Samples (n,) in which the law acts: its spells, or all."""
+        on = None if self.law is None else self.law.on
+        return np.ones(self.situation.record.n, dtype=bool) if on is None else on
 
     @property
     def windows(self) -> list[list[float]]:
@@ -60,20 +65,15 @@ class Discovery:
 
     def as_json(self) -> dict[str, Any]:
         """Return the discovery in JSON types, its keys as the contract has them."""
-        if self.law is None:
+        law, g = self.law, self.gap
+        if law is None or g is None:
             block = {"block": self.block} if self.block else {}
             return {"law": None, "why": self.why, **block}
-        g = self.gap
-        assert g is not None
         return {
-            "block": self.law.block,
-            "law": {
-                "form": self.law.form,
-                "numbers": dict(self.law.numbers),
-                "text": self.law.text,
-            },
+            "block": law.block,
+            "law": {"form": law.form, "numbers": dict(law.numbers), "text": law.text},
             "windows": self.windows,
-            "certificate": {"nats": float(self.law.nats), "p": chance(self.law.nats)},
+            "certificate": {"nats": law.nats, "p": chance(law.nats)},
             "gap": {
                 "before": g.before,
                 "recalibrated": g.recalibrated,
@@ -82,12 +82,6 @@ class Discovery:
             },
             "nearest": self.nearest,
         }
-
-    def sentence(self) -> str:
-        """Return the finding in one sentence."""
-        if self.law is None:
-            return f"No empirical model is found: {self.why}."
-        return f"In the {self.law.block} block, {self.law.text}."
 
     def one_line(self) -> str:
         """Return the finding and its certificate in one line."""
@@ -98,11 +92,11 @@ class Discovery:
         return f"{text}, gap {g.recalibrated:.2f} -> {g.after:.2f}, floor {g.floor:.2f})"
 
     def as_text(self) -> str:
-        """Return the discovery for a terminal."""
+        """Return the discovery for a terminal, the finding in its first line."""
         law, g = self.law, self.gap
         if law is None or g is None:
             place = f"If anything is missing, it is in the {self.block} block"
-            return self.sentence() + (
+            return f"No empirical model is found: {self.why}." + (
                 f"\n{place} (probability {self.probability:.2f})." if self.block else ""
             )
         share = float(self.on.mean())
@@ -112,7 +106,7 @@ class Discovery:
             else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
         )
         lines = [
-            self.sentence(),
+            f"In the {law.block} block, {law.text}.",
             f"It acts in {spells}.",
             f"On samples that it was not fitted to, it raises the log-likelihood by {law.nats:.0f}"
             f" (p <= {chance(law.nats):.2g} by chance).",
@@ -122,9 +116,7 @@ class Discovery:
         return "\n".join(lines)
 
 
-def discover(
-    record: LoopRecord, baseline: Loop, *, seed: int = 0, progress: bool = False
-) -> Discovery:
+def discover(record: LoopRecord, baseline: Loop, seed: int = 0) -> Discovery:
     """Locate where a record differs from its simulation, and describe how by a law that pays on
     samples it was not fitted to.
 
@@ -145,26 +137,24 @@ def discover(
     with one_thread():
         situation = check(record, baseline)
         situation = with_lag_in_dead_time(situation, valve_maps(situation, ())[0])
-        finding = search(situation, held_out(situation), progress)
-        return described(situation, finding, lambda: assess(situation), seed)
+        return described(situation, assess(situation), seed)
 
 
-def described(
-    s: Situation, finding: Finding, known: Callable[[], Assessment], seed: int = 0
-) -> Discovery:
+def described(s: Situation, known: Assessment, seed: int = 0) -> Discovery:
     """Return a law with where it acts, what it resembles and how far it closes the gap; else the
     block of all evidence.
 
     A law is kept unless another block has plainly more of the evidence, or it removes too little of
     the gap; `known` assesses the effects of the library.
     """
+    finding = search(s, held_out(s))
     if finding.law is not None and finding.law.late:
         s = replace(s, law=replace(s.law, late=finding.law.late))
-    finding = matched(s, finding, seed)
     law, why = finding.law, finding.why
-    seen = located(known(), finding.forms, finding.block)
-    gap, runs = (None, {}) if law is None else _simulated(s, finding, law, seed)
+    seen = located(known, finding.forms, finding.block)
     if law is not None:
+        gap, runs = _simulated(s, finding, law, seed)
+        least = _CLOSES if law.on is None and not finding.block else 0.0
         if seen.shares[seen.block] > seen.shares[law.block] + _MORE:
             why = (
                 f"the likeliest law ({law.text}) lies in another block ({law.block}"
@@ -172,40 +162,33 @@ def described(
             )
         elif gap is None:
             why = "the loop with the law in it cannot be simulated: it runs away"
-        elif gap.value is not None and gap.value < (
-            _CLOSES if law.on is None and not finding.block else 0.0
-        ):
+        elif gap.value is not None and gap.value < least:
             why = f"the likeliest law ({law.text}) removes {100 * gap.value:.0f} % of the gap only"
-    if law is None or why:
-        return Discovery(
-            s,
-            None,
-            f"{why}; {seen.words}",
-            "" if seen.doubt else seen.block,
-            seen.shares[seen.block],
-        )
-    on = np.ones(s.record.n, dtype=bool) if law.evidence is None and law.on is None else where(law)
-    share = seen.shares[law.block]
-    return Discovery(s, law, "", law.block, share, seen.nearest.get(law.block), on, gap, runs)
+        else:
+            share, nearest = seen.shares[law.block], seen.nearest.get(law.block)
+            return Discovery(s, law, "", law.block, share, nearest, gap, runs)
+    block, p = "" if seen.doubt else seen.block, seen.shares[seen.block]
+    return Discovery(s, None, f"{why}; {seen.words}", block, p)
 
 
 def _simulated(
     s: Situation, finding: Finding, law: FoundLaw, seed: int
-) -> tuple[Shrinkage | None, dict[str, tuple[np.ndarray, np.ndarray]]]:
+) -> tuple[Shrinkage | None, dict[str, LoopRecord]]:
     """Return the gap before, recalibrated and with the law, on the part of the record on which
-    nothing was fitted.
+    nothing was fitted, and a run of each; none where the loop runs away.
     """
-    fit, null = finding.fit, finding.null
-    bare = fixed_loop(s, null, {}, plant="baseline", load=fit)
-    tuned = fixed_loop(s, null, {}, plant="fitted", load=fit)
-    before, again = simulate_runs(s, bare, seed), simulate_runs(s, tuned, seed)
+    null = finding.null
     with lent_effect(law) as name:
+        fit = matched(s, null, finding.fit, law, name, seed)
         after = runs_with(s, fit, law, name, seed)
-    if after is None or (before or again) is None:
+    before, again = (
+        simulate_runs(s, fixed_loop(s, null, {}, plant=plant, load=fit), seed)
+        for plant in ("baseline", "fitted")
+    )
+    before = before or again
+    if after is None or before is None:
         return None, {}
-    first = before or again
-    assert first is not None
-    named = zip(("baseline", "recalibrated", "with the law"), (first, again or first, after))
-    return measure(s, first, again or first, after, seed=seed), {
-        name: (run.op, run.pv) for name, run in named
+    runs = {"baseline": before, "recalibrated": again or before, "with the law": after}
+    return measure(s, *runs.values(), seed=seed), {
+        name: LoopRecord(run.op, run.pv, s.record.Ts, s.sp) for name, run in runs.items()
     }

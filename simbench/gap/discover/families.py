@@ -4,234 +4,161 @@ prediction errors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import product
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from simbench.gap.effects import deadzone, load_steps, stiction
-from simbench.gap.likelihood import kernels
+from simbench.gap.effects import (
+    dead_time_mismatch,
+    deadzone,
+    gain_mismatch,
+    slew_limit,
+    stiction,
+    time_constant_mismatch,
+)
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import NUISANCES, Fit, Free, Moves, Spec, size_penalty
-from simbench.gap.likelihood.search import MV_STARTS
+from simbench.gap.likelihood.search import MV_STARTS, idle, likeliest
 from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import Situation
 
-# searched anew in every part of the record; the numbers of a law are not
-_LOAD = (*NUISANCES, "load_jump")
-_LOADS = ("load", "load_time", "load_lag")  # searched with each guess of a family ...
-_QUICK = 5  # ... in so many steps
-_HOPELESS = 30.0  # nats below the null, from which a point of a family's grid is not refined
-_Numbers = dict[str, float]
-Nulls = list[tuple[Fit, float]]  # fits without a law, each with its price (nats)
+# the library's fits that find a law as well: the law's form, and its numbers by the effect's
+_PLANT = (
+    ("size", gain_mismatch.RECOGNISER, {"gain": "factor"}),
+    ("size", time_constant_mismatch.RECOGNISER, {"pace": "factor"}),
+    ("size", dead_time_mismatch.RECOGNISER, {"delay": "extra"}),
+)
+_VALVE = (
+    ("memory", stiction.RECOGNISER, {"S": "S", "J": "J"}),
+    ("rate", slew_limit.RECOGNISER, {"slowness": "slowness"}),
+)
+KNOTS = (0.25, 0.5, 0.75)  # of a curve, as quantiles of OP
 
 
-@dataclass(frozen=True)
-class Family:
-    """A family: its form, `numbers` (the law's in units of the loop file, of the engine), and
-    where the search begins.
-
-    Either the engine's `spec` with guesses of its numbers, or the `search` of a valve map,
-    which fits both.
+class Family(NamedTuple):
+    """A family: its form, how it is fitted on top of a fit without it, and its numbers in units of
+    the loop file.
     """
 
     form: str
-    numbers: Callable[[_Numbers], _Numbers]
-    spec: Spec = field(default_factory=Spec)
-    starts: Sequence[_Numbers] = ({},)
-    search: Callable[[Engine, Fit], tuple[Fit, float]] | None = None
+    fit: Callable[[Engine, Fit], tuple[Fit, float]]
+    numbers: Callable[[Fit], dict[str, float]]
 
 
 class Tried(NamedTuple):
-    """The likeliest law of a family on top of a null: its fit, its part of the spec and its
-    numbers in units of the engine.
+    """The likeliest law of a family: its fit, and by how many nats it is above the fit without it,
+    its numbers paid for.
     """
 
     family: Family
     fit: Fit
-    spec: Spec
-    engine_numbers: _Numbers
-
-    @property
-    def numbers(self) -> _Numbers:
-        """The law's numbers in units of the loop file."""
-        return self.family.numbers(self.engine_numbers)
+    gain: float
 
 
-def fitted(family: Family, engine: Engine, null: Fit) -> Tried | None:
-    """Return the likeliest law of a family on top of its null; None where none is near."""
-    spec = family.spec
-    if family.search is not None:
-        best = family.search(engine, null)[0]
-        if best.spec.valve == kernels.IDEAL:
-            return None
-        spec = Spec(valve=best.spec.valve, start=best.spec.start)
-        guesses: Sequence[_Numbers] = [
-            {number.name: best.theta[number.name] for number in spec.effect_numbers}
-        ]
-    else:
-        guesses = family.starts
-    joined = null.spec.join(spec)
-    # the load that the null needed may hide a law: each guess is tried with another load, too
-    loads = ({}, {k: v for k, v in engine.start().items() if k in _LOAD})
-    quick = [
-        engine.fit(joined, {**null.theta, **guess, **load}, search=_LOADS, steps=_QUICK)
-        for guess, load in product(guesses, loads)
+def fitted(family: Family, engine: Engine, null: Fit) -> Tried:
+    """Return the likeliest law of a family on top of the fit without a law."""
+    fit, count = family.fit(engine, null)
+    return Tried(family, fit, fit.loglik - null.loglik - size_penalty(engine.data.n, count))
+
+
+def held(law: Tried, engine: Engine, null: Fit) -> Fit:
+    """Return the likeliest fit of a law, its numbers held, to samples it was not fitted to."""
+    spec, theta = law.fit.spec, law.fit.theta
+    load = {name: theta[name] for name in NUISANCES if name in theta}
+    # another gain, lag or dead time belongs to the baseline's plant
+    plant = {name: law.fit.K if name == "K" else theta[name] for name in spec.free}
+    engine = Engine(replace(engine.data, **plant), engine.longest_load)
+    valve = Spec(valve=spec.valve, moves=spec.moves)
+    numbers = {number.name: theta[number.name] for number in valve.effect_numbers}
+    begun = [
+        engine.at(null.spec.join(replace(valve, start=start)), {**null.theta, **more, **numbers})
+        for more in ({}, load)
+        for start in (MV_STARTS if spec.valve else (0.0,))
     ]
-    tries = sorted(
-        (f for f in quick if f.loglik > null.loglik - _HOPELESS), key=lambda f: -f.loglik
-    )
-    fits = [engine.fit(joined, f.theta, steps=8) for f in tries[:2]]
-    if not fits:
-        return None
-    best = max(fits, key=lambda f: f.loglik)
-    names = [*spec.free, *(number.name for number in spec.effect_numbers)]
-    return Tried(
-        family, best, spec, {name: best.K if name == "K" else best.theta[name] for name in names}
-    )
-
-
-def gain_of(law: Tried, engine: Engine, level: float) -> float:
-    """Return by how many nats a law is above a level, its numbers paid for."""
-    return law.fit.loglik - level - size_penalty(engine.data.n, len(law.engine_numbers))
-
-
-def judged(law: Tried, engine: Engine, nulls: Nulls) -> tuple[Fit, float]:
-    """Return the likeliest fit of a law, its numbers held, to samples it was not fitted to, and its
-    nats above the nulls.
-    """
-    numbers, loads = law.engine_numbers, {k: v for k, v in law.fit.theta.items() if k in _LOAD}
-    if law.spec.free:
-        # another gain, lag or dead time belongs to the baseline's plant
-        engine, numbers = Engine(replace(engine.data, **numbers), engine.longest_load), {}
-    tries = []
-    for null, price in nulls:
-        spec = null.spec.join(replace(law.spec, free=frozenset()))
-        starts = MV_STARTS if spec.valve else (spec.start,)
-        begun = [
-            engine.at(replace(spec, start=x), {**null.theta, **more, **numbers})
-            for more in ({}, loads)
-            for x in starts
-        ]
-        best = max(begun, key=lambda f: f.loglik)
-        fit = engine.fit(
-            best.spec, best.theta, search=tuple(m for m in _LOAD if m in spec.names), steps=8
-        )
-        tries.append((fit, fit.loglik - price))
-    best, value = max(tries, key=lambda t: t[1])
-    return best, value - max(map(worth, nulls))
-
-
-def worth(null: tuple[Fit, float]) -> float:
-    """Return a fit's log-likelihood less its price."""
-    return null[0].loglik - null[1]
-
-
-def nulls_of(engine: Engine) -> Nulls:
-    """Return the fits without a law, each with its price (nats): an ordinary load, and where it is
-    worth it one that jumps.
-    """
-    plain = engine.of_higher_order(engine.base())
-    jumping, count = load_steps.fit(engine, plain)
-    price = size_penalty(engine.data.n, count)
-    return [(plain, 0.0), *([(jumping, price)] if jumping.loglik - price > plain.loglik else [])]
-
-
-def _moves(mv: Callable[[np.ndarray, Any], np.ndarray], *free: Free) -> Spec:
-    return Spec(moves=Moves(mv, free))
-
-
-def _free(name: str, low: float, high: float, log: bool = False) -> Free:
-    return Free(name, lambda d: low, lambda d: high, log=log)
+    best = max(begun, key=lambda fit: fit.loglik)
+    return engine.fit(best.spec, best.theta, search=NUISANCES, steps=8)
 
 
 def families(s: Situation, first: int) -> Iterator[Family]:
     """Yield the families whose law this record may show; numbers of a valve are not asked for where
     MV was recorded.
     """
-    Ts, d = s.record.Ts, s.data
-    pace = d.T + d.Td + 1.0
+    Ts, d, known = s.record.Ts, s.data, _PLANT
     if s.record.mv is None:
-        yield from _valve(s, first)
-    for name, size in (("K", "gain"), ("T", "pace"), ("Td", "delay")):
-        if name != "T" or d.T > 0.0:
-            yield Family(
-                "size",
-                lambda x, name=name, size=size: _resized(size, x[name], s),
-                Spec(free=frozenset({name})),
-            )
+        known = (*_VALVE, *_PLANT)
+        knots = dict(zip(("q1", "q2", "q3"), np.quantile(d.u[:first], KNOTS).tolist()))
+        flat = dict.fromkeys(("k1", "k2", "k3"), 0.0)
+        yield Family(
+            "curve",
+            _moved(
+                lambda u, p: (
+                    u + sum(p[k] * np.maximum(u - q, 0.0) for k, q in zip(flat, knots.values()))
+                ),
+                dict.fromkeys(flat, (-0.98, 5.0, False)),
+                [{**flat, k: bend} for k in flat for bend in (0.5, -0.4)],
+            ),
+            lambda fit: knots | {k: fit.theta[k] for k in flat},
+        )
+        yield Family("curve", deadzone.fit, lambda fit: _zone(fit.theta["D"], fit.theta["c"]))
+    pace = d.T + d.Td + 1.0
     yield Family(
         "zero",
-        lambda x: {"lead": x["lead"] * Ts, "lag": x["lag"] * Ts},
-        _moves(
+        _moved(
             lambda u, p: _led(u, p["lead"], p["lag"]),
-            _free("lead", -5 * pace, 5 * pace),
-            _free("lag", 0.2, 10 * pace, True),
+            {"lead": (-5 * pace, 5 * pace, False), "lag": (0.2, 10 * pace, True)},
+            [
+                {"lead": a * pace, "lag": g * pace}
+                for a in (-1.0, -0.3, 0.0, 0.5, 1.5)
+                for g in (0.1, 0.3, 1.0)
+            ],
         ),
-        [
-            {"lead": a * pace, "lag": g * pace}
-            for a in (-1.0, -0.3, 0.0, 0.5, 1.5)
-            for g in (0.1, 0.3, 1.0)
-        ],
+        lambda fit: {name: fit.theta[name] * Ts for name in ("lead", "lag")},
     )
+    for form, how, names in known:
+        if how.fit is not None and how.possible(s):
+            yield Family(
+                form,
+                how.fit,
+                lambda fit, how=how, names=names: {
+                    own: float(how.numbers(fit, s)[name]) for own, name in names.items()
+                },
+            )
 
 
-def _valve(s: Situation, first: int) -> Iterator[Family]:
-    Ts, op = s.record.Ts, s.data.u
-    steps = float(np.std(np.diff(op))) or 1.0
-    q1, q2, q3 = (float(q) for q in np.quantile(op[:first], (0.25, 0.5, 0.75)))
-
-    def bent(u: np.ndarray, p: Any) -> np.ndarray:
-        return u + sum(
-            p[k] * np.maximum(u - q, 0.0) for k, q in (("k1", q1), ("k2", q2), ("k3", q3))
-        )
-
-    slopes = ("k1", "k2", "k3")
-    yield Family(
-        "curve",
-        lambda x: {"q1": q1, "q2": q2, "q3": q3, **x},
-        _moves(bent, *(_free(k, -0.98, 5.0) for k in slopes)),
-        [{one: k * (one == bend) for one in slopes} for bend in slopes for k in (0.5, -0.4)],
-    )
-    yield Family(
-        "curve",
-        lambda x: {
-            "q1": x["c"] - x["D"] / 2,
-            "q2": x["c"] + x["D"] / 2,
-            "k1": -1.0,
-            "k2": 1.0,
-        },
-        search=deadzone.fit,
-    )
-    if s.baseline.valve.name == "ideal":
-        yield Family("memory", lambda x: {"S": x["S"], "J": x.get("J", 0.0)}, search=stiction.fit)
-    yield Family(
-        "rate",
-        lambda x: {"slowness": Ts / x["rate"]},
-        _moves(
-            lambda u, p: kernels.slewed(u, p["rate"]), _free("rate", 1e-3 * steps, 10 * steps, True)
-        ),
-        [{"rate": float(r)} for r in steps * np.geomspace(0.02, 3.0, 12)],
-    )
-
-
-def _resized(size: str, value: float, s: Situation) -> _Numbers:
-    """Return a gain, a time constant or a dead time of the engine as the law states it, relative to
-    the baseline's.
+def _moved(
+    mv: Callable[[np.ndarray, Any], np.ndarray],
+    bounds: Mapping[str, tuple[float, float, bool]],
+    starts: list[dict[str, float]],
+) -> Callable[[Engine, Fit], tuple[Fit, float]]:
+    """Return the fit of a valve as a function, with the lower and the upper bound of each of its
+    numbers and whether it is searched by its logarithm, begun from several values of them.
     """
-    d = s.data
-    return {
-        size: {
-            "gain": max(value / d.K, 0.01),
-            "pace": value / (d.T or 1.0),
-            "delay": (value - d.Td) * s.record.Ts,
-        }[size]
-    }
+    free = tuple(
+        Free(name, lambda d, low=low: low, lambda d, high=high: high, log=log)
+        for name, (low, high, log) in bounds.items()
+    )
+
+    def fit(engine: Engine, null: Fit) -> tuple[Fit, float]:
+        spec = null.spec.join(Spec(moves=Moves(mv, free)))
+        # the load that the null needed may hide a law
+        tries = [
+            one.theta
+            for theta in (null.theta, idle(engine, null))
+            for one in engine.grid(spec, theta, starts, keep=2)
+        ]
+        return likeliest(engine, spec, tries), len(free)
+
+    return fit
 
 
 def _led(u: np.ndarray, lead: float, lag: float) -> np.ndarray:
     """Return u (n,) after (lead s + 1)/(lag s + 1), in samples, begun at rest."""
-    slow = lagged(u, max(lag, 0.05))
-    return slow + (lead / max(lag, 0.05)) * (u - slow)
+    slow = lagged(u, lag)
+    return slow + (lead / lag) * (u - slow)
+
+
+def _zone(width: float, centre: float) -> dict[str, float]:
+    """Return a dead-zone as a curve: flat between two knots."""
+    return {"q1": centre - width / 2, "q2": centre + width / 2, "k1": -1.0, "k2": 1.0}

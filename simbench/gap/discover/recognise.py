@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from simbench.gap.closed_loop.gap import held_out
-from simbench.gap.discover.families import families, fitted, gain_of
+from simbench.gap.discover.families import families, fitted
 from simbench.gap.discover.valve import valve_law
 from simbench.gap.effects import Parameters, Recogniser, lent
 from simbench.gap.exact import controller_law, sensor_law
@@ -19,8 +19,6 @@ from simbench.gap.likelihood.model import Fit
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.loop.laws import LAW_FORMS
-
-_MOST = 900.0  # nats that stand for a law which nothing else explains
 
 
 @contextmanager
@@ -47,14 +45,11 @@ def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None
     it.
     """
     first = held_out(s)
-    exact = {"controller": controller_law, "sensor": sensor_law, "valve": valve_law}.get(
-        LAW_FORMS[form].block
-    )
-    law = exact(s, first) if exact is not None else None
-    if law is not None and law.form == form:
-        return min(law.nats, _MOST), dict(law.numbers)
+    for find in (controller_law, sensor_law, valve_law):
+        law = find(s, first)
+        if law is not None and law.form == form:
+            return law.nats, dict(law.numbers)
     engine = Engine(s.data, load_memory(s))
     tried = [fitted(family, engine, base) for family in families(s, first) if family.form == form]
-    gains = [(gain_of(one, engine, base.loglik), one.numbers) for one in tried if one is not None]
-    best = max(gains, key=lambda g: g[0], default=None)
-    return None if best is None else (float(min(best[0], _MOST)), dict(best[1]))
+    best = max(tried, key=lambda law: law.gain, default=None)
+    return None if best is None else (best.gain, dict(best.family.numbers(best.fit)))

@@ -28,7 +28,7 @@ _MEANING = {
 
 
 def write_page(
-    report: GapReport, path: str | Path, command: Sequence[str] = (), account: Markup = Markup()
+    report: GapReport, path: str | Path, command: Sequence[str] = (), account: str = ""
 ) -> None:
     """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone;
     `account`: its story.

@@ -21,7 +21,7 @@ render = partial(render_in, "simbench.gap.report")
 
 
 def write(
-    path: str | Path, title: str, subtitle: str, sections: Iterable[tuple[str, str, Markup]]
+    path: str | Path, title: str, subtitle: str, sections: Iterable[tuple[str, str, str]]
 ) -> None:
     """Write sections (id, title, body), those that are not empty, as one self-contained page."""
     text = render(

@@ -20,7 +20,7 @@ def draw_sheet(report: GapReport) -> Figure:
     """Draw record and simulations over time at the left, probabilities and gap at the right."""
     traces = compared(report)
     figure = Figure(figsize=(9.0, 1.2 + 0.95 * len(traces)), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0])
+    left, right = figure.subfigures(1, 2, width_ratios=[1.5, 1.0], squeeze=False)[0]
     end = end_of(report.behind.found.situation, _SAMPLES)
     fill_traces(left.subplots(len(traces), 1, sharex=True, squeeze=False)[:, 0], "PV", traces, end)
     which, gap = right.subplots(2, 1)

@@ -194,10 +194,12 @@ def test_a_law_that_only_the_likelihood_names_must_remove_half_of_the_gap(
     gap = Shrinkage(4.0, 3.9, 2.5, 1.0, True, closes, 0.0, 1.0, {})
     seen = Located("valve", {"valve": 0.9}, "", {})
     place = "simbench.gap.discover.discovery"
-    monkeypatch.setattr(f"{place}.matched", lambda s, finding, seed: finding)
+    finding = Finding(law, None, None, block=block)
+    monkeypatch.setattr(f"{place}.search", lambda s, first: finding)
+    monkeypatch.setattr(f"{place}.held_out", lambda s: 65)
     monkeypatch.setattr(f"{place}.located", lambda *evidence: seen)
     monkeypatch.setattr(f"{place}._simulated", lambda *case: (gap, {}))
     situation = SimpleNamespace(record=SimpleNamespace(n=100))
-    told = described(situation, Finding(law, None, None, block=block), lambda: None)
+    told = described(situation, None)
     assert (told.law is law) == kept
     assert kept or "of the gap only" in told.why
