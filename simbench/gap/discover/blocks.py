@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import find_peaks
+from scipy.signal import find_peaks, periodogram
 
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import NOT_TRIED
@@ -107,16 +107,17 @@ def _freedoms(s: Situation, base: Fit) -> Iterator[tuple[str, Spec, float]]:
             block = "valve" if name == "shape" else "process"
             yield block, Spec(channels=channels), len(channels)
     yield "sensor", Spec(free=frozenset({"noise_std"})), 1.0
-    lowest = _FINER * _PERIODS
-    power = np.abs(np.fft.rfft(x - x.mean(), _FINER * d.n))[lowest:-_FINER]
-    angle = 2.0 * np.pi * (lowest + int(np.argmax(power))) / (_FINER * d.n) * at
+    frequency, power = periodogram(x, nfft=_FINER * d.n)
+    power[frequency < _PERIODS / d.n] = 0.0
+    angle = 2.0 * np.pi * frequency[np.argmax(power)] * at
     yield "disturbance", Spec(channels=(np.sin(angle), np.cos(angle))), 4.0
     yield "sensor", Spec(walk=True, channels=(at / d.n,)), 2.0
     yield "disturbance", Spec(load_walk=True, channels=(kernels.plant(at / d.n, T, 0.0, 0.0),)), 2.0
-    x = x / (1.4826 * float(np.median(np.abs(x))) or 1.0)
-    x[: kernels.SKIP] = 0.0
-    large, _ = find_peaks(np.abs(x), height=_LARGE)
-    events = sorted(large, key=lambda k: -abs(x[k]))[:_EVENTS]
+    size = np.abs(x)
+    size[: kernels.SKIP] = 0.0
+    # 1.4826 medians are a standard deviation
+    large, _ = find_peaks(size, height=_LARGE * 1.4826 * float(np.median(size)))
+    events = sorted(large, key=lambda k: -size[k])[:_EVENTS]
     if events:
         count = 2.0 * len(events)  # where each is counts as well
         yield "sensor", Spec(channels=tuple((at >= k).astype(float) for k in events)), count

@@ -74,12 +74,7 @@ class Discovery:
             "law": {"form": law.form, "numbers": dict(law.numbers), "text": law.text},
             "windows": self.windows,
             "certificate": {"nats": law.nats, "p": chance(law.nats)},
-            "gap": {
-                "before": g.before,
-                "recalibrated": g.recalibrated,
-                "after": g.after,
-                "floor": g.floor,
-            },
+            "gap": {k: getattr(g, k) for k in ("before", "recalibrated", "after", "floor")},
             "nearest": self.nearest,
         }
 
@@ -99,12 +94,10 @@ class Discovery:
             return f"No empirical model is found: {self.why}." + (
                 f"\n{place} (probability {self.probability:.2f})." if self.block else ""
             )
-        share = float(self.on.mean())
-        spells = (
-            "the whole record"
-            if share > 0.99
-            else f"{len(self.windows)} spells, {100 * share:.0f} % of the record"
-        )
+        spells = "the whole record"
+        if law.on is not None:
+            share = 100 * float(law.on.mean())
+            spells = f"{len(self.windows)} spells, {share:.0f} % of the record"
         lines = [
             f"In the {law.block} block, {law.text}.",
             f"It acts in {spells}.",

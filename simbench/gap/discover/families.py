@@ -101,7 +101,17 @@ def families(s: Situation, first: int) -> Iterator[Family]:
             ),
             lambda fit: knots | {k: fit.theta[k] for k in flat},
         )
-        yield Family("curve", deadzone.fit, lambda fit: _zone(fit.theta["D"], fit.theta["c"]))
+        # flat between two knots
+        yield Family(
+            "curve",
+            deadzone.fit,
+            lambda fit: {
+                "q1": fit.theta["c"] - fit.theta["D"] / 2,
+                "q2": fit.theta["c"] + fit.theta["D"] / 2,
+                "k1": -1.0,
+                "k2": 1.0,
+            },
+        )
     pace = d.T + d.Td + 1.0
     yield Family(
         "zero",
@@ -157,8 +167,3 @@ def _led(u: np.ndarray, lead: float, lag: float) -> np.ndarray:
     """Return u (n,) after (lead s + 1)/(lag s + 1), in samples, begun at rest."""
     slow = lagged(u, lag)
     return slow + (lead / lag) * (u - slow)
-
-
-def _zone(width: float, centre: float) -> dict[str, float]:
-    """Return a dead-zone as a curve: flat between two knots."""
-    return {"q1": centre - width / 2, "q2": centre + width / 2, "k1": -1.0, "k2": 1.0}

@@ -16,7 +16,7 @@ from simbench.gap.discover.valve import valve_law
 from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.law import FoundLaw, spells_of
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, input_gain
+from simbench.gap.likelihood.model import Fit, input_gain
 from simbench.gap.likelihood.residual_tests import of_load
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.laws import LAW_FORMS
@@ -60,7 +60,10 @@ def search(s: Situation, first: int) -> Finding:
     """Return the law of a record, learnt on samples before `first` and judged by those from there
     on.
     """
-    learn = Engine(_part(s.data, 0, first), load_memory(s))
+    learn, rest = (
+        Engine(replace(s.data, u=s.data.u[part], y=s.data.y[part]), load_memory(s))
+        for part in (slice(first), slice(first, None))
+    )
     null = learn.of_higher_order(learn.base())
     for find in (controller_law, sensor_law, valve_law):
         law = find(s, first)
@@ -71,19 +74,14 @@ def search(s: Situation, first: int) -> Finding:
     block, words = max(shown, key=lambda one: one[0] == "controller", default=("", ""))
     if block == "controller":
         return Finding(None, null, null, f"{words}, and no form describes how", block)
-    finding = _by_likelihood(s, learn, null, first)
+    finding = _by_likelihood(s, learn, rest, null, first)
     if finding.law is not None or not words:
         return finding
     return finding._replace(why=f"{words}, and {finding.why}", block=block)
 
 
-def _part(d: Data, begin: int, end: int) -> Data:
-    return replace(d, u=d.u[begin:end].copy(), y=d.y[begin:end].copy())
-
-
-def _by_likelihood(s: Situation, learn: Engine, null: Fit, first: int) -> Finding:
+def _by_likelihood(s: Situation, learn: Engine, rest: Engine, null: Fit, first: int) -> Finding:
     """Return the law between OP and PV, or of spells, that pays."""
-    rest = Engine(_part(s.data, first, s.data.n), load_memory(s))
     other = rest.of_higher_order(rest.base())
     laws = [fitted(family, learn, null) for family in families(s, first)]
     laws.sort(key=lambda law: -law.gain)

@@ -122,13 +122,13 @@ class GapReport:
         return {
             "block": self.block,
             "effect": self.effect,
-            "effects": [dict(e) for e in self.effects],
+            "effects": list(self.effects),
             "group": list(self.group),
             "ranking": [asdict(r) for r in self.ranking],
             "gap": asdict(self.gap),
-            "shrinkage": None if self.shrinkage is None else dict(self.shrinkage),
-            "blocks": dict(self.blocks),
-            "next_test": None if self.next_test is None else dict(self.next_test),
+            "shrinkage": self.shrinkage,
+            "blocks": self.blocks,
+            "next_test": self.next_test,
             "notes": [*self._likeness(), *self.notes],
             PROBABILITY: self.probability_of_stiction,
             "conclusion": self.conclusion.as_json(),
@@ -150,9 +150,8 @@ class GapReport:
         """
         import pandas as pd
 
-        rows = self.as_json()["ranking"]
         return pd.DataFrame(
-            [{**row, "parameters": numbers(row["effect"], row["parameters"], "")} for row in rows]
+            [{**asdict(r), "parameters": numbers(r.effect, r.parameters, "")} for r in self.ranking]
         )
 
     def plot(self, most: int = 6) -> Any:
@@ -226,9 +225,9 @@ class GapReport:
                 f" (probability {p:.2f})"
             )
             return f"{missing}; closest: {words(near)}."
-        named = [(e["effect"], e["block"], e["parameters"]) for e in self.effects]
         names = " and ".join(
-            f"{words(effect)} ({block}{numbers(effect, fitted)})" for effect, block, fitted in named
+            f"{words(e['effect'])} ({e['block']}{numbers(e['effect'], e['parameters'])})"
+            for e in self.effects
         )
         size, g = "", self.gap
         if self.shrinkage:

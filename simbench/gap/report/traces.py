@@ -49,16 +49,15 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     """Return the record, and simulations of its length with the baseline, the recalibrated loop and
     the loop with the named (or nearest) effect; what cannot be simulated is left out.
     """
-    runs, near, traces = report.behind.loops, nearest(report), {}
+    runs, near = report.behind.loops, nearest(report)
     before, tuned, _ = runs.runs_with(report.named)
     loops = {BASELINE: (before.loop, 0.0), TUNED: (tuned.loop, 0.0)}
     shown = report.named or ([near.effect] if near else [])
     if shown:
         loops[FIXED if report.named else NEAREST] = (runs.corrected(shown), runs.kick(shown))
-    for name, (loop, kick) in loops.items():
-        traces[name] = run_with_seeds(loop, 0, 1, kick)
+    found = {name: run_with_seeds(loop, 0, 1, kick) for name, (loop, kick) in loops.items()}
     return {RECORD: recorded(report.behind.found.situation)} | {
-        name: found[0] for name, found in traces.items() if found
+        name: records[0] for name, records in found.items() if records
     }
 
 
