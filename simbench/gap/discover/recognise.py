@@ -11,9 +11,8 @@ from pathlib import Path
 
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.discover.families import families, fitted
-from simbench.gap.discover.valve import valve_law
+from simbench.gap.discover.search import EXACT
 from simbench.gap.effects import Parameters, Recogniser, lent
-from simbench.gap.exact import controller_law, sensor_law
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.situation import Situation, load_memory
@@ -45,7 +44,7 @@ def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None
     it.
     """
     first = held_out(s)
-    for find in (controller_law, sensor_law, valve_law):
+    for find in EXACT:
         law = find(s, first)
         if law is not None and law.form == form:
             return law.nats, dict(law.numbers)

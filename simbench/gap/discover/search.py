@@ -32,6 +32,10 @@ _DRAWS = 40  # fits drawn for the intervals of a law's numbers
 _PRICE = 6.0  # nats of a change from on to off
 
 
+# laws that need no likelihood between OP and PV
+EXACT = (controller_law, sensor_law, valve_law)
+
+
 class Finding(NamedTuple):
     """The law, its fit to the first part and the fit without it; None where no law pays, then why.
 
@@ -65,7 +69,7 @@ def search(s: Situation, first: int) -> Finding:
         for part in (slice(first), slice(first, None))
     )
     null = learn.of_higher_order(learn.base())
-    for find in (controller_law, sensor_law, valve_law):
+    for find in EXACT:
         law = find(s, first)
         if law is not None and law.nats > _LEAST_NATS:
             return Finding(law, null, null, block=law.block)
