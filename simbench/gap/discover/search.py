@@ -131,22 +131,21 @@ def _loud(s: Situation, null: Fit, other: Fit, first: int) -> tuple[FoundLaw, Fi
     """
     r = np.clip(np.append(null.residual, other.residual), -8.0, 8.0)
     learn, judge = r[:first], r[first:]
-    quiet, loud = float(np.quantile(np.abs(learn), 0.3)) / 0.385, 2.0 * float(np.std(learn))
+    quiet, loud = float(np.quantile(np.abs(learn), 0.3)) / 0.385, 2.0 * float(learn.std())
     on = np.zeros(first, dtype=bool)
     for _ in range(6):
         on = spells_of(_louder(learn, quiet, loud), _PRICE)
         if not 0.02 < on.mean() < 0.9:
             return None
-        quiet, loud = float(np.std(learn[~on])), float(np.std(learn[on]))
+        quiet, loud = float(learn[~on].std()), float(learn[on].std())
     on = spells_of(_louder(r, quiet, loud), _PRICE)
     share, length = min(float(on.mean()), 0.95), float(on.sum()) / max(len(runs_of(on)), 1)
     evidence, late = _louder(judge, quiet, loud), on[first:]
     # without spells: innovations of one size, or as often loud as in the spells but at any time
-    one_size = _louder(judge, quiet, float(np.std(judge)) + 1e-9)
+    one_size = _louder(judge, quiet, judge.std() + 1e-9)
     any_time = np.logaddexp(np.log1p(-share), np.log(share + 1e-9) + evidence)
-    plain = max(float(one_size.sum()), float(any_time.sum()))
     changes = np.count_nonzero(np.diff(late)) + 1
-    nats = float(evidence[late].sum()) - plain - _PRICE * changes
+    nats = float(evidence[late].sum() - max(one_size.sum(), any_time.sum()) - _PRICE * changes)
     if loud < _LOUD * quiet or length < _SPELL or nats <= 0.0:
         return None
     Ts, theta, more = s.record.Ts, null.theta, float(np.sqrt(loud**2 - quiet**2))
