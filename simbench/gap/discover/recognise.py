@@ -11,7 +11,7 @@ from pathlib import Path
 
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.discover.families import families, fitted
-from simbench.gap.discover.search import EXACT
+from simbench.gap.discover.search import FINDERS
 from simbench.gap.effects import Parameters, Recogniser, lent
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -44,7 +44,7 @@ def _seen(form: str, base: Fit, s: Situation) -> tuple[float, Parameters] | None
     it.
     """
     first = held_out(s)
-    for find in EXACT:
+    for find in FINDERS:
         law = find(s, first)
         if law is not None and law.form == form:
             return law.nats, dict(law.numbers)

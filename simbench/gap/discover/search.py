@@ -33,7 +33,7 @@ _PRICE = 6.0  # nats of a change from on to off
 
 
 # laws that need no likelihood between OP and PV
-EXACT = (controller_law, sensor_law, valve_law)
+FINDERS = (controller_law, sensor_law, valve_law)
 
 
 class Finding(NamedTuple):
@@ -69,7 +69,7 @@ def search(s: Situation, first: int) -> Finding:
         for part in (slice(first), slice(first, None))
     )
     null = learn.of_higher_order(learn.base())
-    for find in EXACT:
+    for find in FINDERS:
         law = find(s, first)
         if law is not None and law.nats > _LEAST_NATS:
             return Finding(law, null, null, block=law.block)
