@@ -51,7 +51,7 @@ def draw_lacking(lacks: Lacking) -> Figure:
     figure, axes = panel(PHONE_WIDTH, 0.9 + 0.34 * len(shown))
     fill_bars(axes, shown, [RED if z > 0 else BLUE for z in shown.values()])
     axes.tick_params(axis="y", labelsize=6.5)
-    axes.margins(x=0.15)
+    axes.margins(x=0.25)
     axes.axvline(0.0, color=BLACK, linewidth=0.8)
     axes.set_xlabel("record beside its simulation\n(seed-to-seed standard deviations)")
     return figure
