@@ -96,6 +96,11 @@ class Law:
         """Whether a PI law turns the recorded error into OP."""
         return not (self.reason or self.foreign)
 
+    @property
+    def apart(self) -> bool:
+        """Whether the archive's PV is not the one that the controller saw, which OP shows."""
+        return self.recovered_pv is not None and bool(self.reason)
+
 
 def examine_law(
     op: np.ndarray,

@@ -9,8 +9,7 @@ import numpy as np
 from detectors.signal.lattice import hides_nothing
 from detectors.signal.lines import on_line
 from detectors.signal.spikes import cleaned, isolated
-from simbench.gap.intake.observed import Observed
-from simbench.gap.situation import Archive
+from simbench.gap.situation import Archive, Situation
 
 # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave
 # fewer
@@ -21,74 +20,64 @@ _SPECKS = 0.02
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 
-def archived(it: Observed) -> tuple[Archive, np.ndarray, float, str]:
-    """Return what the archive changed, the PV that the controller saw, its rounding step, and why
-    no PI law explains OP.
-    """
-    archive, plant_pv, mismatch = _archive(it)
-    step, at = archive.rounding or (it.samples.hidden, "loop")
-    resolution = step if at == "loop" else it.samples.resolution
-    return archive, plant_pv, resolution, _unexplained(it, archive, mismatch)
-
-
-def _unexplained(it: Observed, archive: Archive, mismatch: str) -> str:
+def unexplained(s: Situation, mismatch: str) -> str:
     """Return why no PI law explains the recorded OP; nothing if the archive explains the
     difference.
     """
-    if not archive.faithful or it.law.gap > 0.0:
+    if not s.archive.faithful or s.law.gap > 0.0:
         return mismatch
-    return mismatch or it.law.foreign or it.law.reason or _astray(it)
+    return mismatch or s.law.foreign or s.law.reason or _astray(s)
 
 
-def _astray(it: Observed) -> str:
+def _astray(s: Situation) -> str:
     """Return that OP strays from a law which holds exactly elsewhere, but for the set point, ends
     and samples not archived.
     """
-    if it.law.limits is not None or it.law.step > 0.0:
+    if s.law.limits is not None or s.law.step > 0.0:
         return ""
-    marked = np.append(True, np.diff(it.sp) != 0.0) | on_line(it.record.pv, it.samples.digits)
-    if it.law.hidden > 0.0:
+    marked = np.append(True, np.diff(s.sp) != 0.0) | on_line(s.record.pv, s.samples.digits)
+    if s.law.hidden > 0.0:
         # what an archive by exception repeats is not what the controller saw or wrote
-        marked[1:] |= (np.diff(it.op) == 0.0) | (np.diff(it.record.pv) == 0.0)
+        marked[1:] |= (np.diff(s.op) == 0.0) | (np.diff(s.record.pv) == 0.0)
     # an end of OP's range is everybody's
-    marked |= np.isin(it.op, (it.op.min(), it.op.max()))
+    marked |= np.isin(s.op, (s.op.min(), s.op.max()))
     excused = np.convolve(marked, np.ones(5), "same") > 0.0
-    count = int(np.count_nonzero(~excused[it.law.strays]))
+    count = int(np.count_nonzero(~excused[s.law.strays]))
     return (
         f"OP strays from a law that holds elsewhere, in {count} samples" if count >= _STRAYS else ""
     )
 
 
-def _archive(it: Observed) -> tuple[Archive, np.ndarray, str]:
+def find_archive(s: Situation) -> tuple[Archive, np.ndarray, str]:
     """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV
     makes it move.
     """
-    law, samples = it.law, it.samples
-    pv, seen = it.record.pv, law.recovered_pv
-    place, band, step = "record" if it.apart else "loop", 0.0, 0.0
+    law, samples = s.law, s.samples
+    pv, seen = s.record.pv, law.recovered_pv
+    place, band, step = "record" if law.apart else "loop", 0.0, 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
     # noise that an archive's mean has smoothed lies on lines sooner
     elif samples.straight > _STRAIGHT and not law.averaged:
         size = 0.0 if seen is None else float(np.quantile(np.abs(pv - seen), 0.98))
         band = size or 0.5 * float(np.std(np.diff(pv)))
-    elif not hides_nothing(samples.digits, pv, it.noise):
+    elif not hides_nothing(samples.digits, pv, s.data.noise):
         step = samples.digits
     # a mean over a sample is the archive's and no effect: the controller saw PV
-    hidden = seen is not None and (law.averaged or (it.apart and (step or band)))
+    hidden = seen is not None and (law.averaged or (law.apart and (step or band)))
     plant_pv = seen if hidden else pv
-    spikes, plant_pv, mismatch = _spikes(it, plant_pv, band > 0.0 or law.averaged)
+    spikes, plant_pv, mismatch = _spikes(s, plant_pv, band > 0.0 or law.averaged)
     return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
 
 
 def _spikes(
-    it: Observed, plant_pv: np.ndarray, thinned: bool
+    s: Situation, plant_pv: np.ndarray, thinned: bool
 ) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:
     """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP
     moves as no PV makes it.
     """
-    law, samples = it.law, it.samples
-    pv, seen, mismatch = it.record.pv, law.recovered_pv, ""
+    law, samples = s.law, s.samples
+    pv, seen, mismatch = s.record.pv, law.recovered_pv, ""
     spikes, heights, place = samples.spikes, samples.heights, "loop"
     if seen is not None and not law.foreign and not thinned:
         only, sizes = isolated(pv - seen, 0.0)
@@ -106,7 +95,7 @@ def _spikes(
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
             spikes, heights, place, plant_pv = only, sizes, "record", seen
-    elif spikes.size >= 3 and seen is None and not _answered(it, spikes, heights):
+    elif spikes.size >= 3 and seen is None and not _answered(s, spikes, heights):
         place = "record"
     if spikes.size < 3 or thinned:
         return None, plant_pv, mismatch
@@ -115,12 +104,10 @@ def _spikes(
     return (spikes.size / pv.size, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
 
 
-def _answered(it: Observed, spikes: np.ndarray, heights: np.ndarray) -> bool:
+def _answered(s: Situation, spikes: np.ndarray, heights: np.ndarray) -> bool:
     """Return whether OP jumps with the spikes of PV as the controller gain requires."""
-    du = np.append(np.diff(it.record.op), 0.0)[
-        np.clip(spikes - 1 + it.law.late, 0, it.record.n - 1)
-    ]
-    asked = -it.law.Kc * heights
+    du = np.append(np.diff(s.record.op), 0.0)[np.clip(spikes - 1 + s.law.late, 0, s.record.n - 1)]
+    asked = -s.law.Kc * heights
     return float(du @ asked) > 0.5 * float(asked @ asked)
 
 

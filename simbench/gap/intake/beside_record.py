@@ -11,12 +11,11 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.signal.holds import runs_of
 from detectors.signal.spikes import cleaned
-from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import LAW_ROWS, RETUNED, Law
+from simbench.gap.controller.pi_law import RETUNED
 from simbench.gap.intake.check import check
-from simbench.gap.intake.observed import longest_run, moving
-from simbench.gap.intake.recorded_test import RecordedTest
-from simbench.gap.intake.refuse import SAME_TS, refuse_mv_units
+from simbench.gap.intake.observed import law_in_automatic, moving
+from simbench.gap.intake.recorded_test import SAME_TS, RecordedTest
+from simbench.gap.intake.refuse import refuse_mv_units
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.gap.situation import ModelledTest, Situation, through_valve
 
@@ -47,10 +46,8 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         data = replace(
             s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.hidden
         )
-        rows = longest_run(~test.manual)
-        same = abs(pace - 1.0) <= SAME_TS or test.id == "raw"
-        if same and rows.stop - rows.start >= LAW_ROWS:
-            law = _law(test, rows, s)
+        if abs(pace - 1.0) <= SAME_TS or test.id == "raw":
+            law = law_in_automatic(r, op, ~test.manual, test.loop, s.tuned, s.data.noise)
     return ModelledTest(
         test.name,
         r.Ts,
@@ -65,15 +62,6 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         any(x is not None and x.size and np.ptp(x) > 0.0 for x in (r.sp, op[test.manual])),
         law is not None and law.known and not unexplained,
     )
-
-
-def _law(test: RecordedTest, rows: slice, s: Situation) -> Law | None:
-    r = test.record
-    sp = None if r.sp is None else r.sp[rows]
-    op, pv = r.op_percent[rows], r.pv[rows]
-    if np.ptp(op) == 0.0:
-        return None
-    return examine_controller(op, pv, sp, r.Ts, test.loop, s.tuned, s.data.noise)
 
 
 def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str:

@@ -4,8 +4,6 @@ likelihood (`--identify`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from detectors.errors import RecordError
@@ -15,6 +13,7 @@ from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.effects import recogniser
+from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.sensor.samples import inspect_samples
@@ -30,16 +29,15 @@ def identify(
     record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None
 ) -> Loop:
     """Return a loop file that fits the record, without any effect in it."""
-    it = _Unidentified(record)
-    noise, law = 0.0, it.law(1.0 if plant is None else float(np.sign(plant.K)))
+    noise, law = 0.0, _law(record, 1.0 if plant is None else float(np.sign(plant.K)))
     if plant is None:
         # friction and feedback turn the sign of a plant; what OP does about PV shows the
         # controller's direction
-        shown = float(np.sign(law.Kc)) if law.residual < _HALF and np.isfinite(law.Kc) else 0.0
-        plant, noise = it.plant(shown if controller is None else controller.sign)
+        shown = float(np.sign(law.Kc)) if law.residual < _HALF else 0.0
+        plant, noise = _plant(record, shown if controller is None else controller.sign)
     if controller is None:
-        sign = 1.0 if plant.K > 0 else -1.0
-        controller = it.controller(law if law.known else it.law(sign), sign)
+        sign = float(np.sign(plant.K))
+        controller = _controller(law if law.known else _law(record, sign), sign, record.Ts)
     return Loop(
         plant=plant,
         controller=controller,
@@ -52,117 +50,79 @@ def exact_controller(record: LoopRecord) -> Controller | None:
     """Return the controller whose law turns the recorded error into OP; None where no PI law
     does.
     """
-    it = _Unidentified(record)
-    law = it.law(1.0)
-    return (
-        it.controller(law, float(np.sign(law.Kc)))
-        if law.known and np.isfinite(law.Kc) and law.Kc
-        else None
-    )
+    law = _law(record, 1.0)
+    return _controller(law, float(np.sign(law.Kc)), record.Ts) if law.known and law.Kc else None
 
 
-@dataclass(frozen=True, eq=False)
-class _Unidentified:
-    """A record of whose loop nothing is known yet; OP in % where its span is known."""
+def _law(r: LoopRecord, sign: float) -> Law:
+    """Return the law from a guess of its tuning: a gain by the sizes of the changes."""
+    op = op_in_percent(r, False, "")
+    rough = float(np.std(np.diff(op))) / (float(np.std(np.diff(r.pv))) or np.inf)
+    return examine_law(op, r.pv, r.sp, r.Ts, sign * (rough or 1.0), 20.0 * r.Ts, trusted=False)
 
-    record: LoopRecord
 
-    @property
-    def op(self) -> np.ndarray:
-        return self.record.op if self.record.op_percent is None else self.record.op_percent
+def _controller(law: Law, sign: float, Ts: float) -> Controller:
+    direction, Kc = "reverse" if sign > 0 else "direct", abs(law.Kc)
+    if law.known and np.isinf(law.Ti):
+        return Controller(type="P", Kc=Kc, direction=direction)
+    Ti = law.Ti if np.isfinite(law.Ti) else 20.0 * Ts
+    return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
 
-    @property
-    def rough_gain(self) -> float:
-        change = float(np.std(np.diff(self.record.pv)))
-        return float(np.std(np.diff(self.op))) / change if change > 0 else 1.0
 
-    def law(self, sign: float) -> Law:
-        r = self.record
-        return examine_law(
-            self.op,
-            r.pv,
-            r.sp,
-            r.Ts,
-            sign * self.rough_gain,
-            20.0 * r.Ts,
-            trusted=False,
+def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
+    """Return the plant, its gain of a sign where that is not 0, and the standard deviation of the
+    noise; of an unknown process the likelier, friction allowed to both.
+    """
+    samples = inspect_samples(r.pv, r.op)
+    u = np.ascontiguousarray(op_in_percent(r, False, "") if r.mv is None else r.mv, dtype=float)
+    pv, tries = cleaned(r.pv, samples.spikes), []
+    for integrating in (False, True) if r.process is None else (r.process == "integrating",):
+        _, fit = fit_plant(u, pv, integrating, samples.digits, sign)
+        # a time constant is one number more to fit
+        score = fit.loglik - (0.0 if integrating else size_penalty(r.n, 1.0))
+        if r.mv is None and r.process is None:
+            # after a valve that rests between its slips any plant looks as if it integrated; a band
+            # without a jump tells as much of it as one with, at a fifth of the cost
+            T = 0.0 if integrating else fit.theta["T"]
+            engine = _engine(u, pv, fit.K, T, fit.theta["Td"], samples.digits)
+            friction = fit_candidates(engine, fit, [_BAND])[_BAND].log_likelihood_gain
+            score += max(0.0, friction)
+        tries.append((score, integrating, fit))
+    _, integrating, fit = max(tries, key=lambda t: t[0])
+    K = sign * abs(fit.K) if sign else fit.K
+    if not (np.isfinite(K) and K != 0.0):
+        where = f"record {r.tag!r}" if r.tag else "record"
+        raise RecordError(
+            f"{where}: no plant can be identified: PV does not answer to OP (K = {K:g})"
         )
-
-    def controller(self, law: Law, sign: float) -> Controller:
-        Kc = abs(law.Kc) if np.isfinite(law.Kc) and law.Kc != 0 else self.rough_gain
-        direction = "reverse" if sign > 0 else "direct"
-        if law.known and np.isinf(law.Ti):
-            return Controller(type="P", Kc=Kc, direction=direction)
-        Ti = law.Ti if np.isfinite(law.Ti) and law.Ti > 0 else 20.0 * self.record.Ts
-        return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
-
-    def plant(self, sign: float) -> tuple[Plant, float]:
-        """Return the plant, its gain of a sign where that is not 0, and the standard deviation of
-        the noise.
-        """
-        r, samples = self.record, inspect_samples(self.record.pv, self.record.op)
-        u = np.ascontiguousarray(self.op if r.mv is None else r.mv, dtype=float)
-        integrating, fit = self._fit(u, cleaned(r.pv, samples.spikes), samples.digits, sign)
-        K = sign * abs(fit.K) if sign else fit.K
-        if not (np.isfinite(K) and K != 0.0):
-            where = f"record {r.tag!r}" if r.tag else "record"
-            raise RecordError(
-                f"{where}: no plant can be identified: PV does not answer to OP (K = {K:g})"
-            )
-        dead, noise = fit.theta["Td"] * r.Ts, fit.theta["noise_std"]
-        if integrating:
-            return Plant(type="integrating", K=K / r.Ts, Td=dead), noise
-        return Plant(type="foptd", K=K, T=fit.theta["T"] * r.Ts, Td=dead), noise
-
-    def _fit(
-        self, u: np.ndarray, pv: np.ndarray, resolution: float, sign: float
-    ) -> tuple[bool, Fit]:
-        """Return whether the plant integrates, and its fit; of an unknown process the likelier,
-        friction allowed to both.
-        """
-        r = self.record
-        if r.process is not None:
-            integrating = r.process == "integrating"
-            return integrating, fit_plant(u, pv, integrating, resolution, sign)
-        fits, score = {}, {}
-        for integrating in (False, True):
-            fit = fits[integrating] = fit_plant(u, pv, integrating, resolution, sign)
-            # a time constant is one number more to fit
-            score[integrating] = fit.loglik - (0.0 if integrating else size_penalty(r.n, 1.0))
-            if r.mv is None:
-                # after a valve that rests between its slips any plant looks as if it integrated
-                T = 0.0 if integrating else fit.theta["T"]
-                engine = Engine(
-                    Data(u, pv, fit.K, T, fit.theta["Td"], 0.0, resolution, trusted=False),
-                    max(0.1 * r.n, 20.0),
-                )
-                # a band without a jump tells as much of it as one with, at a fifth of the cost
-                score[integrating] += max(
-                    0.0, fit_candidates(engine, fit, [_BAND])[_BAND].log_likelihood_gain
-                )
-        integrating = score[True] > score[False]
-        return integrating, fits[integrating]
+    dead, noise = fit.theta["Td"] * r.Ts, fit.theta["noise_std"]
+    if integrating:
+        return Plant(type="integrating", K=K / r.Ts, Td=dead), noise
+    return Plant(type="foptd", K=K, T=fit.theta["T"] * r.Ts, Td=dead), noise
 
 
 def fit_plant(
-    op: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float, sign: float = 0.0
-) -> Fit:
-    """Return the best first-order (or integrating) plant from OP to PV; a coarse grid, then a joint
-    fit of its best point.
+    u: np.ndarray, pv: np.ndarray, integrating: bool, resolution: float, sign: float = 0.0
+) -> tuple[Engine, Fit]:
+    """Return the best first-order (or integrating) plant from OP to PV, and the engine that fitted
+    it: a coarse grid, then a joint fit of its best point.
     """
-    n = op.size
-    gain = float(np.std(pv)) / (float(np.std(op)) or 1.0)
-    slow = (0.0,) if integrating else (0.5, 1.5, 4.0, 10.0, 30.0)
+    gain = float(np.std(pv)) / (float(np.std(u)) or 1.0)
     tries = []
-    for T in slow:
+    for T in (0.0,) if integrating else (0.5, 1.5, 4.0, 10.0, 30.0):
         for Td in (0.0, 1.0, 3.0, 8.0):
-            engine = Engine(
-                Data(op, pv, gain, T, Td, 0.0, resolution, trusted=False), max(0.1 * n, 20.0)
-            )
+            engine = _engine(u, pv, gain, T, Td, resolution)
             tries.append((engine, engine.at(Spec(), engine.start())))
     engine, best = max(tries, key=lambda t: (t[1].K * sign >= 0.0, t[1].loglik))
     fit = engine.fit(Spec(), best.theta, steps=40)
-    return fit if fit.K * sign >= 0.0 or best.K * sign < 0.0 else best
+    return engine, fit if fit.K * sign >= 0.0 or best.K * sign < 0.0 else best
+
+
+def _engine(
+    u: np.ndarray, pv: np.ndarray, K: float, T: float, Td: float, resolution: float
+) -> Engine:
+    data = Data(u, pv, K, T, Td, 0.0, resolution, trusted=False)
+    return Engine(data, max(0.1 * u.size, 20.0))
 
 
 def meaningful(mv: bool, tuned: bool) -> set[str]:

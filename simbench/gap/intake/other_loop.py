@@ -4,8 +4,6 @@ the record.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from detectors.errors import RecordError
@@ -13,8 +11,9 @@ from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.controller.regression import EXACT
 from simbench.gap.effects import recogniser
+from simbench.gap.intake.identify import fit_plant
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
+from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.situation import Situation
 
 _OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
@@ -55,7 +54,7 @@ def refuse_other_plant(s: Situation) -> None:
         or (control.Ti and not _apart(law.tuning[1]))
     ):
         return
-    engine_of_record, other = _plant_of_record(data, law, Ts)
+    free, other = fit_plant(data.u, data.y, False, data.resolution, float(np.sign(law.Kc)))
     if other.K * law.Kc <= 0.0:
         return
     gain, lag, wait = other.K, other.theta["T"], other.theta["Td"]
@@ -69,7 +68,7 @@ def refuse_other_plant(s: Situation) -> None:
         and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))
     ):
         return
-    to_beat = max(other.loglik, engine_of_record.base().loglik) - size_penalty(data.n, 3.0) - _PROOF
+    to_beat = max(other.loglik, free.base().loglik) - size_penalty(data.n, 3.0) - _PROOF
     engine = Engine(data, 4.0 * (known + 1.0))
     base = engine.base()
     if base.loglik >= to_beat:
@@ -91,17 +90,3 @@ def refuse_other_plant(s: Situation) -> None:
 
 def _apart(ratio: float) -> bool:
     return not 1.0 / _APART < ratio < _APART
-
-
-def _plant_of_record(data: Data, law: Law, Ts: float) -> tuple[Engine, Fit]:
-    """Return the plant of the record, gain, time constant and dead time free, and the engine that
-    fitted it.
-    """
-    tries = []
-    for lag in (law.Ti / Ts if np.isfinite(law.Ti) else 20.0, max(data.T, 5.0), 8.0):
-        free = replace(
-            data, trusted=False, noise=0.0, T=float(np.clip(lag, 2.0, data.n / 16.0)), Td=0.2 * lag
-        )
-        engine = Engine(free, 4.0 * (free.T + free.Td))
-        tries.append((engine, engine.fit(Spec(), engine.start())))
-    return max(tries, key=lambda t: t[1].loglik)

@@ -10,8 +10,6 @@ from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from detectors.signal.holds import still
 from simbench.gap.controller.pi_law import Law
-from simbench.gap.intake.observed import Observed
-from simbench.gap.intake.other_loop import refuse_other_controller
 from simbench.gap.intake.recorded_test import SAME_TS
 
 _FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
@@ -22,28 +20,12 @@ _RATIOS = np.geomspace(0.01, 100.0, 400)  # of a characteristic's gains, none of
 _SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, in addition to %
 
 
-def refuse_unusable(it: Observed) -> None:
-    """Refuse a record that is too short or still, sampled at another pace, in other units, or of
-    another controller.
-    """
-    op, r, control = it.op, it.record, it.baseline.controller
-    refuse_unfit(r, it.where)
-    _refuse_other_pace(it)
-    if r.mv is not None:
-        refuse_mv_units(r.mv, op, it.where)
-    if it.tuned:
-        refuse_op_units(r.op, it.law, it.Kc, control.Ti, it.where)
-        if it.samples.step == 0.0:
-            # what a coarse PV makes of an error can look like any gain
-            refuse_other_controller(it.law, it.Kc, it.where)
-
-
-def _refuse_other_pace(it: Observed) -> None:
-    period, Ts = it.record.Ts, it.baseline.sampling.Ts
-    if abs(period / Ts - 1.0) > SAME_TS:
+def refuse_other_pace(period: float, stated: float, where: str) -> None:
+    """Refuse a record whose sampling period (s) is not the baseline's."""
+    if abs(period / stated - 1.0) > SAME_TS:
         raise RecordError(
-            f"{it.where}: Ts = {period:g} s by its time column, but the baseline says Ts ="
-            f" {Ts:g} s; they must agree within 1 %"
+            f"{where}: Ts = {period:g} s by its time column, but the baseline says Ts ="
+            f" {stated:g} s; they must agree within 1 %"
         )
 
 

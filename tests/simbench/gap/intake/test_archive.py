@@ -12,11 +12,11 @@ from detectors.errors import RecordError
 from detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake.archive import (
-    _archive,
     _spikes,
-    _unexplained,
+    find_archive,
+    unexplained,
 )
-from simbench.gap.intake.observed import Observed
+from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
 
@@ -32,13 +32,11 @@ HIDDEN = replace(LAW, reason="no law", recovered_pv=PV + 1.0)
 
 def seen_in(law, samples, pv=PV, noise=0.1, op=OP):
     """Return a record with what its law and samples show."""
-    apart = Observed.apart.fget(SimpleNamespace(law=law))
     return SimpleNamespace(
         record=SimpleNamespace(op=op, pv=pv, n=N),
         law=law,
         samples=samples,
-        noise=noise,
-        apart=apart,
+        data=SimpleNamespace(noise=noise),
     )
 
 
@@ -65,7 +63,7 @@ def lattice(step):
 def test_a_lattice_counts_where_it_hides_something_and_is_the_archives_where_op_saw_none(
     samples, law, archive
 ):
-    result, plant_pv, mismatch = _archive(seen_in(law, samples))
+    result, plant_pv, mismatch = find_archive(seen_in(law, samples))
     assert (result, mismatch) == (archive, "")
     # before an archive that hides something, the plant's PV is the one that the controller saw
     assert np.array_equal(plant_pv, PV + 1.0 if law is HIDDEN else PV)
@@ -73,16 +71,16 @@ def test_a_lattice_counts_where_it_hides_something_and_is_the_archives_where_op_
 
 def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     seen = PV + np.where(np.arange(N) < 50, 0.4, 0.01)
-    result, _, _ = _archive(
+    result, _, _ = find_archive(
         seen_in(replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18))
     )
     # 0.98 of the samples lie as near as the largest of the lines
     assert result.band == pytest.approx(0.4)
     few = PV + np.where(np.arange(N) < 15, 0.4, 0.01)
     barely = replace(LAW, reason="no law", recovered_pv=few)
-    assert _archive(seen_in(barely, replace(PLAIN, straight=0.18)))[0].band < 0.02
+    assert find_archive(seen_in(barely, replace(PLAIN, straight=0.18)))[0].band < 0.02
     # where nothing tells, half of what PV moves
-    blind, plant_pv, _ = _archive(seen_in(LAW, replace(PLAIN, straight=0.18)))
+    blind, plant_pv, _ = find_archive(seen_in(LAW, replace(PLAIN, straight=0.18)))
     assert blind == Archive(None, pytest.approx(0.5 * np.std(np.diff(PV))))
     assert plant_pv is not None
     assert np.array_equal(plant_pv, PV)
@@ -92,7 +90,7 @@ def test_lines_through_a_mean_are_the_means():
     seen = PV + np.random.default_rng(5).normal(0.0, 0.5, N)
     pv = 0.5 * (seen + np.append(seen[0], seen[:-1])) + np.where(np.arange(N) % 9 == 0, 0.3, 0.0)
     law = replace(LAW, averaged=True, recovered_pv=seen)
-    result, plant_pv, _ = _archive(seen_in(law, replace(PLAIN, straight=0.3), pv))
+    result, plant_pv, _ = find_archive(seen_in(law, replace(PLAIN, straight=0.3), pv))
     assert result.band == 0.0
     assert np.array_equal(plant_pv, seen)
 
@@ -108,7 +106,7 @@ def test_why_no_law_holds_is_given_unless_what_lies_between_is_known(
     archive, gap, mismatch, foreign, reason
 ):
     law = replace(LAW, reason="no law", gap=gap, foreign=foreign)
-    assert _unexplained(SimpleNamespace(law=law), archive, mismatch) == reason
+    assert unexplained(SimpleNamespace(law=law, archive=archive), mismatch) == reason
 
 
 @pytest.mark.parametrize(
@@ -133,12 +131,10 @@ def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(
     for k, value in pv.items():
         drawn[k] = value
     law = replace(LAW, strays=np.array(strays), **more)
-    it = SimpleNamespace(law=law, op=OP, sp=moved, record=SimpleNamespace(pv=drawn), samples=PLAIN)
-    assert (
-        (reason in _unexplained(it, Archive(), ""))
-        if reason
-        else _unexplained(it, Archive(), "") == ""
+    it = SimpleNamespace(
+        law=law, op=OP, sp=moved, record=SimpleNamespace(pv=drawn), samples=PLAIN, archive=Archive()
     )
+    assert (reason in unexplained(it, "")) if reason else unexplained(it, "") == ""
 
 
 @pytest.mark.parametrize(
@@ -153,17 +149,16 @@ def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(
 def test_an_archive_is_apart_where_op_shows_another_pv_and_the_recorded_one_explains_nothing(
     law, apart
 ):
-    assert seen_in(law, PLAIN).apart == apart
+    assert law.apart == apart
 
 
 def test_op_in_other_units_is_refused_only_where_a_law_or_a_plant_is_compared():
     raw = LoopRecord(op=np.linspace(200.0, 900.0, 200), pv=PV[:200], Ts=1.0)
-    for trusted, tuned in ((True, True), (True, False), (False, True)):
-        with pytest.raises(RecordError, match="OP runs from 200 to 900"):
-            _ = Observed(raw, None, trusted, tuned).op
-    assert np.array_equal(Observed(raw, None, False, False).op, raw.op)
+    with pytest.raises(RecordError, match="record: OP runs from 200 to 900"):
+        op_in_percent(raw, True, "record")
+    assert np.array_equal(op_in_percent(raw, False, "record"), raw.op)
     spanned = replace(raw, op_span=(0.0, 1000.0))
-    assert Observed(spanned, None, True, True).op[[0, -1]] == pytest.approx([20.0, 90.0])
+    assert op_in_percent(spanned, True, "record")[[0, -1]] == pytest.approx([20.0, 90.0])
 
 
 PLACES, HEIGHTS = np.array([100, 300, 500, 700]), np.array([3.0, -3.0, 4.0, 3.0])

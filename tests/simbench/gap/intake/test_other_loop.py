@@ -3,38 +3,12 @@
 from contextlib import nullcontext
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from detectors.errors import RecordError
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
-from simbench.gap.intake.other_loop import _plant_of_record, refuse_other_plant
-from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Data
-
-
-def answered(K, T, Td, n=1500):
-    """Return OP, and PV as a plant answers it, with a little noise and load."""
-    rng = np.random.default_rng(3)
-    u = 50.0 + np.repeat(rng.choice([-3.0, 3.0], n // 25), 25)
-    return u, K * kernels.plant(u, T, Td, 0.0) + 0.05 * rng.standard_normal(n)
-
-
-@pytest.mark.parametrize(
-    ("T", "Td", "Ti", "stated"),
-    [(30.0, 6.0, 60.0, 10.0), (6.0, 2.0, np.inf, 90.0), (20.0, 4.0, 5.0, 20.0)],
-)
-def test_the_plant_of_the_record_is_fitted_whatever_the_baseline_states(T, Td, Ti, stated):
-    u, y = answered(-1.7, T, Td)
-    # stated: a gain of a fifth, another time constant, noise and trust that do not count
-    data = Data(u, y, -0.34, stated, 0.0, 5.0)
-    engine, fit = _plant_of_record(data, Law(0.0, 0.0, 1.0, Ti), 2.0)
-    assert fit.K == pytest.approx(-1.7, rel=0.03)
-    assert fit.theta["T"] == pytest.approx(T, rel=0.05)
-    assert fit.theta["Td"] == pytest.approx(Td, abs=0.2)
-    assert not engine.data.trusted
-    assert engine.data.noise == 0.0
+from simbench.gap.intake.other_loop import refuse_other_plant
 
 
 @pytest.mark.parametrize(("gain", "refused"), [(955.0, True), (965.0, False)])
@@ -54,7 +28,7 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
         }
 
     monkeypatch.setattr(
-        other_loop, "_plant_of_record", lambda *a: (SimpleNamespace(base=lambda: base), plant)
+        other_loop, "fit_plant", lambda *a: (SimpleNamespace(base=lambda: base), plant)
     )
     monkeypatch.setattr(
         other_loop,
@@ -67,7 +41,7 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
     monkeypatch.setattr(other_loop, "fit_candidates", fit_candidates)
     control = SimpleNamespace(Kc=1.0, Ti=20.0, sign=1)
     s = SimpleNamespace(
-        data=SimpleNamespace(K=1.0, T=20.0, Td=4.0, n=1000),
+        data=SimpleNamespace(u=None, y=None, K=1.0, T=20.0, Td=4.0, n=1000, resolution=0.0),
         law=Law(0.0, 0.0, 2.0, 40.0, tuning=(2.0, 2.0)),
         record=SimpleNamespace(Ts=1.0),
         baseline=SimpleNamespace(controller=control),

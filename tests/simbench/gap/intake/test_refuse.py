@@ -11,12 +11,12 @@ from detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
 from simbench.gap.intake.archive import _answered, stands_out
-from simbench.gap.intake.observed import _moves_of
+from simbench.gap.intake.observed import moves_of
 from simbench.gap.intake.refuse import (
-    _refuse_other_pace,
     moving_slope,
     refuse_mv_units,
     refuse_op_units,
+    refuse_other_pace,
     refuse_unfit,
 )
 
@@ -173,11 +173,11 @@ def plant_refusal(monkeypatch, *, K=1.0, T=20.0, Td=4.0, plant, tuning=(2.0, 2.0
     fit = SimpleNamespace(K=gain, theta={"T": lag, "Td": wait}, loglik=nats)
     zero = SimpleNamespace(base=lambda: SimpleNamespace(loglik=0.0))
     monkeypatch.setattr(
-        other_loop, "_plant_of_record", lambda *a: (SimpleNamespace(base=lambda: fit), fit)
+        other_loop, "fit_plant", lambda *a: (SimpleNamespace(base=lambda: fit), fit)
     )
     monkeypatch.setattr(other_loop, "Engine", lambda *a: zero)
     monkeypatch.setattr(other_loop, "possible_effects", lambda s: [])
-    data = SimpleNamespace(K=K, T=T, Td=Td, n=1000)
+    data = SimpleNamespace(u=OP, y=OP, K=K, T=T, Td=Td, n=1000, resolution=0.0)
     control = SimpleNamespace(Kc=1.0, Ti=20.0, sign=1)
     s = SimpleNamespace(
         data=data, law=replace(LAW, tuning=tuning), record=SimpleNamespace(Ts=1.0),
@@ -235,9 +235,7 @@ def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(
     ("Ts", "refused"), [(1.0, False), (1.008, False), (0.992, False), (1.012, True), (0.988, True)]
 )
 def test_the_sampling_periods_agree_within_a_hundredth(Ts, refused):
-    baseline = SimpleNamespace(sampling=SimpleNamespace(Ts=1.0))
-    it = SimpleNamespace(record=SimpleNamespace(Ts=Ts), baseline=baseline, where="record")
-    assert bool(refusal(_refuse_other_pace, it)) == refused
+    assert bool(refusal(refuse_other_pace, Ts, 1.0, "record")) == refused
 
 
 @pytest.mark.parametrize(("moves", "steps"), [(0, False), (1, True), (90, True), (110, False)])
@@ -245,7 +243,7 @@ def test_a_set_point_that_moves_all_the_time_makes_no_steps(moves, steps):
     sp = np.zeros(1000)
     sp[1 : moves + 1] = np.arange(moves) % 2 + 1.0
     sp[moves + 1 :] = sp[moves]
-    assert bool(_moves_of(sp)) == steps
+    assert bool(moves_of(sp)) == steps
 
 
 @pytest.mark.parametrize(
