@@ -15,12 +15,13 @@ from detectors.record import LoopRecord
 from detectors.signal.holds import holds, runs_of
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import LAW_ROWS, STUCK, Law
+from simbench.gap.controller.pi_law import LAW_ROWS, Law
 from simbench.gap.likelihood.model import REDDEST, Data
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like, polynomials
 
+_STUCK = 0.01  # share of samples in standstills that noise and rounding do not bring
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output
 
 
@@ -60,7 +61,7 @@ def law_of(r: LoopRecord, op: np.ndarray, baseline: Loop, tuned: bool, noise: fl
     law = law_in_automatic(r, op, ~np.asarray(manual), baseline, tuned, noise)
     if law is None:
         control = baseline.controller
-        return Law(0.0, 0.0, control.sign * control.Kc, control.Ti or np.inf)
+        return Law(0.0, control.sign * control.Kc, control.Ti or np.inf)
     return replace(law, recovered_pv=None, averaged=False, reason="")
 
 
@@ -79,7 +80,7 @@ def is_frozen(r: LoopRecord, op: np.ndarray, samples: Samples, noise: float) -> 
     """Return whether PV rests while OP moves, longer than an archive that reports by exception has
     it; without noise it rests for the dead time alone.
     """
-    if noise > 0.0 and samples.stuck > STUCK:
+    if noise > 0.0 and samples.stuck > _STUCK:
         return True
     # a loop without noise comes to rest as a whole: the moves of OP within one standstill count
     lengths = holds(r.pv)

@@ -36,7 +36,7 @@ def situation(*, plant=FOPTD, op=OP, valve=None, law=None, archive=None, **fit):
         True,
         op,
         np.zeros(N),
-        law or Law(0.0, 0.0, 0.5, 20.0),
+        law or Law(0.0, 0.5, 20.0),
         SimpleNamespace(),
         archive or Archive(),
         PV,
@@ -79,7 +79,7 @@ def test_a_vessels_time_scale_is_its_loops(K, memory):
     ],
 )
 def test_every_fact_has_its_block_and_nothing_shows_where_there_is_none(archive, law, facts):
-    s = situation(archive=Archive(**archive), law=Law(0.0, 0.0, 0.5, 20.0, **law))
+    s = situation(archive=Archive(**archive), law=Law(0.0, 0.5, 20.0, **law))
     assert {name: block for name, (block, _) in s.facts.items()} == facts
     assert s.archive.faithful == (not archive)
 

@@ -26,7 +26,7 @@ PV = 50.0 + np.cumsum(RNG.standard_normal(N)) * 0.1
 OP = 50.0 + RNG.standard_normal(N)
 NONE = np.empty(0, dtype=int)
 PLAIN = Samples(0.0, 0.0, 0.0, NONE, np.empty(0), 0, 0.0)
-LAW = Law(0.0, 0.0, 1.0, 20.0)
+LAW = Law(0.0, 1.0, 20.0)
 HIDDEN = replace(LAW, reason="no law", recovered_pv=PV + 1.0)
 
 

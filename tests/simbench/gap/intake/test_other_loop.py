@@ -42,7 +42,7 @@ def test_one_effect_that_does_nearly_as_well_on_the_baselines_plant_is_enough(
     control = SimpleNamespace(Kc=1.0, Ti=20.0, sign=1)
     s = SimpleNamespace(
         data=SimpleNamespace(u=None, y=None, K=1.0, T=20.0, Td=4.0, n=1000, resolution=0.0),
-        law=Law(0.0, 0.0, 2.0, 40.0, tuning=(2.0, 2.0)),
+        law=Law(0.0, 2.0, 40.0, tuning=(2.0, 2.0)),
         record=SimpleNamespace(Ts=1.0),
         baseline=SimpleNamespace(controller=control),
         where="record 'FIC1'",

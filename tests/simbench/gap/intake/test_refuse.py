@@ -22,7 +22,7 @@ from simbench.gap.intake.refuse import (
 
 SINE = np.sin(np.arange(600) / 20.0)
 OP = 50.0 + 5.0 * SINE
-LAW = Law(0.0, 0.0, 1.0, 20.0)
+LAW = Law(0.0, 1.0, 20.0)
 
 
 def refusal(call, *args):
@@ -157,7 +157,7 @@ def test_records_have_a_least_and_a_largest_length(n, refused):
     (1.0, False), (9.5, False), (10.5, True), (1 / 9.5, False), (1 / 10.5, True), (-1.0, True),
 ])  # fmt: skip
 def test_a_controller_ten_times_as_strong_is_another_loops(ratio, refused):
-    law = replace(LAW, Kc=2.0 * ratio, baseline_residual=max(abs(1.0 - ratio), 1e-3))
+    law = replace(LAW, Kc=2.0 * ratio)
     assert bool(refusal(other_loop.refuse_other_controller, law, 2.0, "record")) == refused
     # nothing is told from a law that is not exact
     for more in ({"residual": 0.04}, {"gap": 0.1}, {"reason": "no law"}):

@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.spec import Loop
-from simbench.gap.controller.pid_law import examine_pid
+from simbench.gap.controller.examine import examine_controller
 from simbench.loop.simulate import simulate
 
 TABLE = {
@@ -28,11 +28,11 @@ TABLE = {
 def test_settings_explain_the_op_that_they_made_and_no_other(settings):
     loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | settings})
     r = simulate(loop, kick=5.0).record
-    law = examine_pid(r.op, r.pv, r.sp, r.Ts, loop.controller, loop.pv0)
+    law = examine_controller(r.op, r.pv, r.sp, r.Ts, loop)
     assert law.known
     assert law.residual < 1e-9
-    detuned = loop.controller.model_copy(update={"Td": 4.0})
-    assert examine_pid(r.op, r.pv, r.sp, r.Ts, detuned, loop.pv0).reason
+    detuned = loop.with_("controller.Td", 4.0)
+    assert examine_controller(r.op, r.pv, r.sp, r.Ts, detuned).reason
 
 
 def by_exception(x, band):
@@ -49,12 +49,12 @@ def by_exception(x, band):
 def test_an_archive_that_stores_op_late_or_by_exception_hides_no_settings():
     loop = Loop.from_table({**TABLE, "noise": {"std": 0.3}})
     r = simulate(loop, kick=5.0).record
-    about = (r.Ts, loop.controller, loop.pv0)
-    late = examine_pid(r.op[:-1], r.pv[1:], r.sp[1:], *about)
+    about = (r.Ts, loop)
+    late = examine_controller(r.op[:-1], r.pv[1:], r.sp[1:], *about)
     assert (late.known, late.late) == (True, 1)
-    coarse = examine_pid(by_exception(r.op, 0.3), by_exception(r.pv, 0.3), r.sp, *about)
+    coarse = examine_controller(by_exception(r.op, 0.3), by_exception(r.pv, 0.3), r.sp, *about)
     assert coarse.known
     # two bands of OP, and what two of PV make of it
     assert coarse.hidden > 0.6
-    other = loop.controller.model_copy(update={"Kc": 6.0})
-    assert examine_pid(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, other, loop.pv0).reason
+    other = loop.with_("controller.Kc", 6.0)
+    assert examine_controller(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, other).reason
