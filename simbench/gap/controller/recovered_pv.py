@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from detectors.signal.filters import lfilter
+from detectors.signal.holds import runs_of
 from simbench.gap.controller.regression import about_zero, solved
 
 # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is
@@ -57,17 +58,11 @@ def recover_pv(
     forget = -b / a
     if not 0.0 <= forget < 0.9999:
         return None
-    drive = np.append(0.0, np.diff(op) / a)
-    out = np.empty(e.size)
-    begin = 0
-    # between limits the inversion is a first-order filter
-    for k in [*np.flatnonzero(~inside), e.size]:
-        if k > begin:
-            # a controller that holds its integral at a limit leaves it by another step
-            out[begin:k] = lfilter([1.0], [1.0, -forget], np.append(e[begin], drive[begin + 1 : k]))
-        if k < e.size:
-            out[k] = e[k]
-        begin = k + 1
+    drive, out = np.append(0.0, np.diff(op) / a), e.copy()
+    # between limits the inversion is a first-order filter; a controller that holds its integral at
+    # a limit leaves it by another step
+    for begin, end in runs_of(inside):
+        out[begin:end] = lfilter([1.0], [1.0, -forget], np.append(e[begin], drive[begin + 1 : end]))
     return pv + e - out
 
 

@@ -7,6 +7,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
+
+from detectors.signal.holds import runs_of
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 _ADDED = 200  # samples over which the errors of the digits add up to no more than a line
@@ -28,6 +31,19 @@ class LawFit(NamedTuple):
 def solved(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the coefficients of least squares."""
     return np.linalg.lstsq(X, y, rcond=None)[0]
+
+
+def solved_by_most(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the coefficients of least squares over the rows that they explain."""
+    beta, keep = solved(X, y), np.ones(y.size, dtype=bool)
+    for _ in range(8):
+        off = np.abs(y - X @ beta)
+        # trimming, not weighting: where the law holds it holds exactly
+        keep, before = off <= max(float(np.quantile(off, 0.7)) * 2.0, 1e-12), keep
+        if np.array_equal(keep, before):
+            break
+        beta = solved(X[keep], y[keep])
+    return beta
 
 
 def spread(x: np.ndarray) -> float:
@@ -58,14 +74,7 @@ def by_steps(
     if with_sp_offset:
         bases = [b - np.median(b) for b in bases]
     base = min(bases, key=about_zero)
-    beta, keep = solved(X, y), np.ones(y.size, dtype=bool)
-    for _ in range(8):
-        off = np.abs(y - X @ beta)
-        # trimming, not weighting: where the law holds it holds exactly
-        keep, before = off <= max(float(np.quantile(off, 0.7)) * 2.0, 1e-12), keep
-        if np.array_equal(keep, before):
-            break
-        beta = solved(X[keep], y[keep])
+    beta = solved_by_most(X, y)
     off = y - X @ beta
     left = about_zero(off) / size
     strays = np.flatnonzero(rows)[np.abs(off) > max(0.1, 20 * left) * size] + 1
@@ -80,25 +89,11 @@ def by_sums(
     After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up
     as well, to a line over `_ADDED` samples, which is taken off.
     """
-    stay = np.cumsum(~inside)
-    since = np.arange(op.size) - np.maximum.accumulate(np.where(inside, 0, np.arange(op.size)))
-    part = np.unique(np.column_stack([stay, since // _ADDED]), axis=0, return_inverse=True)[
-        1
-    ].reshape(-1)
-    rows = inside & (np.bincount(part, inside)[part] >= 5)
-    part, k = part[rows], np.flatnonzero(rows).astype(float)
-
-    def centred(x: np.ndarray) -> np.ndarray:
-        return x - (np.bincount(part, x) / np.maximum(np.bincount(part), 1))[part]
-
-    line = centred(k)
-    length = np.maximum(np.bincount(part, line * line), 1e-300)
-
-    def level(x: np.ndarray) -> np.ndarray:
-        x = centred(x)
-        return x - (np.bincount(part, x * line) / length)[part] * line
-
-    total, now, out = level(np.cumsum(e)[rows]), level(e[rows]), level(op[rows])
+    parts = [slice(k, min(k + _ADDED, b)) for a, b in runs_of(inside) for k in range(a, b, _ADDED)]
+    now, total, out = (
+        np.concatenate([scipy.signal.detrend(x[p]) for p in parts if p.stop - p.start >= 5])
+        for x in (e, np.cumsum(e), op)
+    )
     X = np.column_stack([now, total])
     beta = solved(X, out)
     bases = [out - X @ np.array([Kc - (1.0 - s) * Ki, Ki]) for s in FORMS]
@@ -110,15 +105,6 @@ def by_sums(
 
 def with_derivative(du: np.ndarray, e: np.ndarray, rows: np.ndarray, size: float) -> float:
     """Return what a law with filtered derivative leaves of dOP."""
-    X = np.column_stack([e[3:], e[2:-1], e[1:-2], e[:-3], du[1:-1], du[:-2]])[rows[2:]]
-    return about_zero(left_by_most(X, du[2:][rows[2:]])) / size
-
-
-def left_by_most(X: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return what a regression leaves of y that is fitted to the four fifths it explains best."""
-    beta = solved(X, y)
-    for _ in range(4):
-        off = np.abs(y - X @ beta)
-        keep = off <= np.quantile(off, 0.8)
-        beta = solved(X[keep], y[keep])
-    return y - X @ beta
+    X = np.column_stack([e[3:], e[2:-1], e[1:-2], e[:-3], du[1:-1], du[:-2]])
+    X, y = X[rows[2:]], du[2:][rows[2:]]
+    return about_zero(y - X @ solved_by_most(X, y)) / size

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from detectors.signal.holds import runs_of
-from simbench.gap.controller.regression import EXACT, about_zero, by_steps, left_by_most
+from simbench.gap.controller.regression import EXACT, about_zero, by_steps, solved_by_most
 
 # steps of a coarse OP asked for during one stay at its extreme, from which that is a limit: without
 # it one of 11 limits in 164 records is overlooked
@@ -111,7 +111,7 @@ def skips_scans(op: np.ndarray, e: np.ndarray, free: np.ndarray, size: float, un
     rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
     every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)
     X, y = np.column_stack([now, before])[rows], du[rows]
-    off = np.abs(left_by_most(X, y)) / (about_zero(y) or 1.0)
+    off = np.abs(y - X @ solved_by_most(X, y)) / (about_zero(y) or 1.0)
     # nearly every move obeys; over all samples the standstills stay unexplained
     unexplained = (
         np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()
