@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -51,18 +50,14 @@ def controller_law(s: Situation, first: int) -> FoundLaw | None:
         return max(from_op, key=lambda one: one.nats, default=None)
     # an archive may store PV before the controller ran; where no law is exact, nothing has shown
     # that yet
-    aligned = [_Controller.of(s, late) for late in sorted({s.law.late, 1})]
-    plain = min((one.left({}) for one in aligned), key=aligned[0].misfit)
+    aligned = [_Controller(s, late) for late in sorted({s.law.late, 1})]
+    plain = min((one.left({}, one.newest) for one in aligned), key=aligned[0].misfit)
     laws = [one.idle(first, plain) for one in aligned]
     laws += [one.fitted(*term, first, plain) for one in aligned for term in one.terms()]
-    best = max((one for one in laws if one is not None), key=lambda one: one.nats, default=None)
+    best = max(filter(None, laws), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
-    few = (
-        best is not None
-        and s.law.averaged
-        and best.nats < -np.log(_MEAN_EXPLAINS) * (s.record.n - first)
-    )
-    return None if few else best
+    least = -np.log(_MEAN_EXPLAINS) * (s.record.n - first) if s.law.averaged else -np.inf
+    return best if best is not None and best.nats >= least else None
 
 
 def _read_from_op(s: Situation, first: int) -> list[FoundLaw]:
@@ -70,7 +65,7 @@ def _read_from_op(s: Situation, first: int) -> list[FoundLaw]:
     law, op = s.law, s.op
     unit = max(written_unit(op, np.asarray(s.record.pv)), 1e-6 * float(np.std(op)), 1e-9)
     if law.limits is not None:
-        numbers = {"low": law.limits[0], "high": law.limits[1]}
+        numbers = dict(zip(("low", "high"), law.limits))
         return [
             _read_off("limits", numbers, np.isin(op, law.limits), unit / float(np.ptp(op)), first)
         ]
@@ -79,15 +74,12 @@ def _read_from_op(s: Situation, first: int) -> list[FoundLaw]:
         still, moves = np.append(False, np.diff(op) == 0.0), float(np.std(np.diff(op)))
         out.append(_read_off("rest", {"width": law.gap}, still, unit / moves, first))
     if law.step > 0.0:
-        out.append(
-            _read_off(
-                "rest", {"step": law.step}, _on_lattice(op, law.step, unit), unit / law.step, first
-            )
-        )
+        on = _on_lattice(op, law.step, unit)
+        out.append(_read_off("rest", {"step": law.step}, on, unit / law.step, first))
     if law.tuning is not None:
-        c, guess = _Controller.of(s, law.late), dict(zip(("gain", "integral"), law.tuning))
+        c, guess = _Controller(s, law.late), dict(zip(("gain", "integral"), law.tuning))
         by = {name: 0.1 * value for name, value in guess.items()}
-        one = c.fitted("tuning", guess, by, first, c.left({}))
+        one = c.fitted("tuning", guess, by, first, c.left({}, c.newest))
         out += [one] if one is not None else []
     return out
 
@@ -113,65 +105,40 @@ def _read_off(
     q = float(np.clip(q, 1e-6, 0.5))
 
     def nats(learn: np.ndarray, judge: np.ndarray) -> float:
-        p, hits = (
-            float(np.clip((learn.sum() + 0.5) / (learn.size + 1.0), q, 1.0 - 1e-6)),
-            int(judge.sum()),
-        )
+        p = float(np.clip((learn.sum() + 0.5) / (learn.size + 1.0), q, 1.0 - 1e-6))
+        hits = int(judge.sum())
         return float(hits * np.log(p / q) + (judge.size - hits) * np.log((1.0 - p) / (1.0 - q)))
 
     parts = event[:first], event[first:]
     longest = max((b - a for a, b in runs_of(event)), default=0) * -np.log(q) - np.log(event.size)
-    return FoundLaw(
-        form, numbers, float(max(nats(*parts), nats(*parts[::-1]), longest) - np.log(3.0)), on=on
-    )
+    best = max(nats(*parts), nats(*parts[::-1]), longest) - np.log(3.0)
+    return FoundLaw(form, numbers, float(best), on=on)
 
 
-class _Controller(NamedTuple):
-    """The controller's signals (OP in %, error in PV units), its numbers, and the digits of
-    OP.
+class _Controller:
+    """The controller's signals (OP in %, error in PV units), its numbers, the digits of OP, and the
+    share of the newest error in its integral.
     """
 
-    op: np.ndarray
-    e: np.ndarray
-    Kc: float
-    Ki: float
-    Ts: float
-    unit: float
-    moves: np.ndarray
-    late: int
-    newest: float = 1.0
-
-    @classmethod
-    def of(cls, s: Situation, late: int) -> _Controller:
-        pv = np.asarray(s.record.pv)
-        e = s.sp - (np.append(pv[0], pv[:-1]) if late else pv)
-        control, Ts = s.baseline.controller, s.record.Ts
-        Kc = control.sign * control.Kc
+    def __init__(self, s: Situation, late: int) -> None:
+        pv, control = np.asarray(s.record.pv), s.baseline.controller
+        self.late, self.Ts, self.moves = late, s.record.Ts, np.diff(s.sp)
+        self.op, self.e = np.asarray(s.op), s.sp - (np.append(pv[0], pv[:-1]) if late else pv)
+        self.Kc = control.sign * control.Kc
+        self.Ki = self.Kc * self.Ts / control.Ti if control.Ti else 0.0
         # digits of OP and PV as far as they reach OP, or what an archive by exception hides
-        units = written_unit(s.op), abs(Kc) * written_unit(pv), 1e-6 * float(np.std(s.op)), 1e-9
-        unit = max(*units, s.law.hidden) / 3.0
-        law = cls(
-            np.asarray(s.op),
-            e,
-            Kc,
-            Kc * Ts / control.Ti if control.Ti else 0.0,
-            Ts,
-            unit,
-            np.diff(s.sp),
-            late,
-        )
-        # the form in which its integral counts the newest error
-        forms = [law._replace(newest=share) for share in FORMS]
-        return min(forms, key=lambda one: float(np.median(np.abs(one.left({})))))
+        digits = written_unit(s.op), abs(self.Kc) * written_unit(pv), s.law.hidden
+        self.unit = max(*digits, 1e-6 * float(np.std(s.op)), 1e-9) / 3.0
+        self.newest = min(FORMS, key=lambda share: float(np.median(np.abs(self.left({}, share)))))
 
-    def left(self, numbers: _Numbers) -> np.ndarray:
+    def left(self, numbers: _Numbers, newest: float) -> np.ndarray:
         """Return what a law leaves of OP (n - 1,), each sample from the recorded one before."""
         e, get = self.e, numbers.get
         counts = e * (get("gain", 1.0) + get("square", 0.0) * np.abs(e)) + get(
             "side", 0.0
         ) * np.abs(e)
         change = np.diff(counts)
-        adds = self.newest * counts[1:] + (1.0 - self.newest) * counts[:-1]
+        adds = newest * counts[1:] + (1.0 - newest) * counts[:-1]
         du = (
             self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves)
             + self.Ki / get("integral", 1.0) * adds
@@ -197,10 +164,10 @@ class _Controller(NamedTuple):
         How the integral counts the newest error is fitted too: under another form other numbers are
         the same law.
         """
-        scale = max(self.misfit(plain[:first]), self.unit)
+        scale = self.misfit(plain[:first])
 
         def misfit(x: np.ndarray) -> np.ndarray:
-            return self._replace(newest=x[-1]).left(dict(zip(guess, x)))[:first] / scale
+            return self.left(dict(zip(guess, x)), x[-1])[:first] / scale
 
         box = [*((0.0 if m in _POSITIVE else -np.inf, np.inf) for m in guess), (-0.1, 1.1)]
         with np.errstate(all="ignore"):
@@ -214,21 +181,16 @@ class _Controller(NamedTuple):
                 max_nfev=60,
             )
         numbers = {m: float(v) for m, v in zip(guess, solution.x)}
-        spread = np.sqrt(
-            np.maximum(np.diag(np.linalg.pinv(solution.jac.T @ solution.jac)), 0.0)
-        ) * float(np.std(misfit(solution.x)))
-        intervals = {
-            m: (v - 2 * float(d), v + 2 * float(d)) for (m, v), d in zip(numbers.items(), spread)
-        }
-        left = self._replace(newest=solution.x[-1]).left(numbers)
+        left = self.left(numbers, solution.x[-1])
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
+        if ratio >= _EXPLAINS:
+            return None
+        variance = np.maximum(np.diag(np.linalg.pinv(solution.jac.T @ solution.jac)), 0.0)
+        spread = 2.0 * np.sqrt(variance) * float(np.std(left[:first] / scale))
+        intervals = {m: (v - float(d), v + float(d)) for (m, v), d in zip(numbers.items(), spread)}
         evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
         nats = -float(np.log(ratio)) * left[first:].size
-        return (
-            FoundLaw(form, numbers, nats, evidence, intervals=intervals, late=self.late)
-            if ratio < _EXPLAINS
-            else None
-        )
+        return FoundLaw(form, numbers, nats, evidence, intervals=intervals, late=self.late)
 
     def terms(self) -> Iterator[tuple[str, _Numbers, _Numbers]]:
         """Yield form, first guess and step of each term that may be missing."""
@@ -254,41 +216,33 @@ class _Controller(NamedTuple):
         """Return the law of a controller that does not run in some samples, where OP rests though
         it should move.
         """
-        still = np.append(False, np.diff(self.op) == 0.0)
-        asked = np.append(0.0, np.abs(np.diff(self.op) - plain))
-        runs = np.array(
-            [
-                (a, b)
-                for a, b in runs_of(still)
-                if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit
-            ],
-            dtype=int,
-        ).reshape(-1, 2)
+        du = np.diff(self.op)
+        still, asked = np.append(False, du == 0.0), np.append(0.0, np.abs(du - plain))
+        runs = [
+            slice(a, b)
+            for a, b in runs_of(still)
+            if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit
+        ]
         idle = np.zeros(still.size, dtype=bool)
-        for a, b in runs:
-            idle[a:b] = True
+        for run in runs:
+            idle[run] = True
         share = float(idle.mean())
         if not _IDLE < share < 0.95:
             return None
         # what the error was when the controller last ran, and (bumpless return) just before; each
         # form of the integral
-        last = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))[:-1]
-        tries = []
-        for before in (self.e[last], self.e[:-1]):
-            for newest in FORMS:
-                counts = newest * self.e[1:] + (1.0 - newest) * before
-                tries.append(
-                    np.diff(self.op)
-                    - np.where(idle[1:], 0.0, self.Kc * (self.e[1:] - before) + self.Ki * counts)
-                )
-        left = min(tries, key=self.misfit)
-        length = float(np.mean(runs[:, 1] - runs[:, 0])) * self.Ts
+        last, now = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))[:-1], self.e[1:]
+        tries = (
+            self.Kc * (now - before) + self.Ki * (newest * now + (1.0 - newest) * before)
+            for before in (self.e[last], self.e[:-1])
+            for newest in FORMS
+        )
+        left = min((du - np.where(idle[1:], 0.0, asked) for asked in tries), key=self.misfit)
         if not self.misfit(left) < _EXPLAINS * self.misfit(plain):
             return None
-        return replace(
-            _read_off("idle", {"share": share, "length": length}, idle, _REPEATS, first, idle),
-            late=self.late,
-        )
+        length = float(idle.sum()) / len(runs) * self.Ts
+        law = _read_off("idle", {"share": share, "length": length}, idle, _REPEATS, first, idle)
+        return replace(law, late=self.late)
 
 
 _POSITIVE = ("gain", "integral", "Td", "filter", "down", "up")
@@ -307,22 +261,16 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
     chance = unit / max(float(np.std(np.diff(pv))), unit)
     still = np.append(False, np.diff(pv) == 0.0)
     laws = []
-    ends = {
-        name: end
-        for name, end in (("low", float(pv.min())), ("high", float(pv.max())))
-        if np.mean(pv == end) > _ENDS
-    }
+    ends = {"low": float(pv.min()), "high": float(pv.max())}
+    ends = {name: end for name, end in ends.items() if np.mean(pv == end) > _ENDS}
     at_end = np.isin(pv, [*ends.values()])
     if ends and still[at_end].mean() > 0.3:
         laws.append(_read_off("clipped", ends, at_end, chance, first, at_end))
     long = still & (holds(pv)[np.cumsum(~still) - 1] >= 3)
     noisy = s.samples.band == 0.0 and s.baseline.noise.std > unit
     if long.mean() > _HELD and (s.frozen or noisy):
-        runs = runs_of(long)
-        numbers = {
-            "share": float(long.mean()),
-            "length": float(np.mean(runs[:, 1] - runs[:, 0])) * s.record.Ts,
-        }
+        length = float(long.sum()) / len(runs_of(long)) * s.record.Ts
+        numbers = {"share": float(long.mean()), "length": length}
         laws.append(_read_off("held", numbers, long, chance, first, long))
     return max(laws, key=lambda law: law.nats, default=None)
 

@@ -86,12 +86,9 @@ def _spikes(
         only, sizes = only[strong], sizes[strong]
         plain = only.size >= 2 and samples.step == 0.0
         if plain and not stands_out(pv, only, sizes):
-            specks = _SPECKS * float(np.var(np.diff(pv)))
-            near = bool(np.var(pv - seen) < specks)
-            if near or np.var(np.diff(pv - seen)) < specks:
-                # an archive that drops the samples least missed; a PV recovered a little off drifts
-                # away from it
-                return None, seen if near else plant_pv, ""
+            if np.var(pv - seen) < _SPECKS * float(np.var(np.diff(pv))):
+                # an archive that drops the samples least missed
+                return None, seen, ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
             spikes, heights, place, plant_pv = only, sizes, "record", seen

@@ -43,18 +43,15 @@ def read_baseline(path: str | Path) -> Loop | Partial:
 
 def _stand_ins(table: dict) -> dict:
     """Return sections that agree with whatever the table holds."""
-    plant, control = table.get("plant"), table.get("controller")
-    K = plant.get("K") if isinstance(plant, dict) else None
-    direct = isinstance(control, dict) and control.get("direction") == "direct"
-    falls = isinstance(K, (int, float)) and K < 0
+    stated = [x for x in (table.get("plant"), table.get("controller")) if isinstance(x, dict)]
+    falls = any(
+        x.get("direction") == "direct" or (isinstance(x.get("K"), (int, float)) and x["K"] < 0)
+        for x in stated
+    )
+    direction = "direct" if falls else "reverse"
     return {
-        "plant": {"type": "foptd", "K": -1.0 if direct else 1.0, "T": 1.0},
-        "controller": {
-            "type": "PI",
-            "Kc": 1.0,
-            "Ti": 1.0,
-            "direction": "direct" if falls else "reverse",
-        },
+        "plant": {"type": "foptd", "K": -1.0 if falls else 1.0, "T": 1.0},
+        "controller": {"type": "PI", "Kc": 1.0, "Ti": 1.0, "direction": direction},
         "sampling": {"Ts": 1.0},
     }
 
