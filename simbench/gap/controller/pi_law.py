@@ -128,13 +128,13 @@ def best_aligned(
     if law.known and not law.averaged:
         return law
     late, tries = np.append(pv[0], pv[:-1]), [law]
-    shifted = [] if sp is None else [np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1])]
-    for sp_late in (sp, *shifted[:1]):
-        other = examined(late, sp_late)
+    sps = [sp] if sp is None else [sp, np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1])]
+    for shifted in sps[:2]:
+        other = examined(late, shifted)
         seen = other.recovered_pv
         seen = None if seen is None else np.append(seen[1:], pv[-1])
         tries.append(replace(other, recovered_pv=seen, late=1))
-    tries += [examined(pv, s) for s in shifted]
+    tries += [examined(pv, shifted) for shifted in sps[1:]]
     # a law that is exact but for the set point's steps is only mended by what explains these
     most = law.strays.size / 2 if law.foreign and law.residual < EXACT else pv.size
     known = [t for t in tries if t.known and t.strays.size <= most]
@@ -295,7 +295,7 @@ class _Examination:
         op, pv, e, Kc, Ki = self.op, self.pv, self.e, self.Kc, self.Ki
         # what the archive shows of PV: its lattice, samples on straight lines, and samples it kept
         grid = self.pv_is.coarse
-        line = on_line(pv, self.pv_is.unit, self.noise) if grid == 0.0 else np.zeros(pv.size, bool)
+        line = on_line(pv, self.pv_is.unit, self.noise) & (grid == 0.0)
         moving = np.diff(pv) != 0.0
         exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
         rough = bool(line.mean() > _THINNED) or grid > 0.0
@@ -362,8 +362,9 @@ class _Examination:
         if not np.isfinite(rest):
             return None
         law = replace(law, residual=self.fit.base, recovered_pv=seen, averaged=True)
-        law = replace(law, Kc=Kc, Ti=self.Ti or np.inf)
-        return law if i < stated else self._tuned(law, *tunings[i])
+        if i >= stated:
+            return self._tuned(law, *tunings[i])
+        return replace(law, Kc=Kc, Ti=self.Ti or np.inf)
 
     def _seen(self, a: float, b: float) -> np.ndarray | None:
         return recover_pv(self.op, self.e, self.pv, self.inside, a, b, self.Ti is None)

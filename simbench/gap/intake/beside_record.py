@@ -54,7 +54,7 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
         1.0 if plain else pace,
         data,
         op,
-        None if r.mv is None else r.mv,
+        r.mv,
         test.lab,
         float(test.settings.get("test", {}).get("lab_std", 0.0)),
         law,
@@ -69,9 +69,7 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
     contradicts it.
     """
     law = fitted.law
-    contrary = _shifted(test, s.op, law.late if law is not None else s.law.late) or _elsewhere(
-        test, s
-    )
+    contrary = _shifted(test, s.op, (law or s.law).late) or _elsewhere(test, s)
     if contrary or law is None or not (s.tuned and s.law.known):
         return contrary
     if not law.known:
@@ -104,11 +102,10 @@ def _elsewhere(test: RecordedTest, s: Situation) -> str:
     far = _ELSEWHERE * float(np.ptp(recorded))
     if pv.max() > recorded.min() - far and pv.min() < recorded.max() + far:
         return ""
-    runs = (
+    return (
         f"PV runs from {pv.min():.4g} to {pv.max():.4g}, the record's from {recorded.min():.4g} to"
-        f" {recorded.max():.4g}"
+        f" {recorded.max():.4g}; the loop behind {test.name} is another"
     )
-    return f"{runs}; the loop behind {test.name} is another"
 
 
 def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
@@ -133,11 +130,9 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
                     " called MAN"
                 )
     for a, b in runs_of(~manual):
-        still = ~moves[a:b]
-        sides = [("first", still[1:])] if a > 0 else []
-        sides += [("last", still[::-1])] if b < manual.size else []
-        for place, side in sides:
-            if side.cumprod().sum() > rests:
+        first, last = ~moves[a + 1 : b], ~moves[a:b][::-1]
+        for place, side, changed in (("first", first, a > 0), ("last", last, b < manual.size)):
+            if changed and side.cumprod().sum() > rests:
                 return f"{misfit} stands still in the {place} samples that are called AUTO"
     return ""
 
@@ -145,6 +140,6 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
 def refuse_twice(tests: list[RecordedTest]) -> None:
     """Refuse a file that is given twice, because its evidence would count twice."""
     paths = [t.path for t in tests]
-    twice = next((p for p in paths if paths.count(p) > 1), None)
-    if twice is not None:
-        raise RecordError(f"{twice}: given as a test twice; each counts once")
+    for path in paths:
+        if paths.count(path) > 1:
+            raise RecordError(f"{path}: given as a test twice; each counts once")

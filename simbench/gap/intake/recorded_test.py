@@ -79,19 +79,17 @@ def read_test(given: str, baseline: Loop, **about: Any) -> RecordedTest:
 
 def files_of(given: str) -> tuple[str, str]:
     """Return the two files of RECORD[:SETTINGS.toml], the second "" where it is not named."""
-    file, _, more = (
-        given.rpartition(":") if given.endswith(".toml") and ":" in given else (given, "", "")
-    )
+    if not (given.endswith(".toml") and ":" in given):
+        return given, ""
+    file, _, more = given.rpartition(":")
     return file, more
 
 
 def _lab_samples(path: str | Path, n: int) -> np.ndarray | None:
     """Return the `lab` samples of a record (NaN between), None where it has none."""
-    columns = (
-        {str(k).strip().lower(): v for k, v in read_sheet(Path(path)).columns.items()}
-        if Path(path).suffix.lower() != ".mat"
-        else {}
-    )
+    if Path(path).suffix.lower() == ".mat":
+        return None
+    columns = {str(k).strip().lower(): v for k, v in read_sheet(Path(path)).columns.items()}
     if "lab" not in columns:
         return None
     try:
@@ -115,16 +113,12 @@ def _settings(table: dict[str, Any], where: str) -> dict[str, dict[str, Any]]:
             raise ParameterError(
                 f"{where}: [{name}] is no table of a test's settings; {nearest(name, _TABLES)}"
             )
-        for key, value in rows.items():
-            if name != "test" and key not in _TABLES[name]:
+        for key, value in rows.items() if name != "test" else ():
+            if key not in _TABLES[name]:
                 raise ParameterError(
                     f"{where}: {name}.{key} is unknown; {nearest(key, _TABLES[name])}"
                 )
-            if (
-                name != "test"
-                and key not in ("type", "direction")
-                and not (_number(value) and value > 0)
-            ):
+            if key not in ("type", "direction") and not (_is_number(value) and value > 0):
                 raise ParameterError(
                     f"{where}: {name}.{key} = {value!r}; a number above 0 is needed"
                 )
@@ -133,14 +127,15 @@ def _settings(table: dict[str, Any], where: str) -> dict[str, dict[str, Any]]:
         raise ParameterError(
             f"{where}: test.id = {test['id']!r}; {nearest(str(test['id']), TEST_IDS)}"
         )
-    if "lab_std" in test and not (_number(test["lab_std"]) and test["lab_std"] >= 0):
+    lab_std = test.get("lab_std", 0.0)
+    if not (_is_number(lab_std) and lab_std >= 0):
         raise ParameterError(
-            f"{where}: test.lab_std = {test['lab_std']!r}; a number of at least 0 is needed"
+            f"{where}: test.lab_std = {lab_std!r}; a number of at least 0 is needed"
         )
     return table
 
 
-def _number(x: Any) -> bool:
+def _is_number(x: Any) -> bool:
     return isinstance(x, (int, float)) and not isinstance(x, bool) and bool(np.isfinite(x))
 
 
@@ -194,5 +189,6 @@ def _refuse(test: RecordedTest) -> None:
             test.id == "lab" and sampled < _FEWEST_LAB
         ),
     }
-    for sentence in (sentence for sentence, is_wrong in wrong.items() if is_wrong):
-        raise RecordError(f"{test.path}: {sentence}")
+    for sentence, is_wrong in wrong.items():
+        if is_wrong:
+            raise RecordError(f"{test.path}: {sentence}")

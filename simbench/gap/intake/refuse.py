@@ -60,9 +60,16 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
         and _is_factor(slope, level, float(op.mean()))
     ):
         wrong = f"{span} and is {level:.3g} times OP in level and in slope"
-    elif ahead > 0.999 and _affine(mv, op):
+    elif ahead > 0.999:
+        # a straight line far from MV = OP, which no characteristic comes near to
         gain, offset = np.polyfit(op, mv, 1)
-        wrong = f"{span} and is {gain:.3g} OP {offset:+.3g} (correlation {ahead:.4f})"
+        left = float(np.std(mv - gain * op - offset))
+        best = min(
+            float(np.sqrt(np.mean((mv - 100.0 * np.expm1(r * op / 100.0) / np.expm1(r)) ** 2)))
+            for r in np.log(_RATIOS)
+        )
+        if not 0.8 < gain < 1.25 and best > max(10.0 * left, 1.0):
+            wrong = f"{span} and is {gain:.3g} OP {offset:+.3g} (correlation {ahead:.4f})"
     if wrong:
         raise RecordError(f"{where}: {wrong}; it must be in % of travel, 0..100, as OP is")
 
@@ -94,21 +101,6 @@ def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
     if slides.sum() < 20:
         return None
     return float(np.median(dv[1:-1][slides] / du[1:-1][slides]))
-
-
-def _affine(mv: np.ndarray, op: np.ndarray) -> bool:
-    """Return whether a straight line far from MV = OP fits and no characteristic does nearly as
-    well.
-    """
-    gain, offset = np.polyfit(op, mv, 1)
-    left = float(np.std(mv - gain * op - offset))
-    if 0.8 < gain < 1.25:
-        return False
-    best = min(
-        float(np.sqrt(np.mean((mv - 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)) ** 2)))
-        for R in _RATIOS
-    )
-    return best > max(10.0 * left, 1.0)
 
 
 def refuse_op_units(op: np.ndarray, law: Law, Kc: float, Ti: float | None, where: str) -> None:

@@ -28,8 +28,8 @@ class Samples:
     than that (0 = none), `straight` the share of samples on a straight line with both neighbours
     beyond chance, `spikes` the indices of isolated points, `heights` how far off they are, `held`
     the longest exact standstill in samples, `stuck` the share of samples in standstills longer than
-    rounding and noise explain; `heavy` whether the largest samples are no spikes but the tails of
-    the noise; `band` of an archive that repeats PV until it leaves it by more (0 = none).
+    rounding and noise explain; `band` of an archive that repeats PV until it leaves it by more (0 =
+    none).
     """
 
     resolution: float
@@ -39,7 +39,6 @@ class Samples:
     heights: np.ndarray
     held: int
     stuck: float
-    heavy: bool = False
     band: float = 0.0
 
     @property
@@ -56,14 +55,12 @@ class Samples:
 def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> Samples:
     """Look at PV sample by sample."""
     is_written = written(pv, *others)
-    unit, step = is_written.unit, is_written.step
-    rounding = max(unit, step)
+    unit, step, rounding = is_written.unit, is_written.step, max(is_written.unit, is_written.step)
     spikes, heights = isolated(pv, rounding)
     # a spike is off the line of its neighbours, and in the line of four: where more is wide, that
-    # is not the spikes
+    # is not the spikes but the tails of the noise
     most = min(5.0 * spikes.size / len(pv), 0.5)
-    heavy = spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0], most)
-    if heavy:
+    if spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0], most):
         spikes, heights = spikes[:0], heights[:0]
     band, moves = exception_band(pv, rounding), np.abs(np.diff(pv))
     # what moves by little more than the band each time rests within it by nature
@@ -76,7 +73,6 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> 
         heights,
         int(holds(pv).max()),
         stuck(pv, max(unit, 2.0 * band)) if rough else 0.0,
-        heavy,
         band,
     )
 

@@ -43,9 +43,7 @@ def test_spikes_and_standstills_are_reported_with_their_sizes():
 
 def test_a_noise_with_heavy_tails_has_no_spikes():
     pv = 40 + np.random.default_rng(7).standard_t(4, 3000)
-    samples = inspect_samples(pv)
-    assert samples.heavy
-    assert samples.spikes.size == 0
+    assert inspect_samples(pv).spikes.size == 0
 
 
 def archived_by_exception(x, band):
