@@ -218,23 +218,18 @@ class _Controller:
         """
         du = np.diff(self.op)
         still, asked = np.append(False, du == 0.0), np.append(0.0, np.abs(du - plain))
-        runs = [
-            slice(a, b)
-            for a, b in runs_of(still)
-            if asked[a:b].max() > (5 if b - a > 2 else 20) * self.unit
-        ]
+        runs = [slice(a, b) for a, b in runs_of(still) if asked[a:b].max() > 5.0 * self.unit]
         idle = np.zeros(still.size, dtype=bool)
         for run in runs:
             idle[run] = True
         share = float(idle.mean())
         if not _IDLE < share < 0.95:
             return None
-        # what the error was when the controller last ran, and (bumpless return) just before; each
-        # form of the integral
-        last, now = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))[:-1], self.e[1:]
+        # what the error was when the controller last ran; each form of the integral
+        last = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))[:-1]
+        now, before = self.e[1:], self.e[last]
         tries = (
             self.Kc * (now - before) + self.Ki * (newest * now + (1.0 - newest) * before)
-            for before in (self.e[last], self.e[:-1])
             for newest in FORMS
         )
         left = min((du - np.where(idle[1:], 0.0, asked) for asked in tries), key=self.misfit)
@@ -255,16 +250,14 @@ def sensor_law(s: Situation, first: int) -> FoundLaw | None:
     unit = max(s.samples.resolution, 2.0 * s.samples.band, 1e-9 * float(np.ptp(pv)))
     if s.archive.rounding is not None:
         step = s.archive.rounding[0]
-        return _read_off(
-            "stairs", {"step": step}, _on_lattice(pv, step, unit), min(unit / step, 0.5), first
-        )
+        return _read_off("stairs", {"step": step}, _on_lattice(pv, step, unit), unit / step, first)
     chance = unit / max(float(np.std(np.diff(pv))), unit)
     still = np.append(False, np.diff(pv) == 0.0)
     laws = []
     ends = {"low": float(pv.min()), "high": float(pv.max())}
     ends = {name: end for name, end in ends.items() if np.mean(pv == end) > _ENDS}
     at_end = np.isin(pv, [*ends.values()])
-    if ends and still[at_end].mean() > 0.3:
+    if ends:
         laws.append(_read_off("clipped", ends, at_end, chance, first, at_end))
     long = still & (holds(pv)[np.cumsum(~still) - 1] >= 3)
     noisy = s.samples.band == 0.0 and s.baseline.noise.std > unit
