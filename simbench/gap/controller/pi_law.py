@@ -35,10 +35,10 @@ from simbench.gap.sensor.samples import exception_band
 DIGITS = 2.5
 # % of OP: the step of an output card of 11 bits, whose lattice decimals of a tenth of it hide
 CARD = 0.05
-_HALF = 0.5  # share of OP's moves above which such rounding explains too much to be assumed
 # share of samples at rest from which a finely written OP cannot follow the mean of a moving PV: a
 # controller that misses a tenth of its scans rests in more
 _RESTING = 0.05
+_HALF = 0.5  # share of OP's moves above which such rounding explains too much to be assumed
 LAW_ROWS = 60  # changes of OP and PV, stored and in automatic, enough to see the law
 _LOUD = 5.0  # bands of OP, of which an archive by exception misses none under another tuning either
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
@@ -178,7 +178,7 @@ class _Examination:
         self.size = size if size > 0.0 else float(np.std(self.du)) or 1.0
         # what the digits of PV leave of the law counts as those of OP
         unit = max(op_is.unit, abs(Kc) * pv_is.digits)
-        limit = limits_of(op, self.e, Kc + self.Ki, -Kc, op_is.step, unit, Ti is None, self.hidden)
+        limit = limits_of(op, self.e, Kc + self.Ki, -Kc, op_is.step, unit, self.hidden)
         lo, hi = limit.get("lo", -np.inf), limit.get("hi", np.inf)
         inside = (op > lo) & (op < hi)
         # the ends of the range are everybody's limits

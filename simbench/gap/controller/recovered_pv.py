@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
+from scipy.special import expit
 
 from detectors.signal.filters import lfilter
 from detectors.signal.holds import runs_of
@@ -108,40 +109,34 @@ def hidden_law(
     error is the output.
     """
     y, many = e[exact], len(over)
-
-    def gain(beta: np.ndarray) -> float:
-        total = float(beta[:many].sum())
-        return 1.0 / total if total != 0.0 else np.inf
-
-    if Ki == 0.0:
-        X = np.column_stack([_around(op, over), np.ones(op.size)])[exact]
-        beta = solved(X, y)
-        base = y - op[exact] / Kc
-        return _Hidden(gain(beta), -gain(beta), float(np.std(y - X @ beta)), float(np.std(base)))
     drive = np.append(0.0, np.diff(op))
     unit = (np.arange(op.size) == 0).astype(float)
 
-    def channels(wait: float) -> tuple[np.ndarray, float]:
-        forget = wait / (1.0 + wait)  # wait = Ti/Ts
+    def channels(forget: float) -> np.ndarray:
         of_op, of_start = (lfilter([1.0], [1.0, -forget], x) for x in (drive, unit))
-        return np.column_stack([_around(of_op, over), of_start])[exact], forget
+        return np.column_stack([_around(of_op, over), of_start])[exact]
 
     def misfit(log_wait: float) -> float:
-        X, _ = channels(float(np.exp(log_wait)))
+        X = channels(expit(log_wait))
         return float(np.std(y - X @ solved(X, y)))
 
-    centre = np.log(Kc / Ki)
-    grid = np.linspace(centre - 3.0, centre + 3.0, GRID)
-    best = grid[int(np.argmin([misfit(x) for x in grid]))]
-    width = grid[1] - grid[0]
-    best_fit = scipy.optimize.minimize_scalar(
-        misfit, bounds=(best - width, best + width), method="bounded", options={"xatol": 1e-6}
-    )
-    X, forget = channels(float(np.exp(best_fit.x)))
+    # of a wait of Ti/Ts samples; a controller without integral forgets no error
+    stated = forget = Kc / (Kc + Ki)
+    if Ki != 0.0:
+        grid = np.log(Kc / Ki) + np.linspace(-3.0, 3.0, GRID)
+        best, width = grid[int(np.argmin([misfit(x) for x in grid]))], grid[1] - grid[0]
+        forget = expit(
+            scipy.optimize.minimize_scalar(
+                misfit,
+                bounds=(best - width, best + width),
+                method="bounded",
+                options={"xatol": 1e-6},
+            ).x
+        )
+    X, X0 = channels(forget), channels(stated)
     beta = solved(X, y)
-    X0, _ = channels(Kc / Ki)
-    left = y - X0[:, :many].mean(axis=1) / (Kc + Ki)
-    start = X0[:, -1]
-    left = left - start * (start @ left) / max(float(start @ start), 1e-300)
-    a = gain(beta)
-    return _Hidden(a, -forget * a, float(best_fit.fun), float(np.std(left)))
+    total = float(beta[:many].sum())
+    a = 1.0 / total if total != 0.0 else np.inf
+    left, start = y - X0[:, :many].mean(axis=1) / (Kc + Ki), X0[:, many:]
+    left = left - start @ solved(start, left)
+    return _Hidden(a, -forget * a, float(np.std(y - X @ beta)), float(np.std(left)))

@@ -30,7 +30,6 @@ def limits_of(
     b: float,
     step: float,
     unit: float,
-    memoryless: bool,
     hidden: float = 0.0,
 ) -> dict[str, float]:
     """Return the extremes at which OP rests while the controller pushes outward; of changes up to
@@ -38,24 +37,17 @@ def limits_of(
     """
     out = {}
     lo, hi = float(op.min()), float(op.max())
-    free = (op > lo) & (op < hi)
-    want = op[:-1] + a * e[1:] + b * e[:-1]
-    if memoryless and free.any():
-        gain = 0.5 * (a - b)
-        want = np.median((op - gain * e)[free]) + gain * e[1:]
     asked = a * e[1:] + b * e[:-1]
     margin = max(0.6 * step, 3.0 * unit, hidden, 1e-6 * float(np.ptp(op)))
-    still = np.diff(op) == 0.0
-    if hidden > 0.0:
-        still &= np.abs(asked) > hidden
+    still = (np.diff(op) == 0.0) & (np.abs(asked) >= hidden)
     at_ends = np.count_nonzero(still & ((op[1:] == lo) | (op[1:] == hi)))
     elsewhere = np.count_nonzero(still) - at_ends
     for name, edge, sign in (("hi", hi, 1.0), ("lo", lo, -1.0)):
         at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
-        pushed = at & (sign * (want - edge) > margin)
+        pushed = at & (sign * (op[:-1] + asked - edge) > margin)
         # standing twice at the very same extreme does not happen to an unlimited OP, unless it
         # often rests
-        repeated = at & np.append(False, at[:-1]) & (still | (hidden == 0.0))
+        repeated = at & np.append(False, at[:-1]) & still
         fine = step == 0.0 and elsewhere <= _OFTEN * op.size
         plain = pushed.sum() >= 2 if fine else repeated.sum() >= 2 and pushed.sum() >= 4
         # a controller that tracks its limit by another law need not push; but OP rests nowhere

@@ -70,12 +70,13 @@ def completed(
     if baseline is None:
         return identify(record), frozenset(), []
     if isinstance(baseline, Loop):
-        laws = ((baseline.plant.type, PLANT_TYPES), (baseline.controller.type, CONTROLLER_TYPES))
-        for law in (law for law, known in laws if law not in known):
-            raise SpecError(
-                f"baseline: {law!r} is a plug-in, of which no model is fitted; allowed:"
-                f" {', '.join(PLANT_TYPES)}"
-            )
+        kinds = ((baseline.plant.type, PLANT_TYPES), (baseline.controller.type, CONTROLLER_TYPES))
+        for kind, known in kinds:
+            if kind not in known:
+                raise SpecError(
+                    f"baseline: {kind!r} is a plug-in, of which no model is fitted; allowed:"
+                    f" {', '.join(PLANT_TYPES)}"
+                )
         # an inner loop is judged by its record, set point included
         return baseline.model_copy(update={"outer": None}), both, []
     known, missing = baseline.loop, baseline.missing

@@ -34,7 +34,7 @@ def test_a_coarse_op_that_is_asked_for_three_steps_and_stays_is_limited(
 ):
     # the scan that brings OP to its extreme is not counted
     op, e = coarse(asked / 9.0, top)
-    limits = limits_of(op, e, 1.0, 0.0, 1.0, 0.0, False)
+    limits = limits_of(op, e, 1.0, 0.0, 1.0, 0.0)
     assert limits == ({name: edge} if limited else {})
 
 
@@ -44,9 +44,7 @@ def test_a_coarse_op_that_is_asked_for_three_steps_and_stays_is_limited(
 def test_a_fine_op_that_rests_at_one_extreme_only_is_limited(rests, elsewhere, limited):
     wave = 50.0 + 4.0 * np.sin(np.arange(300) * 0.37)
     op = np.concatenate([wave, [55.0] * rests, wave[:50], [50.123] * (elsewhere + 1), wave[:20]])
-    assert limits_of(op, np.zeros(op.size), 1.0, 0.0, 0.0, 0.0, False) == (
-        {"hi": 55.0} if limited else {}
-    )
+    assert limits_of(op, np.zeros(op.size), 1.0, 0.0, 0.0, 0.0) == ({"hi": 55.0} if limited else {})
 
 
 @pytest.mark.parametrize(
@@ -59,7 +57,7 @@ def test_a_fine_op_pushed_on_in_two_scans_by_more_than_its_digits_is_limited(sca
     e = np.zeros(op.size)
     e[300 : 300 + scans] = push
     e[300] += 55.0 - op[299]
-    assert limits_of(op, e, 1.0, 0.0, 0.0, 0.01, False) == ({"hi": 55.0} if limited else {})
+    assert limits_of(op, e, 1.0, 0.0, 0.0, 0.01) == ({"hi": 55.0} if limited else {})
 
 
 def rest(pairs, n, wrong=0):
@@ -152,5 +150,5 @@ def test_an_op_that_often_rests_does_so_at_its_extreme_by_chance(rests, limited)
     e[500:502] = 1.6
     for k in range(10, 10 + 3 * rests, 3):
         op[k + 1] = op[k]
-    limits = limits_of(op, e, 1.0, 0.0, 0.0, 1e-6, False)
+    limits = limits_of(op, e, 1.0, 0.0, 0.0, 1e-6)
     assert ("hi" in limits) == limited
