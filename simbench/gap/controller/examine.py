@@ -44,21 +44,21 @@ def _examine_pid(
     """
     Ti = settings.Ti or np.inf
     p = pid_numbers(settings, settings.sign * settings.Kc, Ti, Ts, pv0, -np.inf, np.inf)
-    r = (np.full(pv.size, pv.mean()) if sp is None else sp) - p.pv0
-    e = r - (pv - p.pv0)
-    seen = (pv, np.append(op[0], op[:-1]), r + p.pv0)[int(p.on)]
+    sp = np.full(pv.size, pv.mean()) if sp is None else sp
+    r, e = sp - p.pv0, sp - pv
+    seen = (pv, np.append(op[0], op[:-1]), sp)[int(p.on)]
     gain = np.interp(seen, p.at, p.factor)
     rate = np.append(0.0, np.diff(e - (1.0 - p.c) * r))
     moves = np.diff(
         gain * p.Kc * (e - (1.0 - p.b) * r)
         + lfilter([1.0], [1.0, -p.fade], gain * p.Kc * p.kd * rate)
     )
-    free = np.diff(op) != 0.0
-    left = np.abs(np.diff(op) - moves - (gain * p.Ki * e)[1:])[free]
-    size = float(np.median(np.abs(np.diff(op)[free]))) if free.any() else 0.0
-    if size == 0.0:
+    du = np.diff(op)
+    free = du != 0.0
+    if not free.any():
         return Law(1.0, p.Kc, Ti, reason="OP stands nearly all the time")
-    residual = float(np.median(left)) / size
+    size = float(np.median(np.abs(du[free])))
+    residual = float(np.median(np.abs(du - moves - (gain * p.Ki * e)[1:])[free])) / size
     per_pv, op_is, pv_is = abs(p.Kc) * (1.0 + p.kd), written(op, pv), written(pv, op)
     digits = DIGITS * max(op_is.unit, per_pv * pv_is.unit) / size
     hidden = 2.0 * (

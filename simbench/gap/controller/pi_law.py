@@ -146,6 +146,14 @@ def best_aligned(
     )
 
 
+def retuned(Kc: float, Ti: float, Kc_stated: float, Ti_stated: float) -> tuple[float, float] | None:
+    """Return the factors of a tuning that differs from the stated one, None when it hardly does."""
+    Ti_factor = Ti / Ti_stated if np.isfinite(Ti) and np.isfinite(Ti_stated) else 1.0
+    factors = Kc / Kc_stated, Ti_factor
+    shift = np.abs(np.log(np.maximum(factors, 1e-6))).max()
+    return factors if shift > RETUNED else None
+
+
 class _Examination:
     """Judges the controller under one alignment of the signals.
 
@@ -279,7 +287,7 @@ class _Examination:
         if (fit.base < self.tolerance and self.coarse) or fit.base < 1.5 * fit.residual:
             law = replace(law, Kc=self.Kc, Ti=self.Ti or np.inf)
         else:
-            law = self._retuned(law)
+            law = self._tuned(law, fit.a, fit.b)
         if fit.strays.size >= 3 and sp is not None:
             moved = np.flatnonzero(np.diff(sp) != 0.0) + 1
             near_sp = np.isin(fit.strays, np.concatenate([moved, moved + 1]))
@@ -372,14 +380,7 @@ class _Examination:
     def _tuned(self, law: Law, a: float, b: float) -> Law:
         """Return the law with the tuning of dOP = a e_k + b e_{k-1}."""
         Kc, Ti = self._nearest_form(a, b)
-        return self._retuned(replace(law, Kc=Kc, Ti=Ti))
-
-    def _retuned(self, law: Law) -> Law:
-        """Return the law with the factors of a tuning that differs from the baseline's, if any."""
-        Kc_factor = law.Kc / self.Kc
-        Ti_factor = law.Ti / self.Ti if self.Ti and np.isfinite(law.Ti) else 1.0
-        shift = max(abs(np.log(max(Kc_factor, 1e-6))), abs(np.log(Ti_factor)))
-        return replace(law, tuning=(Kc_factor, Ti_factor)) if shift > RETUNED else law
+        return replace(law, Kc=Kc, Ti=Ti, tuning=retuned(Kc, Ti, self.Kc, self.Ti or np.inf))
 
     def _nearest_form(self, a: float, b: float) -> tuple[float, float]:
         """Return Kc and Ti of the execution order that is nearest to the baseline; of the backward

@@ -6,12 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.holds import runs_of
 from simbench.gap.controller.regression import EXACT, about_zero, by_steps, solved_by_most
 
-# steps of a coarse OP asked for during one stay at its extreme, from which that is a limit: without
-# it one of 11 limits in 164 records is overlooked
-_LEANT = 3.0
 # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else: without
 # it one of 11 limits in 164 records is overlooked
 _RESTS = 6
@@ -53,16 +49,9 @@ def limits_of(
         # a controller that tracks its limit by another law need not push; but OP rests nowhere
         # else
         rests = repeated.sum() >= _RESTS and at_ends > 9 * elsewhere
-        # a coarse OP stays for less than a step
-        leant = step > 0.0 and _leant_on(at, sign * asked) > _LEANT * step
-        if rests or leant or (plain and pushed.sum() >= 0.7 * at.sum()):
+        if rests or (plain and pushed.sum() >= 0.7 * at.sum()):
             out[name] = edge
     return out
-
-
-def _leant_on(at: np.ndarray, asked: np.ndarray) -> float:
-    """Return the most that the controller asked for, summed up, during one stay."""
-    return max((float(asked[i + 1 : j].sum()) for i, j in runs_of(at) if j - i > 3), default=0.0)
 
 
 def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from detectors.errors import RecordError
 from detectors.signal.holds import runs_of
 from detectors.signal.spikes import cleaned
-from simbench.gap.controller.pi_law import RETUNED
+from simbench.gap.controller.pi_law import retuned
 from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import law_in_automatic, moving
 from simbench.gap.intake.recorded_test import SAME_TS, RecordedTest
@@ -85,9 +85,7 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
     control, stated = s.baseline.controller, test.loop.controller
     Kc = s.law.Kc * stated.Kc / control.Kc
     Ti = s.law.Ti * (stated.Ti / control.Ti if stated.Ti and control.Ti else 1.0)
-    off = [np.log(abs(law.Kc / Kc))]
-    off += [np.log(law.Ti / Ti)] if np.isfinite(law.Ti) and np.isfinite(Ti) else []
-    if law.Kc * Kc > 0 and max(map(abs, off)) < RETUNED:
+    if retuned(law.Kc, law.Ti, Kc, Ti) is None:
         return ""
     return (
         f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's under the"

@@ -7,37 +7,6 @@ from simbench.gap.controller.regression import spread
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 
 
-def coarse(push, top=True):
-    """Return OP on a lattice of 1 % that stays ten samples at one extreme, and the error that
-    pushes it there each scan.
-    """
-    way = 1.0 if top else -1.0
-    op = 50.0 + way * np.concatenate(
-        [
-            [0.0] * 20,
-            np.arange(1.0, 5.0),
-            [5.0] * 10,
-            np.arange(4.0, -4.0, -1.0),
-            [-3.0] * 8,
-            [-4.0],
-        ]
-    )
-    return op, np.where(op == 50.0 + 5.0 * way, way * push, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("asked", "limited"), [(1.5, False), (2.7, False), (3.6, True), (5.0, True)]
-)
-@pytest.mark.parametrize(("top", "name", "edge"), [(True, "hi", 55.0), (False, "lo", 45.0)])
-def test_a_coarse_op_that_is_asked_for_three_steps_and_stays_is_limited(
-    asked, limited, top, name, edge
-):
-    # the scan that brings OP to its extreme is not counted
-    op, e = coarse(asked / 9.0, top)
-    limits = limits_of(op, e, 1.0, 0.0, 1.0, 0.0)
-    assert limits == ({name: edge} if limited else {})
-
-
 @pytest.mark.parametrize(
     ("rests", "elsewhere", "limited"), [(7, 0, True), (6, 0, False), (20, 3, False), (40, 3, True)]
 )
