@@ -78,8 +78,7 @@ def _read_from_op(s: Situation, first: int) -> list[FoundLaw]:
         out.append(_read_off("rest", {"step": law.step}, on, unit / law.step, first))
     if law.tuning is not None:
         c, guess = _Controller(s, law.late), dict(zip(("gain", "integral"), law.tuning))
-        by = {name: 0.1 * value for name, value in guess.items()}
-        one = c.fitted("tuning", guess, by, first, c.left({}, c.newest))
+        one = c.fitted("tuning", guess, first, c.left({}, c.newest))
         out += [one] if one is not None else []
     return out
 
@@ -155,11 +154,8 @@ class _Controller:
         """Return the mean size of what is left; digits bound it from below."""
         return float(np.mean(np.abs(left))) + self.unit
 
-    def fitted(
-        self, form: str, guess: _Numbers, by: _Numbers, first: int, plain: np.ndarray
-    ) -> FoundLaw | None:
-        """Return a law with its numbers fitted robustly to the first part, from a guess and in
-        steps of `by`.
+    def fitted(self, form: str, guess: _Numbers, first: int, plain: np.ndarray) -> FoundLaw | None:
+        """Return a law with its numbers fitted robustly to the first part, from a guess.
 
         How the integral counts the newest error is fitted too: under another form other numbers are
         the same law.
@@ -177,7 +173,7 @@ class _Controller:
                 bounds=tuple(zip(*box)),
                 loss="soft_l1",
                 f_scale=0.1,
-                x_scale=[*by.values(), 0.5],
+                x_scale="jac",
                 max_nfev=60,
             )
         numbers = {m: float(v) for m, v in zip(guess, solution.x)}
@@ -192,25 +188,20 @@ class _Controller:
         nats = -float(np.log(ratio)) * left[first:].size
         return FoundLaw(form, numbers, nats, evidence, intervals=intervals, late=self.late)
 
-    def terms(self) -> Iterator[tuple[str, _Numbers, _Numbers]]:
-        """Yield form, first guess and step of each term that may be missing."""
-        e, op, Ts = float(np.std(self.e)) or 1.0, float(np.std(self.op)) or 1.0, self.Ts
-        for name, step in (("square", 0.3 / e), ("side", 0.2), ("schedule", 0.2 / op)):
-            yield "regime", {"gain": 1.0, name: 0.0}, {"gain": 0.3, name: step}
-        pace = abs(self.Kc / self.Ki) * Ts if self.Ki else 10 * Ts
+    def terms(self) -> Iterator[tuple[str, _Numbers]]:
+        """Yield form and first guess of each term that may be missing."""
+        for name in ("square", "side", "schedule"):
+            yield "regime", {"gain": 1.0, name: 0.0}
+        pace = abs(self.Kc / self.Ki) * self.Ts if self.Ki else 10 * self.Ts
         for share in (0.05, 0.3, 1.0):
-            yield (
-                "derivative",
-                {"Td": share * pace, "filter": 0.1 * share * pace},
-                {"Td": 0.1 * pace, "filter": 0.05 * pace},
-            )
-        yield "weight", {"weight": 0.5}, {"weight": 0.5}
+            yield "derivative", {"Td": share * pace, "filter": 0.1 * share * pace}
+        yield "weight", {"weight": 0.5}
         fall, rise = (
-            Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit)
+            self.Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit)
             for side in (-1.0, 1.0)
         )
         for guess in ({"down": fall}, {"up": rise}, {"down": fall, "up": rise}):
-            yield "ramps", guess, guess
+            yield "ramps", guess
 
     def idle(self, first: int, plain: np.ndarray) -> FoundLaw | None:
         """Return the law of a controller that does not run in some samples, where OP rests though
