@@ -47,7 +47,7 @@ REMOVED: dict[str, Callable[..., Any]] = {
     "candidates.with_ordinary_load": lambda engine, base, found, stated=(): (base, found),
     "candidates.with_higher_order": lambda engine, base, found: (base, found),
     "closed_loop.gap.as_archived": lambda situation, op, pv: (op, pv),
-    "controller.pi_law._behind_a_mean": lambda *signals: None,
+    "controller.pi_law.rest_of_mean": lambda *signals: np.inf,
     "controller.pi_law.skips_scans": lambda *signals: False,
     "controller.pi_law.with_derivative": lambda *signals: np.inf,
 }
