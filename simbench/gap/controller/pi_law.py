@@ -138,12 +138,11 @@ def best_aligned(
     # a law that is exact but for the set point's steps is only mended by what explains these
     most = law.strays.size / 2 if law.foreign and law.residual < EXACT else pv.size
     known = [t for t in tries if t.known and t.strays.size <= most]
+    if not known:
+        return min((t for t in tries if t.foreign), key=lambda t: t.residual, default=law)
     # a mean explains much: it is believed where no alignment needs one, or only under another
     # tuning
-    foreign = min((t for t in tries if t.foreign), key=lambda t: t.residual, default=law)
-    return min(
-        known, key=lambda t: (t.tuning is not None, t.averaged, t.strays.size), default=foreign
-    )
+    return min(known, key=lambda t: (t.tuning is not None, t.averaged, t.strays.size))
 
 
 def retuned(Kc: float, Ti: float, Kc_stated: float, Ti_stated: float) -> tuple[float, float] | None:
