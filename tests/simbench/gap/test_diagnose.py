@@ -260,7 +260,7 @@ def test_the_text_holds_the_answer(sticky):
     [
         {"name": "stiction", "S": 5.0, "J": 2.0},
         pytest.param({"name": "gain_mismatch", "factor": 1.6}, marks=pytest.mark.slow),
-        pytest.param(None, marks=pytest.mark.slow),
+        None,
     ],
 )
 def test_a_loop_without_noise_is_no_riddle(effect, mv):

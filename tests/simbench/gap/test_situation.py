@@ -110,7 +110,7 @@ def test_stages_before_and_after_a_valve_act_in_their_order():
 
 def test_lines_that_the_noise_hides_are_an_ordinary_archives():
     # the noise has a standard deviation of .1
-    law = Law(0.0, 0.0, 0.5, 20.0, recovered_pv=PV)
+    law = Law(0.0, 0.5, 20.0, recovered_pv=PV)
     thin, thick = (situation(archive=Archive(band=band), law=law) for band in (0.045, 0.055))
     assert (thin.compressed, thick.compressed) == (0.0, 0.055)
     assert thin.facts == {}
