@@ -81,6 +81,7 @@ def printed(*words):
 
 def of_text(text):
     """Return the conclusion that a verb printed for people, probability to two digits."""
+    text = text.replace("\n  ", " ")  # long sentences go on in lines that are set in
     word, p, cause = re.search(
         r"^(.*) \(probability of stiction (.*)\)\. Cause: (.*)\.$", text, re.MULTILINE
     ).groups()
