@@ -11,6 +11,7 @@ import numpy as np
 
 from detectors.signal.lattice import written, written_unit
 from detectors.signal.lines import on_line
+from simbench.gap.controller.pid_law import Stated
 from simbench.gap.controller.recovered_pv import (
     FAITHFUL,
     MEAN_OVER,
@@ -100,18 +101,23 @@ def examine_law(
     op: np.ndarray,
     pv: np.ndarray,
     sp: np.ndarray | None,
-    Ts: float,
-    Kc: float,
-    Ti: float | None,
+    stated: Stated,
     trusted: bool = True,
     noise: float = 0.0,
 ) -> Law:
-    """Return the controller law that SP, PV and OP show; `trusted`: Kc and Ti (s) are those of the
-    plant, not identified; `noise`: standard deviation of the noise of PV.
+    """Return the controller law that SP, PV and OP show; `trusted`: what the loop file states of
+    the controller is the plant's, not identified; `noise`: standard deviation of the noise of PV.
     """
 
     def examined(pv: np.ndarray, sp: np.ndarray | None) -> Law:
-        return _Examination(op, pv, sp, Ts, Kc, Ti, noise).law(trusted)
+        law = _Examination(op, pv, sp, stated, stated, noise).law(trusted)
+        level = np.full(pv.size, pv.mean()) if sp is None else sp
+        as_stated = law.known and law.tuning is None
+        other = None if as_stated or not trusted else stated.retimed(op, pv, level)
+        if other is None:
+            return law
+        retimed = _Examination(op, pv, sp, stated, other, noise).law(trusted)
+        return retimed if retimed.known else law
 
     return best_aligned(examined, pv, sp)
 
@@ -156,8 +162,9 @@ def retuned(Kc: float, Ti: float, Kc_stated: float, Ti_stated: float) -> tuple[f
 class _Examination:
     """Judges the controller under one alignment of the signals.
 
-    `Kc` (with sign), `Ti`: the baseline's law. `e` (n,): the error, past a gap of it; `hidden`:
-    what the bands within which an archive repeats OP and PV may hide of a change of OP (%). Where
+    `Kc` (with sign), `Ti`: the baseline's law. `e` (n,): the error of which a PI moves OP, past a
+    gap of the controller's own error; `hidden`: what the bands within which an archive repeats OP
+    and PV may hide of a change of OP (%). Where
     OP is off its `limits` and stored with PV: `inside` (n,) by sample, `rows` (n - 1,) by change;
     `told`: changes, too, of which the archive would have stored what the baseline asks; `size` of
     the changes; `rounding`: the standard deviation that the digits of OP and PV leave of them.
@@ -168,23 +175,24 @@ class _Examination:
         op: np.ndarray,
         pv: np.ndarray,
         sp: np.ndarray | None,
-        Ts: float,
-        Kc: float,
-        Ti: float | None,
+        stated: Stated,
+        acts: Stated,
         noise: float,
     ) -> None:
         self.op, self.pv, self.sp, self.du = op, pv, sp, np.diff(op)
-        self.Ts, self.Kc, self.Ti, self.Ki = Ts, Kc, Ti, Kc * Ts / Ti if Ti else 0.0
-        self.noise, self.e = noise, (pv.mean() if sp is None else sp) - pv
+        self.level = np.full(pv.size, pv.mean()) if sp is None else sp
+        self.Ts, self.Kc, self.Ti, self.Ki = stated.Ts, stated.Kc, stated.Ti, stated.Ki
+        self.noise, self.acts, self.e = noise, acts, acts.error(op, pv, self.level)
+        Kc, per_pv = self.Kc, stated.per_pv
         self.op_is, self.pv_is = op_is, pv_is = written(op, pv), written(pv, op)
         # what an archive by exception repeats
         op_band = exception_band(op, max(op_is.unit, op_is.step))
         pv_band = exception_band(pv, max(pv_is.unit, pv_is.step))
-        self.hidden = 2.0 * (op_band + abs(Kc) * pv_band)
+        self.hidden = 2.0 * (op_band + per_pv * pv_band)
         size = spread(self.du)
         self.size = size if size > 0.0 else float(np.std(self.du)) or 1.0
         # what the digits of PV leave of the law counts as those of OP
-        unit = max(op_is.unit, abs(Kc) * pv_is.digits)
+        unit = max(op_is.unit, per_pv * pv_is.digits)
         limit = limits_of(op, self.e, Kc + self.Ki, -Kc, op_is.step, unit, self.hidden)
         lo, hi = limit.get("lo", -np.inf), limit.get("hi", np.inf)
         inside = (op > lo) & (op < hi)
@@ -204,7 +212,7 @@ class _Examination:
         loud = np.abs(Kc * np.diff(self.e) + self.Ki * self.e[1:]) > _LOUD * op_band
         self.inside, self.rows = inside, rows
         self.told = told & (rows | (of_pv[1:] & of_pv[:-1] & loud))
-        self.rounding = float(np.hypot(digits[0], Kc * digits[1])) / np.sqrt(6.0)
+        self.rounding = float(np.hypot(digits[0], per_pv * digits[1])) / np.sqrt(6.0)
 
     def law(self, trusted: bool) -> Law:
         """Return the law; of settings that are not `trusted` no other tuning is told."""
@@ -230,8 +238,11 @@ class _Examination:
         if not trusted:
             reason = "" if self.exact else "the recorded PV does not explain OP through a PI law"
             return replace(law, reason=reason, strays=np.empty(0, dtype=int))
+        runs = np.append(0, np.flatnonzero(self.du) + 1)
+        # a controller that skips a scan knows of none
+        of_runs = self.acts.error(self.op[runs], self.pv[runs], self.level[runs])
         if self.plain and skips_scans(
-            self.op, self.e, self.told, self.size, max(self.op_is.unit, self.op_is.step)
+            self.op, self.e, of_runs, self.told, self.size, max(self.op_is.unit, self.op_is.step)
         ):
             return replace(
                 law,
@@ -253,15 +264,17 @@ class _Examination:
             # lattice is PV's, handed on
             off = off[rows & (du != 0.0)] - np.median(off[rows])
             coarse = not off.size or bool(np.quantile(np.abs(off), 0.9) > _FINER * step)
-        gap, errors = error_gap(op, e, self.told), [e]
+        own = self.level - self.pv
+        gap, errors = error_gap(op, own, self.told), [e]
         if gap > 0.0:
             if not coarse and (rows & (du != 0.0)).sum() > 20:
                 rows = rows & (du != 0.0)
                 size = about_zero(du[rows])
             # beyond the band the error counts in full, or (in some controllers) only by what
             # exceeds it
-            full = np.where(np.abs(e) <= gap / 2, 0.0, e)
-            errors = [full, full - np.sign(full) * gap / 2]
+            full = np.where(np.abs(own) <= gap / 2, 0.0, own)
+            counted = full, full - np.sign(full) * gap / 2
+            errors = [self.acts.error(op, self.level - x, self.level) for x in counted]
         fits = [(by_steps(du, x, rows, Kc, Ki, size, no_sp), x) for x in errors]
         fit, e = min(fits, key=lambda f: f[0].residual)
         if coarse:
@@ -374,7 +387,9 @@ class _Examination:
         return replace(law, Kc=Kc, Ti=self.Ti or np.inf)
 
     def _seen(self, a: float, b: float) -> np.ndarray | None:
-        return recover_pv(self.op, self.e, self.pv, self.inside, a, b, self.Ti is None)
+        pv = recover_pv(self.op, self.e, self.pv, self.inside, a, b, self.Ti is None)
+        change = None if pv is None else self.acts.unshaped(pv - self.pv)
+        return None if change is None else self.pv + change
 
     def _tuned(self, law: Law, a: float, b: float) -> Law:
         """Return the law with the tuning of dOP = a e_k + b e_{k-1}."""

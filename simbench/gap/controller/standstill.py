@@ -77,9 +77,11 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     return 2.0 * float(edge) if agree > _SEPARATED else 0.0
 
 
-def skips_scans(op: np.ndarray, e: np.ndarray, free: np.ndarray, size: float, unit: float) -> bool:
+def skips_scans(
+    op: np.ndarray, e: np.ndarray, of_runs: np.ndarray, free: np.ndarray, size: float, unit: float
+) -> bool:
     """Return whether OP rests exactly in some `free` changes (n - 1,) and obeys a PI law from one
-    move to the next.
+    move to the next, by the errors `of_runs` at the first sample and the moves.
     """
     still = np.diff(op) == 0.0
     by_chance = min(unit / (2.5 * size), 1.0)  # that a rounded OP repeats itself
@@ -88,7 +90,7 @@ def skips_scans(op: np.ndarray, e: np.ndarray, free: np.ndarray, size: float, un
     moves = np.append(0, np.flatnonzero(~still) + 1)
     if moves.size < 30:
         return False
-    du, now, before = np.diff(op[moves]), e[moves[1:]], e[moves[:-1]]
+    du, now, before = np.diff(op[moves]), of_runs[1:], of_runs[:-1]
     rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
     every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)
     X, y = np.column_stack([now, before])[rows], du[rows]

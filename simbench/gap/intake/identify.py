@@ -12,6 +12,7 @@ from detectors.signal.spikes import cleaned
 from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.controller.pid_law import Stated
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.likelihood.engine import Engine
@@ -58,7 +59,8 @@ def _law(r: LoopRecord, sign: float) -> Law:
     """Return the law from a guess of its tuning: a gain by the sizes of the changes."""
     op = op_in_percent(r, False, "")
     rough = float(np.std(np.diff(op))) / (float(np.std(np.diff(r.pv))) or np.inf)
-    return examine_law(op, r.pv, r.sp, r.Ts, sign * (rough or 1.0), 20.0 * r.Ts, trusted=False)
+    guess = Stated(sign * (rough or 1.0), 20.0 * r.Ts, r.Ts)
+    return examine_law(op, r.pv, r.sp, guess, trusted=False)
 
 
 def _controller(law: Law, sign: float, Ts: float) -> Controller:

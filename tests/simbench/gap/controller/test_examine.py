@@ -1,9 +1,12 @@
 """A PID baseline: its settings explain OP to the digit, others do not."""
 
+import numpy as np
 import pytest
 
+from detectors.signal.filters import lfilter
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
+from simbench.loop.controller import pid_numbers, pid_start, pid_step
 from simbench.loop.simulate import simulate
 
 TABLE = {
@@ -57,4 +60,52 @@ def test_an_archive_that_stores_op_late_or_by_exception_hides_no_settings():
     # two bands of OP, and what two of PV make of it
     assert coarse.hidden > 0.6
     other = loop.with_("controller.Kc", 6.0)
-    assert examine_controller(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, other).reason
+    retuned = examine_controller(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, other)
+    assert retuned.tuning == pytest.approx((0.2, 1.0))
+
+
+@pytest.mark.parametrize("settings", [{}, {"b": 0.4, "c": 0.3, "N": 5.0}, {"Td": 0.0, "b": 0.6}])
+@pytest.mark.parametrize(
+    ("effect", "shown"),
+    [
+        ({"name": "detuning", "Kc_factor": 0.6, "Ti_factor": 1.7}, {"tuning": (0.6, 1.7)}),
+        ({"name": "op_quantisation", "step": 1.0}, {"step": 1.0}),
+        ({"name": "saturation", "hi": 53.0}, {"limits": (0.0, 53.0)}),
+    ],
+)
+def test_behind_a_pid_the_controller_s_effects_show_as_behind_a_pi(settings, effect, shown):
+    table = {
+        **TABLE,
+        "controller": TABLE["controller"] | settings,
+        "setpoint": {"value": 50.0, "steps": [[200, 52.0], [500, 50.0]]},
+        "noise": {"std": 0.1},
+    }
+    r = simulate(Loop.from_table({**table, "effect": [effect]}), seed=2).record
+    law = examine_controller(r.op, r.pv, r.sp, r.Ts, Loop.from_table(table))
+    for name, value in shown.items():
+        assert getattr(law, name) == pytest.approx(value, rel=0.02)
+
+
+@pytest.mark.parametrize("settings", [{}, {"b": 0.4, "c": 0.3, "N": 5.0}, {"form": "velocity"}])
+def test_a_pid_that_misses_scans_obeys_its_settings_from_run_to_run(settings):
+    loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | settings})
+    c, rng, n = loop.controller, np.random.default_rng(4), 800
+    p = pid_numbers(c, c.Kc, c.Ti, 1.0, loop.pv0, -np.inf, np.inf)
+    sp = np.where(np.arange(n) < 400, 50.0, 51.0)
+    pv = sp + lfilter([0.3], [1.0, -0.9], rng.standard_normal(n))
+    op, state = np.full(n, 50.0), pid_start(50.0, 0.0)
+    for k in range(1, n):
+        op[k] = op[k - 1]
+        if rng.random() > 0.15:
+            op[k], *rest = pid_step(sp[k] - pv[k], sp[k], state, p)
+            state = (op[k], *rest)
+    assert "skips scans" in examine_controller(op, pv, sp, 1.0, loop).foreign
+
+
+def test_the_pv_behind_a_pid_is_recovered_from_op():
+    table = {**TABLE, "controller": TABLE["controller"] | {"b": 0.4, "N": 5.0}}
+    table = {**table, "noise": {"std": 0.1}}
+    r = simulate(Loop.from_table(table), seed=3).record
+    rounded = np.round(r.pv / 0.3) * 0.3
+    law = examine_controller(r.op, rounded, r.sp, r.Ts, Loop.from_table(table))
+    assert np.std((law.recovered_pv - r.pv)[20:]) < 0.05 * np.std(rounded - r.pv)

@@ -9,6 +9,7 @@ import pytest
 from recorded import LOADED, recorded
 
 from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.controller.pid_law import Stated
 
 
 def record(*effects, **changes):
@@ -16,7 +17,7 @@ def record(*effects, **changes):
 
 
 def law(r, Ti=18.0):
-    return examine_law(r.op, r.pv, r.sp, r.Ts, 0.6, Ti)
+    return examine_law(r.op, r.pv, r.sp, Stated(0.6, Ti, r.Ts))
 
 
 def between(result):
@@ -54,11 +55,11 @@ def test_controller_effects_are_recognised_with_their_size(
 
 def test_a_late_archive_is_no_new_tuning():
     r = record()
-    result = examine_law(r.op[1:], r.pv[:-1], r.sp[:-1], r.Ts, 0.6, 18.0)
-    early = examine_law(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, 0.6, 18.0)
+    result = examine_law(r.op[1:], r.pv[:-1], r.sp[:-1], Stated(0.6, 18.0, r.Ts))
+    early = examine_law(r.op[:-1], r.pv[1:], r.sp[1:], Stated(0.6, 18.0, r.Ts))
     assert {result.late, early.late} <= {0, 1}
     assert early.known is False or not between(early)
-    late = examine_law(np.append(r.op[0], r.op[:-1]), r.pv, r.sp, r.Ts, 0.6, 18.0)
+    late = examine_law(np.append(r.op[0], r.op[:-1]), r.pv, r.sp, Stated(0.6, 18.0, r.Ts))
     assert late.known
     assert late.late == 1
     assert not between(late)
@@ -81,7 +82,7 @@ def test_a_controller_with_derivative_action_is_foreign():
     op = 50 + np.cumsum(
         0.6 * np.diff(e, prepend=e[0]) + 0.6 / 18 * e + 3.0 * np.diff(e, 2, prepend=[e[0], e[0]])
     )
-    result = examine_law(op, r.pv, r.sp, 1.0, 0.6, 18.0)
+    result = examine_law(op, r.pv, r.sp, Stated(0.6, 18.0, 1.0))
     assert result.foreign
 
 
@@ -104,7 +105,7 @@ def soft_gap_record(width):
 
 
 def test_a_dead_band_that_starts_from_zero_at_its_edge_is_one_too():
-    result = examine_law(*soft_gap_record(0.5), 1.0, 1.2, 12.0)
+    result = examine_law(*soft_gap_record(0.5), Stated(1.2, 12.0, 1.0))
     assert result.known
     assert between(result) == {"gap"}
     assert result.gap == pytest.approx(0.5, rel=0.02)
@@ -242,7 +243,7 @@ def test_an_integral_held_at_a_limit_is_no_other_controller():
         total += Kc / Ti * e[k]
         op[k] = np.clip(50 + Kc * e[k] + total, 48.0, 52.0)
         total = np.clip(total, -1.5, 1.5)
-    result = examine_law(op, pv, np.full(n, 50.0), 1.0, Kc, Ti)
+    result = examine_law(op, pv, np.full(n, 50.0), Stated(Kc, Ti, 1.0))
     assert not result.foreign, result.foreign
 
 

@@ -187,8 +187,9 @@ def test_a_lightly_thinned_archive_is_compression_and_no_spikes():
 
 
 def test_lines_whose_error_nothing_tells_are_no_light_ones():
-    """Behind a PID the PV that the controller saw is not recovered, and with it no error."""
+    """Behind a schedule the PV that the controller saw is not recovered, and with it no error."""
     pid = {"controller": {"type": "PID", "Kc": 1.5, "Ti": 20.0, "Td": 3.0, "N": 8.0}}
+    pid["controller"]["schedule"] = [[45.0, 0.9], [55.0, 1.1]]
     r = run(**pid, **LOADED, effect=[{"name": "compression", "band": 0.4}])
     situation = check(r, loop(**pid))
     assert situation.law.recovered_pv is None

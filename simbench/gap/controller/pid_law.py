@@ -1,0 +1,89 @@
+"""See a PID of known settings as a PI: OP moves as a PI moves it whose error is shaped by the
+weights of SP, the derivative and the schedule.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from detectors.signal.filters import lfilter
+from scenarios.spec import Controller
+from simbench.gap.controller.regression import solved_by_most
+from simbench.loop.controller import PID, pid_numbers
+
+_OTHER_TI = 1e-3  # |ln ratio| of Ti from which another one explains more than the digits do
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A controller as its loop file states it: `Kc` (% per PV unit, with sign), `Ti` (s, None
+    without integral), `Ts` (s), and of a PID its `settings` and the PV at its operating point.
+    """
+
+    Kc: float
+    Ti: float | None
+    Ts: float
+    settings: Controller | None = None
+    pv0: float = 0.0
+
+    @property
+    def Ki(self) -> float:
+        """Gain of the integral (% per PV unit and sample)."""
+        return self.Kc * self.Ts / self.Ti if self.Ti else 0.0
+
+    @property
+    def per_pv(self) -> float:
+        """How far OP (%) moves at once with PV (PV units)."""
+        return abs(self.Kc) * (1.0 + (self._terms.kd if self._terms else 0.0))
+
+    @cached_property
+    def _terms(self) -> PID | None:
+        """A PID's numbers per unit of Kc."""
+        if self.settings is None:
+            return None
+        endless = -np.inf, np.inf
+        return pid_numbers(self.settings, 1.0, self.Ti or np.inf, self.Ts, self.pv0, *endless)
+
+    def error(self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> np.ndarray:
+        """Return the error (PV units) of which a PI of the same Kc and Ti moves OP as this
+        controller does between its limits; its own, of a PI.
+        """
+        e, p = sp - pv, self._terms
+        if p is None:
+            return e
+        of_sp = sp - p.pv0
+        gain = np.interp((pv, np.append(op[0], op[:-1]), sp)[int(p.on)], p.at, p.factor)
+        rate = np.append(0.0, np.diff(e - (1.0 - p.c) * of_sp))
+        slope = lfilter([1.0], [1.0, -p.fade], gain * p.kd * rate)
+        other = np.diff(gain * (e - (1.0 - p.b) * of_sp) + slope - e)
+        other += p.Ki * ((gain - 1.0) * e)[1:]
+        forget = 1.0 / (1.0 + p.Ki)
+        return e + lfilter([forget], [1.0, -forget], np.append(0.0, other))
+
+    def unshaped(self, change: np.ndarray) -> np.ndarray | None:
+        """Return the change of PV (n,) that takes `change` (n,) from the error of the PI; None
+        where a schedule keeps it from being told.
+        """
+        p = self._terms
+        if p is None:
+            return change
+        if p.at.size > 1:
+            return None
+        plain = np.polymul([1.0 + p.Ki, -1.0], [1.0, -p.fade])
+        return lfilter(plain, plain + p.kd * np.array([1.0, -2.0, 1.0]), change)
+
+    def retimed(self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Stated | None:
+        """Return a PID with the Ti that explains most changes of OP; None where the loop file's
+        does, or none does.
+        """
+        if self._terms is None or self._terms.at.size > 1 or not self.Ti:
+            return None
+        du, moves = np.diff(op), np.diff(replace(self, Ti=None).error(op, pv, sp))
+        free = du != 0.0
+        X = np.column_stack([moves, (sp - pv)[1:]])[free]
+        Kc, Ki = solved_by_most(X, du[free]) if free.sum() > 2 else (0.0, 0.0)
+        other = replace(self, Ti=self.Ts * Kc / Ki) if Kc * Ki > 0.0 else self
+        return other if abs(np.log(other.Ti / self.Ti)) > _OTHER_TI else None
