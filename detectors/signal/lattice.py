@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 _UNITS = 10.0 ** -np.arange(-3.0, 10.0)
-# times the digits a column is written in, below which a spacing cannot be distinguished from these
-_COARSER = 5.0
+# times the digits a column is written in, below which a spacing cannot be distinguished from these:
+# a step of five digits can
+_COARSER = 4.5
 _OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
 _REPEATS = 20  # samples per level from which a lattice is plain
 _BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
