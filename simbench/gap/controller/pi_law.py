@@ -109,15 +109,18 @@ def examine_law(
     the controller is the plant's, not identified; `noise`: standard deviation of the noise of PV.
     """
 
+    def law_of(acts: Stated, pv: np.ndarray, sp: np.ndarray | None) -> Law:
+        return _Examination(op, pv, sp, stated, acts, noise).law(trusted)
+
     def examined(pv: np.ndarray, sp: np.ndarray | None) -> Law:
-        law = _Examination(op, pv, sp, stated, stated, noise).law(trusted)
         level = np.full(pv.size, pv.mean()) if sp is None else sp
-        as_stated = law.known and law.tuning is None
-        other = None if as_stated or not trusted else stated.retimed(op, pv, level)
-        if other is None:
-            return law
-        retimed = _Examination(op, pv, sp, stated, other, noise).law(trusted)
-        return retimed if retimed.known else law
+        forms = stated.forms
+        laws = [law_of(acts, pv, sp) for acts in forms]
+        if trusted and not any(law.known and law.tuning is None for law in laws):
+            retimed = [form.retimed(op, pv, level) for form in forms]
+            laws += [law_of(acts, pv, sp) for acts in retimed if acts is not None]
+        known = [law for law in laws if law.known]
+        return min(known, key=lambda law: (law.tuning is not None, law.residual), default=laws[0])
 
     return best_aligned(examined, pv, sp)
 

@@ -11,16 +11,18 @@ import numpy as np
 
 from detectors.signal.filters import lfilter
 from scenarios.spec import Controller
-from simbench.gap.controller.regression import solved_by_most
+from simbench.gap.controller.regression import FORMS, about_zero, solved_by_most
 from simbench.loop.controller import PID, pid_numbers
 
 _OTHER_TI = 1e-3  # |ln ratio| of Ti from which another one explains more than the digits do
+_EXPLAINS = 0.5  # share of OP's moves, left by another Ti, from which it is not examined
 
 
 @dataclass(frozen=True)
 class Stated:
     """A controller as its loop file states it: `Kc` (% per PV unit, with sign), `Ti` (s, None
-    without integral), `Ts` (s), and of a PID its `settings` and the PV at its operating point.
+    without integral), `Ts` (s), and of a PID its `settings`, the PV at its operating point, and the
+    share of the `newest` error in its integral.
     """
 
     Kc: float
@@ -28,6 +30,7 @@ class Stated:
     Ts: float
     settings: Controller | None = None
     pv0: float = 0.0
+    newest: float = FORMS[0]
 
     @property
     def Ki(self) -> float:
@@ -59,7 +62,7 @@ class Stated:
         rate = np.append(0.0, np.diff(e - (1.0 - p.c) * of_sp))
         slope = lfilter([1.0], [1.0, -p.fade], gain * p.kd * rate)
         other = np.diff(gain * (e - (1.0 - p.b) * of_sp) + slope - e)
-        other += p.Ki * ((gain - 1.0) * e)[1:]
+        other += p.Ki * (self._adds(gain * e) - e[1:])
         forget = 1.0 / (1.0 + p.Ki)
         return e + lfilter([forget], [1.0, -forget], np.append(0.0, other))
 
@@ -72,8 +75,20 @@ class Stated:
             return change
         if p.at.size > 1:
             return None
-        plain = np.polymul([1.0 + p.Ki, -1.0], [1.0, -p.fade])
-        return lfilter(plain, plain + p.kd * np.array([1.0, -2.0, 1.0]), change)
+        pi, fade, second = [1.0 + p.Ki, -1.0], [1.0, -p.fade], np.array([1.0, -2.0, 1.0])
+        same = [1.0 + p.Ki * self.newest, p.Ki * (1.0 - self.newest) - 1.0]
+        return lfilter(np.polymul(pi, fade), np.polymul(same, fade) + p.kd * second, change)
+
+    def _adds(self, e: np.ndarray) -> np.ndarray:
+        """Return what the integral adds up of an error (n - 1,)."""
+        return self.newest * e[1:] + (1.0 - self.newest) * e[:-1]
+
+    @property
+    def forms(self) -> list[Stated]:
+        """The controller under each form of its integral; a regression finds a PI's by itself."""
+        if self.settings is None or not self.Ti:
+            return [self]
+        return [replace(self, newest=share) for share in FORMS]
 
     def retimed(self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> Stated | None:
         """Return a PID with the Ti that explains most changes of OP; None where the loop file's
@@ -83,7 +98,9 @@ class Stated:
             return None
         du, moves = np.diff(op), np.diff(replace(self, Ti=None).error(op, pv, sp))
         free = du != 0.0
-        X = np.column_stack([moves, (sp - pv)[1:]])[free]
-        Kc, Ki = solved_by_most(X, du[free]) if free.sum() > 2 else (0.0, 0.0)
-        other = replace(self, Ti=self.Ts * Kc / Ki) if Kc * Ki > 0.0 else self
+        X, y = np.column_stack([moves, self._adds(sp - pv)])[free], du[free]
+        Kc, Ki = solved_by_most(X, y) if y.size > 2 else (0.0, 0.0)
+        if Kc * Ki <= 0.0 or about_zero(y - X @ [Kc, Ki]) > _EXPLAINS * about_zero(y):
+            return None
+        other = replace(self, Ti=self.Ts * Kc / Ki)
         return other if abs(np.log(other.Ti / self.Ti)) > _OTHER_TI else None

@@ -102,6 +102,26 @@ def test_a_pid_that_misses_scans_obeys_its_settings_from_run_to_run(settings):
     assert "skips scans" in examine_controller(op, pv, sp, 1.0, loop).foreign
 
 
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.0])
+@pytest.mark.parametrize("Ti", [9.0, 15.0])
+def test_a_pid_may_count_the_newest_error_in_its_integral_or_not(share, Ti):
+    loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | {"b": 0.4, "N": 5.0}})
+    n, Td, Kc = 800, 1.5, 1.2
+    pv = 50.0 + lfilter([0.3], [1.0, -0.9], np.random.default_rng(5).standard_normal(n))
+    e = 50.0 - pv
+    lag = Td / 5.0
+    slope = lfilter([Td / (lag + 1.0)], [1.0, -lag / (lag + 1.0)], np.append(0.0, np.diff(e)))
+    adds = share * e + (1.0 - share) * np.append(e[0], e[:-1])
+    op = 50.0 + Kc * (e + slope + np.cumsum(adds) / Ti)
+    law = examine_controller(op, pv, np.full(n, 50.0), 1.0, loop)
+    assert law.residual < 1e-6
+    if Ti == 9.0:
+        assert (law.known, law.tuning) == (True, None)
+        assert np.abs(law.recovered_pv - pv).max() < 0.05
+    else:
+        assert law.tuning == pytest.approx((1.0, 15.0 / 9.0))
+
+
 def test_the_pv_behind_a_pid_is_recovered_from_op():
     table = {**TABLE, "controller": TABLE["controller"] | {"b": 0.4, "N": 5.0}}
     table = {**table, "noise": {"std": 0.1}}

@@ -111,7 +111,10 @@ def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, sk
     # a unit of 2.5 sizes repeats itself all the time; three times as many as chance brings are
     # wanted
     op, e, size = scans(300)
-    assert skips_scans(op, e, of_runs(op, e), np.ones(op.size - 1, dtype=bool), size, unit * size) == skips
+    assert (
+        skips_scans(op, e, of_runs(op, e), np.ones(op.size - 1, dtype=bool), size, unit * size)
+        == skips
+    )
 
 
 @pytest.mark.parametrize(("rests", "limited"), [(0, True), (60, False)])
