@@ -70,7 +70,7 @@ def fixed_loop(
     table["disturbance"] = [
         {"type": "coloured", "amplitude": std / K, "period": period * Ts}
         | ({"lag": lag * Ts} if lag > 0.0 else {})
-        for std, period, lag in load_parts(_load(source))
+        for std, period, lag in load_parts(source.theta)
     ]
     colour = source.theta["colour"]
     if colour > _COLOURED and "noise_std" not in source.spec.free:
@@ -94,22 +94,9 @@ def fixed_loop(
         "pv0": float(sp[0]),
     }
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
-    if jumps and source.spec.jumps and source.spec.lasting:
+    if jumps and source.spec.jumps:
         table["effect"].append({"name": "load_steps", **load_steps.numbers(source, situation)})
     return Loop.from_table(table, "fixed loop")
-
-
-def _load(fit: Fit) -> dict[str, float]:
-    """Return a fit's parameters with jumps that fade as more of the same load, but for their
-    rarity.
-    """
-    theta = dict(fit.theta)
-    if fit.spec.jumps and not fit.spec.lasting:
-        # each is two of that std, at neighbouring samples
-        share = 2.0 * len(fit.spec.jumps) / fit.residual.size
-        variance = share * theta["load_jump"] ** 2 / -np.expm1(-2.0 / theta["load_time"])
-        theta["load"] = float(np.hypot(theta["load"], np.sqrt(variance)))
-    return theta
 
 
 def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:

@@ -39,7 +39,6 @@ from simbench.loop.effects import EFFECTS, NONE, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
 _SECOND = 12.0  # nats a second effect must bring on top of one that explains the same PV
-_FAINT = -5.0  # nats alone, below which an effect is not tried on top of another
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,11 +256,7 @@ def _gains_on_top(
     as it is.
     """
     tried = [
-        e
-        for e in order
-        if e in candidates
-        and gains[e] > _FAINT
-        and (recogniser(e).ordinary is None or gains[e] > LAST)
+        e for e in order if e in candidates and (recogniser(e).ordinary is None or gains[e] > LAST)
     ]
     fitted = fit_candidates(engine, first, tried)
     return {e: float(c.log_likelihood_gain) for e, c in fitted.items()} | {

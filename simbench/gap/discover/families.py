@@ -20,7 +20,7 @@ from simbench.gap.effects import (
 )
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import NUISANCES, Fit, Free, Moves, Spec, size_penalty
-from simbench.gap.likelihood.search import MV_STARTS, idle, likeliest
+from simbench.gap.likelihood.search import MV_STARTS, likeliest
 from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import Situation
 
@@ -152,12 +152,7 @@ def _moved(
 
     def fit(engine: Engine, null: Fit) -> tuple[Fit, float]:
         spec = null.spec.join(Spec(moves=Moves(mv, free)))
-        # the load that the null needed may hide a law
-        tries = [
-            one.theta
-            for theta in (null.theta, idle(engine, null))
-            for one in engine.grid(spec, theta, starts, keep=2)
-        ]
+        tries = [one.theta for one in engine.grid(spec, null.theta, starts, keep=2)]
         return likeliest(engine, spec, tries), len(free)
 
     return fit

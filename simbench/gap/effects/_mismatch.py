@@ -8,7 +8,7 @@ import numpy as np
 
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
-from simbench.gap.likelihood.search import idle, likeliest
+from simbench.gap.likelihood.search import likeliest
 
 
 def released(
@@ -24,11 +24,6 @@ def released(
         few = ("load_time", "load")
         tries = [
             engine.fit(spec, {**base.theta, name: v}, search=few, steps=2) for v in trials(engine)
-        ]
-        tries.sort(key=lambda f: -f.loglik)
-        tries += [
-            engine.fit(spec, {**idle(engine, base), name: t.theta[name]}, search=few, steps=2)
-            for t in tries[:3]
         ]
         tries.sort(key=lambda f: -f.loglik)
         return likeliest(engine, spec, (t.theta for t in (base, *tries[:2]))), 1.0

@@ -17,10 +17,8 @@ from simbench.gap.situation import Situation
 
 _AT_ONCE = 16  # number of jumps looked for before the load's other numbers are fitted again
 _APART = 5  # samples between jumps: two that are closer, there and back, are one wild reading
-_ROUNDS = 8  # times that jumps are looked for at most
 _NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
 _LEFT = 0.7  # share of the load that the search with jumps begins from
-_SMALL = 2.0  # standard deviations of the load, within which a jump is what it does by itself
 # share of the load that must be left with the jumps where the baseline states no load: then one
 # that only jumps is ordinary
 _REMAINING = 0.25
@@ -29,12 +27,8 @@ _PETTY = 1.0
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Let the load jump wherever that explains the innovations well; the heights have one std, and
-    all last or all fade.
-    """
-    n = engine.data.n
-    tries = [_jumping(engine, base, lasting) for lasting in (True, False)]
-    best = max(tries, key=lambda f: f.loglik - _price(f, n))
+    """Let the load jump wherever that explains the innovations well; the heights have one std."""
+    n, best = engine.data.n, _jumping(engine, base)
     # their std is one more number
     return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
 
@@ -47,14 +41,14 @@ def _price(fit: Fit, n: int) -> float:
     return float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
 
 
-def _jumping(engine: Engine, base: Fit, lasting: bool) -> Fit:
+def _jumping(engine: Engine, base: Fit) -> Fit:
     """Return the fit with jumps added as long as they are worth their price."""
     n, best = engine.data.n, base
-    for _ in range(_ROUNDS):
+    while True:
         places, height = _jumps(engine, best)
         better = best
         while places and better is best:
-            trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *places), lasting=lasting))
+            trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *places)))
             start = {"load_jump": height, **best.theta, "load": _LEFT * best.theta["load"]}
             # the base had bent its plant around the jumps
             one = _pruned(
@@ -66,9 +60,8 @@ def _jumping(engine: Engine, base: Fit, lasting: bool) -> Fit:
             # of those detected together some may have been the same
             places = places[: len(places) // 2]
         if better is best:
-            break
+            return best
         best = better
-    return best
 
 
 def _pruned(engine: Engine, fit: Fit) -> Fit:
@@ -128,17 +121,15 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 
 def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
-    """Return whether the jumps may be all that an ordinary load does: a single one, petty, small,
-    stated, fading, or with nothing else.
+    """Return whether the jumps may be all that an ordinary load does: a single one, petty, stated,
+    or with nothing else.
     """
     # one in as many samples as the record has
     once = len(fit.spec.jumps) * n <= data.n + n - 1
     day = max(_PETTY, LARGER * data.loads.get("steps", 0.0))
     petty = data.trusted and fit.theta["load_jump"] < day * abs(input_gain(fit, data))
     alone = not data.loads and fit.theta["load"] < _REMAINING * base.theta["load"]
-    # a jump is two parts
-    small = np.sqrt(2.0) * fit.theta["load_jump"] < _SMALL * fit.theta["load"]
-    return once or petty or alone or small or not fit.spec.lasting
+    return once or petty or alone
 
 
 RECOGNISER = Recogniser(

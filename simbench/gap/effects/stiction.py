@@ -25,10 +25,10 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     them.
     """
     coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in _JUMPS])
-    best = search_map(engine, base, _MODELS[0], coarse, few=True)
+    best = search_map(engine, base, _MODELS[0], coarse)
     if promising(best, base):
         # where the first model is hopeless, so is the second
-        best = better(best, search_map(engine, base, _MODELS[1], coarse, few=True))
+        best = better(best, search_map(engine, base, _MODELS[1], coarse))
     return best, 2.5
 
 

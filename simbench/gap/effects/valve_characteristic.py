@@ -9,7 +9,6 @@ from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
-from simbench.gap.likelihood.search import idle, likeliest
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 
 # ratios of the largest to the smallest gain that are tried (-)
@@ -20,8 +19,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Search the ratio of gains on both sides of 1, then refine."""
     spec = base.spec.join(Spec(valve=kernels.CURVE))
     points = [{"R": r} for r in _RATIOS]
-    tries = [engine.grid(spec, theta, points)[0] for theta in (base.theta, idle(engine, base))]
-    return likeliest(engine, spec, (t.theta for t in tries)), 1.0
+    return engine.fit(spec, engine.grid(spec, base.theta, points)[0].theta), 1.0
 
 
 def by_mv(search: MapSearch) -> MapFit:

@@ -41,8 +41,6 @@ _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
 _HALF = 0.5
 _LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 _SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
-_QUICK = 0.08  # share of the longest memory a load may have: below it the prior ...
-_QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
 STEP = 1e-4  # step of a parameter or its logarithm, for derivatives
 # the same about a noise correlation of 0, below half of which the filter takes noise for white
 _WHITE = 0.02
@@ -260,10 +258,6 @@ class Engine:
         d = self.data
         out = [theta["colour"] / _COLOURED]
         if d.trusted:
-            # what moves much quicker than the loop never gets through the plant: such a "load" is
-            # something else
-            memory = theta["load_time"] + theta.get("load_lag", 0.0)
-            out.append(min(np.log(memory / (_QUICK * self.longest_load)), 0.0) / _QUICKER)
             if d.T > 0 and "T" not in spec.free:
                 out.append(_over(np.log(theta["T"] / d.T), np.log1p(_NOMINAL), _EDGE))
             if "Td" not in spec.free:

@@ -58,13 +58,11 @@ class NoiseModel(NamedTuple):
 class Jumps(NamedTuple):
     """Jumps of the load at each of the samples `places`, in order, and the one after it.
 
-    Their heights are unknown, of std `size` (steady effect on PV). A `lasting` jump stays, any
-    other fades with the load.
+    Their heights are unknown, of std `size` (steady effect on PV).
     """
 
     places: np.ndarray
     size: float
-    lasting: bool
 
 
 class _Filter(NamedTuple):
@@ -287,10 +285,10 @@ def whiten(channels, model, jumps=None):
         walk > 0.0,
         abs(colour) > 0.01,
     )
-    count, lasting, jump = 0, True, 0.0
+    count, jump = 0, 0.0
     if jumps is not None:
-        count, lasting, jump = jumps.places.size, jumps.lasting, jumps.size
-    s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured + (count > 0 and lasting)
+        count, jump = jumps.places.size, jumps.size
+    s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured + (count > 0)
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
     a = math.exp(-1.0 / T) if T > 0.0 else 1.0
@@ -331,7 +329,7 @@ def whiten(channels, model, jumps=None):
         F[top, top], Q[top, top], h[top] = 1.0, walk * walk, 1.0
         top += 1
     level = 0
-    if count > 0 and lasting:
+    if count > 0:
         level = top
         F[top, top], F[1, top] = 1.0, enters
         top += 1

@@ -147,7 +147,6 @@ class Spec:
     start: float = 0.0
     moves: Moves | None = None
     jumps: tuple[int, ...] = ()
-    lasting: bool = True
 
     def join(self, other: Spec) -> Spec:
         """Return both specs together; of two valve maps or poles the second wins."""
@@ -162,7 +161,6 @@ class Spec:
             other.start or self.start,
             other.moves or self.moves,
             tuple(sorted({*self.jumps, *other.jumps})),
-            self.lasting and other.lasting,
         )
 
     @property
@@ -227,7 +225,7 @@ def jumps_of(spec: Spec, theta: Mapping[str, float]) -> kernels.Jumps | None:
     """Return the jumps of the load; None where it does not jump."""
     if not spec.jumps:
         return None
-    return kernels.Jumps(np.array(spec.jumps), theta["load_jump"], spec.lasting)
+    return kernels.Jumps(np.array(spec.jumps), theta["load_jump"])
 
 
 def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarray:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -36,36 +35,18 @@ TINY = 10  # widths below what OP's jitter hides
 _HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
-def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray, few: bool = False) -> Fit:
+def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
     """Return the fit of a valve map (`kind`: play, dead zone or stick-slip; a point holds S, J and
     where MV starts). The likelihood is rough in these: scan them, refit plant, load and noise,
     refine.
     """
-    best = None
-    # at the load that "no effect" needed, peaks look flat: try quieter ones
-    fitted, nominal, *others = plants(engine, base)
-    tries = (
-        [(1.0, fitted), (0.3, fitted)]
-        if few
-        else [(1.0, fitted), (1.0, nominal), (0.3, fitted), (0.1, fitted)]
-    )
-    tries += [(0.3, other) for other in others]
+    # at the load that "no effect" needed, peaks look flat: try a quieter one
+    fitted, _, *others = plants(engine, base)
+    tries = [(1.0, fitted), *((0.3, plant) for plant in (fitted, *others))]
     starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
-    for theta in [*starts, idle(engine, base)]:
-        best = better(best, settle(engine, scanned(engine, base.spec, theta, kind, coarse)))
-    assert best is not None
+    found = [settle(engine, scanned(engine, base.spec, theta, kind, coarse)) for theta in starts]
+    best = max(found, key=lambda f: f.loglik)
     return narrow(engine, best) if promising(best, base) else best
-
-
-@lru_cache(maxsize=4)
-def idle(engine: Engine, base: Fit) -> dict[str, float]:
-    """Return the base's parameters with the load that would be needed if the valve never moved."""
-    beyond = 1.5 * float(np.ptp(engine.data.u)) or 1.0
-    stuck = mapped(
-        engine, replace(base.spec, pole=""), base.theta, kernels.PLAY, np.array([beyond, 0.0, 0.0])
-    )
-    alone = settle(engine, stuck, steps=10).theta
-    return {**base.theta, **{m: alone[m] for m in SMOOTH if m in alone}}
 
 
 def likeliest(engine: Engine, spec: Spec, starts: Iterable[Mapping[str, float]]) -> Fit:

@@ -202,7 +202,7 @@ def test_a_second_stage_counts_from_a_tenth_of_a_sample(lag, stages):
     assert std == pytest.approx(2.0, rel=1e-3)
 
 
-def test_lasting_jumps_of_the_load_are_load_steps_of_the_loop_unless_they_are_in_question():
+def test_jumps_of_the_load_are_load_steps_of_the_loop_unless_they_are_in_question():
     fit = fitted_as(spec=Spec(jumps=(100, 200, 350)), load_jump=3.0)
     (steps,) = built(fit).effect
     # levels spread by as much as either of a jump's two parts, at the plant's input

@@ -174,25 +174,25 @@ def without_jumps(n, T):
     return covariance(n, T, LOAD)
 
 
-@pytest.mark.parametrize(("T", "lasting"), [(8.0, True), (8.0, False), (0.0, True), (0.0, False)])
+@pytest.mark.parametrize("T", [8.0, 0.0])
 @pytest.mark.parametrize("places", [(100,), (100, 103, 140), (12, 500), (100, 450)])
-def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, lasting, places):
+def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, places):
     n, load_time, jump = 700, 15.0, 6.0
     y = np.random.default_rng(4).standard_normal(n)
     whole = without_jumps(n, T)
     a = np.exp(-1 / T) if T else 1.0
     for k in [*places, *(k + 1 for k in places)]:
         height = np.zeros(n)
-        height[k:] = 1.0 if lasting else np.exp(-np.arange(n - k) / load_time)
+        height[k:] = 1.0
         moved = np.zeros(n)
         for t in range(n - 1):
             moved[t + 1] = a * moved[t] + (1 - a if T else 1.0) * height[t]
         whole = whole + jump**2 * np.outer(moved, moved)
     L = np.linalg.cholesky(whole)
     model = kernels.NoiseModel(T, 0.0, load_time, 0.0, 1.3, NOISE, 0.0, SPREAD)
-    jumps = kernels.Jumps(np.array(places), jump, lasting)
+    jumps = kernels.Jumps(np.array(places), jump)
     white, logs = kernels.whiten(y[None, :], model, jumps)
-    # long after a lasting jump the kernel's gain stands still, and a later one is followed as if it
+    # long after a jump the kernel's gain stands still, and a later one is followed as if it
     # were the first
     assert white[0] == pytest.approx(np.linalg.solve(L, y), abs=0.05)
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=0.5)
@@ -202,7 +202,7 @@ def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, lasting, 
 def test_a_channel_by_itself_is_filtered_as_among_others(places):
     y = RNG.standard_normal((3, 200))
     model = kernels.NoiseModel(8.0, 2.0, 15.0, 3.0, 1.3, 0.4, 0.3, 5.0, 0.2, 0.1)
-    jumps = kernels.Jumps(np.array(places), 4.0, True) if places else None
+    jumps = kernels.Jumps(np.array(places), 4.0) if places else None
     among, logs = kernels.whiten(y, model, jumps)
     for i in range(3):
         alone, same = kernels.whiten(y[i : i + 1], model, jumps)
