@@ -33,9 +33,9 @@ _EDGE = 0.02  # ... and falls off with this standard deviation outside
 # the same for its noise: few know it better, and the least that four simulators draw as another
 # noise is 1.4 times the stated one; with .1 healthy records of two of them were called noisy
 _NOISE = 0.25
-# shares of a baseline's gain between which another one is looked for (four simulators draw .25 to
+# multiples of a baseline's gain between which another one is looked for (four simulators draw .25 to
 # 4): below, a load explains all and the valve nothing, as it can in any loop at rest
-_MISMATCH = (0.2, 5.0)
+_MISMATCH = (0.2, 10.0)
 _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
 # share of the dead time that may be a lag of the plant; a lag is looked for from shares of that
 _HALF = 0.5
