@@ -102,5 +102,5 @@ class Stated:
         Kc, Ki = solved_by_most(X, y) if y.size > 2 else (0.0, 0.0)
         if Kc * Ki <= 0.0 or about_zero(y - X @ [Kc, Ki]) > _EXPLAINS * about_zero(y):
             return None
-        other = replace(self, Ti=self.Ts * Kc / Ki)
-        return other if abs(np.log(other.Ti / self.Ti)) > _OTHER_TI else None
+        Ti = float(self.Ts * Kc / Ki)
+        return replace(self, Ti=Ti) if abs(np.log(Ti / self.Ti)) > _OTHER_TI else None
