@@ -43,6 +43,7 @@ SEED = 460201  # of the first world, named before anything was answered; the nex
 PACKAGE = "simbench.gap."
 # what is left of a rule that is removed
 REMOVED: dict[str, Callable[..., Any]] = {
+    "candidates._brought": lambda engine, base, fit: fit.loglik - base.loglik,
     "candidates.with_ordinary_load": lambda engine, base, found, stated=(): (base, found),
     "candidates.with_higher_order": lambda engine, base, found: (base, found),
     "closed_loop.gap.as_archived": lambda situation, op, pv: (op, pv),

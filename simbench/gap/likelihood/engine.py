@@ -33,14 +33,16 @@ _EDGE = 0.02  # ... and falls off with this standard deviation outside
 # the same for its noise: few know it better, and the least that four simulators draw as another
 # noise is 1.4 times the stated one; with .1 healthy records of two of them were called noisy
 _NOISE = 0.25
-# multiples of a baseline's gain between which another one is looked for (four simulators draw .25 to
-# 4): below, a load explains all and the valve nothing, as it can in any loop at rest
+# multiples of a baseline's gain between which another one is looked for (four simulators draw .25
+# to 4): below, a load explains all and the valve nothing, as it can in any loop at rest
 _MISMATCH = (0.2, 10.0)
 _POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
 # share of the dead time that may be a lag of the plant; a lag is looked for from shares of that
 _HALF = 0.5
 _LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 _SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
+_QUICK = 0.08  # share of the longest memory a load may have: below it the prior ...
+_QUICKER = 0.7  # ... falls off with this standard deviation of the logarithm
 STEP = 1e-4  # step of a parameter or its logarithm, for derivatives
 # the same about a noise correlation of 0, below half of which the filter takes noise for white
 _WHITE = 0.02
@@ -258,6 +260,10 @@ class Engine:
         d = self.data
         out = [theta["colour"] / _COLOURED]
         if d.trusted:
+            # what moves much quicker than the loop never gets through the plant: such a "load" is
+            # something else
+            memory = theta["load_time"] + theta.get("load_lag", 0.0)
+            out.append(min(np.log(memory / (_QUICK * self.longest_load)), 0.0) / _QUICKER)
             if d.T > 0 and "T" not in spec.free:
                 out.append(_over(np.log(theta["T"] / d.T), np.log1p(_NOMINAL), _EDGE))
             if "Td" not in spec.free:
