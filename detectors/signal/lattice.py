@@ -13,6 +13,8 @@ _UNITS = 10.0 ** -np.arange(-3.0, 10.0)
 # a step of five digits can
 _COARSER = 4.5
 _OFF = 0.15  # of its spacing, by which a lattice's levels may be off it
+# share of samples of values that occur once, below which they may be those that bridge holes
+_BRIDGED = 0.01
 _REPEATS = 20  # samples per level from which a lattice is plain
 _BY_CHANCE = 1e-6  # probability that levels which lie anywhere are all as near to a lattice
 # of the variance of a signal's moves; rounding that adds less is the archive's, and changes nothing
@@ -57,6 +59,10 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     been written down on a finer one: its levels are then a little off, each always by the same. Not
     for a file's decimals: a transmitter of the same step cannot be distinguished from them.
     """
+    levels, count = np.unique(x, return_counts=True)
+    once = count == 1
+    if once.sum() < _BRIDGED * x.size:
+        x = x[~np.isin(x, levels[once])]
     rising = np.sort(x)
     fine = unit + 1e-8 * (float(max(-rising[0], rising[-1])) or 1.0)
     rises = np.diff(rising)

@@ -139,3 +139,11 @@ def test_decimals_are_digits_however_much_they_hide_and_full_precision_has_none(
     assert written(x) == (0.0, 0.0, 0.0)
     assert written(np.round(x, 1)) == (0.1, 0.0, 0.1)
     assert written(np.round(x)).coarse == written(x).coarse == 0.0
+
+
+@pytest.mark.parametrize(("bridged", "step"), [(0, 0.7), (9, 0.7), (12, 0.0)])
+def test_values_that_bridge_holes_leave_the_lattice_a_lattice(bridged, step):
+    rng = np.random.default_rng(3)
+    x = 0.7 * np.round(np.cumsum(rng.standard_normal(1000)) / 3.0)
+    x[100 : 100 + bridged] += 0.7 * rng.random(bridged)
+    assert lattice(x) == pytest.approx(step)
