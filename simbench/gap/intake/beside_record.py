@@ -18,6 +18,7 @@ from simbench.gap.intake.recorded_test import SAME_TS, RecordedTest
 from simbench.gap.intake.refuse import refuse_mv_units
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.gap.situation import ModelledTest, Situation, through_valve
+from simbench.loop.effects import block_of
 
 _BRISK = 20  # samples at an end of a manual run ...
 _OFTEN = 5  # ... and moves of OP among them, from which no operator made them
@@ -36,8 +37,10 @@ def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
     if plain:
         situation = check(replace(r, tag=test.name, meta={}), test.loop, s.trusted, s.tuned)
         law, data, unexplained = situation.law, situation.data, situation.unexplained_law
-        # a short test may not show that the archive repeats PV by exception, as the record has
+        # a short test may not show that the archive repeats PV by exception, as the record has, and
+        # three wild readings of it are chance where single samples of the record show nothing
         other = {"detuning", "noise", *(["frozen_sensor"] if s.samples.band > 0.0 else [])}
+        other |= {e for e in situation.proven if s.archive.faithful and block_of(e) == "sensor"}
         proven = {e: p for e, p in situation.proven.items() if e not in other}
     else:
         samples = inspect_samples(r.pv, op, noise=s.data.noise)

@@ -6,14 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import norm, t
 
 from simbench.gap.effects import (
     Recogniser,
     load_drift,
     load_steps,
     oscillation,
-    outliers,
     recogniser,
 )
 from simbench.gap.likelihood import kernels
@@ -165,35 +163,6 @@ def innovations(height, count, neighbour=0.0):
     return x, places
 
 
-@pytest.mark.parametrize(
-    ("height", "count", "neighbour", "shown"),
-    [
-        (9.0, 12, 0.0, True),
-        (9.0, 2, 0.0, False),
-        (9.0, 3, 0.0, True),
-        (5.0, 12, 0.65, True),
-        (5.0, 12, 0.75, False),
-        (3.5, 12, 0.0, False),
-        (5.0, 12, 0.0, True),
-    ],
-)
-def test_spikes_are_a_mixture_where_they_are_large_alone_and_several(
-    height, count, neighbour, shown
-):
-    x, places = innovations(height, count, neighbour)
-    pv = np.zeros(x.size)
-    pv[places] = height
-    s = SimpleNamespace(record=SimpleNamespace(pv=pv), law=SimpleNamespace(known=False))
-    score = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
-    assert (score is not None) == shown
-    if score is not None:
-        gain, p = score
-        assert gain > 0.0 or height < 6.0 or count < 4
-        assert p["rate"] == pytest.approx(count / (x.size - kernels.SKIP), rel=0.01)
-        assert p["size"] == pytest.approx(0.1 * height, rel=0.05)
-        assert p["at"] == "record"
-
-
 class Sines:
     """An engine whose likelihood is what is left of one signal beside the channels."""
 
@@ -291,35 +260,6 @@ def test_noise_is_not_judged_where_rounding_or_compression_makes_some(
 def test_an_oscillation_of_fewer_than_eight_periods_is_an_ordinary_load(period, load):
     s = SimpleNamespace(record=SimpleNamespace(duration=1000.0))
     assert recogniser("oscillation").masked(s, {"period": period, "amplitude": 1.0}) == load
-
-
-@pytest.mark.parametrize("height", [6.0, 9.0])
-def test_evidence_for_spikes_is_that_of_rare_wide_gaussians_among_narrow_ones(height):
-    x, places = innovations(height, 12)
-    pv = np.zeros(x.size)
-    pv[places] = height
-    s = SimpleNamespace(record=SimpleNamespace(pv=pv), law=SimpleNamespace(known=True))
-    gain, _ = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
-    judged = x[kernels.SKIP :]
-    narrow, rate = 1.4826 * np.median(np.abs(judged)), 12 / judged.size
-    # all spikes are of one height here, which is then the wide one's standard deviation
-    mixture = np.log(
-        (1.0 - rate) * norm.pdf(judged, scale=narrow) + rate * norm.pdf(judged, scale=height)
-    )
-    tails = [
-        t.logpdf(judged, nu, scale=s * np.std(judged)).sum()
-        for nu in (6, 10, 20)
-        for s in np.linspace(0.4, 1.0, 13)
-    ]
-    plain = max(norm.logpdf(judged, scale=np.std(judged)).sum(), *tails)
-    assert gain == pytest.approx(float(np.sum(mixture) - plain) - np.log(judged.size), rel=1e-6)
-
-
-def test_heavy_tails_of_the_noise_are_no_spikes():
-    x = np.random.default_rng(5).standard_t(7, 3000)
-    s = SimpleNamespace(record=SimpleNamespace(pv=x), law=SimpleNamespace(known=True))
-    score = outliers.by_innovations(SimpleNamespace(residual=x, theta={"noise_std": 0.1}), s)
-    assert score is None or score[0] < 0.0
 
 
 @pytest.mark.parametrize(
