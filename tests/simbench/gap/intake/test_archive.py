@@ -37,7 +37,12 @@ def seen_in(law, samples, pv=PV, noise=0.1, op=OP):
         law=law,
         samples=samples,
         data=SimpleNamespace(noise=noise),
+        baseline=controlled(),
     )
+
+
+def controlled(Td=None):
+    return SimpleNamespace(controller=SimpleNamespace(Td=Td))
 
 
 def lattice(step):
@@ -106,7 +111,17 @@ def test_why_no_law_holds_is_given_unless_what_lies_between_is_known(
     archive, gap, mismatch, foreign, reason
 ):
     law = replace(LAW, reason="no law", gap=gap, foreign=foreign)
-    assert unexplained(SimpleNamespace(law=law, archive=archive), mismatch) == reason
+    s = SimpleNamespace(law=law, archive=archive, baseline=controlled())
+    assert unexplained(s, mismatch) == reason
+
+
+@pytest.mark.parametrize(("residual", "reason"), [(0.02, "no law"), (0.5, ""), (0.8, "no law")])
+def test_an_archive_cannot_tell_a_derivative_that_is_computed_within_a_sample(residual, reason):
+    law = replace(LAW, reason="no law", residual=residual)
+    s = SimpleNamespace(law=law, archive=Archive(), baseline=controlled(Td=3.0))
+    assert unexplained(s, "") == reason
+    s.baseline = controlled()
+    assert unexplained(s, "") == "no law"
 
 
 @pytest.mark.parametrize(
@@ -131,9 +146,8 @@ def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(
     for k, value in pv.items():
         drawn[k] = value
     law = replace(LAW, strays=np.array(strays), **more)
-    it = SimpleNamespace(
-        law=law, op=OP, sp=moved, record=SimpleNamespace(pv=drawn), samples=PLAIN, archive=Archive()
-    )
+    it = seen_in(law, PLAIN, pv=drawn)
+    it.op, it.sp, it.archive = OP, moved, Archive()
     assert (reason in unexplained(it, "")) if reason else unexplained(it, "") == ""
 
 
