@@ -154,8 +154,9 @@ def data_of(
         for p in _stated(baseline, "random_walk", "input")
     ]
     loads = {
-        # levels are drawn evenly from -amplitude to amplitude
-        "steps": float(np.sqrt(2.0 / 3.0) * np.linalg.norm(steps)),
+        # levels between -amplitude and amplitude lie up to two of them apart, of which one part is
+        # fitted; some who write an amplitude mean the standard deviation
+        "steps": float(np.sqrt(2.0) * np.linalg.norm(steps)),
         "slow": float(np.linalg.norm(drifts)),
     }
     return replace(data, sines=tuple(sines), loads=loads if baseline.disturbance else {})

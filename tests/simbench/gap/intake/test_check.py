@@ -235,6 +235,6 @@ def test_stated_steps_and_drifts_count_where_they_enter_before_the_plant():
     record, stated = run(), loop(disturbance=parts)
     far = record.duration / 8000.0
     seen = check(record, stated).data.loads
-    assert seen["steps"] == pytest.approx(3.0 * np.sqrt(2.0 / 3.0))
+    assert seen["steps"] == pytest.approx(3.0 * np.sqrt(2.0))
     assert seen["slow"] == pytest.approx(np.hypot(4.0 * far, 2.0 * 1.5 * np.sqrt(far)))
     assert check(record, stated, trusted=False).data.loads == {}
