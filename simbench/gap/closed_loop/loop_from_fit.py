@@ -72,6 +72,9 @@ def fixed_loop(
         | ({"lag": lag * Ts} if lag > 0.0 else {})
         for std, period, lag in load_parts(source.theta)
     ]
+    wanders = source.spec.walk or "noise_std" in source.spec.free
+    if wanders and not any(recogniser(e).is_load_on_pv for e in effects):
+        table["disturbance"] += situation.loads_on_pv
     colour = source.theta["colour"]
     if colour > _COLOURED and "noise_std" not in source.spec.free:
         # noise that remembers is a load on PV itself

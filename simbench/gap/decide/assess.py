@@ -100,7 +100,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         refuse_other_plant(situation)
     record = situation
     situation, maps, engine, base, candidates = _fitted(situation, tests)
-    base, with_load = with_ordinary_load(engine, base, candidates, situation.stated)
+    base, with_load = with_ordinary_load(engine, base, candidates, _stated(situation))
     base, candidates = with_higher_order(engine, base, with_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
     by_lab = lab_gains(tests, base, parameters, gains)
@@ -131,6 +131,12 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         before_higher_order=with_load,
         by_lab=by_lab,
     )
+
+
+def _stated(s: Situation) -> frozenset[str]:
+    """Return the effects that the baseline states, or what does the same to PV."""
+    like = {e for e in EFFECTS if recogniser(e).is_load_on_pv} if s.loads_on_pv else set()
+    return s.stated | like
 
 
 def _choose_effects(
@@ -231,7 +237,7 @@ def _scores(
         if by_noise is not None:
             gains[effect], parameters[effect] = by_noise
         masked = effect in parameters and recogniser(effect).masked(s, parameters[effect])
-        if masked or effect in s.stated:
+        if masked or effect in _stated(s):
             gains[effect] = min(gains[effect], 0.0)
     return gains, parameters
 

@@ -53,6 +53,8 @@ class Recogniser:
     by_innovations : callable
         Evidence in the innovations of the fit without effect, where the samples themselves were
         not conclusive.
+    is_load_on_pv : bool
+        Whether a slow load on PV, as the baseline may state one, does the same.
     masked : callable
         Whether something proven or ordinary makes all the evidence of an effect of these numbers.
     remark : callable
@@ -89,6 +91,7 @@ class Recogniser:
     by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: (
         None
     )
+    is_load_on_pv: bool = False
     masked: Callable[[Situation, Parameters], bool] = lambda s, p: False
     remark: Callable[[Situation], str] = lambda s: ""
     needs: str = ""

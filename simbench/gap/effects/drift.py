@@ -62,6 +62,7 @@ def by_lab(
 
 
 RECOGNISER = Recogniser(
+    is_load_on_pv=True,
     fit=fit,
     numbers=numbers,
     by_lab=by_lab,

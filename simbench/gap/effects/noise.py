@@ -34,6 +34,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 
 RECOGNISER = Recogniser(
+    is_load_on_pv=True,
     fit=fit,
     numbers=numbers,
     # rounding and compression make noise

@@ -152,6 +152,26 @@ def test_an_effect_that_the_loop_file_states_is_no_gap(effect, parameters):
     assert any(effect in note for note in report.notes)
 
 
+def test_a_slow_load_on_pv_that_the_loop_file_states_is_neither_noise_nor_drift():
+    loop = Loop.from_table(
+        {
+            "plant": {"type": "foptd", "K": 2.65, "T": 75.0, "Td": 33.0},
+            "controller": {"type": "PI", "Kc": 0.4, "Ti": 75.0},
+            "noise": {"std": 0.157},
+            "sampling": {"Ts": 5.0, "n": 1200},
+            "setpoint": {"value": 50.0},
+            "disturbance": [
+                {"type": "coloured", "at": "output", "amplitude": 2.14, "period": 180.0},
+                {"type": "coloured", "amplitude": 1.0, "period": 1000.0},
+            ],
+        }
+    )
+    report = diagnose(blind(simulate(loop, seed=6).record), loop)
+    assert report.effect == NONE
+    # the loop that stands for "none" has the load
+    assert report.ranking[0].gap_before < 2.0
+
+
 def test_beside_a_stated_effect_another_one_is_named():
     loop = BASE.with_all({"effect": [{"name": "quantisation", "step": 0.4, "at": "record"}]})
     found = diagnose(simulate(loop.with_("plant.K", 3.0), seed=5).record, loop)

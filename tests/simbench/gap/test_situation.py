@@ -18,7 +18,7 @@ FOPTD = {"type": "foptd", "K": 2.0, "T": 30.0, "Td": 6.0}
 VESSEL = {"type": "integrating", "K": 0.05, "Td": 6.0}
 
 
-def situation(*, plant=FOPTD, op=OP, valve=None, law=None, archive=None, **fit):
+def situation(*, straight=0.9, plant=FOPTD, op=OP, valve=None, law=None, archive=None, **fit):
     fit = {"K": 2.0, "T": 15.0, "Td": 3.0, "n": N} | fit
     table = {
         "plant": plant,
@@ -37,7 +37,7 @@ def situation(*, plant=FOPTD, op=OP, valve=None, law=None, archive=None, **fit):
         op,
         np.zeros(N),
         law or Law(0.0, 0.5, 20.0),
-        SimpleNamespace(),
+        SimpleNamespace(straight=straight),
         archive or Archive(),
         PV,
         data,
@@ -116,3 +116,5 @@ def test_lines_that_the_noise_hides_are_an_ordinary_archives():
     assert thin.facts == {}
     assert "band" in thick.facts
     assert not thin.archive.faithful
+    few = situation(archive=Archive(band=0.055), law=law, straight=0.4)
+    assert few.compressed == 0.0

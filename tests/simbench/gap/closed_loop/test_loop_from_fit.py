@@ -85,7 +85,18 @@ def fitted_as(K=1.5, spec=None, **theta):
     return Fit(spec or Spec(), 0.0, THETA | theta, np.array([K, 0.0, 0.0]), np.zeros(N))
 
 
-def built(fit=None, effects=None, *, stated=FOPTD, sp=60.0, pv=60.0, trusted=True, had=(), **more):
+def built(
+    fit=None,
+    effects=None,
+    *,
+    stated=FOPTD,
+    sp=60.0,
+    pv=60.0,
+    trusted=True,
+    had=(),
+    on_pv=(),
+    **more,
+):
     """Return the loop file of a record of 2 s a sample beside a baseline; OP swings about 50 %."""
     vessel = stated["type"] == "integrating"
     table = {
@@ -106,6 +117,7 @@ def built(fit=None, effects=None, *, stated=FOPTD, sp=60.0, pv=60.0, trusted=Tru
         op=op,
         trusted=trusted,
         stated=frozenset(),
+        loads_on_pv=list(on_pv),
     )
     return fixed_loop(situation, fit or fitted_as(), effects or {}, **more)
 
@@ -162,6 +174,21 @@ def test_noise_that_remembers_is_a_load_on_pv(colour, free, coloured):
         if coloured
         else []
     )
+
+
+@pytest.mark.parametrize(
+    ("spec", "effects", "kept"),
+    [
+        (Spec(walk=True), {}, True),
+        (Spec(free=frozenset({"noise_std"})), {}, True),
+        (Spec(), {}, False),
+        (Spec(walk=True), {"drift": {"rate": 0.0, "walk": 0.1}}, False),
+    ],
+)
+def test_a_slow_load_on_pv_stays_where_the_fit_has_it_apart_from_the_load(spec, effects, kept):
+    load = {"type": "coloured", "at": "output", "amplitude": 0.8, "period": 40.0}
+    loop = built(fitted_as(spec=spec), effects, on_pv=[load])
+    assert ("output" in [d.parameters.get("at") for d in loop.disturbance]) == kept
 
 
 def test_without_a_trusted_baseline_the_noise_is_the_fitted_one():
