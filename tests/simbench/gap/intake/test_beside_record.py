@@ -144,3 +144,18 @@ def test_a_log_without_the_archive_settles_whether_the_controller_is_another(
     assert (left == "") is settled
     # any other test is made with the archive
     assert assess_with_tests(strays, [made("mv", situation)]).situation.unexplained_law
+
+
+def with_wild_readings(record, places):
+    pv = np.array(record.pv)
+    pv[places] += 4.0
+    return replace(record, pv=pv)
+
+
+def test_wild_readings_of_a_test_are_chance_where_the_record_has_none(situation):
+    test = made("sp_steps", situation)
+    test = replace(test, record=with_wild_readings(test.record, [30, 55, 80]))
+    assert set(check(test.record, LOOP).proven) == {"outliers"}
+    assert modelled(test, situation).proven == {}
+    wild = check(with_wild_readings(simulate(LOOP, 1).record, [100, 200, 300, 400]), LOOP)
+    assert set(modelled(test, wild).proven) == {"outliers"}
