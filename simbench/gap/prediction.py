@@ -13,10 +13,9 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from detectors.errors import ParameterError
 from detectors.signal.oscillation import find_oscillation
@@ -31,6 +30,9 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import NONE, UNKNOWN
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _PREDICTED = ("pv_std", "op_std", "op_travel_per_hour")
 _WORDS = {
@@ -216,6 +218,8 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
     >>> predict(report, {"controller.Kc": 0.5 * case.baseline.controller.Kc}).pv_std.value > 0
     True
     """
+    import pandas as pd
+
     s = report.behind.found.situation
     record = measure(s.op, np.asarray(s.record.pv), s.record.Ts)
     drawn, pairs = _draws(report, seed), []
@@ -371,6 +375,8 @@ def _corrected(
     correct each other: of 246 answers (seeds as of `MODEL_ERROR`) 72 % had PV's standard deviation
     within 10 % with the same number alone, 74 % with all three.
     """
+    import pandas as pd
+
     by = list(_PREDICTED if name in _PREDICTED else [name])
     seen, x, y = (
         np.log(frame[by].clip(lower=_LEAST)) for frame in (pd.DataFrame([record]), before, after)

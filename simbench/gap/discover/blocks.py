@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import find_peaks, periodogram
+import scipy
 
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import NOT_TRIED
@@ -107,7 +107,7 @@ def _freedoms(s: Situation, base: Fit) -> Iterator[tuple[str, Spec, float]]:
             block = "valve" if name == "shape" else "process"
             yield block, Spec(channels=channels), len(channels)
     yield "sensor", Spec(free=frozenset({"noise_std"})), 1.0
-    frequency, power = periodogram(x, nfft=_FINER * d.n)
+    frequency, power = scipy.signal.periodogram(x, nfft=_FINER * d.n)
     power[frequency < _PERIODS / d.n] = 0.0
     angle = 2.0 * np.pi * frequency[np.argmax(power)] * at
     yield "disturbance", Spec(channels=(np.sin(angle), np.cos(angle))), 4.0
@@ -116,7 +116,7 @@ def _freedoms(s: Situation, base: Fit) -> Iterator[tuple[str, Spec, float]]:
     size = np.abs(x)
     size[: kernels.SKIP] = 0.0
     # 1.4826 medians are a standard deviation
-    large, _ = find_peaks(size, height=_LARGE * 1.4826 * float(np.median(size)))
+    large, _ = scipy.signal.find_peaks(size, height=_LARGE * 1.4826 * float(np.median(size)))
     events = sorted(large, key=lambda k: -size[k])[:_EVENTS]
     if events:
         count = 2.0 * len(events)  # where each is counts as well

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from detectors.signal.holds import runs_of
 from simbench.gap.discover.families import Tried, families, fitted, held
@@ -120,9 +119,10 @@ def _by_likelihood(s: Situation, learn: Engine, rest: Engine, null: Fit, first: 
 def _intervals(law: Tried, engine: Engine) -> dict[str, tuple[float, float]]:
     """Return two standard deviations about each number, by the likelihood's curvature."""
     drawn = engine.scattered(law.fit, _DRAWS, 1.0, np.random.default_rng(0))
-    wide = 2.0 * pd.DataFrame([law.family.numbers(fit) for fit in drawn]).std()
+    spread = [law.family.numbers(fit) for fit in drawn]
     ends = law.family.numbers(law.fit).items()
-    return {k: (x - float(wide[k]), x + float(wide[k])) for k, x in ends}
+    wide = {k: 2.0 * float(np.std([one[k] for one in spread], ddof=1)) for k, _ in ends}
+    return {k: (x - wide[k], x + wide[k]) for k, x in ends}
 
 
 def _loud(s: Situation, null: Fit, other: Fit, first: int) -> tuple[FoundLaw, Fit] | None:
