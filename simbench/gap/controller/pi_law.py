@@ -328,7 +328,7 @@ class _Examination:
         third = with_derivative(self.du, e, self.rows, self.size)
         foreign = ""
         if third < law.residual / 3 and third < 0.15:
-            foreign = "a third term explains OP five times better: the controller is no PI"
+            foreign = "a third term explains OP five times better: the controller is another"
         elif self.collapsed and not self.gap:
             foreign = (
                 "OP stands still in most samples: the controller skips scans, or a dead-band holds"
