@@ -216,11 +216,13 @@ class _Controller:
         share = float(idle.mean())
         if not _IDLE < share < 0.95:
             return None
-        # what the error was when the controller last ran; each form of the integral
+        # what the error was when the controller last ran, and (bumpless return) just before; each
+        # form of the integral
         last = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))[:-1]
-        now, before = self.e[1:], self.e[last]
+        now = self.e[1:]
         tries = (
             self.Kc * (now - before) + self.Ki * (newest * now + (1.0 - newest) * before)
+            for before in (self.e[last], self.e[:-1])
             for newest in FORMS
         )
         left = min((du - np.where(idle[1:], 0.0, asked) for asked in tries), key=self.misfit)
