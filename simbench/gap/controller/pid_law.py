@@ -1,5 +1,5 @@
-"""See a PID of known settings as a PI: OP moves as a PI moves it whose error is shaped by the
-weights of SP, the derivative and the schedule.
+"""Convert a PID of known settings to an equivalent PI: compute the error, with set-point weights,
+derivative and gain schedule, for which a PI moves OP as the PID does.
 """
 
 from __future__ import annotations
