@@ -62,18 +62,16 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     levels, count = np.unique(x, return_counts=True)
     once = count == 1
     if once.sum() < _BRIDGED * x.size:
-        x = x[~np.isin(x, levels[once])]
-    rising = np.sort(x)
-    fine = unit + 1e-8 * (float(max(-rising[0], rising[-1])) or 1.0)
-    rises = np.diff(rising)
-    gaps = rises[rises > 1.5 * fine]
+        levels, count = levels[~once], count[~once]
+    fine = unit + 1e-8 * (float(max(-levels[0], levels[-1])) or 1.0)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1.5 * fine]
     if gaps.size == 0 or gaps.min() < _COARSER * fine:
         return 0.0
-    levels = rising[np.append(True, rises > 0.0)]
     step = float(gaps.min())
     near = gaps[gaps < 3.5 * step]
     step = float(near.sum() / np.round(near / step).sum())
-    repeats = x.size >= _REPEATS * levels.size
+    repeats = count.sum() >= _REPEATS * levels.size
     if levels.size < 3:
         return step if repeats else 0.0
     place = levels - levels[0]

@@ -17,6 +17,7 @@ import scipy
 from detectors.signal.filters import lfilter
 from detectors.signal.holds import holds, runs_of
 from detectors.signal.lattice import written_unit
+from simbench.gap.controller.examine import stated_controller
 from simbench.gap.controller.regression import FORMS
 from simbench.gap.law import FoundLaw
 from simbench.gap.situation import Situation
@@ -120,11 +121,10 @@ class _Controller:
     """
 
     def __init__(self, s: Situation, late: int) -> None:
-        pv, control = np.asarray(s.record.pv), s.baseline.controller
+        pv, stated = np.asarray(s.record.pv), stated_controller(s.baseline, s.record.Ts)
         self.late, self.Ts, self.moves = late, s.record.Ts, np.diff(s.sp)
         self.op, self.e = np.asarray(s.op), s.sp - (np.append(pv[0], pv[:-1]) if late else pv)
-        self.Kc = control.sign * control.Kc
-        self.Ki = self.Kc * self.Ts / control.Ti if control.Ti else 0.0
+        self.Kc, self.Ki = stated.Kc, stated.Ki
         # digits of OP and PV as far as they reach OP, or what an archive by exception hides
         digits = written_unit(s.op), abs(self.Kc) * written_unit(pv), s.law.hidden
         self.unit = max(*digits, 1e-6 * float(np.std(s.op)), 1e-9) / 3.0

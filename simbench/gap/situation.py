@@ -47,6 +47,15 @@ class Archive:
         return self.rounding is None and self.band == 0.0 and self.spikes is None
 
 
+def coloured_on_pv(baseline: Loop, Ts: float, slow: bool) -> list[dict[str, Any]]:
+    """Return the parameters of the coloured loads that the baseline states on PV: the `slow` ones,
+    or those of so little memory that they are noise.
+    """
+    loads = [part.parameters for part in baseline.disturbance if part.name == "coloured"]
+    on_pv = [load for load in loads if load.get("at") == "output"]
+    return [load for load in on_pv if (np.exp(-Ts / float(load["period"])) >= REDDEST) == slow]
+
+
 @dataclass(frozen=True, eq=False)
 class Situation:
     """A record with its baseline, checked, with what single blocks show before anything is
@@ -140,13 +149,8 @@ class Situation:
         """The slow coloured loads that the baseline states on PV, as a loop file has them: the
         measurement wanders with them.
         """
-        return [
-            {"type": part.name, **part.parameters}
-            for part in self.baseline.disturbance
-            if part.name == "coloured"
-            and part.parameters.get("at") == "output"
-            and self.record.Ts <= -np.log(REDDEST) * float(part.parameters["period"])
-        ]
+        slow = coloured_on_pv(self.baseline, self.record.Ts, slow=True)
+        return [{"type": "coloured", **load} for load in slow]
 
     @property
     def integrating(self) -> bool:

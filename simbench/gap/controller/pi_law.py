@@ -63,7 +63,7 @@ class Law:
     and OP may lie: `limits` of OP tighter than its range (lo, hi), a `gap` of the error in which OP
     rests (full width), a lattice of OP (`step`), and another `tuning` (factors of the baseline's Kc
     and Ti). `recovered_pv` is the PV the controller must have seen (None when it cannot be
-    recovered). `reason` is why the block cannot be judged, `foreign` why it is no PI at all, `late`
+    recovered). `reason` is why the block cannot be judged, `foreign` why it is another one, `late`
     by how many samples OP answers late, `averaged` that the archive's PV is a mean, `blur` what the
     digits leave uncertain of the recovered PV (PV units), `strays` the samples that an otherwise
     exact law does not explain, `hidden` what an archive that reports by exception may hide of a
@@ -167,10 +167,10 @@ class _Examination:
 
     `Kc` (with sign), `Ti`: the baseline's law. `e` (n,): the error of which a PI moves OP, past a
     gap of the controller's own error; `hidden`: what the bands within which an archive repeats OP
-    and PV may hide of a change of OP (%). Where
-    OP is off its `limits` and stored with PV: `inside` (n,) by sample, `rows` (n - 1,) by change;
-    `told`: changes, too, of which the archive would have stored what the baseline asks; `size` of
-    the changes; `rounding`: the standard deviation that the digits of OP and PV leave of them.
+    and PV may hide of a change of OP (%). Where OP is off its `limits` and stored with PV: `inside`
+    (n,) by sample, `rows` (n - 1,) by change; `told`: changes, too, of which the archive would have
+    stored what the baseline asks; `size` of the changes; `rounding`: the standard deviation that
+    the digits of OP and PV leave of them.
     """
 
     def __init__(
@@ -241,12 +241,8 @@ class _Examination:
         if not trusted:
             reason = "" if self.exact else "the recorded PV does not explain OP through a PI law"
             return replace(law, reason=reason, strays=np.empty(0, dtype=int))
-        runs = np.append(0, np.flatnonzero(self.du) + 1)
-        # a controller that skips a scan knows of none
-        of_runs = self.acts.error(self.op[runs], self.pv[runs], self.level[runs])
-        if self.plain and skips_scans(
-            self.op, self.e, of_runs, self.told, self.size, max(self.op_is.unit, self.op_is.step)
-        ):
+        unit = max(self.op_is.unit, self.op_is.step)
+        if self.plain and skips_scans(self.op, self.e, self._error_at, self.told, self.size, unit):
             return replace(
                 law,
                 foreign="OP stands still where the law would move it: the controller skips scans",
@@ -328,7 +324,10 @@ class _Examination:
         third = with_derivative(self.du, e, self.rows, self.size)
         foreign = ""
         if third < law.residual / 3 and third < 0.15:
-            foreign = "a third term explains OP five times better: the controller is another"
+            foreign = (
+                "a derivative term explains OP more than three times better: the controller is not"
+                " the stated one"
+            )
         elif self.collapsed and not self.gap:
             foreign = (
                 "OP stands still in most samples: the controller skips scans, or a dead-band holds"
@@ -388,6 +387,10 @@ class _Examination:
         if i >= stated:
             return self._tuned(law, *tunings[i])
         return replace(law, Kc=Kc, Ti=self.Ti or np.inf)
+
+    def _error_at(self, runs: np.ndarray) -> np.ndarray:
+        """Return the error of a controller that knows of no samples but its `runs`."""
+        return self.acts.error(self.op[runs], self.pv[runs], self.level[runs])
 
     def _seen(self, a: float, b: float) -> np.ndarray | None:
         pv = recover_pv(self.op, self.e, self.pv, self.inside, a, b, self.Ti is None)

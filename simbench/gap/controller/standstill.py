@@ -4,6 +4,8 @@ controller was not executed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from simbench.gap.controller.regression import EXACT, about_zero, by_steps, solved_by_most
@@ -78,10 +80,15 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
 
 
 def skips_scans(
-    op: np.ndarray, e: np.ndarray, of_runs: np.ndarray, free: np.ndarray, size: float, unit: float
+    op: np.ndarray,
+    e: np.ndarray,
+    error_at: Callable[[np.ndarray], np.ndarray],
+    free: np.ndarray,
+    size: float,
+    unit: float,
 ) -> bool:
     """Return whether OP rests exactly in some `free` changes (n - 1,) and obeys a PI law from one
-    move to the next, by the errors `of_runs` at the first sample and the moves.
+    move to the next; `error_at` gives the errors at the samples in which the controller ran.
     """
     still = np.diff(op) == 0.0
     by_chance = min(unit / (2.5 * size), 1.0)  # that a rounded OP repeats itself
@@ -90,6 +97,7 @@ def skips_scans(
     moves = np.append(0, np.flatnonzero(~still) + 1)
     if moves.size < 30:
         return False
+    of_runs = error_at(moves)
     du, now, before = np.diff(op[moves]), of_runs[1:], of_runs[:-1]
     rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
     every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)

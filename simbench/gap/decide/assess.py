@@ -232,12 +232,13 @@ def _scores(
     parameters |= s.proven
     for effect, (gain, p) in maps.items():
         gains[effect], parameters[effect] = gain, p
+    stated = _stated(s)
     for effect in (e for e in EFFECTS if e not in s.proven):
         by_noise = recogniser(effect).by_innovations(alone, s)
         if by_noise is not None:
             gains[effect], parameters[effect] = by_noise
         masked = effect in parameters and recogniser(effect).masked(s, parameters[effect])
-        if masked or effect in _stated(s):
+        if masked or effect in stated:
             gains[effect] = min(gains[effect], 0.0)
     return gains, parameters
 

@@ -16,9 +16,9 @@ from detectors.signal.holds import holds, runs_of
 from scenarios.spec import Loop
 from simbench.gap.controller.examine import examine_controller
 from simbench.gap.controller.pi_law import LAW_ROWS, Law
-from simbench.gap.likelihood.model import REDDEST, Data
+from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
-from simbench.gap.situation import through_valve
+from simbench.gap.situation import coloured_on_pv, through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like, polynomials
 
 _STUCK = 0.01  # share of samples in standstills that noise and rounding do not bring
@@ -39,11 +39,7 @@ def stated_noise(baseline: Loop, Ts: float) -> float:
     """Return the standard deviation of PV's noise as the baseline states it, coloured noise on PV
     counted in.
     """
-    coloured = (
-        p["amplitude"]
-        for p in _stated(baseline, "coloured", "output")
-        if np.exp(-Ts / p["period"]) < REDDEST
-    )
+    coloured = [load["amplitude"] for load in coloured_on_pv(baseline, Ts, slow=False)]
     return float(np.linalg.norm([baseline.noise.std, *coloured]))
 
 
