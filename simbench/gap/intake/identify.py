@@ -38,7 +38,13 @@ def identify(
         plant, noise = _plant(record, shown if controller is None else controller.sign)
     if controller is None:
         sign = float(np.sign(plant.K))
-        controller = _controller(law if law.known else _law(record, sign), sign, record.Ts)
+        law = law if law.known else _law(record, sign)
+        if not (np.isfinite(law.Kc) and law.Kc != 0.0):
+            raise RecordError(
+                f"{_where(record)}: no controller can be identified: OP does not answer to PV (Kc ="
+                f" {abs(law.Kc):g})"
+            )
+        controller = _controller(law, sign, record.Ts)
     return Loop(
         plant=plant,
         controller=controller,
@@ -53,6 +59,10 @@ def exact_controller(record: LoopRecord) -> Controller | None:
     """
     law = _law(record, 1.0)
     return _controller(law, float(np.sign(law.Kc)), record.Ts) if law.known and law.Kc else None
+
+
+def _where(r: LoopRecord) -> str:
+    return f"record {r.tag!r}" if r.tag else "record"
 
 
 def _law(r: LoopRecord, sign: float) -> Law:
@@ -93,9 +103,8 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
     _, integrating, fit = max(tries, key=lambda t: t[0])
     K = sign * abs(fit.K) if sign else fit.K
     if not (np.isfinite(K) and K != 0.0):
-        where = f"record {r.tag!r}" if r.tag else "record"
         raise RecordError(
-            f"{where}: no plant can be identified: PV does not answer to OP (K = {K:g})"
+            f"{_where(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"
         )
     dead, noise = fit.theta["Td"] * r.Ts, fit.theta["noise_std"]
     if integrating:

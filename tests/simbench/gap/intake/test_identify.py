@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from detectors.errors import RecordError
+from detectors.record import LoopRecord
 from scenarios.spec import Controller, Loop, Plant
+from simbench.gap.diagnosis import conclude
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.identify import exact_controller, fit_plant, identify, meaningful
 from simbench.loop.effects import EFFECTS, block_of
@@ -157,3 +159,15 @@ def test_what_compares_with_a_plant_has_no_meaning_without_one():
     assert meaningful(False, False) == set(EFFECTS) - of_plant - of_tuning
     assert meaningful(False, True) == set(EFFECTS) - of_plant
     assert meaningful(True, False) == (set(EFFECTS) - of_plant - of_tuning) | valve
+
+
+def test_op_that_is_moved_by_hand_has_no_controller_and_says_so():
+    op = 50.0 + np.repeat(np.random.default_rng(0).normal(size=60), 10)
+    pv = np.zeros(op.size)
+    for k in range(1, op.size):
+        pv[k] = 0.9 * pv[k - 1] + 0.1 * (op[k - 1] - 50.0)
+    by_hand = LoopRecord(op=op, pv=np.round(pv, 1), sp=np.zeros(op.size), Ts=1.0, tag="FIC7")
+    sentence = "record 'FIC7': no controller can be identified: OP does not answer to PV"
+    with pytest.raises(RecordError, match=sentence):
+        identify(by_hand)
+    assert conclude(by_hand).verdict == "no_decision"
