@@ -106,7 +106,7 @@ def _judge(as_json: bool, why: bool, **asked: Any) -> int:
     else:
         print(report.as_text(why=why, colour=sys.stdout.isatty()))
     sys.stdout.flush()
-    return 0
+    return 1 if report.refused else 0
 
 
 if __name__ == "__main__":

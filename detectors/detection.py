@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 from numpy.typing import ArrayLike
 
 from detectors.errors import ParameterError, nearest
+from detectors.faults import sentence_of
 from detectors.judge import judge, refuse_wrong_forms
 from detectors.plugins.host import SECONDS
 from detectors.plugins.registry import methods as registry
@@ -233,12 +234,21 @@ def _judge_files(
         records, refused, alone = _read(Path(path), known, labels, **about)
         # 3. judge each by every method, and weigh all evidence where that is asked for
         verdicts, conclusions = [], {}
+        # of a folder only where the method that costs as much was asked for: a report concludes of
+        # every record
+        weighed = settings.conclude is not None and (alone or _WEIGHED_BY in names)
         for name, record in records.items():
-            verdicts += [(name, verdict) for verdict in settings.judge(record, names)]
-            # of a folder only where the method that costs as much was asked for: a report concludes
-            # of every record
-            if settings.conclude is not None and (alone or _WEIGHED_BY in names):
-                conclusions[name] = settings.conclude(record)
+            try:
+                judged = settings.judge(record, names)
+                if settings.conclude is not None and weighed:
+                    conclusions[name] = settings.conclude(record)
+            except Exception as error:
+                if name is None:
+                    raise
+                refused[name] = sentence_of(error)  # the other records are answered
+            else:
+                verdicts += [(name, verdict) for verdict in judged]
+        records = {name: record for name, record in records.items() if name not in refused}
         # 4. score against the labels
         scores = score_units(verdicts, known) if known else []
         return Report(verdicts, refused, scores, records, conclusions)

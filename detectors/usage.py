@@ -9,22 +9,14 @@ import os
 import shlex
 import signal
 import sys
-import tempfile
 import threading
-import traceback
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import TextIO
 
 from detectors.errors import UserError, masked, printable
+from detectors.faults import sentence_of
 from detectors.records.roles import column_pairs
 
-LOG = (  # begins the name of a fault's log, in the system's folder of temporary files
-    "simbench-fault-"
-)
-# set where tests run: a fault of the program is a traceback there, no sentence
-RAISED = "SIMBENCH_RAISE"
-LOGS = 20  # kept there, the newest
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
 TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
 _LONGEST = 950  # characters of a sentence; a longer one is cut in its middle
@@ -47,24 +39,9 @@ def exit_code(
         return complain(
             f"{error.sentence}; try: {cured(command, cure)}" if cure and command else str(error)
         )
-    except MemoryError:
-        return complain("not enough memory for this; ask for fewer samples or scenarios")
     except BrokenPipeError:
         _drop(sys.stdout)
         return 0
-    except OSError as error:
-        kind = {
-            NotADirectoryError: "; a folder is needed",
-            IsADirectoryError: "; a file is needed",
-        }.get(type(error), "")
-        return complain(
-            f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}{kind}"
-        )
-    except RuntimeError as error:
-        loop = str(error).startswith("Symlink loop")
-        return complain(
-            f"{error}; a path that leads to a file or folder is needed" if loop else _fault(error)
-        )
     except KeyboardInterrupt as error:
         print(masked(error) or "interrupted", file=sys.stderr)
         return 130
@@ -72,7 +49,7 @@ def exit_code(
         # argparse has printed its help or its complaint by then, click lost its reader (1)
         return int(stop.code or 0) if stop.code in (None, 0, 1, TERMINATED) else 2
     except Exception as error:
-        return complain(_fault(error))
+        return complain(sentence_of(error, command))
 
 
 def _open_closed_streams() -> None:
@@ -140,31 +117,3 @@ def _drop(stream: TextIO) -> None:
     ends.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _fault(error: Exception) -> str:
-    """Write the traceback of an error nobody foresaw to a log file, and return the sentence that
-    names it.
-    """
-    if os.environ.get(RAISED):
-        raise error
-    message = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-    try:
-        handle, log = tempfile.mkstemp(prefix=LOG, suffix=".log")
-        with open(handle, "w", encoding="utf-8", errors="backslashreplace") as f:
-            f.write(masked(f"{sys.argv}\n\n{''.join(traceback.format_exception(error))}"))
-        _drop_old_logs(Path(log).parent)
-    except OSError:
-        log = "no log file, as none could be written"
-    return (
-        f"this input met a fault of the program itself ({message}); nothing it printed holds; the"
-        f" traceback is in {log}"
-    )
-
-
-def _drop_old_logs(folder: Path) -> None:
-    """Remove all logs of faults but the newest; what cannot be removed is let be."""
-    with contextlib.suppress(OSError):  # a log that went meanwhile has no time
-        for log in sorted(folder.glob(f"{LOG}*.log"), key=lambda p: p.stat().st_mtime_ns)[:-LOGS]:
-            with contextlib.suppress(OSError):
-                log.unlink()

@@ -2,6 +2,6 @@
 
 import os
 
-from detectors.usage import RAISED
+from detectors.faults import RAISED
 
 os.environ[RAISED] = "1"

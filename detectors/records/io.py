@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import RecordError, nearest, printable
+from detectors.errors import ParameterError, RecordError, nearest, printable
+from detectors.faults import sentence_of
 from detectors.record import (
     KIND_ALIASES,
     KINDS,
@@ -218,8 +219,10 @@ def read_folder(
             loaded, not_read = read_records(
                 file, tag=file_tag, loops=loops, **{**(each or {}).get(name, {}), **given}
             )
-        except RecordError as error:
-            loaded, not_read = {}, {printable(file.stem): printable(error)}
+        except ParameterError:  # an option that is wrong of every file
+            raise
+        except Exception as error:
+            loaded, not_read = {}, {printable(file.stem): printable(sentence_of(error))}
         several = len(loaded) + len(not_read) > 1
         for into, what in ((records, loaded), (refused, not_read)):
             for label, value in what.items():

@@ -35,6 +35,10 @@ class ShownConclusion(Protocol):
         """Return verdict with probability and cause, reason, next step."""
         ...
 
+    def as_json(self) -> dict[str, Any]:
+        """Return the same in JSON types."""
+        ...
+
 
 @dataclass(frozen=True)
 class Report:
@@ -52,9 +56,12 @@ class Report:
     conclusions: dict[str | None, ShownConclusion] = field(default_factory=dict, repr=False)
 
     def as_json(self) -> list[dict[str, Any]]:
-        """Return one object per verdict; `record` is its first key for a folder."""
+        """Return one object per verdict; `record` is its first key for a folder, and `conclusion`
+        its last where all evidence about the record was weighed.
+        """
+        concluded = {n: {"conclusion": c.as_json()} for n, c in self.conclusions.items()}
         return [
-            {**({} if name is None else {"record": name}), **v.as_json()}
+            {**({} if name is None else {"record": name}), **v.as_json(), **concluded.get(name, {})}
             for name, v in self.verdicts
         ]
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
 from simbench.cli.common import (
     FrontEnd,
@@ -84,11 +84,15 @@ def detect(
     The first lines give the conclusion: stiction, no stiction or cannot tell, with its probability.
     It comes from a comparison of loop models with and without valve friction (the method
     `likelihood`), not from a vote of the other methods. If --method names other methods only, their
-    verdicts are printed without a conclusion.
+    verdicts are printed without a conclusion. In JSON every verdict carries the `conclusion` about
+    its record.
 
     The table has one row per method: its verdict, its score (each method has its own scale and
     threshold; more means that stiction is more likely), and the stick band S and slip-jump J that
     it estimates.
+
+    Of a folder every record is answered. One that cannot be is listed with its reason, and the exit
+    code is 1.
     """
     from detectors.detection import judge_files
     from detectors.report.report import failed, table
@@ -98,7 +102,7 @@ def detect(
     refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
     asked = method or ["all"]
     # single methods are asked for their verdicts alone, and answer at once
-    weighed = not as_json and {"all", "full", "likelihood"} & {
+    weighed = {"all", "full", "likelihood"} & {
         one.strip() for text in asked for one in text.split(",")
     }
     report = judge_files(
@@ -144,6 +148,8 @@ def detect(
         say(f"page: {html.resolve()}", as_json)
     if power:
         _print_power(path, asked, as_json, **about)
+    if report.refused:
+        raise Exit(1)
 
 
 @app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))

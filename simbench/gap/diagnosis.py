@@ -415,6 +415,6 @@ def report(
         blocks=weights.shares,
         next_test=advice,
         notes=tuple(notes),
-        conclusion=conclusion,
+        conclusion=replace(conclusion, notes=situation.record.notes),
         behind=DiagnosisDetails(assessment, runs, main, detectable),
     )

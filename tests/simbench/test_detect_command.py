@@ -7,14 +7,19 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from importlib.metadata import version
 
 import pytest
 import typer
 
+from detectors import faults
+from scenarios.spec import Controller
 from simbench import cli
+from simbench.gap.stiction.conclusion import judged
 from simbench.workbench import Loop
 
 FAST = ["--method", "horch,he,kano_a,procedure"]
@@ -228,3 +233,50 @@ def test_a_shell_completes_grids_and_methods(typed, at, expected):
         command, env={**os.environ, **asked}, capture_output=True, text=True
     ).stdout
     assert expected in out.split()
+
+
+def test_a_record_that_fails_is_listed_with_its_file_and_the_others_are_answered(
+    folder, capsys, monkeypatch, tmp_path
+):
+    monkeypatch.delenv(faults.RAISED)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    for name in ("healthy", "sticky"):
+        shutil.copy(folder / f"{name.replace('healthy', 'sound')}.csv", tmp_path / f"{name}.csv")
+    (tmp_path / "torn.csv").write_text("t,op,pv\n0,1,2\n1,x,2\n")
+
+    def conclude(record):
+        if record.tag == "healthy":  # as a plant's controller without a gain did
+            Controller(type="PI", Kc=0.0, Ti=1.0)
+        return judged(record)[0]
+
+    monkeypatch.setattr("simbench.gap.diagnosis.conclude", conclude)
+    assert cli.main(["detect", str(tmp_path), "--method", "horch,likelihood", "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert {row["record"] for row in json.loads(out)} == {"sticky"}
+    (fault,) = (line for line in err.splitlines() if line.startswith("left out healthy"))
+    assert "this record met a fault of the program itself (ValidationError)" in fault
+    assert "pydantic" not in err
+    assert "left out torn: " in err
+    # of one record alone, the sentence names the command and so the file
+    assert cli.main(["detect", str(tmp_path / "healthy.csv")]) == 2
+    assert "healthy.csv` met a fault" in capsys.readouterr().err
+
+
+def test_json_of_every_verb_that_concludes_has_the_conclusion_its_text_prints(folder, capsys):
+    file = folder / "sticky.csv"
+    for verb in (
+        ("detect", file, "--method", "horch,likelihood"),
+        ("diagnose", file),
+        ("trust", file, "--method", "horch"),
+        ("gap", "diagnose", file, "--identify"),
+    ):
+        first = " ".join(printed(capsys, *verb).out.split())
+        answer = json.loads(printed(capsys, *verb, "--json").out)
+        rows = answer if isinstance(answer, list) else [answer]
+        assert len({json.dumps(row["conclusion"]) for row in rows}) == 1
+        concluded = rows[0]["conclusion"]
+        assert [*concluded] == ["verdict", "probability", "cause", "reason", "next", "notes"]
+        assert concluded["verdict"] == "stiction"
+        assert f"(probability of stiction {concluded['probability']:.2f})" in first
+    alone = json.loads(printed(capsys, "detect", file, "--method", "horch", "--json").out)
+    assert "conclusion" not in alone[0]  # nothing was weighed, as in the text

@@ -60,7 +60,8 @@ class Conclusion:
 
     `verdict` is "stiction", "no_stiction" or "no_decision"; `probability` that of stiction, None
     where the record cannot be judged; `cause` what moves the loop, or with a loop file what the
-    simulation does not model; `reason` one sentence; `next` what to do.
+    simulation does not model; `reason` one sentence; `next` what to do; `notes` what reading the
+    record assumed or left out.
     """
 
     verdict: str
@@ -68,10 +69,11 @@ class Conclusion:
     cause: str
     reason: str
     next: str
+    notes: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the conclusion in JSON types."""
-        return asdict(self)
+        return {**asdict(self), "notes": [*self.notes]}
 
     def sentence(self) -> str:
         """Return verdict, probability and cause in one line."""
@@ -101,8 +103,10 @@ def from_record(
     """
     causes = find_causes(prepared, loops, root, sure)
     cause, swings = causes.named.name, prepared.oscillation.sustained
+    notes = prepared.record.notes
     if isinstance(loops, str):
-        return Conclusion(NO_DECISION, None, cause, loops, _NEXT.get(cause, _RECORD_AGAIN)), causes
+        to_do = _NEXT.get(cause, _RECORD_AGAIN)
+        return Conclusion(NO_DECISION, None, cause, loops, to_do, notes), causes
     p = loops.probability
     answer = verdict(p)
     if answer == STICTION and cause != why.STICKING:
@@ -127,7 +131,7 @@ def from_record(
             if swings
             else _AT_REST
         )
-    return Conclusion(answer, p, cause, "; ".join(reasons), to_do), causes
+    return Conclusion(answer, p, cause, "; ".join(reasons), to_do, notes), causes
 
 
 def from_posterior(

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from detectors.errors import ParameterError, UserError
+from detectors.faults import sentence_of
 from detectors.judge import judge
 from detectors.prepared import Prepared
 from detectors.quality import resolution
@@ -198,7 +199,11 @@ def survey(
     records, refused = read_folder(folder, names=known or None, each=each, **about)
     names = choose_methods(["all"])
     asked = [(name, r, names, known.get(name, {}).get("label", "")) for name, r in records.items()]
-    members: list[FleetLoop] = resumed(_one, asked, jobs=jobs, keep=keep, what="loops")
+    answers = dict(
+        zip(records, resumed(_one, asked, jobs=jobs, keep=keep, what="loops"), strict=True)
+    )
+    refused = {**refused, **{name: why for name, why in answers.items() if isinstance(why, str)}}
+    members: list[FleetLoop] = [m for m in answers.values() if not isinstance(m, str)]
     # one copy of each record, not those that came from a file or another process
     members = [replace(m, trust=replace(m.trust, record=records[m.name])) for m in members]
     members = _with_pooled(members, {name: row["loop"] for name, row in known.items()})
@@ -258,7 +263,15 @@ def _status(m: FleetLoop, before: Mapping[str, str]) -> str:
     return "again" if before.get(m.name) == m.cause.name else "new, watch"
 
 
-def _one(name: str, record: LoopRecord, methods: list[str], label: str) -> FleetLoop:
+def _one(name: str, record: LoopRecord, methods: list[str], label: str) -> FleetLoop | str:
+    """Return what is known of a loop, or the sentence of an error, which ends no other loop's."""
+    try:
+        return _fleet_loop(name, record, methods, label)
+    except Exception as error:
+        return sentence_of(error)
+
+
+def _fleet_loop(name: str, record: LoopRecord, methods: list[str], label: str) -> FleetLoop:
     judged = trust(record, methods=["fast"], healthy=HEALTHY, each=EACH, help_wanted=False)
     asked = {m.verdict.method: m.verdict for m in judged.methods}
     others = judge(record, [name for name in methods if name not in asked])

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from detectors import usage
+from detectors import faults
 from detectors.usage import exit_code
 from simbench.cli import app
 from tests.simbench.boundary.conftest import answer_to, refused, sampled
@@ -436,21 +436,21 @@ def test_wrong_thresholds(here, verb):
 def test_faults_of_the_program_are_one_sentence_that_names_its_log_and_logs_do_not_pile_up(
     capsys, tmp_path, monkeypatch
 ):
-    monkeypatch.delenv(usage.RAISED)
+    monkeypatch.delenv(faults.RAISED)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     (tmp_path / "simbench-report.log").write_text("not ours")
-    for number in range(usage.LOGS + 5):
+    for number in range(faults.LOGS + 5):
 
         def fault(number=number):
             raise ZeroDivisionError(f"nobody\nthought of {number}")
 
         assert exit_code(fault) == 2
     message = capsys.readouterr().err.splitlines()[-1]
-    assert f"nobody thought of {usage.LOGS + 4}" in message
-    assert len(list(tmp_path.glob(f"{usage.LOG}*"))) == usage.LOGS
+    assert f"nobody thought of {faults.LOGS + 4}" in message
+    assert len(list(tmp_path.glob(f"{faults.LOG}*"))) == faults.LOGS
     log = Path(message.rpartition(" ")[2]).read_text()
     assert "Traceback" in log
-    assert f"thought of {usage.LOGS + 4}" in log
+    assert f"thought of {faults.LOGS + 4}" in log
     assert (tmp_path / "simbench-report.log").exists()
 
 
