@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from calendar import month_abbr
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from itertools import takewhile
 
@@ -100,6 +100,8 @@ _DAY_1970 = {"of a spreadsheet": 25_569.0, "of MATLAB": 719_529.0}
 _LEAP = re.compile(r"(?<=:59:)60(?!\d)")
 CALENDAR = 1e8  # s since 1970 from which a time is one of the calendar
 _HOUR = 3600.0  # s by which clocks are set forward in spring, and back in autumn
+_REGULAR, _MOSTLY = 0.01, 0.8  # of the usual step that one may differ, and how many steps must not
+_FEW_ALIKE = 0.01  # share of times given twice, up to which the clock is as fine as the samples
 _LONG = 5000  # rows from which a column of time stamps is read as a whole
 _DAY_STEP, _SECOND_STEP = (
     0.002,
@@ -116,9 +118,12 @@ def seconds(
     place: Callable[[int], str] = lambda row: f"line {row + 2}",
     notes: list[str] | None = None,
     again: bool = False,
+    signals: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
     """Return a time column in seconds, from numbers or time stamps; falling where the newest comes
     first.
+
+    `again` allows a time twice; `signals` of the same rows show which of them are repeated.
     """
     remarks = notes if notes is not None else []
     if isinstance(values, np.ndarray) and values.dtype.kind == "M":
@@ -142,18 +147,43 @@ def seconds(
     back = np.flatnonzero(step < 0 if again else step <= 0)
     if back.size:
         was, now = values[back[0]], values[back[0] + 1]
-        why = f"{name} does not rise ({was}, then {now}); every sample needs a later time"
-        usual = float(np.median(step)) or float((t[-1] - t[0]) / step.size)
-        if t[0] > CALENDAR and abs(step[back[0]] - usual + _HOUR) < usual:
-            why = (
-                f"local time is set back by an hour ({was}, then {now}); every sample needs a later"
-                " time"
-            )
+        why, cure, to_do = _in_what_order(t, back, signals or {})
         raise RecordError(
-            f"{where}, {place(back[0] + 1)}: {why}",
-            f"--ts {usual:g}" if usual > 0 and not again else "",
+            f"{where}, {place(back[0] + 1)}: {name} does not rise ({was}, then {now}){why}; every"
+            f" sample needs a later time{to_do}",
+            "" if again else cure,
         )
     return t
+
+
+def _in_what_order(
+    t: np.ndarray, back: np.ndarray, signals: Mapping[str, np.ndarray]
+) -> tuple[str, str, str]:
+    """Return why times do not rise after the rows `back`, the option that reads the file rightly,
+    and what to do to the file; empty where that is not known.
+
+    To count the rows in place of the clock is right only where they stand in their order.
+    """
+    step, order = np.diff(t), np.argsort(t, kind="stable")
+    apart = np.diff(t[order])
+    usual = float(np.median(step[step > 0])) if np.any(step > 0) else 0.0
+    count = f"--ts {usual:g}"
+    if not np.any(step < 0):
+        if back.size <= _FEW_ALIKE * step.size:
+            return "", count, ""
+        # the clock is coarser than the samples, or rows are repeated, or missing
+        coarse = 0.0 < step.max() <= 2.0 * usual
+        return "", f"--ts {float((t[-1] - t[0]) / step.size):g}" if coarse else "", ""
+    in_order = np.mean(np.abs(step - usual) <= _REGULAR * usual) > _MOSTLY
+    if in_order and t[0] > CALENDAR and abs(step[back[0]] - usual + _HOUR) < usual:
+        return ": local time is set back by an hour", count, ""
+    if apart.min() > 0.5 * float(np.median(apart)):  # a clock set back gives times twice
+        return ": rows are out of order", "", "; sort them by time"
+    first, second = order[:-1][apart == 0], order[1:][apart == 0]
+    alike = [np.array_equal(x[first], x[second], equal_nan=True) for x in signals.values()]
+    if first.size and alike and all(alike):
+        return ": rows are repeated", "", "; remove these and sort the others by time"
+    return "", count if in_order else "", ""
 
 
 def hour_lost(t: np.ndarray, Ts: float) -> np.ndarray:

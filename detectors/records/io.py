@@ -592,6 +592,7 @@ def _wide(
         unit=units.get(name, ""),
         place=sheet.place,
         notes=sheet.notes,
+        signals=signals,
     )
     if t[0] > t[-1]:
         t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}

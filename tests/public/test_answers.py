@@ -32,6 +32,7 @@ n = 1200
 [noise]
 std = 0.1
 """
+CONCLUSION = {"verdict", "probability", "cause", "reason", "next", "notes"}
 VERDICT = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 EFFECTS = {
     "valve": {
@@ -222,7 +223,8 @@ def test_detect(answer, place):
     answered = answer("detect sticky.csv --method all")
     assert {v["method"] for v in answered} == METHODS
     for v in answered:
-        assert set(v) == VERDICT
+        assert set(v) == VERDICT | {"conclusion"}
+        assert set(v["conclusion"]) == CONCLUSION
         assert v["verdict"] in ("stiction", "no_stiction", "no_decision")
         assert v["applicable"] in (True, False, None)
         assert INDICES.get(v["method"], set()) | {"regularity", "period_s"} <= set(v["indices"])
@@ -416,7 +418,7 @@ def test_trust(answer):
         "notes",
         "conclusion",
     }
-    assert set(answered["conclusion"]) == {"verdict", "probability", "cause", "reason", "next"}
+    assert set(answered["conclusion"]) == CONCLUSION
     for m in answered["methods"]:
         assert set(m) == {
             "method",

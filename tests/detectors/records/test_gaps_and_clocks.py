@@ -141,3 +141,37 @@ def test_a_mark_for_bad_makes_a_sample_missing(tmp_path, bad):
 def test_bicoherence_is_the_same_whatever_the_unit_of_the_signal(exponent):
     x = np.random.default_rng(1).standard_normal(600) ** 3
     assert np.array_equal(bicoherence(np.ldexp(x, exponent)).bic2, bicoherence(x).bic2)
+
+
+ORDERS = {
+    "shuffled": np.random.default_rng(0).permutation(N),
+    "later half first": np.roll(np.arange(N), N // 2),
+    "two rows swapped": np.r_[0:100, 101, 100, 102:N],
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_rows_out_of_order_are_never_to_be_counted_in_place_of_their_times(tmp_path, order):
+    file = tmp_path / "rec.csv"
+    head, *rows = write(file, np.arange(N)).read_text().splitlines()
+    file.write_text("\n".join([head, *(rows[i] for i in ORDERS[order])]))
+    with pytest.raises(RecordError, match=r"out of order; .*; sort them by time") as caught:
+        read_record(file)
+    assert caught.value.cure == ""
+
+
+def test_an_export_that_overlaps_the_one_before_names_the_repeated_rows(tmp_path):
+    file = tmp_path / "rec.csv"
+    head, *rows = write(file, np.arange(N)).read_text().splitlines()
+    file.write_text("\n".join([head, *rows[:300], *rows[200:]]))
+    with pytest.raises(RecordError, match=r"rows are repeated; .*; remove") as caught:
+        read_record(file)
+    assert caught.value.cure == ""
+
+
+def test_of_a_clock_coarser_than_the_samples_the_mean_step_is_proposed(tmp_path):
+    with pytest.raises(RecordError, match="does not rise") as caught:
+        read_record(write(tmp_path / "rec.csv", np.floor(0.7 * np.arange(N))))
+    option, Ts = caught.value.cure.split()
+    assert option == "--ts"
+    assert float(Ts) == pytest.approx(0.7, rel=0.01)
