@@ -417,4 +417,5 @@ def report(
         notes=tuple(notes),
         conclusion=replace(conclusion, notes=situation.record.notes),
         behind=DiagnosisDetails(assessment, runs, main, detectable),
+        op_unit=situation.record.S_unit,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -60,6 +61,9 @@ class DiagnosisDetails:
     detectable: dict[str, tuple[float, str]]
 
 
+_PERCENT = "% of travel"  # unit of S and J where OP is a percentage
+
+
 @dataclass(frozen=True, eq=False)
 class GapReport:
     """Where the gap lies, which effect causes it, how far it shrinks.
@@ -95,6 +99,8 @@ class GapReport:
         Records, fits and loops from which the answer follows.
     looks_like : Discovery or None
         Of an unknown effect: the law that describes it, or why none does.
+    op_unit : str
+        Unit of S, J and other sizes on OP: "% of travel", or "OP units".
     """
 
     block: str
@@ -110,6 +116,7 @@ class GapReport:
     conclusion: Conclusion
     behind: DiagnosisDetails = field(repr=False)
     looks_like: Discovery | None = None
+    op_unit: str = _PERCENT
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as nested dicts and lists of JSON types.
@@ -151,7 +158,7 @@ class GapReport:
         import pandas as pd
 
         return pd.DataFrame(
-            [{**asdict(r), "parameters": numbers(r.effect, r.parameters, "")} for r in self.ranking]
+            [{**asdict(r), "parameters": self.sizes(r.effect, r.parameters)} for r in self.ranking]
         )
 
     def plot(self, most: int = 6) -> Any:
@@ -226,7 +233,7 @@ class GapReport:
             )
             return f"{missing}; closest: {words(near)}."
         names = " and ".join(
-            f"{words(e['effect'])} ({e['block']}{numbers(e['effect'], e['parameters'])})"
+            f"{words(e['effect'])} ({e['block']}{self.sizes(e['effect'], e['parameters'], ', ')})"
             for e in self.effects
         )
         size, g = "", self.gap
@@ -261,11 +268,15 @@ class GapReport:
             lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
         lines += [*self.gap_lines(), "", "probability  effect"]
         lines += [
-            f"{r.probability:11.3f}  {r.effect:24s}{numbers(r.effect, r.parameters, '')}".rstrip()
+            f"{r.probability:11.3f}  {r.effect:24s}{self.sizes(r.effect, r.parameters)}".rstrip()
             for r in self.ranking[:6]
         ]
         lines += ["", *self.next_line()] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
+
+    def sizes(self, effect: str, parameters: dict[str, float | str], begin: str = "") -> str:
+        """Return an effect's parameters with their units; those of OP are the record's."""
+        return numbers(effect, parameters, begin, self.op_unit)
 
     def gap_lines(self) -> list[str]:
         """Return what the gap is and how far it shrinks, in sentences.
@@ -304,10 +315,17 @@ def words(effect: str) -> str:
     return effect.replace("_", " ")
 
 
-def numbers(effect: str, parameters: dict[str, float | str], begin: str = ", ") -> str:
-    """Return parameters as `S = 2.1, J = 0.4 % of travel`: neighbours of one unit show it once."""
+def numbers(
+    effect: str, parameters: dict[str, float | str], begin: str = ", ", op_unit: str = _PERCENT
+) -> str:
+    """Return parameters as `S = 2.1, J = 0.4 % of travel`: neighbours of one unit show it once.
+
+    `op_unit` takes the place of % where OP of the record is no percentage.
+    """
     known = EFFECTS[effect].parameters if effect in EFFECTS else {}
     units = [getattr(known.get(k), "unit", "") for k in parameters]
+    if op_unit != _PERCENT:
+        units = [re.sub(f"^({_PERCENT}|%)", op_unit, unit) for unit in units]
     parts = []
     for (k, v), unit, after in zip(parameters.items(), units, [*units[1:], ""]):
         value = f"{v:.3g}" if isinstance(v, (int, float)) else v

@@ -41,7 +41,7 @@ class CandidateLoops:
 
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
     oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
-    `percent` how many units of the record's OP one % is; `visible` is the smallest S (%) that
+    `percent` how many of the record's `S_unit` one % is; `visible` is the smallest S (%) that
     the record would have shown, infinite where no size would.
     """
 

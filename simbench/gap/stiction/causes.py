@@ -113,7 +113,7 @@ def find_causes(
             why = f"{periods:.0f} periods are too few to tell a line of the load from a resonance"
             open_to = 0.3
         swung = [Cause(name, open_to, (), (why,)) for name in (TIGHT, FROM_OUTSIDE)]
-    weighed = [_stiction(loops, keeps), *swung, _sensor(prepared, loops)]
+    weighed = [_stiction(loops, keeps, prepared.record.S_unit), *swung, _sensor(prepared, loops)]
     if root is not None:
         why = (
             f"shares period, phase and time with {root}, whose valve sticks with probability"
@@ -146,7 +146,7 @@ def _open(why: str, weighed: tuple[Cause, ...]) -> Causes:
     return Causes(Cause(NOT_TOLD, 0.0, (), (why,)), weighed)
 
 
-def _stiction(loops: CandidateLoops, keeps: float) -> Cause:
+def _stiction(loops: CandidateLoops, keeps: float, unit: str) -> Cause:
     p = loops.probability
     word = "better" if loops.gain > 0 else "worse"
     better = (
@@ -158,7 +158,7 @@ def _stiction(loops: CandidateLoops, keeps: float) -> Cause:
     if loops.fitted is None:
         return Cause(STICKING, p, (better,))
     S, J = loops.fitted
-    better += f"; estimated S = {S:.2g}, J = {J:.2g} % of travel"
+    better += f"; estimated S = {S * loops.percent:.2g}, J = {J * loops.percent:.2g} {unit}"
     if J < _BARE * S and keeps > _KEPT[1] and loops.healthy[0].plant.type == "foptd":
         why = (
             "a band without a jump makes no self-regulating loop swing, and the swing keeps its"

@@ -175,12 +175,12 @@ def with_sound_valve(loop: Loop) -> Loop:
 
 
 def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
-    """Return the record with OP in %, and how many units of its OP one % is."""
-    lo, hi = record.op_span or (0.0, 100.0)
-    if record.op_percent is None:
-        lo, hi = float(record.op.min()), float(record.op.max())
-        room = _ROOM * ((hi - lo) or 1.0)
-        lo, hi = lo - room, hi + room
+    """Return the record with OP in %, and how many of `record.S_unit` one % is."""
+    if record.op_percent is not None:
+        return replace(record, op=record.op_percent, op_span=(0.0, 100.0)), 1.0
+    lo, hi = float(record.op.min()), float(record.op.max())
+    room = _ROOM * ((hi - lo) or 1.0)
+    lo, hi = lo - room, hi + room
     op = (record.op - lo) * (100.0 / (hi - lo))
     return replace(record, op=op, op_span=(0.0, 100.0)), (hi - lo) / 100.0
 

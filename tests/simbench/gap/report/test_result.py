@@ -177,3 +177,10 @@ def test_numbers_have_three_digits_and_words_no_underscores():
     assert numbers("noise", {"factor": 2.0}) == ", factor = 2"
     assert numbers("none", {}) == numbers("none", {}, "with ") == ""
     assert words("gain_mismatch") == "gain mismatch"
+
+
+def test_units_of_op_are_those_of_the_record():
+    assert numbers("stiction", {"S": 2.0, "J": 1.0}, "") == "S = 2, J = 1 % of travel"
+    assert numbers("stiction", {"S": 2.0}, "", "OP units") == "S = 2 OP units"
+    assert numbers("load_drift", {"rate": 2.0}, "", "OP units") == "rate = 2 OP units/s"
+    assert numbers("sensor_lag", {"tau": 2.0}, "", "OP units").endswith(" s")

@@ -2,9 +2,12 @@
 what is open stays open.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from detectors.detection import detect
 from detectors.prepared import Prepared
 from scenarios.spec import Loop
 from simbench.gap.stiction import causes
@@ -68,3 +71,27 @@ def test_margins_are_those_of_the_frequency_response():
     assert known is not None
     assert known.gain == pytest.approx(1 / abs(response[k]), rel=0.01)
     assert known.sensitivity == pytest.approx(1 / np.abs(1 + response).min(), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("scale", "offset", "span", "unit", "size"),
+    [
+        (1.0, 0.0, None, "% of travel", 1.0),
+        (0.16, 4.0, (4.0, 20.0), "% of travel", 1.0),
+        (16.0, 400.0, None, "OP units", 16.0),
+    ],
+)
+def test_every_verb_gives_the_band_in_the_unit_that_its_table_names(
+    scale, offset, span, unit, size
+):
+    loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}})
+    percent = simulate(loop, 3, kick=5.0).record.without_mv()
+    S = candidate_loops(percent).fitted[0]
+    record = replace(percent, op=offset + scale * percent.op, op_span=span)
+    loops = candidate_loops(record)
+    reason = find_causes(Prepared(record), loops).named.speaks_for[0]
+    assert f"S = {size * S:.2g}" in reason
+    assert reason.endswith(unit)
+    verdict = detect(record, ["likelihood"])["likelihood"]
+    assert verdict.S == pytest.approx(size * S, rel=1e-6)
+    assert verdict.S_unit == unit
