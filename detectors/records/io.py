@@ -38,6 +38,7 @@ from detectors.records.historian import (
 from detectors.records.long_table import is_stamped, read_series, unfold
 from detectors.records.loop_table import read_loop_table
 from detectors.records.mode import AUTO, CAS, MAN, mode
+from detectors.records.one_signal import join, signal_files
 from detectors.records.roles import (
     ASKED,
     CLOCKS,
@@ -199,7 +200,12 @@ def read_folder(
     elif path.is_dir():
         # a tag given for many files picks a loop that their columns name, and names none
         files = [f for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES]
-        sources = {name: (f, None) for name, f in zip(_names(files), files, strict=True)}
+        # files of one signal each are read with that of their loop's PV
+        joined = {loop.files[0]: loop for loop in signal_files(files) if join(loop.files[0])}
+        read_with = {f for loop in joined.values() for f in loop.files[1:]}
+        files = [f for f in files if f not in read_with]
+        titles = [joined[f].tag if f in joined else f.stem for f in files]
+        sources = {name: (f, None) for name, f in zip(_names(files, titles), files, strict=True)}
     elif path.is_file():
         sources = {printable(path.stem): (path, tag)}
     else:
@@ -245,14 +251,14 @@ def read_folder(
     return records, refused
 
 
-def _names(files: Sequence[Path]) -> list[str]:
-    """Return a name for each file: without its ending where no other has that name, and numbered
-    where two look alike even with it.
+def _names(files: Sequence[Path], titles: Sequence[str]) -> list[str]:
+    """Return a name for each file: its title where no other has it, else with its ending, and
+    numbered where two look alike even with it.
     """
-    stems = Counter(printable(f.stem) for f in files)
+    alike = Counter(map(printable, titles))
     names: list[str] = []
-    for f in files:
-        name = printable(f.stem if stems[printable(f.stem)] == 1 else f.name)
+    for f, title in zip(files, titles, strict=True):
+        name = printable(title if alike[printable(title)] == 1 else f.name)
         names.append(name if name not in names else f"{name} ({len(names)})")
     return names
 
@@ -313,7 +319,7 @@ def _of_file(
             label = (
                 (name or sheet or tag or "")
                 if len(named) > 1 or sheet or tag is not None
-                else printable(path.stem)
+                else printable(table.loop or path.stem)
             )
             loops[label if label not in loops else f"{sheet} {label}"] = table, roles
     mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
@@ -375,13 +381,14 @@ def _label(text: str, where: str) -> str:
 @dataclass
 class _Opened:
     """A file's table with the units of its columns and, where signals have separate times, a
-    part per tag.
+    part per tag; `loop` is the tag of one whose signals have a file each.
     """
 
     sheet: Sheet
     units: dict[str, str]
     parts: dict[str, Sheet] | None
     where: str
+    loop: str = ""
 
     def with_separate_notes(self) -> _Opened:
         """Return the same with separate notes, for one of several loops."""
@@ -397,6 +404,9 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
     """Return a file's table, of a workbook with several those of its sheets by name, or the one
     that a tag names.
     """
+    if not chosen and (joined := join(path)) is not None:
+        sheet = Sheet({}, notes=[*joined.notes])
+        return {"": _Opened(sheet, joined.units, joined.parts, str(path), joined.tag)}
     sheets = read_sheets(path, lambda cells: is_head(cells, chosen))
     if len(sheets) > 1 and tag is not None:
         sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets

@@ -18,7 +18,7 @@ from detectors.records.tables import BLANK, Sheet
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
 _LOOKED = 60  # rows by which a table is recognised to hold one value each
 _TIMES = ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t")
-_TIME = "t"  # the column of times in a part
+PART_TIME = "t"  # the column of times in a part
 
 
 def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
@@ -51,7 +51,7 @@ def _interleaved(sheet: Sheet) -> dict[str, Sheet] | None:
     parts = {}
     for name in names:
         parts[name] = sheet.part(
-            {_TIME: time, name: name}, [i for i, cell in enumerate(sheet.columns[name]) if cell]
+            {PART_TIME: time, name: name}, [i for i, cell in enumerate(sheet.columns[name]) if cell]
         )
     return parts
 
@@ -62,9 +62,9 @@ def read_series(
     """Return the times (s) and values of one tag, what is missing left out; of a mode the words in
     place of numbers.
     """
-    name = next(n for n in part.columns if n != _TIME and not is_quality(n))
+    name = next(n for n in part.columns if n != PART_TIME and not is_quality(n))
     t = seconds(
-        part.columns[_TIME],
+        part.columns[PART_TIME],
         f"time of {name}",
         where,
         place=part.place,
@@ -95,7 +95,7 @@ def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, She
     others = [n for n in sheet.columns if is_quality(n) and n not in (time, value, *tags)]
     also = {n: n for n in others}
     return {
-        name: sheet.part({_TIME: time, name or "value": value, **also}, mine)
+        name: sheet.part({PART_TIME: time, name or "value": value, **also}, mine)
         for name, mine in rows.items()
     }
 
@@ -127,7 +127,7 @@ def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
             if str(c if c is not None else "").strip() not in ("", "NaT")
         ]
         after = {n: n for n in names[at + 1 : at + 2] if is_quality(n)}
-        parts[name] = sheet.part({_TIME: time, name: value, **after}, there)
+        parts[name] = sheet.part({PART_TIME: time, name: value, **after}, there)
     return parts if len(parts) > 1 and {"pv", "op"} <= {parse(n).role for n in parts} else None
 
 

@@ -54,8 +54,9 @@ SIGNAL_WORDS = {
         consigne, consigna, punto de consigna, 设定值, 设定, 给定值, 给定
     """),
     "mv": entries("""
-        mv, valve position, position, ventilstellung, stellungsruckmeldung, ruckmeldung,
-        rueckmeldung, position vanne, posicion valvula, posicion de valvula, 阀位反馈, 阀位,
+        mv, valve position, position, pos, valve pos, travel, valve travel, stem position,
+        ventilstellung, stellungsruckmeldung, ruckmeldung, rueckmeldung, position vanne,
+        posicion valvula, posicion de valvula, 阀位反馈, 阀位,
         阀门开度
     """),
     MODE: entries("mode, controller mode, modus, betriebsart, modo, 模式"),
@@ -82,6 +83,9 @@ _UNITS = entries("""
     scfm, kgs, tph, th, c, m
 """)
 _DIN = {"w": "sp", "x": "pv", "y": "op"}  # after a tag, as DIN 19226 calls them: TIC5.X
+# a transmitter or indicator of a position, by the letters of ISA-5.1: ZT1010, ZI-1010, ZIT1010A; ZC
+# is a controller, ZS a switch
+_POSITION = re.compile(r"(^|\s)z(t|i|it) ?\d+[a-z]?(\s|$)")
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
 _APART = re.compile(r"(?:[^\w%]|_)+")
 # what may stand before the name of what is measured: Consigne débit; an output or a position may be
@@ -122,6 +126,9 @@ def parse(name: str) -> Name:
         unit_of, parts = "".join(parts[-2:]), parts[:-2]
     unit_of = _SAME_UNIT.get(unit_of, unit_of)
     role, size, rank = _ending(parts)
+    if role in (None, "pv") and _POSITION.search(" ".join(parts)):
+        # what a transmitter of the position measures is the valve's, not the process's
+        return Name(tuple(parts[: len(parts) - size]), "mv", unit_of, 1, False)
     if role is not None:
         loop = parts[: len(parts) - size]
         loose = (
@@ -200,6 +207,7 @@ def find_loops(
             loop
             and "op" not in signals
             and len(signals.get("mv", [])) == 1
+            and "mv" in _parts(signals["mv"][0])[-2:]
             and any("sv" in _parts(n)[-2:] for n in signals.get("sp", []))
         ):
             signals["op"] = signals.pop("mv")
@@ -311,7 +319,7 @@ def _one(
         role: [n for n in c if not parse(n).loose or loop]
         for role, c in groups.get(loop or (), {}).items()
     }
-    digits = _digits(loop or ())
+    digits = tag_number(loop or ())
     for role in (*SIGNALS, MODE):
         if mine.get(role):
             continue
@@ -323,7 +331,7 @@ def _one(
             others = [
                 n
                 for n in others
-                if not parse(n).loop or (digits and _digits(parse(n).loop) == digits)
+                if not parse(n).loop or (digits and tag_number(parse(n).loop) == digits)
             ]
         if others:
             mine[role] = others
@@ -423,7 +431,7 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
             f"{where}: no header line, the first is {shown(names)}; the names of its columns are"
             " needed first"
         )
-    if role == "op" and "mv" in roles:
+    if role == "op" and "mv" in roles and "mv" in _parts(roles["mv"]):
         sentence, free = (
             f"{sentence}; MV may be the controller's output: then say so",
             [roles["mv"]],
@@ -463,7 +471,7 @@ def _bracket(name: object) -> str:
     return match.group(1).lower() if match else ""
 
 
-def _digits(words: Sequence[str]) -> str:
+def tag_number(words: Sequence[str]) -> str:
     """Return the number of a tag: of the last word that has one."""
     return next(
         (digits for w in reversed(words) if (digits := "".join(c for c in w if c.isdigit()))), ""
@@ -471,7 +479,9 @@ def _digits(words: Sequence[str]) -> str:
 
 
 def _alike(one: Sequence[str], other: Sequence[str]) -> bool:
-    return tuple(one) == tuple(other) or (bool(_digits(one)) and _digits(one) == _digits(other))
+    return tuple(one) == tuple(other) or (
+        bool(tag_number(one)) and tag_number(one) == tag_number(other)
+    )
 
 
 def _within(words: Sequence[str], loop: Sequence[str]) -> bool:

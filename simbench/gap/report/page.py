@@ -15,7 +15,7 @@ from simbench.gap.report import pictures
 from simbench.gap.report.law_page import law_section
 from simbench.gap.report.law_pictures import draw_lacking
 from simbench.gap.report.parts import captioned, look, render, write
-from simbench.gap.report.result import GapReport, words
+from simbench.gap.report.result import GapReport, numbers, words
 from simbench.gap.report.traces import compared, gap_sizes
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
@@ -69,7 +69,7 @@ def _answer(report: GapReport) -> Markup:
         {
             "effect": words(e["effect"]),
             "block": e["block"],
-            "fitted": report.sizes(e["effect"], e["parameters"]),
+            "fitted": numbers(e["effect"], e["parameters"], "", report.op_unit),
             "says": EFFECTS[e["effect"]].says,
         }
         for e in report.effects

@@ -158,7 +158,7 @@ class GapReport:
         import pandas as pd
 
         return pd.DataFrame(
-            [{**asdict(r), "parameters": self.sizes(r.effect, r.parameters)} for r in self.ranking]
+            [{**asdict(r), "parameters": self._sizes(r.effect, r.parameters)} for r in self.ranking]
         )
 
     def plot(self, most: int = 6) -> Any:
@@ -233,7 +233,7 @@ class GapReport:
             )
             return f"{missing}; closest: {words(near)}."
         names = " and ".join(
-            f"{words(e['effect'])} ({e['block']}{self.sizes(e['effect'], e['parameters'], ', ')})"
+            f"{words(e['effect'])} ({e['block']}{self._sizes(e['effect'], e['parameters'], ', ')})"
             for e in self.effects
         )
         size, g = "", self.gap
@@ -268,13 +268,13 @@ class GapReport:
             lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
         lines += [*self.gap_lines(), "", "probability  effect"]
         lines += [
-            f"{r.probability:11.3f}  {r.effect:24s}{self.sizes(r.effect, r.parameters)}".rstrip()
+            f"{r.probability:11.3f}  {r.effect:24s}{self._sizes(r.effect, r.parameters)}".rstrip()
             for r in self.ranking[:6]
         ]
         lines += ["", *self.next_line()] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 
-    def sizes(self, effect: str, parameters: dict[str, float | str], begin: str = "") -> str:
+    def _sizes(self, effect: str, parameters: dict[str, float | str], begin: str = "") -> str:
         """Return an effect's parameters with their units; those of OP are the record's."""
         return numbers(effect, parameters, begin, self.op_unit)
 

@@ -95,6 +95,7 @@ def test_the_share_of_the_gap_that_is_removed_is_written_in_percent(
             effects=(first,),
             named=["stiction"],
             sentence=lambda: "It sticks.",
+            op_unit="% of travel",
         )
     )
     assert [t[0] for t in seen["tiles"][:4]] == ["0.91", "4.00", "1.25", "0.80"]
