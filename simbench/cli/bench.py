@@ -545,10 +545,16 @@ def figure(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Draw the figures and tables of the book chapter, and write their numbers as CSV."""
-    from simbench.figures import make_figures
+    """Draw the figures and tables of the book chapter, and write their numbers as CSV.
+
+    With `all`, figures are left out whose data are not given.
+    """
+    from simbench.figures import make_figures, where_from
 
     drawn = make_figures(ids, out, run=run_folder, isdb=isdb)
+    lacking = [where_from(d) for d in drawn if d.left_out]
+    if lacking and "all" not in ids:
+        raise ParameterError("; ".join(lacking))
     rows = [{"id": d.id, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
     show(
         (

@@ -11,14 +11,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from simbench.figures._make import Drawn, make_figures
+from simbench.figures._make import Drawn, make_figures, where_from
 
 if TYPE_CHECKING:
     from detectors.procedure import Diagnosis
     from simbench.bench.map.making import GridMap
     from simbench.bench.score.history import History
 
-__all__ = ["Drawn", "draw_history", "draw_map", "draw_path", "make_figures"]
+__all__ = ["Drawn", "draw_history", "draw_map", "draw_path", "make_figures", "where_from"]
 
 
 def draw_path(diagnosis: Diagnosis, path) -> None:

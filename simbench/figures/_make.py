@@ -1,7 +1,8 @@
 """Draw figures by id and write each as SVG, PNG and CSV."""
 
 import inspect
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,13 @@ from simbench.figures._records import NeedsRecord
 from simbench.files import folder, remove_stale_temporaries, write_table
 
 NEEDS = {"isdb": "ISDB", "run": "--run"}
+# where what a figure needs comes from
+SOURCES = {
+    "isdb": "give isdb10.mat, or a folder of its loops, with --isdb; the International Stiction Data"
+    " Base belongs to Jelali and Huang (eds.), Detection and Diagnosis of Stiction in Control Loops,"
+    " Springer 2010",
+    "run": "give the folder of `simbench run chapter -o RUN` with --run",
+}
 
 
 @dataclass(frozen=True)
@@ -91,7 +99,7 @@ def make_figures(
     known = figure_ids()
     wanted: list[str] = []
     for name in ids:
-        name = name.replace("_", "-")
+        name = _id(name)
         if name != "all" and name not in known:
             raise UnknownName("figure", name, [*known, "all"])
         wanted += [n for n in (known if name == "all" else [name]) if n not in wanted]
@@ -100,9 +108,39 @@ def make_figures(
         raise RecordError(f"{isdb} {fault}; an ISDB .mat file or a folder of records is needed")
     if run is not None:  # before a folder is made
         read_manifest(run)
-    target = folder(out)
-    remove_stale_temporaries(target)
-    return [_one(name, target, {"run": run, "isdb": isdb}) for name in wanted]
+    given = {"run": run, "isdb": isdb}
+    if not all(_lacking(name, given) for name in wanted):
+        remove_stale_temporaries(folder(out))
+    return [_one(name, Path(out), given) for name in wanted]
+
+
+def where_from(drawn: Drawn) -> str:
+    """Return what a figure that was left out needs, and where that comes from."""
+    need = next(key for key, word in NEEDS.items() if f"needs {word}" in drawn.left_out)
+    return f"figure {drawn.id} {drawn.left_out}: {SOURCES[need]}"
+
+
+def _id(name: str) -> str:
+    """Return a figure's id for how books and people write it.
+
+    >>> [_id(name) for name in ("11.16", "Figure 11.9", "table_11_3", "score-map")]
+    ['fig-11-16', 'fig-11-9', 'table-11-3', 'score-map']
+    """
+    words = re.sub(r"[\s._-]+", "-", name.strip().lower())
+    words = re.sub(r"^fig(ure)?-?(?=\d)", "fig-", words)
+    return f"fig-{words}" if re.fullmatch(r"\d+-\d+", words) else words
+
+
+def _lacking(name: str, given: Mapping[str, str | Path | None]) -> str:
+    """Return what a figure needs that is not given; "" where nothing is missing."""
+    return next((f"needs {NEEDS[need]}" for need in _wants(name) if given[need] is None), "")
+
+
+def _wants(name: str) -> list[str]:
+    from simbench.catalogue import FIGURES
+
+    figure = FIGURES.load(name.replace("-", "_"))
+    return [p for p in inspect.signature(figure.data).parameters if p in NEEDS]
 
 
 def _no_records(isdb: Path) -> str:
@@ -113,17 +151,15 @@ def _no_records(isdb: Path) -> str:
     return "" if readable else "holds no records"
 
 
-def _one(name: str, target: Path, given: dict[str, str | Path | None]) -> Drawn:
+def _one(name: str, target: Path, given: Mapping[str, str | Path | None]) -> Drawn:
     from simbench.catalogue import FIGURES
     from simbench.figures._style import write_picture
 
     figure = FIGURES.load(name.replace("-", "_"))
-    wants = [p for p in inspect.signature(figure.data).parameters if p in NEEDS]
-    for need in wants:
-        if given[need] is None:
-            return Drawn(name, left_out=f"needs {NEEDS[need]}")
+    if lacking := _lacking(name, given):
+        return Drawn(name, left_out=lacking)
     try:
-        numbers = figure.data(**{need: given[need] for need in wants})
+        numbers = figure.data(**{need: given[need] for need in _wants(name)})
     except NeedsRecord as error:
         return Drawn(name, left_out=str(error))
     files = tuple(target / f"{name}{suffix}" for suffix in (".svg", ".png", ".csv"))

@@ -15,6 +15,7 @@ from matplotlib.text import Text
 
 from detectors.errors import RecordError, UnknownName
 from simbench.catalogue import FIGURES, catalogue
+from simbench.cli import main
 from simbench.figures import make_figures
 from simbench.figures._make import figure_ids
 from simbench.figures._records import NeedsRecord
@@ -180,3 +181,25 @@ def test_drawing_leaves_the_users_settings_alone(drawn):
     before = dict(matplotlib.rcParams)
     FIGURES.load("table_11_4").draw(drawn("table_11_4"))
     assert dict(matplotlib.rcParams) == before
+
+
+def test_a_figure_asked_for_without_its_data_is_refused_and_says_where_they_come_from(
+    tmp_path, capsys
+):
+    for name, words in (
+        ("fig-11-12", ("--isdb", "Jelali and Huang")),
+        ("score-map", ("--run", "simbench run chapter")),
+    ):
+        assert main(["figure", name, "-o", str(tmp_path / "out")]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith(f"error: figure {name} needs ")
+        assert all(word in error for word in words)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["11.4", "Figure 11.4", "fig 11-4", "fig_11_4"])
+def test_a_figure_is_known_by_its_number_in_the_chapter(tmp_path, capsys, name):
+    assert main(["figure", name, "-o", str(tmp_path)]) == 0
+    assert {file.name for file in tmp_path.iterdir()} == {
+        f"fig-11-4.{s}" for s in ("svg", "png", "csv")
+    }
