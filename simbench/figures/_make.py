@@ -15,9 +15,9 @@ from simbench.files import folder, remove_stale_temporaries, write_table
 NEEDS = {"isdb": "ISDB", "run": "--run"}
 # where what a figure needs comes from
 SOURCES = {
-    "isdb": "give isdb10.mat, or a folder of its loops, with --isdb; the International Stiction Data"
-    " Base belongs to Jelali and Huang (eds.), Detection and Diagnosis of Stiction in Control Loops,"
-    " Springer 2010",
+    "isdb": "give isdb10.mat, or a folder of its loops, with --isdb; the International Stiction"
+    " Data Base belongs to Jelali and Huang (eds.), Detection and Diagnosis of Stiction in Control"
+    " Loops, Springer 2010",
     "run": "give the folder of `simbench run chapter -o RUN` with --run",
 }
 

@@ -21,6 +21,7 @@ from simbench.bench.score.pairing import Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
 from simbench.bench.store.benchmark import refuse_other_benchmark
+from simbench.bench.store.checksums import NoRun
 from simbench.bench.store.reading import CODES, RunArrays, RunError
 
 _LEVEL = 0.05
@@ -63,7 +64,14 @@ def check_run(
     changed verdict of a built-in method fails as well, and so do records that are not the
     baseline's, on which nobody could tell.
     """
-    now, before = read_book(folder), read_book(against)
+    now = read_book(folder)
+    try:
+        before = read_book(against)
+    except NoRun:
+        raise RunError(
+            f"{against} holds no baseline; make this run one with `simbench check {folder}"
+            f" --against {against} --update`"
+        ) from None
     refuse_other_benchmark(now.manifest, before.manifest)
     return replace(compare_books(now, before, margin, exact), home=str(against))
 
@@ -140,7 +148,8 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
             before = read_book(baseline)
             refuse_other_benchmark(now.manifest, before.manifest)
             lines += [f"+ method {m}" for m in now.methods if m not in before.methods]
-            changes = compare_books(now, before).as_text().splitlines()[1:]
+            check = compare_books(now, before)
+            changes = [*(f"- {reason}" for reason in check.reasons), *check.changes()]
             lines += changes or ["nothing moved"]
         except UserError as error:  # an unreadable baseline is replaced, and that is said
             lines.append(f"not compared with the old one: {error}")

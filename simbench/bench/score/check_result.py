@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 
 import pandas as pd
 
+from detectors.report.report import columns
 from simbench.bench.score.compare import plain
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR
 
-_SHOWN = 20  # flipped scenarios in a text; JSON has all
+_SHOWN = 20  # flipped scenarios in a summary of a pull request; JSON has all
+# in a terminal, so that all of it fits a screen of 40 lines and 100 columns
+_SCREEN = {"reasons": 5, "rates": 5, "flips": 10}
+_NAME = 24  # characters of a method's name there
+_RIGHT = "right"
+# what a rate counts: a clause with the share in %, and whether it counts what is not so
+_CLAUSES = {
+    _RIGHT: ("is right in {:.1f} % of the loops", False),
+    "detection": ("detects stiction in {:.1f} % of the {}", False),
+    "rejection": ("denies stiction in {:.1f} % of the other loops", False),
+    "no miss": ("denies stiction in {:.1f} % of the {}", True),
+    "no false alarm": ("reports stiction in {:.1f} % of the other loops", True),
+}
+_POSITIVES = {"sticky": "sticky loops", "cycled": "loops with a limit cycle"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,20 +71,32 @@ class Check:
         return [*self.problems, *(sentence(row) for row in worse), *self.unseen]
 
     def as_text(self) -> str:
-        """Return verdict, basis, reasons, what changed, and the scenarios that flipped."""
-        lines = [f"check {self.answer}: {self.basis}", *(f"- {r}" for r in self.reasons)]
-        moved = _moved(self)
+        """Return what fell, by how much, then the rule, the rates that moved and the scenarios that
+        flipped: what fits a screen.
+        """
+        found = [*_headlines(self.tests), *self.problems, *self.unseen]
+        head = f"{self.answer}: {found[0] if found else 'no detector became worse'}."
+        shown = found[1 : _SCREEN["reasons"]]
+        more = len(found) - 1 - len(shown)
+        lines = [head, *(f"- {reason}" for reason in shown)]
+        lines += [f"- and {more} more, which --json lists"] if more > 0 else []
+        return "\n".join([*lines, f"Compared: {self.basis}.", *self.changes()])
+
+    def changes(self) -> list[str]:
+        """Return the rates that moved and the scenarios that flipped, the worst first."""
+        lines, moved = [], _moved(self).drop(columns="seen")
         if len(moved):
-            lines += ["", moved.to_string(index=False, float_format="%.3f")]
+            lines += ["", *_aligned(moved.head(_SCREEN["rates"]))]
         if len(self.flips):
-            shown = _worst_first(self).head(_SHOWN)
-            lines += [
-                "",
-                f"{len(self.flips)} verdicts changed" + _cut(self),
-                shown.to_string(index=False),
-            ]
-            lines += ["", "simulate one again:", again(self, str(shown["scenario_id"].iloc[0]))]
-        return "\n".join(lines)
+            most = _SCREEN["flips"]
+            flips = _worst_first(self)
+            names = ["scenario_id", "method", "was", "now", "cycled", "disturbance"]
+            kept = [name for name in names if name in flips]
+            lines += ["", f"{len(flips)} verdicts changed{_cut(self, most)}"]
+            lines += _aligned(flips[kept].head(most))
+            first = str(flips["scenario_id"].iloc[0])
+            lines += ["", "To simulate one of them again:", again(self, first)]
+        return lines
 
     def as_markdown(self) -> str:
         """Return the same for a pull request's summary."""
@@ -79,7 +106,7 @@ class Check:
         lines += _table(moved) if len(moved) else ["No rate moved."]
         if len(self.flips):
             shown = _worst_first(self).head(_SHOWN)
-            title = f"{len(self.flips)} verdicts changed{_cut(self)}"
+            title = f"{len(self.flips)} verdicts changed{_cut(self, _SHOWN)}"
             lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
             lines += ["", f"`{again(self, str(shown['scenario_id'].iloc[0]))}`", "", "</details>"]
         return "\n".join(lines) + "\n"
@@ -160,8 +187,46 @@ def _worst_first(check: Check) -> pd.DataFrame:
     return order.drop(columns="_order")
 
 
-def _cut(check: Check) -> str:
-    return f", the first {_SHOWN}:" if len(check.flips) > _SHOWN else ":"
+def _cut(check: Check, most: int) -> str:
+    return f", the first {most}:" if len(check.flips) > most else ":"
+
+
+def _headlines(tests: pd.DataFrame) -> Iterator[str]:
+    """Return a sentence for each method that became worse, about all its answers where these show
+    it.
+    """
+    for _, rows in tests[tests["worse"]].groupby("method", sort=False):
+        first, *_ = sorted(
+            rows.to_dict("records"), key=lambda row: (row["what"] != _RIGHT, row["label"])
+        )
+        yield headline(first)
+
+
+def headline(row: dict[str, Any]) -> str:
+    """Return in words what became worse, from a row of the tests.
+
+    >>> row = {"method": "he", "label": "cycled", "what": "right", "lost": 66, "won": 0}
+    >>> headline({**row, "before": 0.535, "now": 0.504, "p": 1e-9})
+    'he is right in 50.4 % of the loops, before 53.5 %: 66 answers lost, 0 won (label cycled)'
+    """
+    if row["what"] not in _CLAUSES:
+        return sentence(row)
+    clause, counts_others = _CLAUSES[row["what"]]
+    now, before = (100.0 * (1.0 - x if counts_others else x) for x in (row["now"], row["before"]))
+    cases = (
+        "" if pd.isna(row["lost"]) else f": {row['lost']:.0f} answers lost, {row['won']:.0f} won"
+    )
+    clause = clause.format(now, _POSITIVES.get(row["label"], row["label"]))
+    return f"{row['method']} {clause}, before {before:.1f} %{cases} (label {row['label']})"
+
+
+def _aligned(frame: pd.DataFrame) -> list[str]:
+    """Return a table in columns that fit a terminal."""
+
+    def cell(x: Any) -> str:
+        return f"{x:.3g}" if isinstance(x, float) else str(x)[:_NAME]
+
+    return columns([list(frame.columns), *([cell(x) for x in row] for row in frame.values)])
 
 
 def _table(frame: pd.DataFrame) -> list[str]:

@@ -20,6 +20,10 @@ class RunError(UserError):
     """A run's folder that cannot be used as asked."""
 
 
+class NoRun(RunError):
+    """A place where no run stands at all."""
+
+
 def digest(content: bytes) -> str:
     """Return 16 hex digits that change with any bit of the content."""
     return hashlib.sha256(content).hexdigest()[:16]

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from simbench.bench.store.checksums import (
+    NoRun,
     RunError,
     digest,
     unreadable,
@@ -66,7 +67,7 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
         manifest = json.loads(place.read(MANIFEST))
         written_in = manifest["format"]
     except (FileNotFoundError, NotADirectoryError):
-        raise RunError(f"{place} holds no run: {MANIFEST} is missing") from None
+        raise NoRun(f"{place} holds no run: {MANIFEST} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         where = (
             f", line {error.lineno}, column {error.colno},"

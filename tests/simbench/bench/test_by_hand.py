@@ -319,6 +319,7 @@ def checked(flips, **row):
         "lost": 12,
         "won": 2,
         "p": 0.001,
+        "seen": 0.02,
     }
     same = {**about, "method": "horch", "now": 0.9, "p": 1.0, "worse": False}
     tests = pd.DataFrame([{**about, "worse": True, **row}, same])
@@ -337,20 +338,20 @@ def checked(flips, **row):
 def test_a_check_shows_what_moved_and_the_worst_flips_first():
     text = checked(2 * SHOWN).as_text()
     assert text.startswith(
-        "check FAILED: basis\n- he: detection against 'cycled' fell from 0.900 to 0.800, 12 lost"
-        " and 2 won (p = 0.001)"
+        "FAILED: he detects stiction in 80.0 % of the loops with a limit cycle, before 90.0 %: 12"
+        " answers lost, 2 won (label cycled).\nCompared: basis."
     )
-    assert f"{2 * SHOWN} verdicts changed, the first {SHOWN}:" in text
+    assert f"{2 * SHOWN} verdicts changed, the first 10:" in text
     # the first of the method that became worse
     assert "simbench simulate --from there --id 001 -o record.csv" in text
-    assert text.count("no_stiction") == SHOWN
-    whole = checked(SHOWN).as_text()
-    assert f"{SHOWN} verdicts changed:" in whole
-    assert "horch     cycled" not in whole.partition("verdicts changed")[0]  # its rates stand still
+    assert text.count("no_stiction") == 10
+    whole = checked(10).as_text()
+    assert "10 verdicts changed:" in whole
+    assert "horch" not in whole.partition("verdicts changed")[0]  # its rates stand still
     assert "<summary>20 verdicts changed:</summary>" in checked(SHOWN).as_markdown()
     passed = checked(0, worse=False)
     assert not passed.failed
-    assert passed.as_text().startswith("check passed: basis")
+    assert passed.as_text().startswith("passed: no detector became worse.\nCompared: basis.")
     assert 'failures="1"' in checked(0).as_junit()
     assert 'tests="3"' in checked(0).as_junit()
 

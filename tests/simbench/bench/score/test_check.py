@@ -18,6 +18,7 @@ from simbench.bench.score.check import check_run, compare_books, update_baseline
 from simbench.bench.score.history import read_history
 from simbench.bench.store.reading import RunError
 from simbench.cli import app
+from simbench.cli.common import wrapped
 
 N = 600
 TRUTH = np.arange(N) % 2
@@ -308,7 +309,7 @@ def test_another_grid_is_refused(base):
 
 def test_texts_carry_the_verdict(base, with_answers):
     check = compare_books(with_answers(base, "m1", 1 - base.verdict[1]), base)
-    assert check.as_text().startswith("check FAILED")
+    assert check.as_text().startswith("FAILED: m1 is right in ")
     assert "m1: detection" in check.as_markdown()
     assert check.as_junit().startswith('<?xml version="1.0" encoding="utf-8"?>')
     suite = ET.fromstring(check.as_junit().encode())
@@ -427,13 +428,13 @@ def test_exact_fails_on_changed_scores_but_not_on_last_bits(base, with_answers):
     assert check.reasons == ["exact: 3 of 600 scores of m0 changed"]
 
 
-def test_exact_lists_twenty_changes_and_counts_all(base, with_answers):
+def test_exact_lists_ten_changes_and_counts_all(base, with_answers):
     verdict = np.where(np.arange(N) < 50, 2, base.verdict[1])
     changed = int((verdict != base.verdict[1]).sum())
     check = compare_books(with_answers(base, "m1", verdict), base, exact=True)
     text = check.as_text()
-    assert f"{changed} verdicts changed, the first 20:" in text
-    assert sum(f"{k:016d}" in text[: text.index("simulate one")] for k in range(N)) == 20
+    assert f"{changed} verdicts changed, the first 10:" in text
+    assert sum(f"{k:016d}" in text[: text.index("To simulate")] for k in range(N)) == 10
     assert len(check.as_json()["flips"]) == changed
 
 
@@ -454,3 +455,26 @@ def test_exact_asks_for_the_same_records_and_lets_plug_ins_change(base, with_ans
     run = with_answers(base, "m0", verdict, base.score[0])
     stranger = replace(run, manifest={**run.manifest, "plugins": {"m0": "digest"}})
     assert compare_books(stranger, base, exact=True).answer == "passed"
+
+
+def test_a_failure_fits_a_screen_and_begins_with_what_fell(base, with_answers, book):
+    many = book([base.verdict[0]] * 12, TRUTH)
+    now = many
+    for method in many.methods:
+        now = with_answers(now, method, np.zeros(N, dtype=np.int8))
+    check = compare_books(now, many, exact=True)
+    text = wrapped(check.as_text())
+    lines = text.splitlines()
+    assert lines[0].startswith("FAILED: m0 is right in 50.0 % of the loops, before ")
+    assert " answers lost, " in " ".join(lines[:2])
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 100
+    assert "more, which --json lists" in text
+
+
+def test_the_first_check_names_what_makes_a_baseline(run, tmp_path):
+    result = CliRunner().invoke(app, ["check", str(run), "--against", str(tmp_path / "none")])
+    assert isinstance(result.exception, RunError)
+    command = str(result.exception).rpartition("with `simbench ")[2].rstrip("`")
+    assert command == f"check {run} --against {tmp_path / 'none'} --update"
+    assert CliRunner().invoke(app, command.split()).exit_code == 0
