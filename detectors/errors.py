@@ -80,6 +80,8 @@ def naming(place: object) -> Iterator[None]:
         raise ParameterError(f"{place}: {error}") from error
 
 
+_FEW = 12  # known names that a sentence lists as a whole
+
 _SECRETS = re.compile(
     r"""(?P<before>(?<=[\w+.-]):/+)[^/\s"']*@|(?<![^\s"'])[^\s/"'@:]+:[^\s/"'@]*@"""
     r"""|(?P<key>[?&](?=[\w-]*(?:pass|secret|token|key|sig|credential))[\w-]+=)[^&\s"']+""",
@@ -108,14 +110,19 @@ def printable(text: object, kept: str = "") -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Say which known names come closest to a wrong one.
+    """Say which known names come closest to a wrong one; of many at most three are named.
 
     >>> nearest("horhc", ["horch", "he"])
     "did you mean 'horch'?"
+    >>> nearest("x", map(str, range(5000)))
+    'the nearest of 5000 known: 997, 998, 999'
     """
     names = sorted(known)
     plain = {n.lower(): n for n in reversed(names)}
     close = [plain[c] for c in get_close_matches(name.lower(), plain, n=3, cutoff=0.55)]
     if close:
         return "did you mean " + " or ".join(repr(c) for c in close) + "?"
-    return "known: " + ", ".join(names)
+    if len(names) <= _FEW:
+        return "known: " + ", ".join(names)
+    likest = get_close_matches(name.lower(), plain, n=3, cutoff=0.0)
+    return f"the nearest of {len(names)} known: " + ", ".join(sorted(plain[c] for c in likest))

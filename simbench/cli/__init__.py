@@ -75,7 +75,7 @@ def _command(arguments: list[str] | None) -> int | None:
             " path or a value is needed"
         )
     try:
-        return command.main(args=arguments, prog_name="simbench", standalone_mode=False)
+        return command.main(args=words or ["--help"], prog_name="simbench", standalone_mode=False)
     except CommandError as error:
         raise ParameterError(_usage(error, words)) from None
     except typer.Abort as error:

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from detectors.errors import ParameterError, masked, naming
+from detectors.errors import ParameterError, masked, naming, nearest
 from detectors.usage import complain, exit_code
 
 
@@ -63,3 +63,11 @@ def test_a_sentence_names_its_file_once():
         naming("loop.toml"),
     ):
         raise ParameterError("S = -1")
+
+
+def test_of_many_known_names_the_nearest_three_are_named():
+    ids = [f"{k:08x}" for k in range(3000)]
+    sentence = nearest("zz", ids)
+    assert sentence.startswith("the nearest of 3000 known: ")
+    assert len(sentence.rpartition(": ")[2].split(", ")) == 3
+    assert nearest("zz", ["he", "horch"]) == "known: he, horch"

@@ -62,7 +62,7 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
             if record not in records:
                 raise ParameterError(
                     f"exam: {where}: the exam has no record {record[:80]!r}:"
-                    f" {_near(record, records)}"
+                    f" {nearest(record, records)}"
                 )
             if row["verdict"] not in VERDICTS:
                 raise ParameterError(
@@ -81,14 +81,6 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
             verdict = Verdict(method, row["verdict"], score, S=S, J=J, reason="as answered")
             answers.setdefault(method, {})[record] = verdict
     return answers
-
-
-def _near(record: str, records: Collection[str]) -> str:
-    return (
-        nearest(record, records)
-        if len(records) < 50
-        else f"its {len(records)} records stand in loops.csv"
-    )
 
 
 def _cell(ends: tuple[float, float]) -> str:

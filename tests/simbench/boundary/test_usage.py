@@ -94,7 +94,6 @@ def spoilt(line: str) -> Iterator[tuple[str, str]]:
 
 WRONG = [
     *(each for line in RIGHT for each in spoilt(line)),
-    ("", "verb"),
     ("simulte LOOP", "simulate"),
     ("simulate", "loop file"),
     ("simulate LOOP", "-o"),
