@@ -200,10 +200,10 @@ def _name_of(detector: Any) -> str:
     name = str(
         getattr(detector, "name", None) or getattr(detector, "__name__", type(detector).__name__)
     ).lower()
-    if not name.isidentifier():
+    if not (name.isidentifier() and name.isascii()):
         raise ParameterError(
-            f"a detector is called {name!r}; a name of letters, digits and _ is needed: a function,"
-            " no lambda"
+            f"a detector is called {name!a}; a name of letters of a to z, digits and _ is"
+            " needed: a function, no lambda"
         )
     return name
 

@@ -8,6 +8,7 @@ import io
 import os
 import platform
 import re
+import stat
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -46,6 +47,7 @@ def _host() -> str:
 
 # bytes; file systems take 255, and a temporary file's name is longer by its machine and process
 _LONG_NAME = 200
+MOST_BYTES = 300_000_000  # of a file of answers, labels or keys: a million lines take 60 MB
 HOST = _host()  # in the names of temporary files: those of other machines are let be
 # the name of a file, or a plug-in's text, may be no Unicode
 _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
@@ -87,6 +89,22 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
         if not special:
             with contextlib.suppress(OSError):
                 temporary.unlink()
+
+
+def plain_bytes(path: str | Path, most: int = MOST_BYTES) -> bytes:
+    """Return the content of a file; ParameterError, before anything is read, for a pipe or device,
+    which may have no end, and for a file of more than `most` bytes. OSErrors are the caller's.
+    """
+    about = os.stat(path)
+    if stat.S_ISDIR(about.st_mode):
+        raise IsADirectoryError(21, "Is a directory", str(path))
+    if not stat.S_ISREG(about.st_mode):
+        raise ParameterError(f"{path} is a pipe or a device; a file is needed")
+    if about.st_size > most:
+        raise ParameterError(
+            f"{path} has {about.st_size / 1e6:.0f} MB; at most {most / 1e6:.0f} MB are read"
+        )
+    return Path(path).read_bytes()
 
 
 def remove_stale_temporaries(place: Path) -> None:

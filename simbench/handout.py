@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from detectors.errors import ParameterError, UserError
-from simbench.files import folder, refuse_own_input, whole_file
+from simbench.files import folder, plain_bytes, refuse_own_input, whole_file
 
 
 def commitment_of(content: bytes) -> str:
@@ -63,8 +63,10 @@ def write_key(key: Path, content: bytes) -> None:
 def read_key(what: str, key: Path) -> tuple[bytes, dict[str, Any]]:
     """Return a key's bytes and the JSON table that they hold; ParameterError for any other file."""
     try:
-        content = key.read_bytes()
+        content = plain_bytes(key)
         table = json.loads(content)
+    except UserError as error:
+        raise ParameterError(f"{what}: {error}") from None
     except OSError as error:
         raise ParameterError(f"{what}: {error.filename} cannot be read: {error.strerror}") from None
     except (ValueError, RecursionError):

@@ -173,9 +173,9 @@ class PluginFolder:
         name = path.stem
         if not path.is_file():
             raise ParameterError(f"{self.kind} file {path} does not exist")
-        if not name.isidentifier() or name != name.lower():
-            needs = "small letters, digits and _ are needed; rename the file"
-            raise ParameterError(f"{self.kind} file {path}: {name!r} is no id; {needs}")
+        if not (name.isidentifier() and name.isascii() and name == name.lower()):
+            needs = "small letters of a to z, digits and _ are needed; rename the file"
+            raise ParameterError(f"{self.kind} file {path}: {name!a} is no id; {needs}")
         if taken or self._taken(name):
             raise ParameterError(
                 f"{self.kind} file {path}: the name {name!r} is taken; another is needed: rename"

@@ -122,6 +122,17 @@ def range_of(cells: Sequence[object]) -> str:
     return f"{min(kept):.4g} to {max(kept):.4g}" if len(kept) > len(cells) / 2 else "no numbers"
 
 
+def parquet_sizes(file: Any) -> tuple[int, int]:
+    """Return the rows of an open parquet file, and the bytes that it takes once it is read, by its
+    footer alone.
+    """
+    about = file.metadata
+    groups = [about.row_group(i) for i in range(about.num_row_groups)]
+    # a value that repeats takes no room in the file, and 8 bytes once it is read
+    values = sum(g.column(j).num_values for g in groups for j in range(g.num_columns))
+    return about.num_rows, max(sum(g.total_byte_size for g in groups), 8 * values)
+
+
 def _parquet(path: Path) -> Any:
     """Read a parquet file as a frame; a large one is refused by its footer, before anything is
     unpacked.
@@ -129,22 +140,16 @@ def _parquet(path: Path) -> Any:
     from pyarrow.parquet import ParquetFile, read_table
 
     file = ParquetFile(path)
-    about = file.metadata
-    groups = [about.row_group(i) for i in range(about.num_row_groups)]
-    # a value that repeats takes no room in the file, and 8 bytes once it is read
-    values = sum(g.column(j).num_values for g in groups for j in range(g.num_columns))
-    size = max(sum(g.total_byte_size for g in groups), 8 * values)
-    if about.num_rows > MOST_PARQUET_ROWS:
-        raise RecordError(
-            f"file {path} has {about.num_rows} rows; at most {MOST_PARQUET_ROWS} are read"
-        )
+    rows, size = parquet_sizes(file)
+    if rows > MOST_PARQUET_ROWS:
+        raise RecordError(f"file {path} has {rows} rows; at most {MOST_PARQUET_ROWS} are read")
     if size > MOST_PARQUET_BYTES:
         limit = f"at most {MOST_PARQUET_BYTES / 1e6:.0f} MB are read"
         raise RecordError(f"file {path} unpacks to {size / 1e6:.0f} MB; {limit}")
     # a text that repeats is kept once
     texts = [
         c.path
-        for c in map(file.schema.column, range(about.num_columns))
+        for c in map(file.schema.column, range(file.metadata.num_columns))
         if c.physical_type == "BYTE_ARRAY"
     ]
     return read_table(path, read_dictionary=texts).to_pandas()

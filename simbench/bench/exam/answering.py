@@ -66,12 +66,23 @@ def answer_exam(
             raise ParameterError(
                 f"exam: {there} exists already; continue it with --resume, or choose another file"
             )
+        asked = out.with_name(f"{out.name}.{_SETTINGS}")
         if out.exists():
             _refuse_other_answers(out, names, exam.records)
+            if files:
+                _refuse_other_settings(asked, settings)
             return 0
         with lease(make_folder(parts)):
+            if not (parts / _SETTINGS).exists():
+                with whole_file(parts / _SETTINGS) as f:
+                    f.write(json.dumps(settings, indent=1))
             _refuse_other_settings(parts / _SETTINGS, settings)
-            return _ask(exam.records, names, files, out, parts, jobs)
+            left = _ask(exam.records, names, files, out, parts, jobs)
+        rmtree(parts, ignore_errors=True)
+        if files:  # a later --resume shows by it whether a plug-in was changed
+            with whole_file(asked) as f:
+                f.write(json.dumps(settings, indent=1))
+        return left
 
 
 def _ask(
@@ -102,7 +113,6 @@ def _ask(
     with whole_file(out) as f:
         f.write(",".join((*NEEDED, *OPTIONAL)) + "\n")
         f.writelines((parts / name).read_text(encoding="utf-8") for name in pieces)
-    rmtree(parts, ignore_errors=True)
     for method, count in failed.items():
         print(
             f"method {method} failed on {count} of {left} records, which are answered no_decision",
@@ -123,13 +133,9 @@ def _refuse_other_answers(
 
 
 def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:
-    """Raise ParameterError when what lies half done was asked of other methods, or about another
-    exam.
+    """Raise ParameterError when what was asked was asked of other methods or plug-ins, or about
+    another exam.
     """
-    text = json.dumps(settings, indent=1)
-    if not file.exists():
-        with whole_file(file) as f:
-            f.write(text)
     try:
         before = json.loads(file.read_text(encoding="utf-8"))
         differ = [name for name in settings if before[name] != settings[name]]
@@ -137,8 +143,8 @@ def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:
         differ = [_SETTINGS]
     if differ:
         raise ParameterError(
-            f"exam: {file.parent} was begun with other {differ[0]}; remove it, or choose another"
-            " file"
+            f"exam: the answers that {file} describes were begun with other {differ[0]}; remove"
+            " them, or choose another file"
         )
 
 

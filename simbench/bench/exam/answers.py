@@ -10,12 +10,13 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from detectors.errors import ParameterError, nearest
+from detectors.plugins.registry import methods as registry
 from detectors.report.summary import level_ends
 from detectors.verdict import VERDICTS, Level, Verdict
 from simbench.bench.exam.folder import table_rows
 
 NEEDED, OPTIONAL = ("method", "record", "verdict", "score"), ("S", "J")
-_NAME = re.compile(r"[A-Za-z][\w.@-]{0,59}")
+_NAME = re.compile(r"[A-Za-z][\w.@-]{0,59}", re.ASCII)
 _TAKEN = ("all", "fast", "full", "oracle", "no_waveform", "always_no", "always_yes")
 _BETWEEN = ".."  # the ends of an interval
 Answers = dict[str, dict[str, Verdict]]  # by method and record
@@ -54,10 +55,16 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
             where, method, record = f"{file}, line {line}", row["method"], row["record"]
             if not _NAME.fullmatch(method) or method in _TAKEN:
                 allowed = (
-                    "a letter, then letters, digits, _ . @ or -, and no name of a reference row"
+                    "a letter of a to z, then such letters, digits, _ . @ or -, and no name of a"
+                    " reference row"
                 )
                 raise ParameterError(
-                    f"exam: {where}: {method[:80]!r} is no name of a method; allowed: {allowed}"
+                    f"exam: {where}: {method[:80]!a} is no name of a method; allowed: {allowed}"
+                )
+            if (package := _likeness(method)) is not None:
+                raise ParameterError(
+                    f"exam: {where}: {method!r} can be taken for {package!r} of the package;"
+                    " another name is needed"
                 )
             if record not in records:
                 raise ParameterError(
@@ -81,6 +88,19 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
             verdict = Verdict(method, row["verdict"], score, S=S, J=J, reason="as answered")
             answers.setdefault(method, {})[record] = verdict
     return answers
+
+
+def _likeness(method: str) -> str | None:
+    """Return the method of the package that a name pretends to be a form of; None where it is that
+    method itself, which is asked again, or of another name.
+
+    >>> _likeness("HE"), _likeness("horch@mine"), _likeness("he"), _likeness("helen")
+    ('he', 'horch', None, None)
+    """
+    if method in registry.names() or method in registry.variants() or method in registry.lent:
+        return None
+    name = method.lower().replace("-", "_").partition("@")[0].strip("_.")
+    return name if registry.built_in(name) else None
 
 
 def _cell(ends: tuple[float, float]) -> str:

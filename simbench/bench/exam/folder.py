@@ -15,9 +15,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from detectors.errors import ParameterError, naming
+from detectors.errors import ParameterError, RecordError, UserError, naming
 from detectors.record import LoopRecord
-from simbench.files import whole_file
+from detectors.records.tables import MOST_PARQUET_BYTES, parquet_sizes
+from simbench.files import plain_bytes, whole_file
 
 EXAM_FORMAT = 1
 EXAM, LOOPS, RECORDS = "exam.json", "loops.csv", "records.parquet"
@@ -96,8 +97,12 @@ def mark_of(record: LoopRecord, t: np.ndarray) -> str:
 
 def _stated(file: Path) -> dict[str, Any]:
     try:
-        about = json.loads(file.read_bytes())
+        with naming("exam"):
+            content = plain_bytes(file)
+        about = json.loads(content)
         wrong = [k for k, kind in _STATED.items() if not isinstance(about[k], kind)]
+    except UserError:
+        raise
     except OSError as error:
         raise ParameterError(
             f"exam: {file.parent} holds no exam: {EXAM} cannot be read ({error.strerror})"
@@ -139,9 +144,17 @@ def _loops(file: Path) -> dict[str, dict[str, Any]]:
 def _signals(file: Path) -> dict[str, np.ndarray]:
     """Return t, sp, op and pv of each record, shape (4, n)."""
     try:
-        table = pq.read_table(pa.BufferReader(file.read_bytes()), columns=["record", *_SIGNALS])
+        with naming("exam"):
+            content = pa.BufferReader(plain_bytes(file, MOST_PARQUET_BYTES))
+        _, size = parquet_sizes(pq.ParquetFile(content))
+        if size > MOST_PARQUET_BYTES:
+            limit = f"at most {MOST_PARQUET_BYTES / 1e6:.0f} MB are read"
+            raise RecordError(f"exam: {file} unpacks to {size / 1e6:.0f} MB; {limit}")
+        table = pq.read_table(content, columns=["record", *_SIGNALS])
         values = np.array([table.column(name).to_numpy().astype(float) for name in _SIGNALS])
         coded = table.column("record").combine_chunks().dictionary_encode()
+    except UserError:
+        raise
     except OSError as error:
         raise ParameterError(
             f"exam: {file} cannot be read: {error.strerror or 'it is damaged'}"
@@ -168,7 +181,8 @@ def table_rows(
     line, for any other file.
     """
     try:
-        text = file.read_bytes().decode("utf-8-sig")
+        with naming("exam"):
+            text = plain_bytes(file).decode("utf-8-sig")
     except OSError as error:
         raise ParameterError(f"exam: {file} cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:

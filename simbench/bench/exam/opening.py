@@ -12,12 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
+from detectors.compiled import one_thread
 from detectors.errors import ParameterError, UserError
-from detectors.judge import known_front_end
+from detectors.judge import check_thresholds, known_front_end
 from detectors.plugins.registry import methods as registry
 from detectors.prepared import prepare
+from detectors.record import LoopRecord
 from detectors.verdict import NO_DECISION, Verdict
 from simbench.bench.exam.answers import Answers, read_answers
 from simbench.bench.exam.folder import LOOPS, RECORDS, Exam, mark_of, read_exam
@@ -29,6 +32,7 @@ from simbench.bench.execute.work import (
     Chunk,
     SimulatedScenario,
     in_columns,
+    judge_both,
     scenario_row,
     verdict_row,
 )
@@ -51,6 +55,7 @@ _LABELS = (
     "valve",
     *tables.AXES,
 )
+_ASKED_AGAIN = 100  # records about which methods of the package are asked again
 _FOREIGN = {"front_end": False, "role": "stiction", "budget": "fast", "fitted_on": [], "stated": []}
 
 
@@ -140,6 +145,7 @@ def opened_exam(
             )
             cure = "restore it, or open it on the kind of machine that made it"
             raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
+    _refuse_forged(given, exam.records)
     rows = {
         names[place]: truth for place, (_, *truth) in simulated.items()
     }  # in the order of the grid
@@ -176,6 +182,30 @@ def _with_truth(it: SimulatedScenario) -> tuple[Any, ...]:
     )
 
 
+def _refuse_forged(given: Answers, records: Mapping[str, LoopRecord]) -> None:
+    """Ask the methods of the package about some records again, and raise ParameterError where
+    answers under their names are others: whoever wrote them has to choose a name of their own.
+    """
+    chosen = {
+        name: check_thresholds(name, registry.load(name).METHOD, {})
+        for name in given
+        if registry.built_in(name)
+    }
+    drawn = np.random.default_rng().permutation([*records])[:_ASKED_AGAIN].tolist()
+    if not chosen:
+        return
+    with one_thread():
+        for ident in drawn:
+            for again, *_ in judge_both(records[ident], chosen)[1]:
+                stated = given[again.method].get(ident)
+                if stated is not None and stated.verdict != again.verdict:
+                    raise ParameterError(
+                        f"exam: {again.method!r} is a method of the package, which answers"
+                        f" {again.verdict} to record {ident!r}, where {stated.verdict} stands; give"
+                        " these answers another name"
+                    )
+
+
 def _about(name: str) -> dict[str, Any]:
     """Return what is known of a method; whatever its name, it saw no MV here."""
     try:
@@ -193,9 +223,8 @@ def _write_run(
     for ident, (row, process, oracle) in rows.items():
         for name, of in given.items():
             verdict = of.get(ident, Verdict(name, NO_DECISION, reason="not answered"))
-            verdict = verdict.but(
-                applicable=_covers(name, process) or verdict.verdict != NO_DECISION
-            )
+            answered = verdict.verdict != NO_DECISION and not _needs_mv(name)
+            verdict = verdict.but(applicable=_covers(name, process) or answered)
             verdicts.append(verdict_row(row["scenario_id"], verdict, verdict, None, math.nan))
         verdicts.append(oracle)
     scenarios = in_columns(tables.SCENARIOS.names, [row for row, *_ in rows.values()])
@@ -211,13 +240,21 @@ def _write_run(
 
 
 def _covers(name: str, process: str) -> bool:
-    """Return whether a method is made for a process; one that is not of the package is made for
-    all.
+    """Return whether a method is made for the records of an exam, which hold no MV, and for a
+    process; one that is not of the package is made for all.
     """
     try:
-        return process in registry.load(name).METHOD.process
+        method = registry.load(name).METHOD
     except UserError:
         return True
+    return process in method.process and not method.needs_mv
+
+
+def _needs_mv(name: str) -> bool:
+    try:
+        return registry.load(name).METHOD.needs_mv
+    except UserError:
+        return False
 
 
 def _labels(exam: Exam, rows: Mapping[str, dict[str, Any]]) -> pd.DataFrame:

@@ -126,9 +126,16 @@ def verify_run(
         _compare_records(place, notes)
     sizes = {m: sum(map(grid.size, wide if m in fast else deep)) for m in asked}
     others = (f"file {name}" for name in sorted(set(place.names()) - _CHECKED_FILES))
-    unchecked = (*unasked, *others, "run times, machine, commit and command")
+    unchecked = (*others, "run times, machine, commit and command")
     return Verification(
-        str(place), origin, n, sum(map(grid.size, wide)), sizes, unchecked, tuple(notes.sentences())
+        str(place),
+        origin,
+        n,
+        sum(map(grid.size, wide)),
+        sizes,
+        unchecked,
+        tuple(notes.sentences()),
+        tuple(unasked),
     )
 
 
@@ -217,7 +224,7 @@ def _plugin_files(
 
 
 def _methods(manifest: Mapping[str, Any], notes: Notes) -> tuple[list[str], list[str]]:
-    """Return the methods that can be asked again, and a phrase about each that cannot."""
+    """Return the methods that can be asked again, and the plug-ins whose files are not given."""
     asked, unasked = [], []
     for name in manifest["methods"]:
         try:
@@ -229,7 +236,7 @@ def _methods(manifest: Mapping[str, Any], notes: Notes) -> tuple[list[str], list
         except ParameterError as error:
             notes.add(f"thresholds of method {name}", "", "others", str(error))
         except UnknownName:
-            unasked.append(f"method {name} (a plug-in whose file is not given)")
+            unasked.append(name)
             if not {name, f"own {name}"} & set(manifest["plugins"]):
                 notes.add(
                     f"method {name}",

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from detectors.report.report import columns
 from simbench.bench.store.benchmark import BENCHMARK
 
 _SURE = 0.95  # probability with which a change of the stated size is detected
@@ -26,9 +27,15 @@ class Verification:
     asked: dict[str, int] = field(default_factory=dict)
     unchecked: tuple[str, ...] = ()  # what was not checked
     contradictions: tuple[str, ...] = ()
+    unverified: tuple[str, ...] = ()  # methods that were not asked again
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing contradicts the run, and every one of its methods was asked again."""
+        return not (self.contradictions or self.unverified)
 
     def as_text(self) -> str:
-        """Return one sentence where nothing contradicts the run, else every contradiction."""
+        """Return one paragraph where nothing contradicts the run, else every contradiction."""
         if self.contradictions:
             return "\n".join(
                 [f"{self.folder} is refuted:", *(f"- {c}" for c in self.contradictions)]
@@ -40,19 +47,42 @@ class Verification:
             f"{', '.join(some)} on {n}{_escape(n, self.scenarios)}"
             for n, some in sorted(groups.items())
         )
+        begin = f"{self.folder} is verified as a run of {self.origin}."
+        if self.unverified:
+            begin = "\n".join(
+                [
+                    f"{self.folder} is not verified: {', '.join(self.unverified)} of its methods"
+                    f" {'was' if len(self.unverified) == 1 else 'were'} not asked again; give the"
+                    " file of each plug-in with --plugin.",
+                    "",
+                    *self._by_method(),
+                    "",
+                    f"The rest agrees with a run of {self.origin}.",
+                ]
+            )
         return (
-            f"{self.folder} is verified as a run of {self.origin}. Computed again, with the same"
+            f"{begin} Computed again, with the same"
             f" result: the definitions of all {self.scenarios} scenarios and every score;"
             f" {self.simulated} simulations, drawn at random; the verdicts of these methods:"
             f" {asked or 'none'}. Not checked: {', '.join(self.unchecked)}."
         )
 
+    def _by_method(self) -> list[str]:
+        """Return a table of the methods: on how many records each was asked again."""
+        rows = [(m, str(n), "verified") for m, n in self.asked.items()]
+        rows += [(m, "0", "unverified") for m in self.unverified]
+        return columns([("method", "records asked again", "verdicts"), *rows])
+
     def as_json(self) -> dict[str, Any]:
         """Return the same as JSON types."""
         numbers = {"scenarios": self.scenarios, "simulated": self.simulated, "asked": self.asked}
-        lists = {"unchecked": list(self.unchecked), "contradictions": list(self.contradictions)}
+        lists = {
+            "unverified": list(self.unverified),
+            "unchecked": list(self.unchecked),
+            "contradictions": list(self.contradictions),
+        }
         return {
-            "verified": not self.contradictions,
+            "verified": self.holds,
             BENCHMARK: self.origin,
             **numbers,
             **lists,

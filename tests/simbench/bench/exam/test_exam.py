@@ -5,6 +5,7 @@ must be is refused.
 import contextlib
 import csv
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -427,3 +428,81 @@ def test_wrong_use_ends_in_one_sentence_and_writes_nothing(
     assert main(["exam", *words]) == 2
     assert_refused(capsys, part)
     assert not list(tmp_path.iterdir())
+
+
+def renamed(tiny, tmp_path, name, verdict=None):
+    """Return the answers of `he` alone, under a name, all with one verdict where it is given."""
+    rows = [row for row in csv.DictReader(lines_of(tiny)) if row["method"] == "he"]
+    lines = ["method,record,verdict,score"]
+    lines += [f"{name},{r['record']},{verdict or r['verdict']},{r['score']}" for r in rows]
+    file = tmp_path / "mine.csv"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("name", ["h\u0435", "HE", "h\u00e9", "he@tuned", "He-", "\uff48e"])
+def test_a_name_that_looks_like_one_of_the_package_is_refused(tiny, tmp_path, capsys, name):
+    assert open_exam(tiny, answers=[renamed(tiny, tmp_path, name)]) == 2
+    assert_refused(capsys, "mine.csv, line 2")
+
+
+def test_answers_under_a_name_of_the_package_are_those_of_the_package(tiny, tmp_path, capsys):
+    assert open_exam(tiny, answers=[renamed(tiny, tmp_path, "he")]) == 0
+    capsys.readouterr()
+    rows = [row for row in csv.DictReader(lines_of(tiny)) if row["method"] == "he"]
+    other = "no_decision" if rows[0]["verdict"] == "stiction" else "stiction"
+    assert open_exam(tiny, answers=[renamed(tiny, tmp_path, "he", other)]) == 2
+    assert_refused(capsys, "'he' is a method of the package", "another name")
+    assert open_exam(tiny, answers=[renamed(tiny, tmp_path, "mine", other)]) == 0
+
+
+def test_a_method_that_needs_mv_is_not_ranked_where_there_is_none(tmp_path):
+    make_exam("smoke", tmp_path / "exam", tmp_path / "key", seed=SEED)
+    answer_exam(tmp_path / "exam", tmp_path / "answers.csv", ["he", "kano_a", "yamashita"])
+    with opened_exam(tmp_path / "exam", tmp_path / "key", [tmp_path / "answers.csv"]) as opened:
+        rows = {row["method"]: row for row in score_run(opened.run).as_json()["rows"]
+                if row["process"] == "all" and row["truth"] == "cycled"
+                and row["population"] == "oscillating"}  # fmt: skip
+    assert rows["he"]["applicable"] > 0
+    for method in ("kano_a", "yamashita"):
+        assert (rows[method]["applicable"], rows[method]["rank"]) == (0, None)
+
+
+def test_answers_of_a_plugin_that_was_changed_are_not_passed_for_its_own(tmp_path, tiny, capsys):
+    plugin, out = tmp_path / "slow.py", tmp_path / "answers.csv"
+    plugin.write_text(PLUGIN)
+    words = ["exam", "answer", str(tiny / "exam"), "-o", str(out), "--plugin", str(plugin)]
+    words += ["--method", "slow"]
+    assert main(words) == 0
+    assert main([*words, "--resume"]) == 0
+    plugin.write_text(PLUGIN.replace("last > 0", "last < 0"))
+    capsys.readouterr()
+    assert main([*words, "--resume"]) == 2
+    assert "other plugins" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("what", ["exam.json", "loops.csv", "records.parquet", "key", "answers"])
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_what_may_have_no_end_is_refused_before_it_is_read(tiny, tmp_path, capsys, what, kind):
+    shutil.copytree(tiny / "exam", tmp_path / "exam")
+    trap = tmp_path / ("exam" if "." in what else "") / what
+    trap.unlink(missing_ok=True)
+    os.mkfifo(trap) if kind == "pipe" else trap.symlink_to("/dev/zero")
+    places = {"key": tmp_path / "key"} if what == "key" else {}
+    places |= {"answers": [trap]} if what == "answers" else {}
+    assert open_exam(tiny, exam=tmp_path / "exam", **places) == 2
+    assert_refused(capsys, "is a pipe or a device")
+
+
+def test_a_small_file_of_many_samples_is_refused_by_its_footer(tiny, tmp_path, capsys):
+    shutil.copytree(tiny / "exam", tmp_path / "exam")
+    column = pa.array(np.zeros(3_000_000))
+    part = pa.table({"record": pa.array(["a"] * 3_000_000).dictionary_encode(),
+                     **dict.fromkeys(("t", "sp", "op", "pv"), column)})  # fmt: skip
+    file = tmp_path / "exam" / "records.parquet"
+    with pq.ParquetWriter(file, part.schema, compression="zstd") as writer:
+        for _ in range(9):
+            writer.write_table(part)
+    assert file.stat().st_size < 2e6
+    assert open_exam(tiny, exam=tmp_path / "exam") == 2
+    assert_refused(capsys, "records.parquet unpacks to 1080 MB")

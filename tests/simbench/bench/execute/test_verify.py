@@ -4,6 +4,7 @@ times may differ.
 
 import contextlib
 import json
+import re
 import shutil
 
 import numpy as np
@@ -27,7 +28,7 @@ from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.place import place_of
 from simbench.bench.store.reading import RunArrays
 from simbench.bench.store.tables import SCENARIOS, VERDICT_SCHEMA, encode
-from simbench.cli import app
+from simbench.cli import app, main
 
 METHODS = ["he", "horch", "yamashita"]
 MINE = """
@@ -344,13 +345,23 @@ def test_a_share_is_drawn_anew_and_the_text_names_what_can_escape(run, tmp_path,
     assert "fewer than 5 changed verdicts of a method can escape" in honest.as_text()
 
 
-def test_a_plugin_is_asked_where_its_file_is_given(guest, tmp_path):
+def test_a_plugin_is_asked_where_its_file_is_given_and_unverified_elsewhere(
+    guest, tmp_path, capsys
+):
     file, folder = guest
     result = verify_run(folder)
     assert not result.contradictions
-    assert "method mine (a plug-in whose file is not given)" in result.as_text()
+    assert result.unverified == ("mine",)
     assert "mine" not in result.asked
-    assert verify_run(folder, plugins=[file]).asked["mine"] > 0
+    assert main(["verify", str(folder)]) == 1
+    printed = capsys.readouterr().out
+    assert "is not verified: mine of its methods was not asked again" in " ".join(printed.split())
+    assert re.search(r"^mine +0 +unverified$", printed, re.M)
+    assert not result.as_json()["verified"]
+    whole = verify_run(folder, plugins=[file])
+    assert whole.asked["mine"] > 0
+    assert whole.as_json()["verified"]
+    assert main(["verify", str(folder), "--plugin", str(file)]) == 0
     other = tmp_path / "mine.py"
     other.write_text(MINE.replace("always", "ever"))
     assert "digest" in verify_run(folder, plugins=[other]).contradictions[0]
