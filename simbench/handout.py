@@ -21,6 +21,7 @@ from typing import Any
 
 from detectors.errors import ParameterError, UserError
 from simbench.files import folder, plain_bytes, refuse_own_input, whole_file
+from simbench.safe_path import safe_path
 
 
 def commitment_of(content: bytes) -> str:
@@ -96,16 +97,18 @@ def ask_in_processes(
     pool = ProcessPoolExecutor(
         workers, mp_context=context, initializer=_begin, initargs=(begin, given)
     )
-    try:
-        asked = {pool.submit(ask, *question): name for name, question in questions.items()}
-        for done in as_completed(asked):
-            yield asked[done], done.result()
-    except BrokenProcessPool:
-        raise UserError(
-            "a worker process died; fewer jobs may leave each more memory: resume the same command"
-        ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with safe_path():
+        try:
+            asked = {pool.submit(ask, *question): name for name, question in questions.items()}
+            for done in as_completed(asked):
+                yield asked[done], done.result()
+        except BrokenProcessPool:
+            raise UserError(
+                "a worker process died; fewer jobs may leave each more memory: resume the same"
+                " command"
+            ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def _begin(begin: Callable[..., None] | None, given: tuple) -> None:

@@ -27,6 +27,7 @@ from simbench.gap.intake.recorded_test import read_test
 from simbench.loop.effects import NONE, UNKNOWN, block_of
 from simbench.loop.effects._alike import indistinguishable
 from simbench.progress import Progress
+from simbench.safe_path import safe_path
 
 _STRENGTHS = ("strong", "medium")
 LEAVE_OUT_COLUMNS = (
@@ -85,7 +86,7 @@ def leave_out(
     todo = [name for name in names if name not in set(done.record)]
     # processes that live on from another call may stand in another folder
     records = (out / "records").absolute()
-    with Parallel(n_jobs=jobs, return_as="generator") as parallel:
+    with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
         world_of = drawn_by.draw, getattr(drawn_by, "test", None)
         rows = parallel(
             delayed(_one)(records, name, *names[name], *world_of, seed, tests) for name in todo

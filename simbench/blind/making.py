@@ -24,6 +24,7 @@ from simbench.blind.world import OWN, PLANNED, WORLDS
 from simbench.files import folder
 from simbench.handout import refuse_key_inside, refuse_unwritable_key
 from simbench.progress import Progress
+from simbench.safe_path import safe_path
 
 PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"
@@ -173,7 +174,7 @@ def make(
     refuse_unwritable_key(key)
     folder(out)
     entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
-    with Parallel(n_jobs=jobs, return_as="generator") as parallel:
+    with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
         drawn = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
         items = list(Progress(drawn, total=len(entries), desc="records", delay=1.0))
     order = np.random.default_rng([seed, len(entries)]).permutation(len(items))

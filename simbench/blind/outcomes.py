@@ -16,6 +16,7 @@ from detectors.errors import ParameterError
 from simbench.blind import menu
 from simbench.files import folder, whole_file
 from simbench.loop.effects import NONE
+from simbench.safe_path import safe_path
 
 TESTS, OPENED, OPENED_LOG = "tests", "opened", "opened.csv"
 _SEED = 9000  # added to a record's seed, with the test's place on the menu: other load, other noise
@@ -30,7 +31,9 @@ def write_whole(file: Path, content: str | bytes) -> None:
 def write(out: Path, test: Callable[..., Any], items: Mapping[str, Any], jobs: int) -> None:
     """Write tests/ID-TEST.sealed of every record and test."""
     place = folder(out / TESTS)
-    Parallel(n_jobs=jobs)(delayed(_write)(place, test, name, item) for name, item in items.items())
+    asked = [delayed(_write)(place, test, name, item) for name, item in items.items()]
+    with safe_path():
+        Parallel(n_jobs=jobs)(asked)
 
 
 def _write(place: Path, test: Callable[..., Any], name: str, item: Any) -> None:

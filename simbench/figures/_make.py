@@ -115,7 +115,23 @@ def make_figures(
 
 
 def where_from(drawn: Drawn) -> str:
-    """Return what a figure that was left out needs, and where that comes from."""
+    """Return what a figure that was left out needs, and where that comes from.
+
+    Parameters
+    ----------
+    drawn : Drawn
+        A figure that was left out.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop.
+
+    Examples
+    --------
+    >>> where_from(Drawn("score-map", left_out="needs --run"))
+    'figure score-map needs --run: give the folder of `simbench run chapter -o RUN` with --run'
+    """
     need = next(key for key, word in NEEDS.items() if f"needs {word}" in drawn.left_out)
     return f"figure {drawn.id} {drawn.left_out}: {SOURCES[need]}"
 

@@ -48,6 +48,7 @@ from simbench.gap.stiction.conclusion import (
 from simbench.gap.stiction.friction import FRICTION, refuse_unweighable, with_sound_valve
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
+from simbench.safe_path import safe_path
 
 if TYPE_CHECKING:
     from detectors.sources import Source
@@ -269,7 +270,8 @@ def _assess_all(
     longest, *shorter = sorted(records, key=lambda r: -r.n)
     assessed = delayed(_assess_one)
     calls = [assessed(longest, baseline, tests), *(assessed(r, baseline) for r in shorter)]
-    pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
+    with safe_path():
+        pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
     every, loops = [assessment for assessment, _ in pairs], pairs[0][1]
     main, *others = every
     weighed = [one for _, one in pairs if isinstance(one, CandidateLoops)]

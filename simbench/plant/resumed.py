@@ -24,6 +24,7 @@ from detectors.errors import UserError
 from simbench.bench.store.checksums import with_checksum, without_checksum
 from simbench.files import folder, whole_file
 from simbench.progress import Progress
+from simbench.safe_path import safe_path
 
 _NAMED = "of"  # key under which an encoded object names its class
 
@@ -49,9 +50,8 @@ def resumed(
         for other in set(place.glob(f"{ask.__name__}-*.json")) - set(files):
             other.unlink(missing_ok=True)
         calls = [delayed(_kept)(ask, file, a) for file, a in zip(files, about, strict=True)]
-    with Parallel(
-        n_jobs=min(jobs, max(len(about), 1)) if jobs > 0 else jobs, return_as="generator"
-    ) as parallel:
+    workers = min(jobs, max(len(about), 1)) if jobs > 0 else jobs
+    with safe_path(), Parallel(n_jobs=workers, return_as="generator") as parallel:
         return list(Progress(parallel(calls), total=len(about), desc=what))
 
 

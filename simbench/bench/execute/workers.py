@@ -16,6 +16,7 @@ from typing import Any
 
 from simbench.bench.execute.pieces import Receipt
 from simbench.bench.store.checksums import RunError
+from simbench.safe_path import safe_path
 
 _Task = Callable[[int, Sequence[int]], Receipt]
 _Pieces = list[tuple[int, Sequence[int]]]
@@ -69,12 +70,13 @@ def on_processes(jobs: int) -> Iterator[Runner]:
             end(kill=True)
             raise
 
-    try:
-        yield run
-    except BaseException:
-        end(kill=True)
-        raise
-    end(kill=False)
+    with safe_path():
+        try:
+            yield run
+        except BaseException:
+            end(kill=True)
+            raise
+        end(kill=False)
 
 
 @contextlib.contextmanager
@@ -137,12 +139,15 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
         "logging_level": "ERROR",
         "runtime_env": {"env_vars": _ONE_THREAD},
     }
+    safe = contextlib.ExitStack()
     try:
         if address not in (None, "auto"):  # ray itself would go on asking for minutes
             host, _, port = address.rpartition("://")[2].rpartition(":")
             socket.create_connection((host, int(port)), timeout=PATIENCE).close()
+        safe.enter_context(safe_path())
         ray.init(**where, **quiet)
     except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+        safe.close()
         reason = str(error).splitlines()[0]
         raise RunError(
             f"no ray cluster answers at {address}: {reason}; its HOST:PORT is needed"
@@ -165,6 +170,7 @@ def on_ray(address: str | None, jobs: int) -> Iterator[Runner]:
         yield run
     finally:
         ray.shutdown()
+        safe.close()
 
 
 def _handed_out(

@@ -54,7 +54,7 @@ def situation(
         data=SimpleNamespace(K=K),
         baseline=None,
         integrating=integrating,
-        record=SimpleNamespace(pv=pv, mv=mv),
+        record=SimpleNamespace(pv=pv, mv=mv, notes=(), S_unit="%"),
         law=SimpleNamespace(known=known),
         archive=SimpleNamespace(faithful=faithful),
         notes=["noted"],
