@@ -28,9 +28,11 @@ class Verdict:
     verdict : {"stiction", "no_stiction", "no_decision"}
         The answer; "no_decision" is one too.
     score : float
-        Larger means stickier, for every method; NaN when nothing could be computed.
+        Larger means stickier, for every method; finite, or NaN beside "no_decision" when nothing
+        could be computed.
     indices : dict of str to float
-        The numbers that led to the answer, by the names of the literature.
+        The numbers that led to the answer, by the names of the literature; NaN where a number does
+        not exist for this record.
     S, J : float, (lo, hi) or None
         Stick band and slip jump in `S_unit`; an interval where the record does not fix the number.
     S_unit : str
@@ -122,11 +124,19 @@ def wrong_types(v: Any) -> Iterator[str]:
     if not isinstance(v.reason, str) or not v.reason.strip():
         yield f"gives no reason for {v.verdict!r}"
     if not _number(v.score):
-        yield f"gives the score {v.score!r}, a number is needed (NaN for none)"
+        yield f"gives the score {v.score!r}, a finite number is needed"
+    elif not math.isfinite(v.score) and not (v.verdict == NO_DECISION and math.isnan(v.score)):
+        yield (
+            f"gives the score {float(v.score)!r} with {v.verdict!r}, a finite number is needed (NaN"
+            f" with {NO_DECISION!r} alone)"
+        )
     if not isinstance(v.indices, dict) or not all(
         isinstance(k, str) and _number(x) for k, x in v.indices.items()
     ):
         yield f"gives the indices {v.indices!r}, names with numbers are needed"
+    else:
+        for name in (k for k, x in v.indices.items() if math.isinf(x)):
+            yield f"gives the index {name} = {float(v.indices[name])!r}, a finite number is needed"
     for key, level in (("S", v.S), ("J", v.J)):
         ends = level if isinstance(level, tuple) else (level,)
         if level is not None and (

@@ -7,11 +7,11 @@ from __future__ import annotations
 import inspect
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,13 @@ _FAINT = 1e-6  # of a signal's range: no verdict of any record may hang on this
 _LEVELS = (0.0, 7.0)  # of the set point, for records that are asked about in another order
 THINNED = (2, 4, 8)  # samples of a dense record to one
 _DEAD = ("constant", "short", "no period")
+
+
+class _Fault(NamedTuple):
+    """What a plug-in does wrong on one record."""
+
+    what: str
+    where: str
 
 
 @dataclass(frozen=True)
@@ -99,7 +106,7 @@ def check_detector(name: str) -> Contract:
     faults = list(_description(module))
     if faults:  # nothing further can be asked of it
         return Contract("detector", name, tuple(faults))
-    broken = [*_thresholds(module)]
+    broken: list[str | _Fault] = [*_thresholds(module)]
     for process in module.METHOD.process:
         broken += _cases(name, module, process)
         broken += _order(name, module, process)
@@ -108,7 +115,21 @@ def check_detector(name: str) -> Contract:
         broken += _moves(name, module, process)
         broken += _inputs(name, module, process)
         broken += _dead(module, process)
-    return Contract("detector", name, tuple(dict.fromkeys(broken)))
+    return Contract("detector", name, tuple(_each_once(broken)))
+
+
+def _each_once(found: Iterable[str | _Fault]) -> Iterator[str]:
+    """Return each sentence once, and a fault of several records with the first of them and their
+    number.
+    """
+    places: dict[str, list[str]] = {}
+    for one in found:
+        what, where = (one, "") if isinstance(one, str) else one
+        places.setdefault(what, []).append(where)
+    for what, where in places.items():
+        more = len(set(where)) - 1
+        others = f", and in {more} other case{'s' * (more > 1)}" if more else ""
+        yield f"{what}, {where[0]}{others}" if where[0] else what
 
 
 def check_added(
@@ -180,7 +201,7 @@ def _thresholds(module: ModuleType) -> Iterator[str]:
                 yield f"threshold {key}: {word} is empty"
 
 
-def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
+def _cases(name: str, module: ModuleType, process: str) -> Iterator[str | _Fault]:
     """Judge the six plain records, and the first of them once more at the end."""
     first, best = _judged(name, module, example_record("stiction", process)), math.inf
     for case in CASES:
@@ -189,7 +210,7 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str]:
             first if case == "stiction" else _judged(name, module, example_record(case, process))
         )
         if judged.faults:
-            yield from judged.at(f"on {on}")
+            yield from (_Fault(fault, f"on {on}") for fault in judged.faults)
             continue
         verdict: Verdict = judged.value
         if case in module.METHOD.exempt:
@@ -336,7 +357,7 @@ def _inputs(name: str, module: ModuleType, process: str) -> Iterator[str]:
             yield f"writes into what it was given: {key!r} is another after detect ({process})"
 
 
-def _dead(module: ModuleType, process: str) -> Iterator[str]:
+def _dead(module: ModuleType, process: str) -> Iterator[_Fault]:
     for case in _DEAD:
         prepared = Prepared(
             replace(example_record("noise" if case == "no period" else case, process))
@@ -345,9 +366,8 @@ def _dead(module: ModuleType, process: str) -> Iterator[str]:
             prepared.__dict__["oscillation"] = Oscillation(False, 0.0, math.nan)
         answer = call_guarded(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
         faults = answer.faults or ([] if answer.refusal else list(wrong_types(answer.value)))
-        yield from (
-            f"{fault}, asked directly about a dead record ({case}, {process})" for fault in faults
-        )
+        where = f"asked directly about a dead record ({case}, {process})"
+        yield from (_Fault(fault, where) for fault in faults)
 
 
 def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
@@ -367,7 +387,9 @@ def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
         judged.faults.append(f"refuses ({judged.refusal}) where an answer is due")
     if answers:
         wrong = list(wrong_types(answers[0]))
-        judged.faults = wrong if not isinstance(answers[0], Verdict) else [*judged.faults, *wrong]
+        # what `judge_one` made of the same wrong answer
+        known = [f for f in judged.faults if not any(w in f for w in wrong)]
+        judged.faults = wrong if not isinstance(answers[0], Verdict) else [*known, *wrong]
     return judged
 
 

@@ -8,7 +8,7 @@ alone decides; `S_low` (% of travel), the chapter's 0.5 %; `output_error` (1 or 
 in the source, a linear part fitted by one-step errors.
 Indices: gain (error a sticky valve takes off that of a straight one, 0..1), share ((S + J) over the
 swing of OP: a cycle of the valve alone swings by no more than about S + J), error (unexplained
-share of the variance of PV), S_hat, J_hat, T_s, Td_s.
+share of the variance of PV), S_hat, J_hat, T_s (NaN where the plant integrates), Td_s.
 Rule: score = gain min(share, 1); >= 0.03 and S >= 0.5 %: stiction; below it: none. S is an interval
 around what both maps say, which holds in nine loops of ten; J a number where the record fixes it,
 else all values that fit as well, without a level. The valve is Choudhury's map or one that stops
@@ -22,6 +22,8 @@ the two ratios that make a verdict of the fit.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -182,7 +184,9 @@ def detect(
         "S_hat": model.S,
         "J_hat": model.J,
     }
-    indices |= {"T_s": model.T_s, "Td_s": model.Td_s}
+    # an integrating plant has no time constant
+    T_s = model.T_s if math.isfinite(model.T_s) else math.nan
+    indices |= {"T_s": T_s, "Td_s": model.Td_s}
     if model.error > 0.5:
         reason = (
             f"valve and plant explain only {1 - model.error:.0%} of PV: it is moved from outside"

@@ -77,7 +77,7 @@ BROKEN = [
     (
         "if not prepared.oscillation.sustained:",
         "if int(prepared.oscillation.period_s) < 0:",
-        "(no period, self-regulating)",
+        "raises ValueError (cannot convert float NaN to integer)",
     ),
     (
         "more > least",
@@ -109,7 +109,9 @@ BROKEN = [
     ("more = ", 'print("more"); more = ', "prints 'more'"),
     ("more = ", "np.float64(0.0) / np.float64(0.0); more = ", "warns: RuntimeWarning"),
     ('{"fuller": more}', '{"fuller": "much"}', "gives the indices {'fuller': 'much'}"),
-    ("answer, more,", "answer, str(more),", "a number is needed"),
+    ("answer, more,", "answer, str(more),", "a finite number is needed"),
+    ("answer, more,", "answer, np.nan,", "gives the score nan with 'no_stiction'"),
+    ('{"fuller": more}', '{"fuller": np.inf}', "gives the index fuller = inf"),
     ("answer, more,", "answer, -more,", "must mean stickier"),
     ("more > least", "more < least", "says 'no_stiction' on the record 'stiction'"),
     ("more > least", "more > -1.0", "says 'stiction' on the record 'sine'"),
@@ -167,6 +169,14 @@ def test_each_way_of_breaking_it_is_one_sentence(contract_of, old, new, words):
     contract = contract_of(SOUND.replace(old, new))
     assert any(words in sentence for sentence in contract.broken), contract.broken
     assert not any("\n" in sentence for sentence in contract.broken)
+
+
+def test_a_fault_on_every_record_is_one_sentence_with_their_number(contract_of):
+    contract = contract_of(SOUND.replace("more = ", "prepared.record.flow; more = "))
+    text = "raises AttributeError ('LoopRecord' object has no attribute 'flow'), on the record "
+    assert len(contract.broken) == 1, contract.broken
+    assert contract.broken[0].startswith(f"{text}'stiction' (")
+    assert contract.broken[0].endswith(", and in 1 other case")
 
 
 def test_a_memory_of_the_last_set_point_is_detected(contract_of):

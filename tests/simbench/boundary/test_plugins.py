@@ -61,24 +61,39 @@ HOSTILE = {
     "returns a dict": (LATER + 'dict(verdict="stiction")\n    ' + FINE, "answers {'verdict'"),
     "unknown word": ('return Verdict("x", "sticky", reason="r")', "sticky"),
     "no reason": ('return Verdict("x", "stiction")', "reason"),
-    "blank reason": ('return Verdict("x", "stiction", reason="  ")', "reason"),
+    "blank reason": ('return Verdict("x", "stiction", 1.0, reason="  ")', "reason"),
     "word as score": ('return Verdict("x", "stiction", score="high", reason="r")', "score"),
+    "no number as score": (
+        'return Verdict("x", "stiction", score=float("nan"), reason="r")',
+        "score nan",
+    ),
+    "infinite score": ('return Verdict("x", "no_decision", score=float("inf"), reason="r")', "inf"),
+    "infinite index": (
+        'return Verdict("x", "stiction", 1.0, {"a": -float("inf")}, reason="r")',
+        "index a = -inf",
+    ),
     "list as score": ('return Verdict("x", "stiction", score=[1.0], reason="r")', "score"),
     "array as index": (
-        'return Verdict("x", "stiction", indices={"a": np.ones(3)}, reason="r")',
+        'return Verdict("x", "stiction", 1.0, indices={"a": np.ones(3)}, reason="r")',
         "a",
     ),
     "object as index": (
-        'return Verdict("x", "stiction", indices={"a": object()}, reason="r")',
+        'return Verdict("x", "stiction", 1.0, indices={"a": object()}, reason="r")',
         "indices",
     ),
-    "indices no table": ('return Verdict("x", "stiction", indices=[1], reason="r")', "indices"),
-    "word as S": ('return Verdict("x", "stiction", S="5", reason="r")', "S"),
-    "infinite S": ('return Verdict("x", "stiction", S=float("inf"), reason="r")', "S"),
-    "three ends": ('return Verdict("x", "stiction", J=(1.0, 2.0, 3.0), reason="r")', "J"),
-    "perhaps applicable": ('return Verdict("x", "stiction", applicable="maybe", reason="r")', ""),
+    "indices no table": (
+        'return Verdict("x", "stiction", 1.0, indices=[1], reason="r")',
+        "indices",
+    ),
+    "word as S": ('return Verdict("x", "stiction", 1.0, S="5", reason="r")', "S"),
+    "infinite S": ('return Verdict("x", "stiction", 1.0, S=float("inf"), reason="r")', "S"),
+    "three ends": ('return Verdict("x", "stiction", 1.0, J=(1.0, 2.0, 3.0), reason="r")', "J"),
+    "perhaps applicable": (
+        'return Verdict("x", "stiction", 1.0, applicable="maybe", reason="r")',
+        "",
+    ),
     "closes everything": ("os.closerange(3, 200)\n    " + FINE, "ended"),
-    "endless answer": ('return Verdict("x", "stiction", reason="r" * 50_000_000)', "at most"),
+    "endless answer": ('return Verdict("x", "stiction", 1.0, reason="r" * 50_000_000)', "at most"),
     "writes into its input": ("prepared.record.op[0] = 1e9\n    " + FINE, "read-only"),
 }
 # what is nobody else's concern: it answers, and the others do not notice
@@ -95,6 +110,7 @@ HARMLESS = {
         'return Verdict("x", "stiction", score=np.float32(1), S=np.float64(2.0), reason="r")'
     ),
     "no score": 'return Verdict("x", "no_decision", reason="r")',
+    "no index": 'return Verdict("x", "stiction", 1.0, {"a": float("nan")}, reason="r")',
 }
 T = np.arange(600.0)
 RECORD = LoopRecord(op=50 + np.sin(T / 8), pv=50 - np.sin(T / 8 - 1), Ts=1.0)
@@ -132,7 +148,16 @@ def alone() -> list[dict]:
     return answers()[0]
 
 
-FEW = ("raises", "exits hard", "returns nothing", "word as score", "writes into its input")
+FEW = (
+    "raises",
+    "exits hard",
+    "returns nothing",
+    "word as score",
+    "no number as score",
+    "infinite score",
+    "infinite index",
+    "writes into its input",
+)
 
 
 @pytest.mark.parametrize(
@@ -370,7 +395,7 @@ member = [{ name = "sticky", valve = "choudhury" }, { name = "healthy", valve = 
 @pytest.mark.skipif(
     not Path("/proc/self/environ").exists(), reason="processes are known by their environment"
 )
-def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_no_worker(tmp_path):
+def test_50_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_no_worker(tmp_path):
     bodies = {**{k: body for k, (body, _) in HOSTILE.items()}, **HARMLESS, **REACHING}
     # each reaches for another path: what one writes through the link of another would change
     # that plug-in's file, and which of them is asked first is not for this test to say
@@ -378,7 +403,7 @@ def test_46_plug_ins_that_misbehave_in_one_run_bend_no_other_verdict_and_leave_n
         "_".join(k.lower().split()): body.replace("{outside!r}", repr(str(tmp_path / f"of {k}")))
         for k, body in bodies.items()
     }
-    assert len(bodies) == 46
+    assert len(bodies) == 50
     files = []
     for name, body in bodies.items():
         (tmp_path / "plugins" / name).mkdir(parents=True)
