@@ -5,6 +5,7 @@ without a traceback.
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import shlex
 import signal
@@ -29,6 +30,20 @@ def exit_code(
     command that has them.
     """
     _open_closed_streams()
+    code = _run(work, known, command)
+    # what is printed while the interpreter ends is nobody's answer
+    if code == 0 and isinstance(sys.stdout, _ClosedOutput) and sys.stdout.lost:
+        return complain(
+            "stdout is closed, so what this command prints is lost; open it, or write it to a file"
+            " with >"
+        )
+    return code
+
+
+def _run(
+    work: Callable[[], int | None], known: tuple[type[Exception], ...], command: Sequence[str]
+) -> int:
+    """Run a command and return its exit code, whatever it raises."""
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
@@ -62,7 +77,17 @@ def _open_closed_streams() -> None:
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
         if getattr(sys, name) is None and number:
-            setattr(sys, name, open(number, "w", encoding="utf-8", closefd=False))  # noqa: SIM115
+            setattr(sys, name, _ClosedOutput(open(number, "wb", closefd=False), "utf-8"))  # noqa: SIM115
+
+
+class _ClosedOutput(io.TextIOWrapper):
+    """A stream that nobody reads, which knows whether anything was written to it."""
+
+    lost = False
+
+    def write(self, text: str, /) -> int:
+        self.lost = self.lost or bool(text.strip())
+        return super().write(text)
 
 
 @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,6 +24,11 @@ def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
     if den.size < 2 or den.size > _MOST_ORDER + 1:
         raise ValueError(
             f"den has {den.size} numbers; 2 to {_MOST_ORDER + 1} are needed, the first not 0"
+        )
+    if not math.isfinite(float(max(np.abs(num).max(), np.abs(den).max())) / abs(float(den[0]))):
+        raise ValueError(
+            f"den begins with {den[0]:g}, which is too small: num and den divided by it must be"
+            " finite numbers"
         )
     if num.size >= den.size:
         raise ValueError(

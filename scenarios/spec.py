@@ -395,6 +395,16 @@ class Loop(_Table):
         return self
 
     @model_validator(mode="after")
+    def _numbers_that_can_be_sampled(self) -> Self:
+        K, T, Ts = self.plant.K, self.plant.T, self.sampling.Ts
+        if T is not None and math.isinf(abs(K) / T + Ts / T):
+            raise ValueError(
+                f"T = {T:g} s is too small for K = {K:g} and Ts = {Ts:g} s: K/T and Ts/T must be"
+                " finite numbers"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _delay_that_fits(self) -> Self:
         Td, Ts = self.plant.Td, self.sampling.Ts
         if Td > MAX_SAMPLES * Ts:

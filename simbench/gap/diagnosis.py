@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from joblib import Parallel, delayed
@@ -31,7 +32,7 @@ from simbench.gap.discover.discovery import described
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
-from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.intake.partial import Partial, completed, read_baseline
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.plan.order import plan
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
 
 def diagnose(
     record: Source | Sequence[Source] | None = None,
-    baseline: Loop | Partial | None = None,
+    baseline: Loop | Partial | str | Path | None = None,
     *,
     tests: Sequence[RecordedTest] = (),
     jobs: int = 1,
@@ -71,9 +72,9 @@ def diagnose(
     record : LoopRecord, run, DataFrame, mapping, str, Path, or sequence of them
         SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them. Several records of one
         loop are judged together.
-    baseline : Loop, Partial or None
-        The simulation; None identifies plant and tuning from the record, a partial one what it does
-        not say.
+    baseline : Loop, Partial, str, Path or None
+        The simulation, or its loop file; None identifies plant and tuning from the record, a
+        partial one what it does not say.
     tests : sequence of RecordedTest
         Tests of the same loop in other operation, judged with the (longest) record as one model.
     jobs : int
@@ -117,7 +118,7 @@ def diagnose(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and"
             f" {paces[-1]:g} s in another"
         )
-    return diagnose_all(records, baseline, tests, jobs, seed)
+    return diagnose_all(records, _read(baseline), tests, jobs, seed)
 
 
 def diagnose_all(
@@ -147,7 +148,7 @@ def diagnose_all(
 
 def conclude(
     record: Source | Sequence[Source] | None = None,
-    loop: Loop | Partial | None = None,
+    loop: Loop | Partial | str | Path | None = None,
     *,
     tests: Sequence[RecordedTest] = (),
     **signals: Unpack[RecordSignals],
@@ -158,9 +159,9 @@ def conclude(
     ----------
     record : LoopRecord, run, DataFrame, mapping, str, Path, or sequence of them
         SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them.
-    loop : Loop, Partial or None
-        The loop where it is known; friction is then weighed with every other effect that could
-        explain the record.
+    loop : Loop, Partial, str, Path or None
+        The loop, or its loop file, where it is known; friction is then weighed with every other
+        effect that could explain the record.
     tests : sequence of RecordedTest
         Tests of the same loop in other operation; they need a loop.
     **signals
@@ -185,7 +186,12 @@ def conclude(
     records = _records(record, signals)
     if loop is None and len(records) == 1:
         return judged(records[0])[0]
-    return diagnose_all(records, loop, tests, describe=False).conclusion
+    return diagnose_all(records, _read(loop), tests, describe=False).conclusion
+
+
+def _read(loop: Loop | Partial | str | Path | None) -> Loop | Partial | None:
+    """Return a loop, read from its file where a path is given."""
+    return read_baseline(loop) if isinstance(loop, (str, Path)) else loop
 
 
 def _records(given: Any, signals: Any) -> list[LoopRecord]:

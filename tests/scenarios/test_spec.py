@@ -94,6 +94,8 @@ def test_hash_does_not_change_between_versions():
         ({"plant": {"type": "tf", "K": 1, "num": [1], "den": [2, 1]}}, "K = 1"),
         ({"plant": {"type": "tf", "num": [-1], "den": [2, 1]}}, "positive feedback"),
         ({"plant": {"type": "foptd", "K": 1, "T": 2, "num": [1]}}, "belongs to"),
+        ({"plant": {"type": "foptd", "K": 1, "T": 5e-324}}, "T = 4.94066e-324 s is too small"),
+        ({"plant": {"type": "tf", "num": [1], "den": [5e-324, 1]}}, "den begins with 4.94066e-324"),
         ({"valve": {"S": 1}}, "model"),
         ({"setpoint": {"steps": [[1]]}}, "setpoint.steps"),
         ({"operating_point": {"op0": 120}}, "op0"),

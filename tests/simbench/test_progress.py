@@ -68,8 +68,16 @@ def test_a_full_stderr_keeps_the_exit_code():
     assert subprocess.run(shell).returncode == 2
 
 
-def test_a_closed_stdout_is_no_fault_of_the_program():
-    code = "from detectors.usage import exit_code; exit(exit_code(lambda: print('to nobody')))"
-    shell = ["sh", "-c", f'exec "{sys.executable}" -c "{code}" >&-']
+@pytest.mark.parametrize(("printed", "code"), [("to nobody", 2), ("", 0)])
+def test_what_is_printed_to_a_closed_stdout_is_no_success(printed, code):
+    text = f"from detectors.usage import exit_code; exit(exit_code(lambda: print('{printed}')))"
+    shell = ["sh", "-c", f'exec "{sys.executable}" -c "{text}" >&-']
     done = subprocess.run(shell, stderr=subprocess.PIPE, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr.count("\n")) == (code, code // 2)
+    assert ("stdout is closed" in done.stderr) == bool(printed)
+
+
+def test_the_answer_on_a_closed_stdout_is_named_as_lost():
+    command = f'exec "{sys.executable}" -m simbench.cli list valves'
+    done = subprocess.run(["sh", "-c", f"{command} >&-"], stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)

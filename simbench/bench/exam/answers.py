@@ -18,6 +18,7 @@ from simbench.bench.exam.folder import table_rows
 NEEDED, OPTIONAL = ("method", "record", "verdict", "score"), ("S", "J")
 _NAME = re.compile(r"[A-Za-z][\w.@-]{0,59}", re.ASCII)
 _TAKEN = ("all", "fast", "full", "oracle", "no_waveform", "always_no", "always_yes")
+_LARGEST = 1e6  # of S and J; the travel of a valve is 100 %
 _BETWEEN = ".."  # the ends of an interval
 Answers = dict[str, dict[str, Verdict]]  # by method and record
 
@@ -121,8 +122,9 @@ def _level(text: str, where: str, name: str) -> Level:
     if not text or text.lower() == "nan":
         return None
     ends = [_number(part, where, name) for part in text.split(_BETWEEN, 1)]
-    if not 0.0 <= ends[0] <= ends[-1] < math.inf:
+    if not 0.0 <= ends[0] <= ends[-1] <= _LARGEST:
         raise ParameterError(
-            f"exam: {where}: {name} = {text[:80]!r}; a size from 0, or lo{_BETWEEN}hi, is needed"
+            f"exam: {where}: {name} = {text[:80]!r}; a size from 0 to {_LARGEST:g}, or"
+            f" lo{_BETWEEN}hi, is needed"
         )
     return ends[0] if len(ends) == 1 else (ends[0], ends[1])

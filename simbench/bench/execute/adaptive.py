@@ -15,7 +15,7 @@ from detectors.verdict import NO_STICTION, STICTION
 from scenarios.grid import Grid
 from simbench.bench.scenario.truth import NO, YES
 from simbench.bench.statistics import wilson
-from simbench.bench.store.checksums import TABLES
+from simbench.bench.store.checksums import TABLES, RunError
 from simbench.bench.store.place import Place
 from simbench.bench.store.reading import parts
 
@@ -23,6 +23,13 @@ _MOST_REPEATS = 5000
 _BLIND_REPEATS = 16  # a cell without a single yes or no by then never gets one
 _PIECE = 80  # scenarios
 NARROWEST = 0.001  # interval that may be asked for: four million trials
+
+
+def check_width(width: float | None) -> None:
+    """Raise RunError for a width that no interval can be asked to have."""
+    number = isinstance(width, (int, float)) and not isinstance(width, bool)
+    if width is not None and not (number and NARROWEST <= width < 1):
+        raise RunError(f"until_width = {width}; a number between {NARROWEST} and 1 is needed")
 
 
 def next_round(

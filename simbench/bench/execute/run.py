@@ -191,11 +191,7 @@ def run_grid(
 def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
     if asked.backend not in _BACKENDS:
         raise RunError(f"unknown backend {asked.backend!r}: {nearest(asked.backend, _BACKENDS)}")
-    width = asked.until_width
-    if width is not None and not adaptive.NARROWEST <= width < 1:
-        raise RunError(
-            f"until_width = {width}; a number between {adaptive.NARROWEST} and 1 is needed"
-        )
+    adaptive.check_width(asked.until_width)
     if asked.fresh_seeds and (
         asked.resume or isinstance(grid, Grid) or "seed" in (asked.sets or {})
     ):

@@ -4,10 +4,11 @@ table.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,24 +34,52 @@ class Sweep:
         return len(self.grid)
 
     def verdicts(
-        self, detectors: Iterable[str] = ("fast",), jobs: int = 1, **settings: Any
+        self,
+        detectors: Iterable[str] = ("fast",),
+        jobs: int = 1,
+        out: str | Path | None = None,
+        **settings: Any,
     ) -> pd.DataFrame:
         """Simulate and judge; one row per scenario and method, with the axes and the truth next to
         the verdict.
+
+        With `out` the tables stay in that folder, and a sweep that was interrupted goes on there.
+        """
+        return self._run(detectors, jobs, out, settings)
+
+    def _run(
+        self,
+        detectors: Iterable[str],
+        jobs: int,
+        out: str | Path | None,
+        settings: Mapping[str, Any],
+        columns: Mapping[str, list[str]] | None = None,
+    ) -> pd.DataFrame:
+        """Run the sweep on disk and join its tables; `columns` names those of each table that are
+        read, next to `scenario_id`.
         """
         import pandas as pd
 
         names = [detectors] if isinstance(detectors, str) else list(detectors)
-        with tempfile.TemporaryDirectory() as where:
-            folder = run_grid(self.grid, Path(where) / "run", names, jobs, **settings)
+        with _kept_in(out) as where:
+            resume = {"resume": out is not None, **settings}
+            folder = run_grid(self.grid, where, names, jobs, **resume)
             scenarios, verdicts = (
-                pd.read_parquet(folder / f"{t}.parquet") for t in ("scenarios", "verdicts")
+                pd.read_parquet(
+                    folder / f"{table}.parquet",
+                    columns=None if columns is None else ["scenario_id", *columns[table]],
+                )
+                for table in ("scenarios", "verdicts")
             )
-        tags = [json.loads(t) for t in scenarios.pop("tags")]
+        # the axes are the same in all scenarios of a cell
+        first = scenarios.drop_duplicates("cell").set_index("cell").tags.map(json.loads)
         for axis in self.grid.content.axes:
-            scenarios[axis] = [t[axis] for t in tags]
+            scenarios[axis] = scenarios.cell.map(first.map(lambda tags, axis=axis: tags[axis]))
         return verdicts.merge(
-            scenarios, on="scenario_id", suffixes=("", "_scenario"), validate="many_to_one"
+            scenarios.drop(columns="tags"),
+            on="scenario_id",
+            suffixes=("", "_scenario"),
+            validate="many_to_one",
         )
 
     def score(
@@ -58,15 +87,20 @@ class Sweep:
         detectors: Iterable[str] = ("fast",),
         jobs: int = 1,
         raw: bool = False,
+        out: str | Path | None = None,
         **settings: Any,
     ) -> pd.DataFrame:
-        """Simulate, judge and score; one row per combination of axis values and method."""
+        """Simulate, judge and score; one row per combination of axis values and method.
+
+        With `out` the tables stay in that folder, and a sweep that was interrupted goes on there.
+        """
         import pandas as pd
 
         axes = list(self.grid.content.axes)
         verdict, score = ("verdict_raw", "score_raw") if raw else ("verdict", "score")
         rows = []
-        frame = self.verdicts(detectors, jobs, **settings)
+        read = {"scenarios": ["cell", "cycled", "tags"], "verdicts": ["method", verdict, score]}
+        frame = self._run(detectors, jobs, out, settings, read)
         for (_, method), part in frame.groupby(["cell", "method"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
             clear = part.cycled.isin(["yes", "no"])
             right = (part[verdict] == STICTION) == (part.cycled == "yes")
@@ -87,6 +121,16 @@ class Sweep:
                 }
             )
         return pd.DataFrame(rows)
+
+
+@contextlib.contextmanager
+def _kept_in(out: str | Path | None) -> Iterator[str | Path]:
+    """Yield the folder of a sweep: the one that is asked for, or one that is removed again."""
+    if out is not None:
+        yield out
+        return
+    with tempfile.TemporaryDirectory() as where:
+        yield Path(where) / "run"
 
 
 def sweep(

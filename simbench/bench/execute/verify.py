@@ -304,6 +304,7 @@ def _pieces(place: Place, manifest: Mapping[str, Any], grid: Grid) -> Iterator[S
     """Yield the groups of every piece of a run, with the rounds that `until_width` adds, from the
     grid alone.
     """
+    adaptive.check_width(manifest["until_width"])
     groups: list[Sequence[int]] = [range(*piece) for piece in chunks(grid)]
     marks, done = manifest[TABLES], 0
     while groups:

@@ -8,6 +8,7 @@ replicates, for which the right answer is known.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
@@ -20,7 +21,7 @@ from detectors.record import LoopRecord
 from detectors.report.report import choose_methods
 from detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from detectors.verdict import STICTION, Verdict
-from scenarios.spec import Loop
+from scenarios.spec import Loop, load_loop
 from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_record
@@ -54,7 +55,7 @@ FEW, _FEWEST_OF_LONG = (
 
 def trust(
     record: Source | None = None,
-    loop: Loop | None = None,
+    loop: Loop | str | Path | None = None,
     methods: Methods = "all",
     *,
     healthy: int = _HEALTHY,
@@ -70,8 +71,8 @@ def trust(
     ----------
     record : LoopRecord, run, DataFrame, mapping, str or Path
         SP, OP, PV and, where recorded, MV, as `simbench.detect` takes them.
-    loop : Loop, optional
-        The loop where it is known; otherwise it is identified from the record.
+    loop : Loop, str or Path, optional
+        The loop, or its loop file, where it is known; otherwise it is identified from the record.
     methods : str, function, object with `detect`, or iterable of them
         Method ids, "all", "fast" or "full", and detectors of the caller, as in `simbench.detect`.
     healthy, each : int
@@ -119,7 +120,7 @@ def trust(
     ):
         return _trust(
             as_record(record, **signals),
-            loop,
+            load_loop(loop) if isinstance(loop, (str, Path)) else loop,
             choose_methods(asked),
             (healthy, each),
             help_wanted,

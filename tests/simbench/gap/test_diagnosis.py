@@ -3,6 +3,7 @@ on stand-ins.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from detectors.errors import RecordError
 from detectors.record import LoopRecord
+from scenarios.spec import SpecError, load_loop
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
@@ -260,3 +262,17 @@ def test_records_of_one_pace_are_judged_together(monkeypatch, Ts, judged):
         )
     with pytest.raises(RecordError, match="no record"):
         diagnose([], None)
+
+
+def test_a_baseline_may_be_the_path_of_a_loop_file(monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr(
+        diagnosis, "diagnose_all", lambda records, loop, *a, **k: asked.append(loop)
+    )
+    file = "docs/example/model.toml"
+    record = LoopRecord(op=np.arange(60.0), pv=np.arange(60.0), Ts=1.0)
+    for path in (file, Path(file), load_loop(file)):
+        diagnose(record, path)
+    assert asked == [load_loop(file)] * 3
+    with pytest.raises(SpecError, match=r"not_there\.toml"):
+        diagnose(record, tmp_path / "not_there.toml")

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from scenarios.spec import Loop
+from simbench.bench.execute import work
 from simbench.bench.execute.sweep import Sweep, sweep
 from simbench.bench.statistics import wilson
 
@@ -32,7 +33,7 @@ def made(monkeypatch):
                 rows.append([cell, method, J, cycled, *verdicts, *rng.normal(size=2)])
     names = ["cell", "method", "valve.J", "cycled", "verdict", "verdict_raw", "score", "score_raw"]
     frame = pd.DataFrame(rows, columns=names)
-    monkeypatch.setattr(Sweep, "verdicts", lambda self, *a, **k: frame)
+    monkeypatch.setattr(Sweep, "_run", lambda self, *a: frame)
     return frame
 
 
@@ -65,3 +66,34 @@ def test_every_number_of_a_sweep(made, raw):
 def test_one_seed_and_the_root_nought_unless_asked():
     assert len(sweep(LOOP, {"valve.J": [1.0, 2.0]})) == 2
     assert sweep(LOOP, {"valve.J": [1.0]}).grid.content.seed == 0
+
+
+def test_a_sweep_that_was_interrupted_goes_on_in_its_folder(tmp_path, monkeypatch):
+    swept = sweep(LOOP.with_("sampling.n", 400), {"valve.J": [1.0, 2.0]}, seeds=3)
+    out, asked = tmp_path / "swept", []
+    whole = swept.score(["horch"])
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as m:
+        m.setattr("simbench.bench.execute.pieces.finish", stop)
+        with pytest.raises(KeyboardInterrupt):
+            swept.score(["horch"], out=out)
+    resolved = work.judge_both
+    monkeypatch.setattr(work, "judge_both", lambda *a: asked.append(1) or resolved(*a))
+    pd.testing.assert_frame_equal(swept.score(["horch"], out=out), whole)
+    assert (asked, len(swept.verdicts(["horch"], out=out))) == ([], 6)
+
+
+def test_a_score_reads_only_the_columns_that_it_needs(monkeypatch):
+    read, before = [], pd.read_parquet
+    monkeypatch.setattr(
+        pd, "read_parquet", lambda f, columns: read.append(columns) or before(f, columns=columns)
+    )
+    swept = sweep(LOOP.with_("sampling.n", 400), {"valve.J": [1.0, 2.0]})
+    assert list(swept.score("horch")["valve.J"]) == [1.0, 2.0]
+    assert read == [
+        ["scenario_id", "cell", "cycled", "tags"],
+        ["scenario_id", "method", "verdict", "score"],
+    ]

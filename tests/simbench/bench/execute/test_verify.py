@@ -23,7 +23,7 @@ from simbench.bench.execute.verify_result import Notes
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import benchmark_of, grid_of
-from simbench.bench.store.checksums import RunError, digest, partition
+from simbench.bench.store.checksums import RunError, digest, partition, with_checksum
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.place import place_of
 from simbench.bench.store.reading import RunArrays
@@ -385,6 +385,15 @@ def test_what_cannot_be_verified_is_refused(run, tmp_path):
         verify_run(tmp_path / "b")
     with pytest.raises(RunError, match="states no plug-in"):
         verify_run(run, plugins=["mine.py"])
+
+
+@pytest.mark.parametrize("width", [5, -1.0, 0, "wide", True])
+def test_a_width_that_no_run_can_have_is_named(run, tmp_path, width):
+    shutil.copytree(run, tmp_path / "run")
+    file = tmp_path / "run" / "manifest.json"
+    stated = json.loads(file.read_text()) | {"until_width": width}
+    file.write_text(json.dumps(with_checksum(stated)))
+    assert f"until_width = {width}; a number" in verify_run(tmp_path / "run").contradictions[0]
 
 
 def test_further_rounds_of_an_adaptive_run_follow_from_the_grid(tmp_path):
