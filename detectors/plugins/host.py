@@ -148,7 +148,9 @@ class Host:
         _tell_unlimited()
         try:
             self._description = (
-                self._ask((self._describe, (self.sources,)), START) if self._describe else None
+                self._ask((self._describe, (self.sources,)), max(START, self.seconds))
+                if self._describe
+                else None
             )
         except UserError:
             self.close()

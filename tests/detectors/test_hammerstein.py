@@ -10,6 +10,7 @@ from plain_loops import DELAYED, LEVEL
 
 from detectors.compiled import compiled
 from detectors.judge import judge
+from detectors.methods import hammerstein
 from detectors.signal.fits import hammerstein_kernels as kernels
 from detectors.signal.fits.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
 from detectors.signal.oscillation import find_oscillation
@@ -334,3 +335,21 @@ def test_a_valve_at_rest_before_a_slow_lag_explains_nothing_by_rounding():
     given = (op, np.sin(np.arange(n) / 9.0), 1, half, 45, n - half, 1.0, 0.0, 100.0, False)
     fits = errors(given, [0.0] * 2, [0.0] * 2, [0.0] * 2, [1.0 - 1e-9, 1.0 - 1e-7], range(1, 4))
     assert np.all(fits[:, 0] == 1.0)
+
+
+@pytest.mark.parametrize(
+    ("S", "gain", "verdict"),
+    [
+        (0.4, 0.9, "no_stiction"),
+        (6.0, 0.02, "no_stiction"),
+        (0.4, 0.02, "no_stiction"),
+        (6.0, 0.9, "stiction"),
+    ],
+)
+def test_stiction_needs_both_a_band_and_a_better_fit(loop, monkeypatch, S, gain, verdict):
+    fitted = {"S_hat": S, "gain": gain, "share": 1.0}
+    monkeypatch.setattr(hammerstein, "_one_step", lambda *a: (fitted, "a fit"))
+    as_published = {"hammerstein": {"output_error": 0.0}}
+    answer = judge(loop(n=3000), ["hammerstein"], thresholds=as_published)[0]
+    assert answer.verdict == verdict
+    assert (answer.S is None) == (verdict == "no_stiction")

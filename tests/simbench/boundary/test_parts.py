@@ -265,7 +265,8 @@ def test_a_run_keeps_every_row_of_the_built_in_valves_and_names_the_offender(her
     files = [hostile(here, PLAY, *deed, name) for name, deed in deeds.items()]
     grid_file("without.toml", "deadband", "ideal")
     grid_file("with.toml", "deadband", *deeds, "ideal")
-    options = f"--method horch,rossi_scali,oracle -j {jobs} --json "
+    # however busy the machine is
+    options = f"--method horch,rossi_scali,oracle -j {jobs} --time-limit 600 --json "
     answer_to(f"run without.toml -o a {options}")
     plugins = " ".join(f"--valve-plugin {file.name}" for file in files)
     failed = json.loads(answer_to(f"run with.toml -o b {options}{plugins}", 1))["failed"]

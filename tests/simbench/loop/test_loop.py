@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks import perf
 from detectors.errors import ParameterError, UnknownName
 from scenarios.errors import SpecError
 from scenarios.spec import Loop
@@ -256,7 +257,6 @@ def test_compiled_and_plain_loop_of_higher_order_give_the_same_bits():
 
 
 def test_compiled_loop_equals_c_bit_for_bit():
-    perf = pytest.importorskip("perf")
     case = perf.Case()
     if case.in_c is None:
         pytest.skip("no gcc on this machine")
@@ -266,7 +266,6 @@ def test_compiled_loop_equals_c_bit_for_bit():
 
 
 def test_loop_equals_python_control_over_the_first_300_samples():
-    perf = pytest.importorskip("perf")
     case, theirs = perf.python_control(300)
     np.testing.assert_allclose(theirs(), np.array(case.run(case.compiled)[:2]), atol=1e-9)
 

@@ -97,6 +97,16 @@ def test_march_equals_the_simulator_before_chaos_sets_in(loop, direction):
     assert np.abs(record.mv - 50 - mv).max() < 1e-8
 
 
+@pytest.mark.parametrize("Td", [0.5, 2.0])
+def test_march_of_a_pid_loop_equals_the_simulator_before_chaos_sets_in(loop, Td):
+    law = {"type": "PID", "Kc": 0.5, "Ti": 10, "Td": Td, "N": 8, "form": "velocity", "b": 1, "c": 1}
+    asked = loop(K=2.0, Kc=0.5, Td=2.3, Ts=0.5, n=300, controller=law)
+    record = simulate(asked, kick=4.0).record
+    op, mv = marched(sampled_loop(asked), 4.0, 300)
+    assert np.abs(record.op - 50 - op).max() < 1e-8
+    assert np.abs(record.mv - 50 - mv).max() < 1e-8
+
+
 @pytest.mark.parametrize(
     "case", [{}, {"Ti": None, "Kc": 4.0}, {"kind": "integrating", "K": 0.1, "Ti": None, "Kc": 2.0}]
 )

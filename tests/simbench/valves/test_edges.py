@@ -216,3 +216,18 @@ def test_he_s_gain_widens_the_jump_at_the_cost_of_the_band(K, mapped):
     p = valve_parameters(VALVES.load("he"), {"S": 4.0, "J": 2.0, "K": K}, 1.0)
     assert VALVES.load("he").mapped_SJ(p) == pytest.approx(mapped)
     assert sum(VALVES.load("he").mapped_SJ(p)) == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize(
+    ("op", "position"), [(-5.0, 0.0), (0.0, 0.0), (50.0, 50.0), (130.0, 100.0)]
+)
+def test_choudhurys_valve_begins_at_rest_within_its_travel(op, position):
+    # position, direction, moving, last OP
+    assert VALVES.load("choudhury").start(op, None) == (position, 0.0, 0.0, position)
+
+
+def test_a_spell_is_counted_in_seconds_whatever_the_sampling():
+    table = {"S": 4.0, "J": 2.0, "period": 5.0, "on": 2.0, "delay": 1.0}
+    op = 20.0 + np.arange(24) * 1.0  # 2 % per s at two samples a second
+    lag = op - valve_response("intermittent", op, table, 0.5)
+    assert (lag > 0.0).tolist() == [t in (1, 2, 6, 7, 11) for t in range(12) for _ in "ab"]

@@ -322,5 +322,6 @@ def test_too_large_a_substep_and_missing_coulomb_friction_are_refused():
             valve_response(model, [50.0], {"substep": 5e-3})
     with pytest.raises(ParameterError, match="needs Fc > 0"):
         valve_response("lugre", [50.0], {"S": 5, "J": 5})
+    assert np.isfinite(valve_response("lugre", [50.0, 50.1], {"Fs": 1.0, "Fc": 0.5})).all()
     with pytest.raises(ParameterError, match="give S or Fc"):
         valve_response("coulomb_viscous", [50.0], {"S": 5, "Fc": 5})

@@ -49,9 +49,13 @@ STICKY = [
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("noise", [0.0, 0.3])
 def test_right_about_healthy_and_sticky_valves_under_any_load(plant, load, noise):
-    assert oracle(loop({"model": "ideal"}, plant, noise, load)).verdict == "no_stiction"
+    answer = oracle(loop({"model": "ideal"}, plant, noise, load))
+    assert answer.verdict == "no_stiction"
+    assert "the ideal valve is likelier" in answer.reason
     for valve in STICKY:
-        assert oracle(loop(valve, plant, noise, load)).verdict == "stiction"
+        answer = oracle(loop(valve, plant, noise, load))
+        assert answer.verdict == "stiction"
+        assert "the sticky valve is likelier" in answer.reason
 
 
 @pytest.mark.parametrize("plant", [FOPTD, INTEGRATING])
