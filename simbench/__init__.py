@@ -5,5 +5,7 @@ The public names stand in `__init__.pyi`; each is loaded when first asked for.
 """
 
 from simbench.lazy import attach
+from simbench.neighbours import refuse_hidden_packages
 
+refuse_hidden_packages()
 __getattr__, __dir__, __all__ = attach(__name__, __file__)
