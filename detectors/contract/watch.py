@@ -22,6 +22,10 @@ class Guarded:
     refusal: UserError | None = None
     faults: list[str] = field(default_factory=list)
 
+    def at(self, where: str) -> list[str]:
+        """Return what it did besides answering, each with where that was."""
+        return [f"{fault}, {where}" for fault in self.faults]
+
     def unanswered(self) -> list[str]:
         """Return why there is no answer, a refusal too, where one is due."""
         return self.faults or ([f"refuses ({self.refusal})"] if self.refusal else [])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 from detectors.plugins.host import Host, PluginError, cleaned
 from detectors.prepared import Prepared
 from detectors.record import RECORDED_SIGNALS
-from detectors.verdict import Verdict, wrong_types
+from detectors.verdict import NO_STICTION, Verdict, wrong_types
 
 _Judge = Callable[[str, Prepared, tuple[bool, ...], dict], list[Verdict]]
 
@@ -51,7 +52,10 @@ def _checked(name: str, verdict: Verdict) -> Verdict:
     """Return a worker's verdict with plain numbers and one-line texts; raise PluginError if it is
     no verdict.
     """
-    for wrong in wrong_types(verdict):
+    # -inf is the score of a record that does not oscillate, about which no detector was asked
+    not_asked = isinstance(verdict, Verdict) and verdict.verdict == NO_STICTION
+    not_asked = not_asked and isinstance(verdict.score, float) and verdict.score == -math.inf
+    for wrong in wrong_types(verdict.but(score=0.0) if not_asked else verdict):
         raise PluginError(wrong)
     ends = {key: getattr(verdict, key) for key in "SJ"}
     return verdict.but(

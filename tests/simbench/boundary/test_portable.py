@@ -142,5 +142,5 @@ from detectors.method import Method
 from detectors.verdict import Verdict
 METHOD = Method(title="mine", source="nobody", front_end=False)
 def detect(prepared):
-    return Verdict("x", "stiction", reason=f"process {os.getpid()}")
+    return Verdict("x", "stiction", 1.0, reason=f"process {os.getpid()}")
 """
