@@ -14,6 +14,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, ORDER, PLUGINS
 from simbench.loop.effects.compression import swinging_door
 from simbench.loop.hosted import host_of, parts_of_loop
 from simbench.loop.parameters import Number
+from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 
 LOOP = Loop.from_table({
@@ -179,3 +180,16 @@ def test_the_parts_of_a_loop_are_its_valve_stages_and_its_effects():
     )
     assert parts_of_loop(loop) == {("effect", "stiction"), ("valve", "lag")}
     assert host_of(parts_of_loop(loop)) is None
+
+
+@pytest.mark.parametrize(("extra", "Td"), [(2.5, 6.0), (-1.5, 2.0), (-9.0, 0.0)])
+def test_extra_dead_time_is_added_down_to_none(extra, Td):
+    changed = with_effects(("dead_time_mismatch", {"extra": extra}))
+    assert resolve_loop(changed, 1).Td == Td
+
+
+def test_a_stick_band_without_a_jump_is_a_dead_band():
+    stiction = simulate(with_effects(("stiction", {"S": 4.0, "J": 0.0})), seed=3).record
+    band = simulate(with_effects(("deadband", {"S": 4.0})), seed=3).record
+    assert np.allclose(stiction.mv, band.mv, atol=1e-9)
+    assert not np.allclose(stiction.mv, simulate(LOOP, seed=3).record.mv)
