@@ -1,6 +1,7 @@
 """trust(): the contract's keys, three answers, and the text for readers."""
 
 import json
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -157,3 +158,13 @@ def test_the_verbs_answer_on_files(tmp_path, capsys, sticky):
     out, err = capsys.readouterr()
     json.loads(out)
     assert "power: smallest stiction that he with " in err
+
+
+def test_the_loop_may_be_the_path_of_its_file(monkeypatch):
+    asked = []
+    # the package offers the function under the same name
+    home = import_module("simbench.plant.trust.trust")
+    monkeypatch.setattr(home, "_trust", lambda record, loop, *_: asked.append(loop))
+    for path in ("docs/example/model.toml", Path("docs/example/model.toml")):
+        home.trust(op=np.arange(60.0), pv=np.arange(60.0), Ts=1.0, loop=path)
+    assert asked == [load_loop("docs/example/model.toml")] * 2
