@@ -28,8 +28,9 @@ class Verdict:
     verdict : {"stiction", "no_stiction", "no_decision"}
         The answer; "no_decision" is one too.
     score : float
-        Larger means stickier, for every method; finite, or NaN beside "no_decision" when nothing
-        could be computed.
+        Larger means stickier, for every method. A detector gives a finite number, or NaN with
+        "no_decision" when nothing could be computed; -inf is the score of a record that does not
+        oscillate, about which no detector is asked.
     indices : dict of str to float
         The numbers that led to the answer, by the names of the literature; NaN where a number does
         not exist for this record.

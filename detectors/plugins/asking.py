@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from detectors.plugins.host import Host, PluginError, cleaned
 from detectors.prepared import Prepared
@@ -52,10 +53,7 @@ def _checked(name: str, verdict: Verdict) -> Verdict:
     """Return a worker's verdict with plain numbers and one-line texts; raise PluginError if it is
     no verdict.
     """
-    # -inf is the score of a record that does not oscillate, about which no detector was asked
-    not_asked = isinstance(verdict, Verdict) and verdict.verdict == NO_STICTION
-    not_asked = not_asked and isinstance(verdict.score, float) and verdict.score == -math.inf
-    for wrong in wrong_types(verdict.but(score=0.0) if not_asked else verdict):
+    for wrong in wrong_types(verdict.but(score=0.0) if _not_asked(verdict) else verdict):
         raise PluginError(wrong)
     ends = {key: getattr(verdict, key) for key in "SJ"}
     return verdict.but(
@@ -68,4 +66,16 @@ def _checked(name: str, verdict: Verdict) -> Verdict:
             key: tuple(map(float, x)) if isinstance(x, tuple) else None if x is None else float(x)
             for key, x in ends.items()
         },
+    )
+
+
+def _not_asked(verdict: Any) -> bool:
+    """Return whether a verdict is that on a record which does not oscillate: the package gives it
+    the score -inf and asks no detector.
+    """
+    return (
+        isinstance(verdict, Verdict)
+        and verdict.verdict == NO_STICTION
+        and isinstance(verdict.score, float)
+        and verdict.score == -math.inf
     )
