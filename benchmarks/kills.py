@@ -21,9 +21,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from detectors.errors import UserError
-from scenarios.grid import load_grid
 from simbench.bench.execute import lease, run
+from simbench.detectors.errors import UserError
+from simbench.scenarios.grid import load_grid
 from tests.simbench.boundary.disk import FAULTS, Disk
 
 METHODS = ["horch_histogram"]

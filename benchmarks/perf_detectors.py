@@ -7,10 +7,10 @@ import time
 
 import numpy as np
 
-from detectors.judge import judge
-from detectors.plugins.registry import methods
-from scenarios.spec import Loop
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.registry import methods
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 ROUNDS = 9
 BARS = {"fast": 20.0, "full": 150.0}

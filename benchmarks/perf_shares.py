@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-import detectors.plugins.registry
-import detectors.prepared
 import simbench.bench.execute.work as work
 import simbench.loop.kernel
 import simbench.theory.cycle
-from detectors.report.report import choose_methods
-from scenarios.grid import Grid, load_grid
 from simbench.bench.execute import pieces
 from simbench.bench.scenario import kept, resolve, swing
 from simbench.bench.store import tables
 from simbench.bench.store.place import place_of
+from simbench.detectors import prepared
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.report.report import choose_methods
+from simbench.scenarios.grid import Grid, load_grid
 
 GRID = "chapter"
 BLOCKS, BLOCK = (
@@ -84,18 +84,18 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
         (work, "theory", meter.wrap("theory columns", work.theory)),
         (resolve, "cycle_start", meter.wrap("cell: theory", resolve.cycle_start)),
         (
-            detectors.prepared,
+            prepared,
             "find_oscillation",
-            meter.wrap("front end", detectors.prepared.find_oscillation),
+            meter.wrap("front end", prepared.find_oscillation),
         ),
-        (detectors.prepared, "inspect", meter.wrap("quality flags", detectors.prepared.inspect)),
+        (prepared, "inspect", meter.wrap("quality flags", prepared.inspect)),
         (work, "scenario_row", meter.wrap("rows", work.scenario_row)),
         (work, "verdict_row", meter.wrap("rows", work.verdict_row)),
         (tables, "encode", meter.wrap("store", tables.encode)),
         (pieces, "write_piece", meter.wrap("store", pieces.write_piece)),
     ]
     for name in names:
-        module = detectors.plugins.registry.methods.load(name)
+        module = methods.load(name)
         places.append((module, "detect", meter.wrap(name, module.detect)))
     before = [(owner, attribute, getattr(owner, attribute)) for owner, attribute, _ in places]
     for owner, attribute, timed in places:

@@ -18,10 +18,10 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from detectors.records.io import read_labels
-from detectors.report.report import columns
-from detectors.verdict import PROBABILITY
 from simbench.cli import main as simbench
+from simbench.detectors.records.io import read_labels
+from simbench.detectors.report.report import columns
+from simbench.detectors.verdict import PROBABILITY
 from simbench.gap.stiction.by_loop import count_agreement, group_conclusions
 from simbench.gap.stiction.conclusion import WORDS
 

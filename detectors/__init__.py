@@ -3,8 +3,15 @@
 This package works alone, for an engineer who has plant data and needs no simulator.
 """
 
-from detectors.errors import ParameterError, RecordError, UnknownName, UserError
-from detectors.record import LoopRecord
-from detectors.verdict import Verdict
+from simbench.detectors.errors import ParameterError, RecordError, UnknownName, UserError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import Verdict
 
 __all__ = ["LoopRecord", "ParameterError", "RecordError", "UnknownName", "UserError", "Verdict"]
+
+if __name__ == "detectors":  # found on the path under its short name, as in the repository itself
+    import sys
+
+    import simbench.detectors
+
+    sys.modules[__name__] = simbench.detectors

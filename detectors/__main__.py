@@ -1,5 +1,5 @@
-"""Judge records from the command line: `python -m detectors REC.csv --method all --kind flow
---json`.
+"""Judge records from the command line: `python -m simbench.detectors REC.csv --method all
+--kind flow --json`.
 """
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ import json
 import sys
 from typing import Any
 
-from detectors.detection import judge_files
-from detectors.prepared import FRONT_ENDS
-from detectors.record import KINDS, PROCESSES
-from detectors.records.roles import column_pairs
-from detectors.report.report import failed, table
-from detectors.usage import exit_code
+from simbench.detectors.detection import judge_files
+from simbench.detectors.prepared import FRONT_ENDS
+from simbench.detectors.record import KINDS, PROCESSES
+from simbench.detectors.records.roles import column_pairs
+from simbench.detectors.report.report import failed, table
+from simbench.detectors.usage import exit_code
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code: 0 done, 2 wrong usage or file."""
     parser = argparse.ArgumentParser(
-        prog="python -m detectors",
+        prog="python -m simbench.detectors",
         description="Show the verdict of each stiction detector on the records of control loops."
         " `simbench detect` adds a conclusion with its probability.",
     )

@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
 from numpy.typing import ArrayLike
 
-from detectors.errors import ParameterError, nearest
-from detectors.faults import sentence_of
-from detectors.judge import judge, refuse_wrong_forms
-from detectors.plugins.host import SECONDS
-from detectors.plugins.registry import methods as registry
-from detectors.procedure import Diagnosis
-from detectors.procedure import diagnose as procedure
-from detectors.record import LoopRecord
-from detectors.records.io import read_folder, read_labels, read_records
-from detectors.report.report import Report, ShownConclusion, choose_methods, score_units
-from detectors.sources import (
+from simbench.detectors.errors import ParameterError, nearest
+from simbench.detectors.faults import sentence_of
+from simbench.detectors.judge import judge, refuse_wrong_forms
+from simbench.detectors.plugins.host import SECONDS
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.procedure import Diagnosis
+from simbench.detectors.procedure import diagnose as procedure
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_folder, read_labels, read_records
+from simbench.detectors.report.report import Report, ShownConclusion, choose_methods, score_units
+from simbench.detectors.sources import (
     About,
     AboutFile,
     Methods,
@@ -34,10 +34,10 @@ from detectors.sources import (
     as_record,
     named_methods,
 )
-from detectors.verdict import Verdict
+from simbench.detectors.verdict import Verdict
 
 if TYPE_CHECKING:
-    from detectors.sources import Source
+    from simbench.detectors.sources import Source
 _Thresholds = Mapping[str, Mapping[str, float]]
 _WEIGHED_BY = "likelihood"  # method whose evidence a conclusion weighs
 
@@ -93,7 +93,7 @@ def detect(
     raw : bool
         Without the oscillation front end.
     front_end : {"acf", "hagglund"}
-        The oscillation detection, see `detectors.judge.judge`.
+        The oscillation detection, see `simbench.detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are judged too.
     thresholds : dict of method id to dict of str to float, optional
@@ -305,7 +305,7 @@ def diagnose(source: Source | None = None, **about: Unpack[_Procedure]) -> Diagn
         A record, a simulated run, a table or dict with columns op, pv and t, or a record file.
     **about
         Signals in place of a source, and what is known of it, as in `detect`;
-        also odds_low, odds_high and follow_min, see `detectors.procedure.diagnose`.
+        also odds_low, odds_high and follow_min, see `simbench.detectors.procedure.diagnose`.
 
     Returns
     -------

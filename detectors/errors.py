@@ -70,7 +70,7 @@ def naming(place: object) -> Iterator[None]:
     >>> with naming("loop.toml"):
     ...     raise ParameterError("S = -1; it must be >= 0")
     Traceback (most recent call last):
-    detectors.errors.ParameterError: loop.toml: S = -1; it must be >= 0
+    simbench.detectors.errors.ParameterError: loop.toml: S = -1; it must be >= 0
     """
     try:
         yield

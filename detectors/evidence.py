@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.verdict import Verdict
+from simbench.detectors.verdict import Verdict
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 
 
 class ExampleLoop(NamedTuple):

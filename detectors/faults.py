@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from detectors.errors import UserError, masked
+from simbench.detectors.errors import UserError, masked
 
 LOG = (  # begins the name of a fault's log, in the system's folder of temporary files
     "simbench-fault-"

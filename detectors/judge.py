@@ -11,16 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import AnswerError, ParameterError, nearest
-from detectors.example_loop import example_record
-from detectors.method import Method
-from detectors.plugins.asking import ask_worker
-from detectors.plugins.host import PluginError
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import FRONT_ENDS, Prepared, prepare
-from detectors.quality import resolution
-from detectors.record import LoopRecord
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, wrong_types
+from simbench.detectors.errors import AnswerError, ParameterError, nearest
+from simbench.detectors.example_loop import example_record
+from simbench.detectors.method import Method
+from simbench.detectors.plugins.asking import ask_worker
+from simbench.detectors.plugins.host import PluginError
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import FRONT_ENDS, Prepared, prepare
+from simbench.detectors.quality import resolution
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import (
+    NO_DECISION,
+    NO_STICTION,
+    STICTION,
+    Level,
+    Verdict,
+    wrong_types,
+)
 
 # A record with one of these flags gives no information about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
@@ -234,7 +241,8 @@ def _valid(name: str, answer: Any) -> Verdict:
     if not isinstance(answer, Verdict):
         form = f'return Verdict("{name}", "stiction", score=0.7, reason="why")'
         raise AnswerError(
-            f"answers {answer!r:.60}; a detectors.verdict.Verdict is needed, for example: {form}"
+            f"answers {answer!r:.60}; a simbench.detectors.verdict.Verdict is needed, for example:"
+            f" {form}"
         )
     for wrong in wrong_types(answer):
         raise ValueError(wrong)

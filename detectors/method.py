@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from detectors.errors import AnswerError
-from detectors.record import PROCESSES
+from simbench.detectors.errors import AnswerError
+from simbench.detectors.record import PROCESSES
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Method:
 def wrong_fields(method: Any) -> Iterator[str]:
     """Return what is wrong in a detector's description, compared with `Method`."""
     if not isinstance(method, Method):
-        yield f"METHOD = {method!r:.60}; a detectors.method.Method is needed"
+        yield f"METHOD = {method!r:.60}; a simbench.detectors.method.Method is needed"
         return
     for key, example in vars(Method("x", "x")).items():
         value = getattr(method, key)
@@ -98,7 +98,7 @@ def wrong_fields(method: Any) -> Iterator[str]:
     if not method.process or not set(method.process) <= set(PROCESSES):
         yield f"METHOD.process = {method.process}; known: {', '.join(PROCESSES)}"
     if not all(isinstance(rule, Threshold) for rule in method.thresholds.values()):
-        yield "METHOD.thresholds holds what is no detectors.method.Threshold"
+        yield "METHOD.thresholds holds what is no simbench.detectors.method.Threshold"
 
 
 def refuse_wrong_call(function: Callable, first: str, method: Method) -> None:

@@ -9,12 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
-from detectors.errors import RecordError
-from detectors.method import Method
-from detectors.quality import Flag, inspect
-from detectors.record import LoopRecord
-from detectors.signal.autocorrelation import acf, detrend
-from detectors.signal.conditioning import (
+from simbench.detectors.errors import RecordError
+from simbench.detectors.method import Method
+from simbench.detectors.quality import Flag, inspect
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.autocorrelation import acf, detrend
+from simbench.detectors.signal.conditioning import (
     clear_harmonics,
     drift,
     loop_sign,
@@ -22,10 +22,10 @@ from detectors.signal.conditioning import (
     smooth,
     snapped,
 )
-from detectors.signal.half_cycles import midline, split
-from detectors.signal.load_disturbances import oscillation_by_loads
-from detectors.signal.oscillation import LASTING, Oscillation, find_oscillation, wandering
-from detectors.signal.standstill import steady_valve
+from simbench.detectors.signal.half_cycles import midline, split
+from simbench.detectors.signal.load_disturbances import oscillation_by_loads
+from simbench.detectors.signal.oscillation import LASTING, Oscillation, find_oscillation, wandering
+from simbench.detectors.signal.standstill import steady_valve
 
 _STILL = 1e-9  # of a signal's range: less is rounding
 FRONT_ENDS = ("acf", "hagglund")
@@ -150,7 +150,7 @@ class Prepared:
 
     def clear_harmonics(self, name: str) -> float:
         """Return up to which harmonic a signal exceeds its noise, see
-        `detectors.signal.conditioning`.
+        `simbench.detectors.signal.conditioning`.
         """
         return self.share(
             f"harmonics {name}", lambda: clear_harmonics(self.signal(name), self.period)
@@ -189,7 +189,7 @@ class Prepared:
 
     def steady_valve(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
         """Return the intervals in which the signal used as MV rests, see
-        `detectors.signal.standstill`.
+        `simbench.detectors.signal.standstill`.
         """
         return self.share(
             f"steady valve {self.record.mv is None}", lambda: steady_valve(position, self.period)

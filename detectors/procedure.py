@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.evidence import BIAS, EVIDENCE, VOTERS, WITNESSES
-from detectors.judge import UNFIT, judge_one
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import Prepared, prepare
-from detectors.record import LoopRecord
-from detectors.signal.bicoherence import error_bicoherence
-from detectors.signal.valve_follow import Follow, valve_follow
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, _plain
-from detectors.views import page_part
+from simbench.detectors.evidence import BIAS, EVIDENCE, VOTERS, WITNESSES
+from simbench.detectors.judge import UNFIT, judge_one
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import Prepared, prepare
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.bicoherence import error_bicoherence
+from simbench.detectors.signal.valve_follow import Follow, valve_follow
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, _plain
+from simbench.detectors.views import page_part
 
 if TYPE_CHECKING:
     import pandas as pd

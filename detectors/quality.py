@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.record import MOST_OUTSIDE, LoopRecord
-from detectors.signal.holds import holds, still
-from detectors.signal.lattice import lattice, written_unit
-from detectors.signal.lines import straight
-from detectors.signal.oscillation import Oscillation, find_oscillation
-from detectors.signal.spikes import isolated, off_line
-from detectors.signal.tails import heavy_tails
+from simbench.detectors.record import MOST_OUTSIDE, LoopRecord
+from simbench.detectors.signal.holds import holds, still
+from simbench.detectors.signal.lattice import lattice, written_unit
+from simbench.detectors.signal.lines import straight
+from simbench.detectors.signal.oscillation import Oscillation, find_oscillation
+from simbench.detectors.signal.spikes import isolated, off_line
+from simbench.detectors.signal.tails import heavy_tails
 
 _SATURATED = 0.05  # share of samples at a limit
 _OPERATOR = 0.01  # changes of OP per sample, below which a person and not a controller moves it
@@ -40,7 +40,7 @@ def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[
     """Return the flags that a record raises, by name.
 
     Own rules; their limits stand at the head of the file. What a flag is worth depends on the
-    method: `detectors.judge.UNFIT` names those under which all methods abstain.
+    method: `simbench.detectors.judge.UNFIT` names those under which all methods abstain.
     """
     oscillation = (
         find_oscillation(record.op, record.pv, record.Ts) if oscillation is None else oscillation

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.errors import RecordError, nearest
+from simbench.detectors.errors import RecordError, nearest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +73,7 @@ class LoopRecord:
 
     Notes
     -----
-    Not for records with holes: `detectors.records.io` bridges or cuts these first.
+    Not for records with holes: `simbench.detectors.records.io` bridges or cuts these first.
 
     Examples
     --------
@@ -238,7 +238,7 @@ class LoopRecord:
         return axes
 
     def _repr_html_(self) -> str:
-        from detectors.views import page_part
+        from simbench.detectors.views import page_part
 
         facts = [
             f"{self.n} samples",
@@ -322,7 +322,7 @@ class LoopRecord:
         Parameters
         ----------
         frame : pandas.DataFrame
-            One row per sample, no holes; `detectors.records.io` treats holes.
+            One row per sample, no holes; `simbench.detectors.records.io` treats holes.
         Ts : float, optional
             Sampling period (s); taken from the time column when absent.
         **about

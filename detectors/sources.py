@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from detectors.errors import AnswerError, ParameterError, RecordError
-from detectors.method import Method, refuse_wrong_call
-from detectors.prepared import Prepared
-from detectors.record import RECORDED_SIGNALS, LoopRecord
-from detectors.records.io import read_record
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, VERDICTS, Verdict
+from simbench.detectors.errors import AnswerError, ParameterError, RecordError
+from simbench.detectors.method import Method, refuse_wrong_call
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import RECORDED_SIGNALS, LoopRecord
+from simbench.detectors.records.io import read_record
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, VERDICTS, Verdict
 
 _TIMES = ("t_s", "t", "time", "timestamp")
 _HINT = "for example detect(op=op, pv=pv, Ts=1.0), or a DataFrame or dict with columns op, pv and t"

@@ -14,9 +14,9 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import TextIO
 
-from detectors.errors import UserError, masked, printable
-from detectors.faults import sentence_of
-from detectors.records.roles import column_pairs
+from simbench.detectors.errors import UserError, masked, printable
+from simbench.detectors.faults import sentence_of
+from simbench.detectors.records.roles import column_pairs
 
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
 TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it

@@ -118,7 +118,7 @@ def _plain(value: Any) -> Any:
 def wrong_types(v: Any) -> Iterator[str]:
     """Say what of an answer is not as `Verdict` describes it."""
     if not isinstance(v, Verdict):
-        yield f"answers {v!r}, a detectors.verdict.Verdict is needed"
+        yield f"answers {v!r}, a simbench.detectors.verdict.Verdict is needed"
         return
     if v.verdict not in VERDICTS:
         yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from scenarios.errors import SpecError
+from simbench.scenarios.errors import SpecError
 
 if TYPE_CHECKING:
-    from scenarios.spec import Loop, Scenario, load_loop
+    from simbench.scenarios.spec import Loop, Scenario, load_loop
 
 __all__ = ["Loop", "Scenario", "SpecError", "load_loop"]
 
@@ -16,7 +16,7 @@ def __getattr__(name: str) -> Any:
     """Load what needs pydantic when it is first asked for."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from scenarios import spec
+    from simbench.scenarios import spec
 
     return getattr(spec, name)
 
@@ -24,3 +24,11 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """List the names that are loaded when first asked for, so that they are completed too."""
     return sorted({*globals(), *__all__})
+
+
+if __name__ == "scenarios":  # found on the path under its short name, as in the repository itself
+    import sys
+
+    import simbench.scenarios
+
+    sys.modules[__name__] = simbench.scenarios

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
-from scenarios.errors import SpecError, suggestion
-from scenarios.spec import Loop, Value
+from simbench.scenarios.errors import SpecError, suggestion
+from simbench.scenarios.spec import Loop, Value
 
 SETTINGS = {
     "process": "foptd or integrating",

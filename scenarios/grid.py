@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
-from scenarios.cell import (
+from simbench.scenarios.cell import (
     BY_TUNING,
     SETTINGS,
     Draft,
@@ -26,9 +26,18 @@ from scenarios.cell import (
     cell_group,
     loop_axes,
 )
-from scenarios.errors import SpecError, suggestion
-from scenarios.grid_check import MOST_CELLS, refuse_mistakes
-from scenarios.spec import Loop, Real, Value, Whole, _Table, checked, content_hash, read_toml
+from simbench.scenarios.errors import SpecError, suggestion
+from simbench.scenarios.grid_check import MOST_CELLS, refuse_mistakes
+from simbench.scenarios.spec import (
+    Loop,
+    Real,
+    Value,
+    Whole,
+    _Table,
+    checked,
+    content_hash,
+    read_toml,
+)
 
 _Range = Real | tuple[Real, Real]
 _Names = str | tuple[str, ...]
@@ -581,9 +590,8 @@ def _moves(
 
 def grid_names() -> list[str]:
     """Return the names of the grids that come with the package."""
-    return sorted(
-        f.name[:-5] for f in (files("scenarios") / "grids").iterdir() if f.name.endswith(".toml")
-    )
+    folder = files("simbench.scenarios") / "grids"
+    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
 def load_grid(
@@ -596,7 +604,7 @@ def load_grid(
     if str(name) in grid_names():
         label, table = (
             str(name),
-            read_toml(Path(str(files("scenarios") / "grids" / f"{name}.toml"))),
+            read_toml(Path(str(files("simbench.scenarios") / "grids" / f"{name}.toml"))),
         )
     elif Path(name).suffix == ".toml" or Path(name).exists():
         label, table = Path(name).stem, read_toml(name)

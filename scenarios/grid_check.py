@@ -9,8 +9,16 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from scenarios.cell import BY_TUNING, EXCITATIONS, FOPTD_LAG, SAME, SETTINGS, TAG_WORDS, ULTIMATE
-from scenarios.errors import SpecError, suggestion
+from simbench.scenarios.cell import (
+    BY_TUNING,
+    EXCITATIONS,
+    FOPTD_LAG,
+    SAME,
+    SETTINGS,
+    TAG_WORDS,
+    ULTIMATE,
+)
+from simbench.scenarios.errors import SpecError, suggestion
 
 MOST_CELLS = 1_000_000  # of a grid that is run whole
 _MOST_BUILT = 2000  # cells that are built to see whether they make a loop

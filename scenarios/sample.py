@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenarios.errors import SpecError
-from scenarios.grid import Grid, Group, Member
-from scenarios.spec import content_hash
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import Grid, Group, Member
+from simbench.scenarios.spec import content_hash
 
 
 class _Stratum(NamedTuple):

@@ -24,8 +24,8 @@ from pydantic import (
     model_validator,
 )
 
-from scenarios.errors import SpecError, suggestion
-from scenarios.polynomials import checked_polynomials
+from simbench.scenarios.errors import SpecError, suggestion
+from simbench.scenarios.polynomials import checked_polynomials
 
 MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB here
 _MOST_CLAUSES = 12  # complaints in one sentence

@@ -5,7 +5,7 @@ The public names stand in `__init__.pyi`; each is loaded when first asked for.
 """
 
 from simbench.lazy import attach
-from simbench.neighbours import refuse_hidden_packages
+from simbench.short_names import allow_short_names
 
-refuse_hidden_packages()
+allow_short_names()
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

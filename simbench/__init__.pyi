@@ -1,13 +1,13 @@
 """The public names, for people, type checkers and the loader; a further one is one further line."""
 
-from detectors.detection import detect as detect
-from detectors.detection import diagnose as diagnose
-from detectors.record import LoopRecord as LoopRecord
-from detectors.records.io import read_record as read_record
-from detectors.verdict import Verdict as Verdict
 from simbench import gap as gap
 from simbench.bench.execute.sweep import sweep as sweep
 from simbench.confirm.recorded import confirm as confirm
+from simbench.detectors.detection import detect as detect
+from simbench.detectors.detection import diagnose as diagnose
+from simbench.detectors.record import LoopRecord as LoopRecord
+from simbench.detectors.records.io import read_record as read_record
+from simbench.detectors.verdict import Verdict as Verdict
 from simbench.gap.diagnosis import conclude as conclude
 from simbench.loop.simulate import simulate as simulate
 from simbench.loop.simulate import simulate_batch as simulate_batch

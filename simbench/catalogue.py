@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from detectors.plugins.registry import PluginFolder, methods
+from simbench.detectors.plugins.registry import PluginFolder, methods
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import VALVES
 
@@ -23,7 +23,7 @@ def catalogue(what: str) -> list[dict[str, str]]:
     ['choudhury']
     """
     if what == "grids":
-        from scenarios.grid import grid_names, load_grid
+        from simbench.scenarios.grid import grid_names, load_grid
 
         return [
             {"name": n, "says": (g := load_grid(n)).title, "source": g.source} for n in grid_names()

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 from zlib import crc32
 
-from detectors.errors import ParameterError, UserError, masked
-from detectors.record import LoopRecord
+from simbench.detectors.errors import ParameterError, UserError, masked
+from simbench.detectors.record import LoopRecord
 
 if TYPE_CHECKING:
     from pandas import DataFrame

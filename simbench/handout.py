@@ -19,7 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import ParameterError, UserError
+from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder, plain_bytes, refuse_own_input, whole_file
 from simbench.safe_path import safe_path
 

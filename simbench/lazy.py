@@ -52,6 +52,6 @@ def attach(
 def _unknown(package: str, name: str, names: list[str]) -> str:
     if name.startswith("_"):  # a notebook's probes are no typing errors
         return f"module {package!r} has no attribute {name!r}"
-    from detectors.errors import nearest
+    from simbench.detectors.errors import nearest
 
     return f"module {package!r} has no attribute {name!r}: {nearest(name, names)}"

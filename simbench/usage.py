@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from detectors.usage import exit_code as of_detectors
-from scenarios.errors import SpecError
+from simbench.detectors.usage import exit_code as of_detectors
+from simbench.scenarios.errors import SpecError
 
 
 def exit_code(work: Callable[[], int | None], command: Sequence[str] = ()) -> int:
-    """Run a command and return its exit code, as `detectors.usage.exit_code`; the errors of loop
-    files are known too.
+    """Run a command and return its exit code, as `simbench.detectors.usage.exit_code`; the errors
+    of loop files are known too.
     """
     return of_detectors(work, SpecError, command=command)

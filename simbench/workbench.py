@@ -8,18 +8,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, Required, Self, TypedDict, Unpack
 
-from detectors.sources import Methods, named_methods
-from detectors.views import page_part
-from scenarios import spec
-from scenarios.grid import Grid
-from scenarios.spec import read_toml
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_run
+from simbench.detectors.sources import Methods, named_methods
+from simbench.detectors.views import page_part
 from simbench.loop.plant import table_of
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
+from simbench.scenarios import spec
+from simbench.scenarios.grid import Grid
+from simbench.scenarios.spec import read_toml
 from simbench.theory.predict import predict
 
 if TYPE_CHECKING:

@@ -2,6 +2,6 @@
 
 import os
 
-from detectors.faults import RAISED
+from simbench.detectors.faults import RAISED
 
 os.environ[RAISED] = "1"

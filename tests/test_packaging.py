@@ -43,8 +43,8 @@ def test_typed_markers_and_stubs_go_into_the_wheel():
     data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
         "setuptools"
     ]["package-data"]
-    for package in ("simbench", "detectors", "scenarios"):
-        assert (ROOT / package / "py.typed").exists()
+    for package in ("simbench", "simbench.detectors", "simbench.scenarios"):
+        assert (ROOT / package.replace(".", "/") / "py.typed").exists()
         assert "py.typed" in data[package]
     assert "**/*.pyi" in data["simbench"]
 

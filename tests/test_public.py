@@ -12,12 +12,12 @@ import matplotlib
 import numpy as np
 import pytest
 
-import detectors
-import scenarios
 import simbench as sb
-from detectors.errors import RecordError, UnknownName
-from detectors.record import LoopRecord
-from scenarios.errors import SpecError
+import simbench.detectors as detectors
+import simbench.scenarios as scenarios
+from simbench.detectors.errors import RecordError, UnknownName
+from simbench.detectors.record import LoopRecord
+from simbench.scenarios.errors import SpecError
 
 PACKAGES = [sb, sb.gap, detectors, scenarios]
 PIPED = {"capture_output": True, "text": True, "check": True}

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from detectors.plugins.registry import methods
-from scenarios.spec import Loop
 from simbench.cli import main
+from simbench.detectors.plugins.registry import methods
+from simbench.scenarios.spec import Loop
 
 ROOT = Path(__file__).parents[1]
 README, EXAMPLE = (ROOT / "README.md").read_text(encoding="utf-8"), ROOT / "docs" / "example"

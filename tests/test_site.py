@@ -16,12 +16,12 @@ from pathlib import Path
 import pytest
 
 import simbench
-from detectors.plugins.registry import methods
-from scenarios.cell import SETTINGS
-from scenarios.grid import GridFile
-from scenarios.spec import Loop
+from simbench.detectors.plugins.registry import methods
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
+from simbench.scenarios.cell import SETTINGS
+from simbench.scenarios.grid import GridFile
+from simbench.scenarios.spec import Loop
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "docs" / "site"
@@ -70,13 +70,13 @@ def text_of(page: Path) -> str:
 
 def test_every_public_name_has_a_page(site):
     missing = []
-    for package in ("simbench", "simbench.gap", "detectors", "scenarios"):
+    for package in ("simbench", "simbench.gap", "simbench.detectors", "simbench.scenarios"):
         module = importlib.import_module(package)
         for name in set(module.__all__) - {"gap"}:
             thing = getattr(module, name)
             pages = [
                 site / f"generated/api/{p}.{name}.html"
-                for p in ("simbench", "simbench.gap", "detectors", "scenarios")
+                for p in ("simbench", "simbench.gap", "simbench.detectors", "simbench.scenarios")
             ]
             if not any(
                 p.exists() and re.search(rf'id="[\w.]*\b{name}"', p.read_text(encoding="utf-8"))

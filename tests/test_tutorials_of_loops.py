@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 import simbench as sb
-from scenarios.grid import load_grid
 from simbench.cli import main
+from simbench.scenarios.grid import load_grid
 
 PAGES = Path(__file__).parents[1] / "docs" / "site" / "tutorials"
 CELL = re.compile(r"```\{code-cell\} ipython3\n(.*?)```", re.DOTALL)

@@ -14,7 +14,7 @@ import pytest
 from importlinter.application.use_cases import read_user_options
 from importlinter.configuration import configure
 
-from detectors.plugins.registry import methods
+from simbench.detectors.plugins.registry import methods
 
 configure()
 OPTIONS = read_user_options(str(Path(__file__).parents[1] / "pyproject.toml"))
@@ -31,9 +31,7 @@ LOOP = "a loop's plug-ins know nothing of the run they take part in"
 
 @pytest.fixture(scope="module")
 def house():
-    return grimp.build_graph(
-        "simbench", "detectors", "scenarios", include_external_packages=True, cache_dir=None
-    )
+    return grimp.build_graph("simbench", include_external_packages=True, cache_dir=None)
 
 
 def broken(graph, asked=lambda options: True):
@@ -66,7 +64,7 @@ def broken(graph, asked=lambda options: True):
         ("simbench.loop.setup", "simbench.gap.situation", "rooms stand above what they use"),
         (
             "simbench.blind.claims",
-            "detectors.signal.oscillation",
+            "simbench.detectors.signal.oscillation",
             "the blind check asks no detector",
         ),
         (
@@ -74,7 +72,8 @@ def broken(graph, asked=lambda options: True):
             "simbench.blind.score",
             "only the command line and the contract know the blind check",
         ),
-        ("detectors.quality", "simbench.loop.plant", "detectors is usable alone"),
+        ("simbench.detectors.quality", "simbench.loop.plant", "rooms stand above what they use"),
+        ("simbench.detectors.quality", "matplotlib", "detectors is usable alone"),
     ],
 )
 def test_a_forbidden_arrow_breaks_its_wall(house, importer, imported, wall):
@@ -92,7 +91,7 @@ def test_a_module_without_a_place_breaks_the_order_of_rooms(house, module):
 
 
 PLUGINS = (
-    "detectors.methods",
+    "simbench.detectors.methods",
     "simbench.loop.valves",
     "simbench.loop.effects",
     "simbench.loop.plants",
@@ -101,7 +100,11 @@ PLUGINS = (
     "simbench.figures",
     "simbench.blind.worlds",
 )
-HOSTS = ("detectors.__main__", "detectors.plugins.process", *methods._above.values())
+HOSTS = (
+    "simbench.detectors.__main__",
+    "simbench.detectors.plugins.process",
+    *methods._above.values(),
+)
 ROOT = Path(__file__).parents[1]
 
 
@@ -134,9 +137,7 @@ def unreached(graph):
         if module not in reached:
             reached.add(module)
             ahead += graph.find_modules_directly_imported_by(module)
-    ours = {
-        m for m in graph.modules if m.partition(".")[0] in ("simbench", "detectors", "scenarios")
-    }
+    ours = {m for m in graph.modules if m.partition(".")[0] == "simbench"}
     return {m for m in ours - reached if not graph.find_children(m)}
 
 
@@ -144,7 +145,7 @@ def test_every_module_is_reached_from_a_verb_a_public_name_or_a_kind_of_plugin(h
     assert unreached(house) == set()
 
 
-@pytest.mark.parametrize("study", ["simbench.bench.study", "detectors.attic"])
+@pytest.mark.parametrize("study", ["simbench.bench.study", "simbench.detectors.attic"])
 def test_a_module_that_only_imports_is_not_reached(house, study):
     graph = deepcopy(house)
     graph.add_module(study)

@@ -15,15 +15,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from detectors.contract.watch import Guarded, call_guarded
-from detectors.example_loop import CASES, example_record
-from detectors.judge import judge_one
-from detectors.method import Method, Threshold
-from detectors.plugins.registry import PluginFolder, methods
-from detectors.prepared import Prepared, prepare, thinned
-from detectors.record import PROCESSES, LoopRecord
-from detectors.signal.oscillation import Oscillation
-from detectors.verdict import NO_DECISION, STICTION, Verdict, wrong_types
+from simbench.detectors.contract.watch import Guarded, call_guarded
+from simbench.detectors.example_loop import CASES, example_record
+from simbench.detectors.judge import judge_one
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.plugins.registry import PluginFolder, methods
+from simbench.detectors.prepared import Prepared, prepare, thinned
+from simbench.detectors.record import PROCESSES, LoopRecord
+from simbench.detectors.signal.oscillation import Oscillation
+from simbench.detectors.verdict import NO_DECISION, STICTION, Verdict, wrong_types
 
 _ROLES, _BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full")
 # PV in another unit, and OP with its span in another
@@ -89,12 +89,13 @@ def check_detector(name: str) -> Contract:
 
     Notes
     -----
-    Six plain records for every process type the method is made for, judged as `detectors.judge`
-    does; the verdict must not follow the unit of PV, of OP or of time, nor the sign of both, nor
-    how densely a record is sampled, nor, where the method claims it, the direction of time, nor
-    change the second time, nor follow what was asked before, nor a noise of 1e-6. A detector asked
-    directly about a dead record answers, or refuses in one sentence (`UserError`). NaN reaches it
-    only as the period of a record that has none: a `LoopRecord` holds no other. Not a benchmark: a
+    Six plain records for every process type the method is made for, judged as
+    `simbench.detectors.judge` does; the verdict must not follow the unit of PV, of OP or of time,
+    nor the sign of both, nor how densely a record is sampled, nor, where the method claims it, the
+    direction of time, nor change the second time, nor follow what was asked before, nor a noise of
+    1e-6. A detector asked directly about a dead record answers, or refuses in one sentence
+    (`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds
+    no other. Not a benchmark: a
     detector that keeps the contract may still be wrong everywhere else.
 
     Examples
@@ -152,7 +153,7 @@ def check_added(
 def _description(module: ModuleType) -> Iterator[str]:
     method = module.METHOD
     if not isinstance(method, Method):
-        yield f"METHOD is a {type(method).__name__}, a detectors.method.Method is needed"
+        yield f"METHOD is a {type(method).__name__}, a simbench.detectors.method.Method is needed"
         return
     if not (module.__doc__ or "").strip():
         yield "the file does not begin with a sentence on what the detector looks for"
@@ -187,8 +188,8 @@ def _thresholds(module: ModuleType) -> Iterator[str]:
     for key, rule in module.METHOD.thresholds.items():
         if not isinstance(rule, Threshold):
             yield (
-                f"threshold {key} is a {type(rule).__name__}, a detectors.method.Threshold is"
-                " needed"
+                f"threshold {key} is a {type(rule).__name__}, a"
+                " simbench.detectors.method.Threshold is needed"
             )
             continue
         if not rule.low <= rule.default <= rule.high:

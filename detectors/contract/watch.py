@@ -11,7 +11,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from typing import Any
 
-from detectors.errors import UserError
+from simbench.detectors.errors import UserError
 
 
 @dataclass

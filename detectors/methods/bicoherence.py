@@ -15,10 +15,10 @@ Source: M.A.A.S. Choudhury, S.L. Shah, N.F. Thornhill (2004), Automatica 40, 171
 
 from __future__ import annotations
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.bicoherence import NGI_LOW, NLI_LOW, error_bicoherence
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.bicoherence import NGI_LOW, NLI_LOW, error_bicoherence
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="quadratic phase coupling in the control error",
@@ -55,7 +55,7 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     Examples
     --------
     >>> import numpy as np
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(6000)
     >>> saw = (t % 40) / 40 + 0.1 * np.random.default_rng(0).standard_normal(6000)
     >>> detect(Prepared(LoopRecord(op=saw, pv=saw, Ts=1.0)), **METHOD.defaults()).verdict

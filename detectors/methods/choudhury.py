@@ -28,20 +28,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.bicoherence import (
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.bicoherence import (
     NGI_LOW,
     NLI_LOW,
     boundaries,
     error_bicoherence,
     resampling_step,
 )
-from detectors.signal.conditioning import band_pass, drift, means
-from detectors.signal.ellipse import fit_ellipse
-from detectors.signal.oscillation import oscillations_of
-from detectors.signal.surrogates import nonlinearity_index
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.signal.conditioning import band_pass, drift, means
+from simbench.detectors.signal.ellipse import fit_ellipse
+from simbench.detectors.signal.oscillation import oscillations_of
+from simbench.detectors.signal.surrogates import nonlinearity_index
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 # % of span; beyond it the valve's characteristic may be the nonlinearity (Choudhury 2004)
 _WIDE = 25.0
@@ -130,7 +130,7 @@ def detect(
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(4000)
     >>> noise = 0.05 * np.random.default_rng(0).standard_normal(4000)
     >>> record = LoopRecord(np.sin(t / 8) + noise, np.cos(t / 8) + noise, 1.0)

@@ -19,13 +19,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.bicoherence import boundaries, error_bicoherence
-from detectors.signal.conditioning import band_pass
-from detectors.signal.ellipse import fit_ellipse
-from detectors.signal.oscillation import regular_segment
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.bicoherence import boundaries, error_bicoherence
+from simbench.detectors.signal.conditioning import band_pass
+from simbench.detectors.signal.ellipse import fit_ellipse
+from simbench.detectors.signal.oscillation import regular_segment
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 _DEAD = 1e-9  # of a signal's range over the record: what moves by less is at rest
 
@@ -70,7 +70,7 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'

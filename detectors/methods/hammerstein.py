@@ -27,12 +27,12 @@ import math
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.fits.arx import fit_plant
-from detectors.signal.fits.hammerstein import fit_hammerstein, swing
-from detectors.signal.stiction_map import valve_position
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.fits.arx import fit_plant
+from simbench.detectors.signal.fits.hammerstein import fit_hammerstein, swing
+from simbench.detectors.signal.stiction_map import valve_position
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 
 _SAMPLES = 30  # per period at least, after averaging, of the one-step fit
 _SHARES, _JUMPS = (
@@ -134,8 +134,8 @@ def detect(
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
-    >>> from detectors.signal.stiction_map import valve_position
+    >>> from simbench.detectors.record import LoopRecord
+    >>> from simbench.detectors.signal.stiction_map import valve_position
     >>> op = 50 + 3 * np.abs((np.arange(1500) % 60) / 15 - 2)
     >>> pv = np.convolve(valve_position(op, 4.0, 1.5) - 50, 0.1 * 0.9 ** np.arange(80))[:1500]
     >>> detect(Prepared(LoopRecord(op, -pv, 1.0)), **METHOD.defaults()).verdict

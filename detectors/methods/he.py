@@ -21,10 +21,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.half_cycles import misfit, sines, triangles, two_line_misfit
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="triangle against sine, half cycle by half cycle",
@@ -94,7 +94,7 @@ def detect(
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
     >>> record = LoopRecord(np.arcsin(np.sin(t)), np.cos(t), 0.1)
     >>> detect(Prepared(record), **METHOD.defaults()).verdict

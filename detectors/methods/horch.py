@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="odd cross-correlation of OP and PV",
@@ -83,7 +83,7 @@ def detect(
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'

@@ -21,10 +21,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.conditioning import noise_variance
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.conditioning import noise_variance
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="histogram of PV's second difference: Gaussian or camel",
@@ -78,7 +78,7 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
     >>> record = LoopRecord(np.cos(t), np.sin(t), 0.1, process="integrating")
     >>> detect(Prepared(record), **METHOD.defaults()).verdict

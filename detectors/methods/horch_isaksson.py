@@ -22,11 +22,16 @@ import math
 
 import numpy as np
 
-from detectors.compiled import compiled
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.fits.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.compiled import compiled
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.fits.hammerstein import (
+    fit_hammerstein,
+    moving_mean,
+    strongest_segment,
+    swing,
+)
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 _SAMPLES = 30  # per period at least, after averaging
 _LENGTH = 500  # averaged samples
@@ -141,7 +146,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(900) / 8
     >>> noise = 0.02 * np.random.default_rng(0).standard_normal(900)
     >>> op, pv = 50 + np.sin(t), np.sin(t - 2.0) + noise

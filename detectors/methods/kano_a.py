@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.conditioning import drift
-from detectors.signal.standstill import stuck_intervals
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.conditioning import drift
+from simbench.detectors.signal.standstill import stuck_intervals
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="time in which the valve stands still while OP moves",
@@ -63,7 +63,7 @@ def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> op = 50 + np.sin(np.arange(2000) / 20)
     >>> record = LoopRecord(op, op, 1.0, kind="flow")
     >>> detect(Prepared(record), **METHOD.defaults()).verdict

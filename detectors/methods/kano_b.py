@@ -20,10 +20,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.conditioning import drift
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.conditioning import drift
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="width of the parallelogram of valve position over OP",
@@ -81,7 +81,7 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> op = 50 + np.sin(np.arange(2000) / 20)
     >>> record = LoopRecord(op, op, 1.0, kind="flow")
     >>> detect(Prepared(record), **METHOD.defaults()).verdict

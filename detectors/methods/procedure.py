@@ -16,10 +16,10 @@ Source: Jelali (2013), section 11.9; the weights are fitted to simulated loops.
 
 from __future__ import annotations
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.procedure import FOLLOW_MIN, ODDS_HIGH, ODDS_LOW, ProcedureRules, walk
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.procedure import FOLLOW_MIN, ODDS_HIGH, ODDS_LOW, ProcedureRules, walk
+from simbench.detectors.verdict import Verdict
 
 METHOD = Method(
     title="the diagnosis procedure as a whole",
@@ -84,7 +84,7 @@ def detect(
     Examples
     --------
     >>> import numpy as np
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(3000) / 10
     >>> detect(Prepared(LoopRecord(np.sin(t), -np.sin(t), 1.0)), **METHOD.defaults()).verdict
     'no_stiction'

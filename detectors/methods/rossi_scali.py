@@ -19,10 +19,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.half_cycles import half_sine, misfit, relays, typical_means
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.half_cycles import half_sine, misfit, relays, typical_means
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="relay answer against sine, in PV",
@@ -83,7 +83,7 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
     >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), bound=0.21).verdict
     'no_stiction'

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.half_cycles import peak_areas
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.half_cycles import peak_areas
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="area before the peak over area after it",
@@ -64,7 +64,7 @@ def detect(prepared: Prepared, *, R_low: float, cleaned: float = 1.0) -> Verdict
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(2000) / 10
     >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), R_low=1.2).verdict
     'no_stiction'

@@ -22,10 +22,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.oscillation import zero_crossings
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.oscillation import zero_crossings
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 CYCLE_POINTS = 40  # samples per resampled cycle
 _CYCLES = 40  # at most, spread over the record
@@ -116,7 +116,7 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(3000) / 10
     >>> record = LoopRecord(np.arcsin(np.sin(t)), np.sign(np.cos(t)), 0.1)
     >>> detect(Prepared(record), **METHOD.defaults()).verdict

@@ -20,12 +20,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.compiled import LANES, compiled, lanes
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.fits.arx import fit_plant
-from detectors.signal.fits.hammerstein import moving_mean, strongest_segment, swing
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.compiled import LANES, compiled, lanes
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.fits.arx import fit_plant
+from simbench.detectors.signal.fits.hammerstein import moving_mean, strongest_segment, swing
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 _SAMPLES = 30  # per period at least, after averaging
 _LENGTH = 400  # averaged samples
@@ -126,7 +126,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> op = 50 + 3 * np.abs((np.arange(900) % 60) / 15 - 2)
     >>> mv = np.repeat(op[::30], 30)
     >>> pv = np.convolve(mv - 53, 0.1 * 0.9 ** np.arange(80))[:900]

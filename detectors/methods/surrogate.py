@@ -16,11 +16,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.conditioning import drift, snapped
-from detectors.signal.surrogates import nonlinearity_index
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.conditioning import drift, snapped
+from simbench.detectors.signal.surrogates import nonlinearity_index
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="predictability of the control error against surrogates",
@@ -54,7 +54,7 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> t = np.arange(3000) / 5
     >>> record = LoopRecord(op=np.sin(t), pv=np.cos(t), Ts=1.0)
     >>> detect(Prepared(record), **METHOD.defaults()).verdict

@@ -19,10 +19,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.signal.autocorrelation import centred
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.autocorrelation import centred
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="valve stands still while OP moves",
@@ -91,7 +91,7 @@ def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
 
     Examples
     --------
-    >>> from detectors.record import LoopRecord
+    >>> from simbench.detectors.record import LoopRecord
     >>> op = 50 + np.arcsin(np.sin(np.arange(1000) / 20))
     >>> mv = np.round(op)
     >>> detect(Prepared(LoopRecord(op, mv, 1.0, kind="flow")), rho3_min=0.25, step=8).verdict

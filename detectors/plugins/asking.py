@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from detectors.plugins.host import Host, PluginError, cleaned
-from detectors.prepared import Prepared
-from detectors.record import RECORDED_SIGNALS
-from detectors.verdict import NO_STICTION, Verdict, wrong_types
+from simbench.detectors.plugins.host import Host, PluginError, cleaned
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import RECORDED_SIGNALS
+from simbench.detectors.verdict import NO_STICTION, Verdict, wrong_types
 
 _Judge = Callable[[str, Prepared, tuple[bool, ...], dict], list[Verdict]]
 

@@ -26,8 +26,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from detectors.compiled import cache_folder
-from detectors.errors import AnswerError, ParameterError, UserError
+from simbench.detectors.compiled import cache_folder
+from simbench.detectors.errors import AnswerError, ParameterError, UserError
 
 SECONDS = 60.0  # per question
 START = 60.0  # s for the worker to begin, and to import the plug-in
@@ -116,7 +116,7 @@ class Host:
             / "+".join(f"{kind}-{Path(source).stem}" for kind, source in self.sources)
         )
         paths = [
-            str(Path(__file__).resolve().parents[2]),
+            str(Path(str(sys.modules["simbench"].__file__)).resolve().parents[1]),
             *os.environ.get("PYTHONPATH", "").split(os.pathsep),
         ]
         variables = {
@@ -132,7 +132,7 @@ class Host:
             [
                 sys.executable,
                 "-m",
-                "detectors.plugins.process",
+                "simbench.detectors.plugins.process",
                 str(BYTES),
                 str(most),
                 self._folder,

@@ -1,5 +1,5 @@
-"""The program in a plug-in's worker process: `python -m detectors.plugins.process BYTES MESSAGE
-FOLDER`, started by `Host`.
+"""The program in a plug-in's worker process, started by `Host`:
+`python -m simbench.detectors.plugins.process BYTES MESSAGE FOLDER`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 
-from detectors.errors import AnswerError, UserError
+from simbench.detectors.errors import AnswerError, UserError
 
 _LONGEST = 300  # characters of an error's text
 

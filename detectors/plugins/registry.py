@@ -17,9 +17,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from detectors.errors import ParameterError, UnknownName, UserError
-from detectors.method import refuse_wrong_call, wrong_fields
-from detectors.plugins.host import SECONDS, Host
+from simbench.detectors.errors import ParameterError, UnknownName, UserError
+from simbench.detectors.method import refuse_wrong_call, wrong_fields
+from simbench.detectors.plugins.host import SECONDS, Host
 
 
 class PluginFolder:
@@ -360,7 +360,7 @@ def _describe_detector(sources: list[tuple[str, str]]) -> list[dict[str, Any]]:
 
 
 methods = _Detectors(
-    "detector", "detectors.methods", "simbench.detectors", ("METHOD", "detect"), _RESERVED
+    "detector", "simbench.detectors.methods", "simbench.detectors", ("METHOD", "detect"), _RESERVED
 )
 methods.describe, methods.host_entries = _describe_detector, True
 # belongs to a higher package; this one may be used alone

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import RecordError
+from simbench.detectors.errors import RecordError
 
 _STORED_CHANGES_NEEDED = 30  # stored changes below which nothing is concluded
 _SMALL, _RARE = (

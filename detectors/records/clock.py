@@ -12,8 +12,8 @@ from itertools import takewhile
 
 import numpy as np
 
-from detectors.errors import RecordError
-from detectors.records.roles import entries, plain
+from simbench.detectors.errors import RecordError
+from simbench.detectors.records.roles import entries, plain
 
 _DATES = (
     "%d.%m.%Y",

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.errors import RecordError
-from detectors.records.clock import hour_lost
+from simbench.detectors.errors import RecordError
+from simbench.detectors.records.clock import hour_lost
 
 BRIDGED = 3  # samples; a longer hole splits the record
 MOST_MISSING = 0.20  # share of a record that may be missing

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from detectors.errors import RecordError
-from detectors.record import LoopRecord
-from detectors.records.roles import (
+from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.roles import (
     PARAMETER_COLUMNS,
     QUALITY_OF,
     TAG_COLUMNS,
@@ -26,7 +26,7 @@ from detectors.records.roles import (
     quality_of,
     unit,
 )
-from detectors.records.tables import BLANK, Sheet
+from simbench.detectors.records.tables import BLANK, Sheet
 
 _NEEDED = "a number, or nothing for unknown, is needed"
 # words written in place of a missing number

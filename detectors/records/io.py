@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError, RecordError, nearest, printable
-from detectors.faults import sentence_of
-from detectors.record import (
+from simbench.detectors.errors import ParameterError, RecordError, nearest, printable
+from simbench.detectors.faults import sentence_of
+from simbench.detectors.record import (
     KIND_ALIASES,
     KINDS,
     MOST_OUTSIDE,
@@ -23,10 +23,10 @@ from detectors.record import (
     LoopRecord,
     hyphenated,
 )
-from detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
-from detectors.records.clock import CALENDAR, seconds
-from detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
-from detectors.records.historian import (
+from simbench.detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
+from simbench.detectors.records.clock import CALENDAR, seconds
+from simbench.detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
+from simbench.detectors.records.historian import (
     apply_quality,
     is_head,
     op_span,
@@ -35,11 +35,11 @@ from detectors.records.historian import (
     take_rows,
     take_units,
 )
-from detectors.records.long_table import is_stamped, read_series, unfold
-from detectors.records.loop_table import read_loop_table
-from detectors.records.mode import AUTO, CAS, MAN, mode
-from detectors.records.one_signal import join, signal_files
-from detectors.records.roles import (
+from simbench.detectors.records.long_table import is_stamped, read_series, unfold
+from simbench.detectors.records.loop_table import read_loop_table
+from simbench.detectors.records.mode import AUTO, CAS, MAN, mode
+from simbench.detectors.records.one_signal import join, signal_files
+from simbench.detectors.records.roles import (
     ASKED,
     CLOCKS,
     DATES,
@@ -57,8 +57,8 @@ from detectors.records.roles import (
     several_loops,
     unit,
 )
-from detectors.records.tables import BLANK, Sheet, range_of, read_sheets, read_table
-from detectors.signal.holds import runs_of
+from simbench.detectors.records.tables import BLANK, Sheet, range_of, read_sheets, read_table
+from simbench.detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may have instead; more words may follow ("tuning problem")
@@ -99,7 +99,7 @@ def read_record(
         Sampling period (s), in place of the time column.
     loops : str or Path, optional
         A table of loops (TOML) that states what the caller does not, see
-        `detectors.records.loop_table`.
+        `simbench.detectors.records.loop_table`.
     automatic : bool
         Where the controller's mode is recorded, return the longest stretch in automatic; else all,
         `meta["manual"]` marks where OP was the operator's.
@@ -194,7 +194,7 @@ def read_folder(
     path = Path(path)
     given = {k: v for k, v in about.items() if v is not None}
     if path.suffix.lower() == ".mat":
-        from detectors.records.isdb import read_loops
+        from simbench.detectors.records.isdb import read_loops
 
         sources = {name: (path, name) for name in read_loops(path)}
     elif path.is_dir():
@@ -289,7 +289,7 @@ def _of_file(
     about = {k: v for k, v in about.items() if v is not None}
     chosen, where = dict(columns or {}), str(path)
     if path.suffix.lower() == ".mat":
-        from detectors.records.isdb import read_loop
+        from simbench.detectors.records.isdb import read_loop
 
         cells, facts = read_loop(path, tag)
         Ts = Ts if Ts is not None else facts.pop("Ts", None)

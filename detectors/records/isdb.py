@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import RecordError, nearest
-from detectors.record import PROCESSES
-from detectors.records.tables import Columns
+from simbench.detectors.errors import RecordError, nearest
+from simbench.detectors.record import PROCESSES
+from simbench.detectors.records.tables import Columns
 
 # The file's words for what a loop controls, in its type or comments.
 _KIND_WORDS = {

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from detectors.records.clock import seconds
-from detectors.records.historian import apply_quality, long_columns, read_numbers
-from detectors.records.mode import mode
-from detectors.records.roles import ends_with, is_quality, is_time, parse
-from detectors.records.tables import BLANK, Sheet
+from simbench.detectors.records.clock import seconds
+from simbench.detectors.records.historian import apply_quality, long_columns, read_numbers
+from simbench.detectors.records.mode import mode
+from simbench.detectors.records.roles import ends_with, is_quality, is_time, parse
+from simbench.detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
 _LOOKED = 60  # rows by which a table is recognised to hold one value each

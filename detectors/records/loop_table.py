@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import RecordError, nearest
+from simbench.detectors.errors import RecordError, nearest
 
 _KEYS = {
     "tag": str,

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from detectors.errors import RecordError
-from detectors.records.historian import is_head, take_rows, take_units
-from detectors.records.long_table import PART_TIME, is_stamped
-from detectors.records.roles import find_loops, find_time, is_quality, parse, tag_number
-from detectors.records.tables import BLANK, Sheet, read_sheets
+from simbench.detectors.errors import RecordError
+from simbench.detectors.records.historian import is_head, take_rows, take_units
+from simbench.detectors.records.long_table import PART_TIME, is_stamped
+from simbench.detectors.records.roles import find_loops, find_time, is_quality, parse, tag_number
+from simbench.detectors.records.tables import BLANK, Sheet, read_sheets
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from difflib import SequenceMatcher
 from functools import lru_cache
 from shlex import quote
 
-from detectors.errors import RecordError, nearest
+from simbench.detectors.errors import RecordError, nearest
 
 
 def entries(table: str) -> tuple[str, ...]:

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from detectors.errors import UnknownName
-from detectors.judge import FAILED
-from detectors.plugins.registry import PUBLISHED
-from detectors.plugins.registry import methods as registry
-from detectors.report import summary
-from detectors.verdict import NO_DECISION, STICTION, Verdict
-from detectors.views import page_part
+from simbench.detectors.errors import UnknownName
+from simbench.detectors.judge import FAILED
+from simbench.detectors.plugins.registry import PUBLISHED
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.report import summary
+from simbench.detectors.verdict import NO_DECISION, STICTION, Verdict
+from simbench.detectors.views import page_part
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from detectors.record import LoopRecord
+    from simbench.detectors.record import LoopRecord
 
 _UNDECIDED = 0.5  # cost of no decision; an error costs 1
 _SETS = ("all", "fast", "full", PUBLISHED)
@@ -29,7 +29,7 @@ _SETS = ("all", "fast", "full", PUBLISHED)
 
 class ShownConclusion(Protocol):
     """The conclusion of all evidence about one valve; whoever weighs it gives
-    `detectors.detection.judge_files` the function."""
+    `simbench.detectors.detection.judge_files` the function."""
 
     def as_lines(self) -> list[str]:
         """Return verdict with probability and cause, reason, next step."""

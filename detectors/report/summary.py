@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.plugins.registry import methods as registry
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from detectors.record import LoopRecord
+    from simbench.detectors.record import LoopRecord
 
 VERDICT_WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
 _COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.compiled import quick
+from simbench.detectors.compiled import quick
 
 
 def detrend(x: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.signal.conditioning import means
+from simbench.detectors.signal.conditioning import means
 
 _SEGMENT = 128  # samples per segment, half overlapping
 _FEWEST = 4  # segments in a record

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.signal.autocorrelation import centred
+from simbench.detectors.signal.autocorrelation import centred
 
 TOLERANCE = 0.1  # a point counts as on the ellipse at 0.9 to 1.1 of its size
 # condition of points a thousand times as long as wide: a line; the fit of a thinner ellipse is

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from detectors.compiled import compiled
+from simbench.detectors.compiled import compiled
 
 
 def lfilter(

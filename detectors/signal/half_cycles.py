@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.signal.autocorrelation import zero_crossings
+from simbench.detectors.signal.autocorrelation import zero_crossings
 
 HALF_CYCLE_POINTS = 40  # samples per resampled half cycle
 GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.conditioning import median
+from simbench.detectors.signal.conditioning import median
 
 # of the noise, that rounding may hide before nothing lies on a line but what was drawn on it
 _NOISY = 0.3

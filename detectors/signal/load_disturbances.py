@@ -8,7 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from detectors.signal.oscillation import MOST_LOADS, Oscillation, find_oscillation, iae_loads
+from simbench.detectors.signal.oscillation import (
+    MOST_LOADS,
+    Oscillation,
+    find_oscillation,
+    iae_loads,
+)
 
 _SUPERVISION = 50.0  # integral times of the controller
 _SMALLEST = 0.01  # amplitude that matters, as a share of PV's span

@@ -1,16 +1,16 @@
 """Compute the prediction error of the detector `surrogate`: find for each segment of a signal its
 nearest segments, by comparing all pairs.
 
-The functions also run, slowly, as plain Python; `detectors.compiled.compiled` compiles them. Pieces
-stand side by side, `LANES` at a time, so that a comparison is one instruction; a tree does not pay
-for a few hundred pieces of ten samples.
+The functions also run, slowly, as plain Python; `simbench.detectors.compiled.compiled` compiles
+them. Pieces stand side by side, `LANES` at a time, so that a comparison is one instruction; a tree
+does not pay for a few hundred pieces of ten samples.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from detectors.compiled import LANES, lanes
+from simbench.detectors.compiled import LANES, lanes
 
 MOST_NEIGHBOURS = 8  # neighbours, one list of `nearest` each
 

@@ -14,15 +14,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.compiled import quick
-from detectors.signal.autocorrelation import (
+from simbench.detectors.compiled import quick
+from simbench.detectors.signal.autocorrelation import (
     decay_and_lasting,
     detrend,
     detrended,
     fast_size,
     zero_crossings,
 )
-from detectors.signal.conditioning import snapped
+from simbench.detectors.signal.conditioning import snapped
 
 _CROSSINGS = 11  # Thornhill 2003: the first 11 zero crossings of the ACF, 10 intervals
 _REGULAR = 1.0  # r > 1: the spread of the intervals is below a third of their mean

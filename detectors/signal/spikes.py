@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.conditioning import median
+from simbench.detectors.signal.conditioning import median
 
 _SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
 _FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.conditioning import clear_harmonics, drift, noise_variance, smooth
-from detectors.signal.holds import runs_of
+from simbench.detectors.signal.conditioning import clear_harmonics, drift, noise_variance, smooth
+from simbench.detectors.signal.holds import runs_of
 
 # movement over a twentieth of the period, in std of the valve's position, below which the valve
 # stands still

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.compiled import compiled
-from detectors.errors import ParameterError
+from simbench.detectors.compiled import compiled
+from simbench.detectors.errors import ParameterError
 
 # v, d (last direction of motion: -1, 0, 1), moving (0 or 1), u_prev
 _State = tuple[float, float, float, float]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.compiled import compiled
-from detectors.errors import ParameterError
-from detectors.signal.look_alikes import MOST_NEIGHBOURS, predicted
+from simbench.detectors.compiled import compiled
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal.look_alikes import MOST_NEIGHBOURS, predicted
 
 _ITERATIONS = 10
 _SAMPLES_PER_CYCLE = 10  # Thornhill 2005: 7 to 25

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.compiled import compiled
-from detectors.signal.fits.hammerstein_kernels import (
+from simbench.detectors.compiled import compiled
+from simbench.detectors.signal.fits.hammerstein_kernels import (
     MOVING_DOWN,
     MOVING_UP,
     Stretch,
@@ -17,7 +17,7 @@ from detectors.signal.fits.hammerstein_kernels import (
     errors,
     state_before,
 )
-from detectors.signal.stiction_map import valve_position
+from simbench.detectors.signal.stiction_map import valve_position
 
 _SAMPLES = 800  # at most, after averaging
 # lags between valve and its measurement tried, in averaged samples

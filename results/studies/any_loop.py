@@ -16,14 +16,14 @@ from typing import Any
 import control
 import numpy as np
 
-from detectors.judge import judge
-from detectors.report.report import choose_methods
-from detectors.verdict import STICTION
-from scenarios.spec import Loop
 from simbench.bench.scenario.motion import motion
+from simbench.detectors.judge import judge
+from simbench.detectors.report.report import choose_methods
+from simbench.detectors.verdict import STICTION
 from simbench.loop.controller import pid_numbers
 from simbench.loop.plant import polynomials
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 from simbench.theory.cycle import cycle_start, exact_cycle
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 

@@ -24,10 +24,8 @@ from joblib import Parallel, delayed
 from scipy import stats
 from tqdm import tqdm
 
-from detectors.errors import ParameterError, UserError
 from results.studies.asking_tests import claimed, contradicted, planned
 from results.studies.worlds import WORLDS
-from scenarios.spec import read_toml
 from simbench.blind import outcomes
 from simbench.blind.answering import answer, answers_after
 from simbench.blind.claims import true_shrinkages
@@ -37,10 +35,12 @@ from simbench.blind.menu import MENU
 from simbench.blind.opening import open_
 from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import PLANNED
+from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 from simbench.gap.command import one_file
 from simbench.loop.effects import NONE
+from simbench.scenarios.spec import read_toml
 
 # named before anything was answered: the first world's, the next ones' are the next numbers
 SEED = 423041

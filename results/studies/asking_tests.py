@@ -20,15 +20,14 @@ from joblib import Parallel, delayed
 from scipy import stats
 from tqdm import tqdm
 
-from detectors.errors import UserError
-from detectors.records.io import read_record
 from results.studies.worlds import WORLDS
-from scenarios.spec import load_loop
 from simbench.blind import outcomes
 from simbench.blind.levels import Share
 from simbench.blind.making import PLANTS, write_item
 from simbench.blind.menu import TestPlan
 from simbench.blind.world import PLANNED, Item
+from simbench.detectors.errors import UserError
+from simbench.detectors.records.io import read_record
 from simbench.gap.closed_loop.gap import closed, measure
 from simbench.gap.diagnosis import assess_with_tests, diagnose
 from simbench.gap.intake.check import check
@@ -37,6 +36,7 @@ from simbench.gap.plan.menu import Limits
 from simbench.gap.plan.order import plan
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import NONE
+from simbench.scenarios.spec import load_loop
 
 OTHER_LOOP, TUNING, SHIFTED = (
     "test of another loop",

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
 from simbench.confirm.gain_change import (
     LONGEST,
     NUDGES,
@@ -26,6 +24,8 @@ from simbench.confirm.gain_change import (
     stepped,
 )
 from simbench.confirm.rig import run_rig
+from simbench.detectors.errors import ParameterError
+from simbench.scenarios.spec import Loop
 from simbench.usage import exit_code
 
 if TYPE_CHECKING:

@@ -19,15 +19,14 @@ from unittest.mock import patch
 import numpy as np
 from scipy.stats import binomtest
 
-from detectors.compiled import one_thread
-from detectors.errors import UserError
-from detectors.records.io import read_record
 from results.studies.plant.recorded_loops import records
 from results.studies.worlds import WORLDS
-from scenarios.spec import Loop, load_loop
 from simbench.blind.making import write_item
 from simbench.blind.world import WORLD_EFFECTS
 from simbench.contract import check_file
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import UserError
+from simbench.detectors.records.io import read_record
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, held_out, measure
 from simbench.gap.closed_loop.summary_features import features
 from simbench.gap.diagnosis import diagnose
@@ -41,6 +40,7 @@ from simbench.gap.situation import Situation
 from simbench.loop.effects import NONE, PLUGINS, block_of
 from simbench.loop.laws import forms
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop, load_loop
 
 SEED, WORLD_NAMES = 3701, ("own", "mill", "refinery")
 _LOOP = {

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from detectors.evidence import EVIDENCE
-from detectors.procedure import ODDS_HIGH
-from detectors.report.report import table
 from results.studies.procedure_weights import fit
 from simbench.bench.score.families import read
 from simbench.bench.score.quantification import estimates
 from simbench.bench.score.scoring import home_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
+from simbench.detectors.evidence import EVIDENCE
+from simbench.detectors.procedure import ODDS_HIGH
+from simbench.detectors.report.report import table
 from simbench.usage import exit_code
 
 if TYPE_CHECKING:

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from detectors.prepared import prepare
-from detectors.report.report import table
-from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.detectors.prepared import prepare
+from simbench.detectors.report.report import table
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 SEED = 4321  # of no loop on which a limit was chosen

@@ -16,8 +16,13 @@ from unittest.mock import patch
 
 import numpy as np
 
-from detectors.judge import judge_one
-from detectors.methods import (
+from simbench.bench.execute.again import differing
+from simbench.bench.execute.run import run_grid
+from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.score.check import compare_books
+from simbench.bench.store.reading import CODES, RunArrays, RunError, read_table
+from simbench.detectors.judge import judge_one
+from simbench.detectors.methods import (
     ellipse,
     he,
     horch,
@@ -26,20 +31,15 @@ from detectors.methods import (
     singhal_salsbury,
     yamashita,
 )
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import prepare
-from detectors.record import LoopRecord
-from detectors.report.report import table
-from detectors.signal.ellipse import Ellipse
-from detectors.signal.fits import hammerstein
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
-from scenarios.spec import Loop
-from simbench.bench.execute.again import differing
-from simbench.bench.execute.run import run_grid
-from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.score.check import compare_books
-from simbench.bench.store.reading import CODES, RunArrays, RunError, read_table
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import prepare
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.report.report import table
+from simbench.detectors.signal.ellipse import Ellipse
+from simbench.detectors.signal.fits import hammerstein
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 from simbench.usage import exit_code
 
 BREAKS = HARMLESS = 40

@@ -9,13 +9,13 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import UserError
-from detectors.judge import judge
-from detectors.plugins.registry import methods as registry
-from scenarios.spec import load_loop
 from simbench.bench.worst import WorstCase, worst
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.registry import methods as registry
 from simbench.files import whole_file
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import load_loop
 from simbench.usage import exit_code
 
 HARD_NEGATIVES = Path(__file__).parents[1] / "hard_negatives"

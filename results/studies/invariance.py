@@ -13,18 +13,18 @@ from itertools import islice
 
 import numpy as np
 
-from detectors.contract.detector import THINNED, backwards, turned
-from detectors.judge import answers, judge
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import DENSEST, Prepared, prepare, thinned
-from detectors.record import LoopRecord
-from detectors.report.report import table
-from detectors.signal.oscillation import Oscillation
-from detectors.verdict import NO_DECISION
-from scenarios.grid import load_grid
-from scenarios.spec import Scenario
 from simbench.bench.scenario.resolve import resolve
+from simbench.detectors.contract.detector import THINNED, backwards, turned
+from simbench.detectors.judge import answers, judge
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import DENSEST, Prepared, prepare, thinned
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.report.report import table
+from simbench.detectors.signal.oscillation import Oscillation
+from simbench.detectors.verdict import NO_DECISION
 from simbench.loop.simulate import simulate
+from simbench.scenarios.grid import load_grid
+from simbench.scenarios.spec import Scenario
 from simbench.usage import exit_code
 
 MOST = 64  # times as dense as in the grid; loops that need more are left out

@@ -14,8 +14,6 @@ from itertools import combinations
 
 import numpy as np
 
-from detectors.prepared import prepare
-from scenarios.grid import Grid, grid_names, load_grid
 from simbench.bench.execute.plugin_host import settled
 from simbench.bench.scenario.truth import CYCLED, NO, YES, simulate_with_truth
 from simbench.bench.score.folds import folds_of, out_of_fold
@@ -26,6 +24,8 @@ from simbench.bench.score.no_waveform import (
     features_without_waveform,
 )
 from simbench.bench.statistics import auc
+from simbench.detectors.prepared import prepare
+from simbench.scenarios.grid import Grid, grid_names, load_grid
 from simbench.usage import exit_code
 
 BALANCE = (0.45, 0.55)  # share of cycling loops

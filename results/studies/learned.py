@@ -15,17 +15,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.judge import judge
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import prepare
-from detectors.record import LoopRecord
-from detectors.report.report import table
-from detectors.signal.conditioning import means
-from detectors.verdict import NO_DECISION, STICTION
-from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import NO, YES, simulate_with_truth
 from simbench.bench.statistics import auc
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import prepare
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.report.report import table
+from simbench.detectors.signal.conditioning import means
+from simbench.detectors.verdict import NO_DECISION, STICTION
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 LEARN, JUDGE = 640917, 640918  # seeds of no other study, and of no grid

@@ -22,19 +22,19 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from detectors.errors import UserError
 from results.studies.asking import THREE, Mixture
 from results.studies.worlds import WORLDS
-from scenarios.spec import load_loop
 from simbench.blind.levels import Share
 from simbench.blind.making import write_item
 from simbench.blind.menu import TestPlan
 from simbench.blind.world import Item
+from simbench.detectors.errors import UserError
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
 from simbench.gap.command import diagnose_files
 from simbench.gap.prediction import measure, predict, read_settings
 from simbench.loop.effects import NONE
+from simbench.scenarios.spec import load_loop
 
 # of the first world, named before anything was predicted; the next worlds have the next numbers
 SEED = 471720

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from detectors.evidence import EVIDENCE, Evidence
-from detectors.judge import judge_one
-from detectors.plugins.registry import methods
-from detectors.prepared import Prepared, prepare
-from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.detectors.evidence import EVIDENCE, Evidence
+from simbench.detectors.judge import judge_one
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.prepared import Prepared, prepare
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 PENALTY = 1 / 3  # on squared weights, in loops: a weight needs support from many

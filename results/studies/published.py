@@ -14,19 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from detectors.detection import judge_files
-from detectors.judge import judge_one
-from detectors.plugins.registry import PUBLISHED as PUBLISHED_ID
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import prepare
-from detectors.record import LoopRecord
-from detectors.records.io import read_labels
-from detectors.report.report import score_units, table
-from detectors.verdict import NO_DECISION, STICTION, Verdict
-from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.bench.statistics import mcnemar
+from simbench.detectors.detection import judge_files
+from simbench.detectors.judge import judge_one
+from simbench.detectors.plugins.registry import PUBLISHED as PUBLISHED_ID
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import prepare
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_labels
+from simbench.detectors.report.report import score_units, table
+from simbench.detectors.verdict import NO_DECISION, STICTION, Verdict
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 GRIDS = {"plant": 1, "chapter": 4}  # every so many-th group

@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from detectors.errors import ParameterError, nearest
+from simbench.detectors.errors import ParameterError, nearest
 from simbench.usage import exit_code
 
 ROOT = Path(__file__).parents[2]

@@ -25,19 +25,19 @@ import numpy as np
 from tqdm import tqdm
 
 import simbench.gap
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
 from results.studies.asking import THREE, Mixture
 from results.studies.worlds import WORLDS
-from scenarios.spec import Loop, load_loop
 from simbench.blind.making import write_item
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.classify import classify
 from simbench.gap.diagnosis import named_by
 from simbench.gap.intake.check import check
 from simbench.gap.situation import Situation
 from simbench.loop.effects import NONE, UNKNOWN
+from simbench.scenarios.spec import Loop, load_loop
 
 SEED = 460201  # of the first world, named before anything was answered; the next ones' follow
 PACKAGE = "simbench.gap."

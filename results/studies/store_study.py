@@ -22,9 +22,7 @@ from unittest.mock import patch
 import numpy as np
 import pyarrow as pa
 
-from detectors.plugins.registry import methods as registry
 from results.studies.benchmark_cost import same_tables
-from scenarios.grid import chunks, load_grid
 from simbench.bench.execute import pieces
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.work import Chunk
@@ -32,6 +30,8 @@ from simbench.bench.store import tables
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import place_of
 from simbench.bench.store.reading import read_table
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.scenarios.grid import chunks, load_grid
 from simbench.usage import exit_code
 
 PIECE = 1000  # scenarios of a made-up piece, as of a large grid's

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.spec import Loop
 from simbench.loop.run import Start
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 from simbench.theory.basin import kick_min
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.half_cycle import half_cycles

@@ -27,22 +27,22 @@ import numpy as np
 from scipy import stats
 from tqdm import tqdm
 
-from detectors.judge import judge
-from detectors.plugins.registry import methods as registry
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
-from detectors.report.report import columns
-from detectors.signal.oscillation import detrend, find_oscillation
-from detectors.verdict import NO_DECISION, STICTION
 from results.studies.plant.answers import answered
 from results.studies.plant.recorded_loops import records
 from results.studies.plant.stiction_probability import entry
 from results.studies.worlds import WORLDS
-from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.blind.making import write_item
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
+from simbench.detectors.report.report import columns
+from simbench.detectors.signal.oscillation import detrend, find_oscillation
+from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.files import folder, write_table
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "mill", "refinery"), "real"

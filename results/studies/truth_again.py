@@ -7,11 +7,11 @@ from __future__ import annotations
 import argparse
 import math
 
-from scenarios.grid import load_grid
 from simbench.bench.execute.plugin_host import settled
 from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.truth import MIN_REVERSALS, YES, least_swing, simulate_with_truth
 from simbench.loop.simulate import valve_tail
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 MOST_PERIODS, MOST_SAMPLES = 60, 40_000  # of the motion without noise; a label looks at 20 periods

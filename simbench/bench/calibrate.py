@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from scenarios.grid import load_grid
 from simbench.bench.execute.run import choose_with_oracle, run_grid
 from simbench.bench.statistics import auc, wilson
 from simbench.bench.store.reading import RunArrays
+from simbench.detectors.errors import ParameterError
 from simbench.files import folder, whole_file, write_table
+from simbench.scenarios.grid import load_grid
 
 if TYPE_CHECKING:
     import pandas as pd

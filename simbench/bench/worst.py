@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.judge import judge
-from detectors.plugins.registry import methods as registry
-from detectors.verdict import STICTION, Verdict
-from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import sampled_ultimate_gain, significant
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.verdict import STICTION, Verdict
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
+from simbench.scenarios.spec import Loop
 
 _EXPLORED = 0.6  # share of the budget spent far and wide, the rest around the best
 _ELITE = 6

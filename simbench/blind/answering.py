@@ -10,8 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import ParameterError
 from simbench.blind import outcomes
+from simbench.detectors.errors import ParameterError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
 from simbench.handout import ask_in_processes

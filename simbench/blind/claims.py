@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from detectors.errors import ParameterError
 from simbench.blind.distance import RESOLVABLE, Scale, Signals, cloud, features
 from simbench.blind.score import claimed_shrinkage
 from simbench.blind.world import WORLD_EFFECTS, WORLDS
+from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import FOLLOWS, Choice
 from simbench.loop.effects._alike import Circumstances, indistinguishable
 

@@ -13,13 +13,12 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy.stats import binomtest
 
-from detectors.errors import ParameterError, UserError
-from detectors.records.io import read_record
-from scenarios.spec import load_loop
 from simbench.blind import outcomes
 from simbench.blind.making import PLANTS, write_item
 from simbench.blind.score import true_circumstances
 from simbench.blind.world import OWN, WORLD_EFFECTS, WORLDS
+from simbench.detectors.errors import ParameterError, UserError
+from simbench.detectors.records.io import read_record
 from simbench.files import folder, remove_stale_temporaries, write_table
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
@@ -28,6 +27,7 @@ from simbench.loop.effects import NONE, UNKNOWN, block_of
 from simbench.loop.effects._alike import indistinguishable
 from simbench.progress import Progress
 from simbench.safe_path import safe_path
+from simbench.scenarios.spec import load_loop
 
 _STRENGTHS = ("strong", "medium")
 LEAVE_OUT_COLUMNS = (

@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
 from simbench.blind import outcomes, seal
 from simbench.blind.menu import csv_of
 from simbench.blind.world import OWN, PLANNED, WORLDS
+from simbench.detectors.errors import ParameterError
 from simbench.files import folder
 from simbench.handout import refuse_key_inside, refuse_unwritable_key
 from simbench.progress import Progress
 from simbench.safe_path import safe_path
+from simbench.scenarios.spec import Loop
 
 PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"

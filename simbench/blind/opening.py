@@ -12,8 +12,6 @@ from typing import Any
 
 import pandas as pd
 
-from detectors.errors import ParameterError
-from scenarios.spec import read_toml
 from simbench.blind import seal
 from simbench.blind.answering import COST, MOST_TESTS, answers_after
 from simbench.blind.claims import true_shrinkages
@@ -22,9 +20,11 @@ from simbench.blind.outcomes import write_whole
 from simbench.blind.picture import confusion, draw
 from simbench.blind.score import judge_record, true_circumstances
 from simbench.blind.world import OWN
+from simbench.detectors.errors import ParameterError
 from simbench.files import folder as make_folder
 from simbench.files import write_table
 from simbench.progress import Progress
+from simbench.scenarios.spec import read_toml
 
 _OPEN_ANSWERS = "answers.csv"
 

@@ -12,8 +12,8 @@ from typing import Any
 
 from joblib import Parallel, delayed
 
-from detectors.errors import ParameterError
 from simbench.blind import menu
+from simbench.detectors.errors import ParameterError
 from simbench.files import folder, whole_file
 from simbench.loop.effects import NONE
 from simbench.safe_path import safe_path

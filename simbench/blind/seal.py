@@ -10,8 +10,8 @@ import secrets
 from dataclasses import dataclass
 from pathlib import Path
 
-from detectors.errors import ParameterError
 from simbench.blind.outcomes import write_whole
+from simbench.detectors.errors import ParameterError
 from simbench.handout import commitment_of, matches, read_key, write_key
 
 SEALED, COMMITMENT = "answers.sealed", "commitment.txt"

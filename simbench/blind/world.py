@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from detectors.plugins.registry import PluginFolder
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop.effects import Vocabulary
 
 

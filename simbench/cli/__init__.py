@@ -17,7 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import typer
 from typer import Exit, Option
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 
 # without a home folder matplotlib warns that its cache is temporary, which needs no
 # action

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Exit, Option
 
-from detectors.errors import ParameterError, nearest
 from simbench.cli.common import (
     Address,
     Backend,
@@ -39,6 +38,7 @@ from simbench.cli.common import (
     show_result,
     threshold_file,
 )
+from simbench.detectors.errors import ParameterError, nearest
 
 if TYPE_CHECKING:
     from simbench.bench.execute.failures import Failures

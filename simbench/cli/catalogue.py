@@ -7,8 +7,8 @@ from typing import Annotated
 
 from typer import Argument, Exit
 
-from detectors.errors import ParameterError, nearest
 from simbench.cli.common import Json, app, examples, show, show_result
+from simbench.detectors.errors import ParameterError, nearest
 
 
 @app.command(epilog=examples("contract my_detector.py"))

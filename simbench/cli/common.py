@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from detectors.errors import ParameterError, masked, printable
 from simbench.cli.help import GroupedCommand
+from simbench.detectors.errors import ParameterError, masked, printable
 
 if TYPE_CHECKING:
-    from detectors.record import LoopRecord
+    from simbench.detectors.record import LoopRecord
 
 _COLUMNS = 100  # of a terminal, beyond which a sentence goes on in the next line
 _BARE: dict[str, Any] = {
@@ -268,7 +268,7 @@ def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[.
 
         @functools.wraps(verb)
         def asked(**values: Any) -> None:
-            from detectors.records.roles import column_pairs
+            from simbench.detectors.records.roles import column_pairs
 
             about = {name: values.pop(name, None) for name in options}
             about["columns"] = column_pairs(about["columns"])
@@ -300,7 +300,7 @@ def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
 
 def method_completion(incomplete: str) -> list[str]:
     """Return the method ids that begin so."""
-    from detectors.plugins.registry import methods
+    from simbench.detectors.plugins.registry import methods
 
     return [
         name
@@ -311,7 +311,7 @@ def method_completion(incomplete: str) -> list[str]:
 
 def grid_completion(incomplete: str) -> list[str]:
     """Return the grids that begin so."""
-    from scenarios.grid import grid_names
+    from simbench.scenarios.grid import grid_names
 
     return [name for name in grid_names() if name.startswith(incomplete)]
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from detectors.errors import ParameterError, naming
 from simbench.cli.common import (
     Json,
     confirm_app,
@@ -17,9 +16,10 @@ from simbench.cli.common import (
     say_assumed,
     show_result,
 )
+from simbench.detectors.errors import ParameterError, naming
 
 if TYPE_CHECKING:
-    from detectors.record import LoopRecord
+    from simbench.detectors.record import LoopRecord
 Loop = Annotated[Path | None, Argument(metavar="LOOP.toml", help="Simulate the test on this loop.")]
 Picture = Annotated[Path | None, Option(help="Draw a picture to this file (SVG or PNG).")]
 
@@ -61,15 +61,15 @@ def gain_change(
     refuse_picture(picture, loop, *(records or ()))
     read: list[LoopRecord] = []
     if loop is None:
-        from detectors.records.io import read_record
         from simbench.confirm.recorded import gain_change_recorded
+        from simbench.detectors.records.io import read_record
 
         assert records is not None
         read = [read_record(path, **about) for path in records]
         result = gain_change_recorded(read[0], read[1], ratio)
     else:
-        from scenarios.spec import load_loop
         from simbench.confirm.gain_change import gain_change as test
+        from simbench.scenarios.spec import load_loop
 
         with naming(loop):
             result = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
@@ -103,15 +103,15 @@ def travel(
     refuse_picture(picture, loop, record)
     read: list[LoopRecord] = []
     if loop is None:
-        from detectors.records.io import read_record
         from simbench.confirm.recorded import travel_recorded
+        from simbench.detectors.records.io import read_record
 
         assert record is not None
         read = [read_record(record, **about, automatic=False)]  # such a test is made by hand
         result = travel_recorded(read[0])
     else:
-        from scenarios.spec import load_loop
         from simbench.confirm.grade import graded_test
+        from simbench.scenarios.spec import load_loop
 
         with naming(loop):
             result = graded_test(load_loop(loop))

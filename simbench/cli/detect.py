@@ -94,8 +94,8 @@ def detect(
     Of a folder every record is answered. One that cannot be is listed with its reason, and the exit
     code is 1.
     """
-    from detectors.detection import judge_files
-    from detectors.report.report import failed, table
+    from simbench.detectors.detection import judge_files
+    from simbench.detectors.report.report import failed, table
     from simbench.files import refuse_kind, refuse_own_input
 
     refuse_kind(csv or "")
@@ -131,7 +131,7 @@ def detect(
     if not (as_json or report.conclusions) and len(report.groups()) > 1:
         print("For a conclusion on each record, add --method all,likelihood.")
     if labels is not None and report.conclusions:
-        from detectors.records.io import read_labels
+        from simbench.detectors.records.io import read_labels
         from simbench.gap.stiction.by_loop import as_lines
 
         print("\n".join(["", *as_lines(report.conclusions, read_labels(labels))]))
@@ -170,9 +170,9 @@ def diagnose(
     the confidence (0 to 1) that the evidence for it gives; and the diagnosis procedure of the book
     chapter that simbench implements, question by question.
     """
-    from detectors.procedure import diagnose as procedure
-    from detectors.records.io import read_record
-    from detectors.verdict import PROBABILITY
+    from simbench.detectors.procedure import diagnose as procedure
+    from simbench.detectors.records.io import read_record
+    from simbench.detectors.verdict import PROBABILITY
     from simbench.gap.stiction.conclusion import judged
 
     refuse_picture(picture, path)

@@ -8,7 +8,6 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from detectors.errors import ParameterError
 from simbench.cli.common import (
     EffectPlugin,
     Jobs,
@@ -24,6 +23,7 @@ from simbench.cli.common import (
     show_result,
     withheld_app,
 )
+from simbench.detectors.errors import ParameterError
 
 Baseline = Annotated[
     Path, Option(metavar="LOOP.toml", help="Compare with the simulation in this loop file.")

@@ -7,7 +7,6 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from detectors.errors import ParameterError, naming
 from simbench.cli.common import (
     ControllerPlugin,
     EffectPlugin,
@@ -21,6 +20,7 @@ from simbench.cli.common import (
     say,
     show,
 )
+from simbench.detectors.errors import ParameterError, naming
 
 
 @app.command(
@@ -90,7 +90,7 @@ def simulate(
             repeated = read_scenario(from_run, scenario)
             result = simulated(repeated.loop, repeated.seed, kick)
         else:
-            from scenarios.spec import load_loop
+            from simbench.scenarios.spec import load_loop
 
             with naming(loop):
                 result = simulated(load_loop(loop), seed, kick)
@@ -156,7 +156,7 @@ def predict(
     period, amplitude of OP, stability), and the exact cycle, with the least offset of OP (%) that
     starts it from rest.
     """
-    from scenarios.spec import load_loop
+    from simbench.scenarios.spec import load_loop
     from simbench.theory.predict import as_text
     from simbench.theory.predict import predict as theory
 

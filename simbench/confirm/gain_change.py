@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from detectors.signal.holds import holds
-from detectors.signal.oscillation import oscillation_of
-from scenarios.spec import Loop
 from simbench.confirm.rig import Trace, lengthened, run_rig
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal.holds import holds
+from simbench.detectors.signal.oscillation import oscillation_of
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
+from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenarios.spec import Loop
 from simbench.confirm.travel import TravelTest, travel_test
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import valve_response
+from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

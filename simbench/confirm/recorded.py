@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from detectors.errors import ParameterError
-from detectors.record import LoopRecord
-from detectors.sources import About, RecordSignals, as_record
 from simbench.confirm.gain_change import GainChange, judge, measure
 from simbench.confirm.rig import Trace
 from simbench.confirm.travel import MOVE_SHARE, SIGMAS, TravelTest
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.sources import About, RecordSignals, as_record
 
 if TYPE_CHECKING:
-    from detectors.sources import Source
+    from simbench.detectors.sources import Source
 
 # of the variance of OP's increments by a PI controller, from which its gain is read off a record
 _EXPLAINED = 0.8

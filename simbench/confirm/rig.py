@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from scenarios.spec import MAX_SAMPLES, Loop
+from simbench.detectors.errors import ParameterError
 from simbench.loop import sensor
 from simbench.loop.setup import Setup, control_start, parts_of, plant_start
+from simbench.scenarios.spec import MAX_SAMPLES, Loop
 
 
 def lengthened(loop: Loop, samples: int) -> Loop:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
-from scenarios.spec import Loop
 from simbench.confirm.rig import LiveLoop, Trace, lengthened
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.loop.resolve import resolve_loop
+from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,10 +6,6 @@ import ast
 from collections.abc import Callable
 from pathlib import Path
 
-from detectors.contract.detector import Contract, check_added, check_detector
-from detectors.errors import ParameterError
-from detectors.plugins.host import Host, PluginError
-from detectors.plugins.registry import PluginFolder, methods
 from simbench.blind.world import WORLDS
 from simbench.contract.effect import check_effect
 from simbench.contract.grid import check_grid
@@ -17,6 +13,10 @@ from simbench.contract.law import check_controller, check_plant
 from simbench.contract.recogniser import check_recogniser
 from simbench.contract.valve import check_valve
 from simbench.contract.world import check_world
+from simbench.detectors.contract.detector import Contract, check_added, check_detector
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.plugins.host import Host, PluginError
+from simbench.detectors.plugins.registry import PluginFolder, methods
 from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES

@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from detectors.contract.detector import Contract
-from detectors.contract.watch import Guarded, call_guarded
-from detectors.errors import RecordError
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
 from simbench.contract.band import band_fault
 from simbench.contract.recogniser import check_recogniser
 from simbench.contract.valve import schema_faults, shown
+from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.watch import Guarded, call_guarded
+from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import BLOCKS, PLUGINS
 from simbench.loop.parameters import Choice, Number
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 _EFFECT_LOOP: dict[str, Any] = {
     "plant": {"type": "foptd", "K": 1.5, "T": 20.0, "Td": 3.5},

@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from detectors.contract.detector import Contract
-from detectors.contract.watch import call_guarded
-from scenarios.errors import SpecError
-from scenarios.grid import Grid, Group, load_grid
-from scenarios.spec import read_toml
 from simbench.bench.scenario.resolve import resolve
+from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.watch import call_guarded
 from simbench.loop.resolve import resolve_loop
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import Grid, Group, load_grid
+from simbench.scenarios.spec import read_toml
 
 # groups that are settled by simulating their twin; one of every block at least
 _GROUPS_SETTLED = 24
@@ -30,7 +30,7 @@ def check_grid(path: str | Path) -> Contract:
 
     Examples
     --------
-    >>> from scenarios import grid
+    >>> from simbench.scenarios import grid
     >>> check_grid(Path(grid.__file__).parent / "grids" / "smoke.toml").broken
     ()
     """

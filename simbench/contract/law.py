@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from detectors.contract.detector import Contract
-from detectors.contract.watch import call_guarded
-from detectors.errors import UserError
-from detectors.plugins.registry import PluginFolder
-from scenarios.spec import Loop
 from simbench.contract.valve import both_ways, head_faults, inside, schema_faults, shown
+from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.watch import call_guarded
+from simbench.detectors.errors import UserError
+from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop import kernel
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS
 from simbench.loop.plant import sample
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.setup import Setup
+from simbench.scenarios.spec import Loop
 
 _LOOP: dict[str, Any] = {
     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.3},

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from functools import cache, partial
 from typing import Any
 
-from detectors.contract.detector import Contract
-from detectors.contract.watch import call_guarded
-from detectors.errors import UserError
-from scenarios.spec import Loop
+from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.watch import call_guarded
+from simbench.detectors.errors import UserError
 from simbench.gap.effects import PLUGINS, Recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
@@ -18,6 +17,7 @@ from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import resolve
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 _RECOGNISER_LOOP: dict[str, Any] = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},

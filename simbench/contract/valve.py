@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from detectors.contract.detector import Contract
-from detectors.contract.watch import call_guarded
-from detectors.errors import UserError
 from simbench.contract.band import band_fault
+from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.watch import call_guarded
+from simbench.detectors.errors import UserError
 from simbench.loop.parameters import VALVES, Choice, Number, valve_parameters
 from simbench.loop.response import valve_response
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from detectors.contract.detector import Contract
-from detectors.contract.watch import call_guarded
-from scenarios.spec import Loop
 from simbench.blind.world import WORLD_EFFECTS, WORLDS
+from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.watch import call_guarded
 from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
+from simbench.scenarios.spec import Loop
 
 _SEED, _INDEX = 5, 3
 _RECORD_COLUMNS = ("t", "sp", "op", "pv")

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 from simbench.figures._make import Drawn, make_figures, where_from
 
 if TYPE_CHECKING:
-    from detectors.procedure import Diagnosis
     from simbench.bench.map.making import GridMap
     from simbench.bench.score.history import History
+    from simbench.detectors.procedure import Diagnosis
 
 __all__ = ["Drawn", "draw_history", "draw_map", "draw_path", "make_figures", "where_from"]
 

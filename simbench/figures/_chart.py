@@ -13,11 +13,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from detectors.procedure import CONCLUSIONS, FLOW
+from simbench.detectors.procedure import CONCLUSIONS, FLOW
 from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, arrow, styled, write_picture
 
 if TYPE_CHECKING:
-    from detectors.procedure import Diagnosis
+    from simbench.detectors.procedure import Diagnosis
 
 _BOX, _GAP, _LINE, _PAD = (
     2.9,

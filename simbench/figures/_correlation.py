@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from detectors.methods.horch import correlation_indices
+from simbench.detectors.methods.horch import correlation_indices
 from simbench.figures._style import BLUE, GREY, label
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.signal.oscillation import zero_crossings
-from scenarios.spec import Loop
+from simbench.detectors.signal.oscillation import zero_crossings
 from simbench.figures._style import SIGNAL, label, panels
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 from simbench.theory.cycle import cycle_start, exact_cycle
 from simbench.theory.sampled import sampled_loop
 

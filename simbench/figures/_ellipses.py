@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from detectors.signal.ellipse import TOLERANCE, Ellipse
+from simbench.detectors.signal.ellipse import TOLERANCE, Ellipse
 from simbench.figures._style import BLUE, GREY, ORANGE, RED, arrow, label
 
 

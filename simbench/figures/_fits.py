@@ -6,16 +6,16 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from detectors.signal.half_cycles import GUARD, HALF_CYCLE_POINTS, sines, triangles
-from detectors.signal.oscillation import zero_crossings
+from simbench.detectors.signal.half_cycles import GUARD, HALF_CYCLE_POINTS, sines, triangles
+from simbench.detectors.signal.oscillation import zero_crossings
 from simbench.figures._style import BLACK, BLUE, RED, label, room
 
 
 def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
     """Fit a sine and a triangle to every significant half cycle.
 
-    The same cut, families and least squares as `detectors.signal.half_cycles`, kept in place and
-    sign.
+    The same cut, families and least squares as `simbench.detectors.signal.half_cycles`, kept in
+    place and sign.
     """
     at = zero_crossings(x, GUARD * float(x.std()))
     rows = []

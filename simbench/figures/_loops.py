@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 
 
 def pi_loop(

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from detectors.errors import RecordError, UnknownName
-from detectors.records.io import RECORD_FILES
 from simbench.bench.store.manifest import read_manifest
+from simbench.detectors.errors import RecordError, UnknownName
+from simbench.detectors.records.io import RECORD_FILES
 from simbench.figures._records import NeedsRecord
 from simbench.files import folder, remove_stale_temporaries, write_table
 

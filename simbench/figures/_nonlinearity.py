@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.errors import RecordError
-from detectors.record import LoopRecord
-from detectors.signal.bicoherence import bicoherence
-from detectors.signal.ellipse import fit_ellipse
+from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.bicoherence import bicoherence
+from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._ellipses import ellipse_points
 from simbench.figures._style import BLUE, GREY, RED, label, mosaic, note
 

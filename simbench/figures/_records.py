@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
-from detectors.records.isdb import read_loops
-from detectors.signal.conditioning import band
-from detectors.signal.oscillation import find_oscillation
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
+from simbench.detectors.records.isdb import read_loops
+from simbench.detectors.signal.conditioning import band
+from simbench.detectors.signal.oscillation import find_oscillation
 
 # ISDB's sectors by the letters that the chapter's loop names begin with
 _SECTORS = {

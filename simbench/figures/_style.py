@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from detectors.verdict import VERDICTS
+from simbench.detectors.verdict import VERDICTS
 from simbench.files import picture_kind, whole_file
 
 # Okabe and Ito (2008), safe for colour-blind readers

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.errors import ParameterError
 from simbench.bench.score.names import HOME_MARKS
+from simbench.detectors.errors import ParameterError
 from simbench.figures._style import BLUE, GREY, label, panels, styled
 
 SOURCE = "Demsar (2006), J. Mach. Learn. Res. 7, 1, figure 1, drawn with one bar per method"

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.methods.yamashita import movement_indices
+from simbench.detectors.methods.yamashita import movement_indices
 from simbench.figures._style import BLUE, RED, arrow, label, note, panels, parts, styled, text_near
 
 SOURCE = "Jelali (2013), Fig. 11.11a to c, after Yamashita (2006) and Manum & Scali (2006)"

@@ -5,7 +5,7 @@ ISDB).
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.methods.yamashita import movement_indices
+from simbench.detectors.methods.yamashita import movement_indices
 from simbench.figures._records import real_loop
 from simbench.figures._style import BLUE, SIGNAL, label, mosaic, note, styled
 

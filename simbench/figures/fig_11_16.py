@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.judge import judge
-from scenarios.spec import Loop
+from simbench.detectors.judge import judge
 from simbench.figures._correlation import correlation, draw_correlation
 from simbench.figures._loops import pi_loop, sine
 from simbench.figures._style import VERDICT, note, panels, parts, styled
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 SOURCE = "Jelali (2013), Fig. 11.16 and Example 11.3, verdicts in the order of Eq. 11.9"
 PERIOD = 60.0  # s

@@ -6,7 +6,7 @@ The half cycles are OP of a simulated sticky loop with measurement noise.
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.signal.conditioning import band
+from simbench.detectors.signal.conditioning import band
 from simbench.figures._fits import eta, half_cycle_fits
 from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, note, panels, styled

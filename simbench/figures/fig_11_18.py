@@ -5,9 +5,9 @@ ISDB).
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.judge import judge
-from detectors.signal.conditioning import band
-from detectors.signal.oscillation import find_oscillation
+from simbench.detectors.judge import judge
+from simbench.detectors.signal.conditioning import band
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.figures._fits import draw_fits, half_cycle_fits
 from simbench.figures._records import NeedsRecord, real_loop
 from simbench.figures._style import note, panels, styled

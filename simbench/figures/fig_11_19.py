@@ -7,8 +7,8 @@ filtered PV over filtered OP.
 
 import pandas as pd
 
-from detectors.methods.choudhury import METHOD
-from detectors.signal.bicoherence import BESIDE, LOWEST
+from simbench.detectors.methods.choudhury import METHOD
+from simbench.detectors.signal.bicoherence import BESIDE, LOWEST
 from simbench.figures._sketch import arrow, box, draw_sketch, sketch
 
 SOURCE = (

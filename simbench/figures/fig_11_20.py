@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.signal.conditioning import band
-from detectors.signal.ellipse import fit_ellipse
+from simbench.detectors.signal.conditioning import band
+from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
 from simbench.figures._loops import choudhury, pi_loop

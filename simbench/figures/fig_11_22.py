@@ -5,7 +5,7 @@ stiction (needs ISDB).
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.signal.oscillation import regular_segment
+from simbench.detectors.signal.oscillation import regular_segment
 from simbench.figures._nonlinearity import draw_nonlinearity, nonlinearity
 from simbench.figures._records import filtered, real_loop
 from simbench.figures._style import styled

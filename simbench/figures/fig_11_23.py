@@ -5,7 +5,7 @@ between them (needs ISDB).
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.signal.ellipse import fit_ellipse
+from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
 from simbench.figures._records import NeedsRecord, filtered, real_loop
 from simbench.figures._style import note, panel, styled

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from scenarios.spec import Loop
 from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, label, panels, parts, styled
+from simbench.scenarios.spec import Loop
 from simbench.theory.describing import intersections, stiction
 from simbench.theory.sampled import sampled_loop
 

@@ -8,10 +8,10 @@ MV keeps its jumps.
 import pandas as pd
 from matplotlib.figure import Figure
 
-from scenarios.spec import Loop
 from simbench.figures._cycles import draw_cycles, panel_cycles
 from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import styled
+from simbench.scenarios.spec import Loop
 
 SOURCE = "Jelali (2013), Fig. 11.9a and b (Ts = 2; S = 5), after Rossi & Scali (2005)"
 Ts, S, Td, K = 2.0, 5.0, 20.0, 1.0

@@ -8,10 +8,10 @@ rounded.
 import pandas as pd
 from matplotlib.figure import Figure
 
-from scenarios.spec import Loop
 from simbench.figures._cycles import draw_cycles, panel_cycles
 from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import styled
+from simbench.scenarios.spec import Loop
 
 SOURCE = (
     "Jelali (2013), Sect. 11.3.4: 'similar analysis can be carried out for integrating processes';"

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.judge import judge
-from detectors.record import LoopRecord
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._loops import choudhury, pi_loop, sine
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panel, styled

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.errors import ParameterError
-from detectors.verdict import STICTION
 from simbench.bench.store.reading import read_table
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.verdict import STICTION
 from simbench.figures._style import BLUE, GREY, RED, label, note, panel, styled
 
 SOURCE = (

@@ -11,12 +11,12 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.errors import ParameterError
 from simbench.bench.score.names import HOME_MARKS, LEAST
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.scoring import home_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
+from simbench.detectors.errors import ParameterError
 from simbench.figures._style import GREY, label, panels, styled
 
 SOURCE = "own"

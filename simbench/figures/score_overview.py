@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.verdict import NO_STICTION, STICTION
 from simbench.bench.score.names import ALL, FRONT, HOME_MARKS, LEAST
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import answers_of, no_waveform_answers, score_book
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
+from simbench.detectors.verdict import NO_STICTION, STICTION
 from simbench.figures._score import share_map
 from simbench.figures._style import panels, styled
 

@@ -11,9 +11,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.signal import lfilter
 
-from detectors.signal.conditioning import drift
-from detectors.signal.oscillation import find_oscillation
-from detectors.signal.surrogates import nonlinearity_index
+from simbench.detectors.signal.conditioning import drift
+from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.detectors.signal.surrogates import nonlinearity_index
 from simbench.figures._loops import choudhury, pi_loop, sine
 from simbench.figures._style import BLACK, BLUE, GREEN, GREY, RED, label, panel, styled
 from simbench.loop.simulate import simulate

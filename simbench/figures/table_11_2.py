@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from detectors.methods.srinivasan import SHAPES, cycles, label_shares
+from simbench.detectors.methods.srinivasan import SHAPES, cycles, label_shares
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import SIGNAL, label, panels, styled

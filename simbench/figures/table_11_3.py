@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from scenarios.spec import Loop, Part
 from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import styled, table
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop, Part
 from simbench.theory.table_check import check_table_11_3
 from simbench.theory.tables import DEAD_BAND, STICK_SLIP, TABLE_11_3
 

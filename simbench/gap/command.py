@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from detectors.compiled import one_thread
-from detectors.errors import ParameterError, RecordError, printable
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
-from scenarios.spec import checked, load_loop, read_toml
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import ParameterError, RecordError, printable
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.discover.discovery import Discovery, discover
@@ -27,6 +26,7 @@ from simbench.gap.plan.menu import Limits
 from simbench.gap.plan.order import PlannedTests, plan
 from simbench.gap.prediction import Prediction, predict, read_settings
 from simbench.gap.report.result import GapReport
+from simbench.scenarios.spec import checked, load_loop, read_toml
 
 
 @dataclass(frozen=True)

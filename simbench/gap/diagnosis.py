@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from joblib import Parallel, delayed
 
-from detectors.compiled import one_thread
-from detectors.errors import RecordError, UserError
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from detectors.sources import RecordSignals, as_record
-from scenarios.spec import Loop
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import RecordError, UserError
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.sources import RecordSignals, as_record
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.gap import RESOLVED_FROM
 from simbench.gap.closed_loop.runs import ClosedLoops
@@ -50,9 +49,10 @@ from simbench.gap.stiction.friction import FRICTION, refuse_unweighable, with_so
 from simbench.gap.stiction.probability import DENIED_BELOW, pooled
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.safe_path import safe_path
+from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
-    from detectors.sources import Source
+    from simbench.detectors.sources import Source
 
 
 def diagnose(
@@ -92,7 +92,7 @@ def diagnose(
 
     Raises
     ------
-    detectors.errors.UserError
+    simbench.detectors.errors.UserError
         In one sentence, when record and baseline cannot be compared.
 
     Examples
@@ -174,7 +174,7 @@ def conclude(
 
     Raises
     ------
-    detectors.errors.UserError
+    simbench.detectors.errors.UserError
         In one sentence, when record and loop cannot be compared.
 
     Examples

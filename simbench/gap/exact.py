@@ -14,9 +14,9 @@ from functools import lru_cache
 import numpy as np
 import scipy
 
-from detectors.signal.filters import lfilter
-from detectors.signal.holds import holds, runs_of
-from detectors.signal.lattice import written_unit
+from simbench.detectors.signal.filters import lfilter
+from simbench.detectors.signal.holds import holds, runs_of
+from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.controller.examine import stated_controller
 from simbench.gap.controller.regression import FORMS
 from simbench.gap.law import FoundLaw

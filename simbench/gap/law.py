@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from detectors.signal.holds import runs_of
+from simbench.detectors.signal.holds import runs_of
 from simbench.loop.laws import LAW_FORMS
 
 

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from detectors.signal.oscillation import find_oscillation
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.level import WITHIN, run_with_seeds
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
@@ -30,6 +29,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import NONE, UNKNOWN
+from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -162,7 +162,7 @@ def read_settings(words: Mapping[str, str], baseline: Loop) -> dict[str, Any]:
 
     Raises
     ------
-    detectors.errors.UserError
+    simbench.detectors.errors.UserError
         For a key that is not a setting of the loop, or a value that it does not allow.
     """
     if not words:
@@ -202,7 +202,7 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
 
     Raises
     ------
-    detectors.errors.UserError
+    simbench.detectors.errors.UserError
         In one sentence, for settings that the loop does not allow.
 
     Notes

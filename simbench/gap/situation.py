@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import REDDEST, Data
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.resolve import undisturbed
 from simbench.loop.response import stages_response
+from simbench.scenarios.spec import Loop
 
 # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 _LOAD_MEMORY = 4.0

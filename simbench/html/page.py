@@ -8,7 +8,7 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from detectors.errors import printable
+from simbench.detectors.errors import printable
 
 
 @cache

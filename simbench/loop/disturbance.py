@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError, UnknownName
-from detectors.signal.filters import lfilter
-from scenarios.spec import Loop, Part
+from simbench.detectors.errors import ParameterError, UnknownName
+from simbench.detectors.signal.filters import lfilter
 from simbench.loop.parameters import Choice, Number, resolve
 from simbench.loop.run import Start, run_setup
 from simbench.loop.setup import plain_setup
+from simbench.scenarios.spec import Loop, Part
 
 _AT = ("input", "output")
 _PLACE = Choice(

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from detectors.plugins.host import SECONDS, Host, PluginError
-from detectors.plugins.registry import imported
-from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.plugins.host import SECONDS, Host, PluginError
+from simbench.detectors.plugins.registry import imported
 from simbench.loop.effects import BLOCKS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
 from simbench.loop.response import valve_response
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop
 
 _FOLDERS = {folder.kind: folder for folder in (VALVES, EFFECTS, PLANT_PLUGINS, CONTROLLER_PLUGINS)}
 _Files = Iterable[str | Path]

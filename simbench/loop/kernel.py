@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from detectors.compiled import cached_module, names_used, reached
+from simbench.detectors.compiled import cached_module, names_used, reached
 
 # Bound by `bind` (plain Python, the slow twin) or by a generated module (compiled).
 error_step: Any = None

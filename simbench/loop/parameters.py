@@ -12,10 +12,10 @@ from functools import cache
 from types import ModuleType
 from typing import Any
 
-from detectors.errors import ParameterError, UnknownName, nearest
-from detectors.plugins.registry import PluginFolder
-from detectors.record import LARGEST
-from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES
+from simbench.detectors.errors import ParameterError, UnknownName, nearest
+from simbench.detectors.plugins.registry import PluginFolder
+from simbench.detectors.record import LARGEST
+from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES
 
 VALVES = PluginFolder(
     "valve",

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
-from detectors.errors import ParameterError
-from scenarios.polynomials import checked_polynomials
-from scenarios.spec import Plant
+from simbench.detectors.errors import ParameterError
+from simbench.scenarios.polynomials import checked_polynomials
+from simbench.scenarios.spec import Plant
 
 # Plants of first and second order, by far the most common, keep their state in registers; all
 # others in an array.

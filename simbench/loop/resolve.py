@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.spec import Loop
 from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import resolve
 from simbench.loop.setup import Setup, bands_of, plain_setup, stages_of
+from simbench.scenarios.spec import Loop
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone; the
 # noise has stream 0.

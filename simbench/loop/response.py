@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from detectors.compiled import cached_module
-from detectors.errors import ParameterError, RecordError
-from detectors.records.clock import seconds
-from detectors.records.gaps import JITTER
-from detectors.records.historian import read_numbers
-from detectors.records.roles import TIME_NAMES
-from detectors.records.tables import read_sheet
+from simbench.detectors.compiled import cached_module
+from simbench.detectors.errors import ParameterError, RecordError
+from simbench.detectors.records.clock import seconds
+from simbench.detectors.records.gaps import JITTER
+from simbench.detectors.records.historian import read_numbers
+from simbench.detectors.records.roles import TIME_NAMES
+from simbench.detectors.records.tables import read_sheet
 from simbench.files import plain_cell, refuse_kind, whole_file
 from simbench.loop.parameters import VALVES, valve_parameters
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.loop import kernel, sensor
 from simbench.loop.laws import swapped
 from simbench.loop.setup import (

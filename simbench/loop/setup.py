@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError, UnknownName
-from detectors.plugins.registry import PluginFolder
-from scenarios.polynomials import checked_polynomials
-from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Outer, Part
+from simbench.detectors.errors import ParameterError, UnknownName
+from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop import controller, plant, sensor
 from simbench.loop.laws import swapped
 from simbench.loop.parameters import (
@@ -22,6 +20,8 @@ from simbench.loop.parameters import (
     resolve,
     valve_parameters,
 )
+from simbench.scenarios.polynomials import checked_polynomials
+from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Outer, Part
 
 _NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
 

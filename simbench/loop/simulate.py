@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run, Start, run_setup, signals_of
+from simbench.scenarios.spec import Loop
 
 
 def simulate(

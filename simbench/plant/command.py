@@ -8,13 +8,13 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-from detectors.records.io import read_folder, read_labels, read_record
-from scenarios.spec import load_loop
+from simbench.detectors.records.io import read_folder, read_labels, read_record
 from simbench.files import refuse_own_input
 from simbench.plant.report.fleet import JUDGED, Fleet, survey
 from simbench.plant.study.result import Study
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
+from simbench.scenarios.spec import load_loop
 
 
 def trust_file(

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.judge import judge
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from detectors.verdict import NO_DECISION, STICTION
+from simbench.detectors.judge import judge
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import NO_DECISION, STICTION
 
 _CYCLES = 12  # periods in a window: a detector needs several, and an episode should not drown in it
 _SHIFT = 0.5  # of a window from one to the next

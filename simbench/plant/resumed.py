@@ -17,11 +17,9 @@ import numpy as np
 from joblib import Parallel, delayed
 from pydantic import BaseModel
 
-import detectors
-import scenarios
 import simbench
-from detectors.errors import UserError
 from simbench.bench.store.checksums import with_checksum, without_checksum
+from simbench.detectors.errors import UserError
 from simbench.files import folder, whole_file
 from simbench.progress import Progress
 from simbench.safe_path import safe_path
@@ -58,12 +56,9 @@ def resumed(
 @cache
 def _code() -> str:
     """Return what changes with any line of the sources that answer."""
-    rooms = (detectors, scenarios, simbench)
-    return str(
-        joblib.hash(
-            [f.read_bytes() for room in rooms for f in sorted(Path(room.__path__[0]).rglob("*.py"))]
-        )
-    )
+    ours = Path(simbench.__path__[0])
+    rooms = (ours / "detectors", ours / "scenarios", ours)
+    return str(joblib.hash([f.read_bytes() for room in rooms for f in sorted(room.rglob("*.py"))]))
 
 
 def _kept(ask: Callable[..., Any], file: Path, about: tuple[Any, ...]) -> Any:

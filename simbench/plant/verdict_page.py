@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from detectors.record import LoopRecord
-from detectors.report import summary
-from detectors.report.report import Report, ShownConclusion
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.report import summary
+from simbench.detectors.report.report import Report, ShownConclusion
 from simbench.plant.page import SectionTable, section, write
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 

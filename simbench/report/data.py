@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pyarrow.compute as pc
 
-from detectors.verdict import NO_DECISION, STICTION
 from simbench.bench.score.scoring import Scores, score_run
 from simbench.bench.store.reading import CODES, RunArrays, read_table
+from simbench.detectors.verdict import NO_DECISION, STICTION
 
 REPORTED_TRUTHS = ("sticky", "predicted", "refined", "theory", "cycled")
 

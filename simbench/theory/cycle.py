@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Start
+from simbench.scenarios.spec import Loop
 from simbench.theory.half_cycle import HalfCycle, half_cycles
 from simbench.theory.march import reversals
 from simbench.theory.sampled import SampledLoop, sampled_loop

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from detectors.compiled import njit_cached
+from simbench.detectors.compiled import njit_cached
 from simbench.theory.march import reversals
 from simbench.theory.sampled import SampledLoop
 

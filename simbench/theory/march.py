@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.compiled import njit_cached
+from simbench.detectors.compiled import njit_cached
 
 _ENDED, _STALLED, _SPENT = 0, 1, 2
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 from simbench.theory.tables import truth_columns
 
 

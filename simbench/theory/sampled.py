@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from detectors.compiled import compiled
-from detectors.errors import ParameterError
-from detectors.signal import stiction_map
-from scenarios.spec import Loop
+from simbench.detectors.compiled import compiled
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal import stiction_map
 from simbench.loop import controller as controllers
 from simbench.loop import plant as plants
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import stages_response
 from simbench.loop.setup import Setup
+from simbench.scenarios.spec import Loop
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 from simbench.theory.basin import reaches_cycle
 from simbench.theory.cycle import after_load_step, exact_cycle
 from simbench.theory.sampled import SampledLoop, sampled_loop, ultimate_gain

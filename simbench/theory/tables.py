@@ -7,10 +7,10 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import Any
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
+from simbench.scenarios.spec import Loop
 from simbench.theory.basin import kick_min
 from simbench.theory.cycle import ExactCycle, exact_cycle
 from simbench.theory.describing import deadzone, intersections, measured, stiction

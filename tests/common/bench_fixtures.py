@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.grid import make_grid
 from simbench.bench.execute.run import run_grid
 from simbench.bench.store.reading import RunArrays
+from simbench.scenarios.grid import make_grid
 
 SMALL = {
     "title": "small",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 
 Size = Callable[[float], dict[str, float | str]]
 _WAYS = (

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from effect_draws import DRAWS, Yardstick
 
-from detectors.errors import ParameterError
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.effects import recogniser
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 PLAIN = (0.45, 0.75)  # of the way from barely there to gross
 

@@ -1,7 +1,7 @@
 """Two loops that many tests simulate, and what a plant would have recorded of them."""
 
-from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 FLOW = {
     "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},

@@ -8,16 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from detectors.judge import check_thresholds
-from detectors.plugins.registry import methods
-from detectors.record import LoopRecord
-from detectors.verdict import Verdict
-from scenarios.grid import load_grid
 from simbench.bench.execute.work import judge_both
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.blind.making import Plan
 from simbench.blind.worlds import own as tank
+from simbench.detectors.judge import check_thresholds
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import Verdict
+from simbench.scenarios.grid import load_grid
 
 # What another transmitter, archive or sign convention would have sent: value = gain x + offset.
 PV_MAPS = {

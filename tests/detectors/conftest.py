@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from detectors.example_loop import example_loop
+from simbench.detectors.example_loop import example_loop
 
 REAL = Path(__file__).parents[2].parent / "shared" / "data" / "real"
 

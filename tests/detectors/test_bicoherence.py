@@ -5,9 +5,9 @@ cannot see.
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.record import LoopRecord
-from detectors.signal.bicoherence import bicoherence, error_bicoherence
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.bicoherence import bicoherence, error_bicoherence
 
 
 def naive(x, L):

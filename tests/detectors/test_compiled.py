@@ -11,11 +11,12 @@ import sys
 import numpy as np
 import pytest
 
-from detectors.compiled import LANES, compiled, lanes, njit_cached, rows
+from simbench.detectors.compiled import LANES, compiled, lanes, njit_cached, rows
 
 HELPER = "from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n"
 KERNEL = "from helper import scaled\ndef kernel(x):\n    return scaled(x) + 1.0\n"
-RUN = "from detectors.compiled import compiled\nfrom kernel import kernel\nf = compiled(kernel)\n"
+RUN = "from simbench.detectors.compiled import compiled\nfrom kernel import kernel\n"
+RUN += "f = compiled(kernel)\n"
 RUN += "print(f(2.0), sum(f.stats.cache_hits.values()))"
 
 
@@ -146,8 +147,8 @@ def test_a_cache_of_one_process_goes_with_it(filled, tmp_path):
 
 
 def test_light_kernels_give_the_same_bits_plain_and_compiled():
-    from detectors.signal.autocorrelation import _crossings, acf, decay_and_lasting
-    from detectors.signal.oscillation import _reversals
+    from simbench.detectors.signal.autocorrelation import _crossings, acf, decay_and_lasting
+    from simbench.detectors.signal.oscillation import _reversals
 
     rng = np.random.default_rng(5)
     for n in (120, 333, 4001):
@@ -169,7 +170,7 @@ def test_light_kernels_give_the_same_bits_plain_and_compiled():
 
 IMPORTS = """
 import contextlib, io, sys
-import detectors.signal.stiction_map
+import simbench.detectors.signal.stiction_map
 from simbench.cli import main
 for words in {commands!r}:
     with contextlib.redirect_stdout(io.StringIO()):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.signal import conditioning as c
+from simbench.detectors.signal import conditioning as c
 
 T = np.arange(1000.0)
 RNG = np.random.default_rng(8)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from ellipse import LsqEllipse
 
-from detectors.judge import judge
-from detectors.record import LoopRecord
-from detectors.signal.ellipse import fit_ellipse
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.ellipse import fit_ellipse
 
 RNG = np.random.default_rng(0)
 

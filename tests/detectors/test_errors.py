@@ -4,8 +4,8 @@ import time
 
 import pytest
 
-from detectors.errors import ParameterError, masked, naming, nearest
-from detectors.usage import complain, exit_code
+from simbench.detectors.errors import ParameterError, masked, naming, nearest
+from simbench.detectors.usage import complain, exit_code
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from detectors.signal.filters import lfilter
+from simbench.detectors.signal.filters import lfilter
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.methods.gbt44693 import axis_ratio
-from detectors.record import LoopRecord
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.gbt44693 import axis_ratio
+from simbench.detectors.record import LoopRecord
 
 T = 2 * np.pi * np.arange(4000) / 50.0
 

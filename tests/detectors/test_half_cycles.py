@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit, minimize_scalar
 
-from detectors.signal import half_cycles as h
+from simbench.detectors.signal import half_cycles as h
 
 RNG = np.random.default_rng(21)
 POINT = (np.arange(h.HALF_CYCLE_POINTS) + 0.5) / h.HALF_CYCLE_POINTS

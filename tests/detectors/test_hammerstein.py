@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 from plain_loops import DELAYED, LEVEL
 
-from detectors.compiled import compiled
-from detectors.judge import judge
-from detectors.methods import hammerstein
-from detectors.signal.fits import hammerstein_kernels as kernels
-from detectors.signal.fits.hammerstein import fit_hammerstein, moving_mean, strongest_segment, swing
-from detectors.signal.oscillation import find_oscillation
-from detectors.signal.stiction_map import valve_position
+from simbench.detectors.compiled import compiled
+from simbench.detectors.judge import judge
+from simbench.detectors.methods import hammerstein
+from simbench.detectors.signal.fits import hammerstein_kernels as kernels
+from simbench.detectors.signal.fits.hammerstein import (
+    fit_hammerstein,
+    moving_mean,
+    strongest_segment,
+    swing,
+)
+from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.detectors.signal.stiction_map import valve_position
 
 POLES = np.array([0.3, 0.9, 1.0])
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from plain_loops import DELAYED, LEVEL
 
-from detectors.judge import judge
-from detectors.methods.he import triangle_indices
-from detectors.record import LoopRecord
-from detectors.signal.half_cycles import HALF_CYCLE_POINTS
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.he import triangle_indices
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.half_cycles import HALF_CYCLE_POINTS
 
 POINT = (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
 T = np.arange(4000) / 20

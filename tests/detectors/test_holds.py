@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.signal.holds import holds, runs_of, still, stuck
+from simbench.detectors.signal.holds import holds, runs_of, still, stuck
 
 
 def test_holds_are_the_runs_of_equal_samples():

@@ -5,9 +5,9 @@ import pytest
 from naive import horch_indices
 from plain_loops import DELAYED
 
-from detectors.judge import judge
-from detectors.methods.horch import correlation_indices
-from detectors.record import LoopRecord
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.horch import correlation_indices
+from simbench.detectors.record import LoopRecord
 
 T = np.arange(4000) / 20
 

@@ -6,9 +6,9 @@ from plain_loops import LEVEL
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from detectors.judge import judge
-from detectors.methods import horch_histogram as h
-from detectors.record import LoopRecord
+from simbench.detectors.judge import judge
+from simbench.detectors.methods import horch_histogram as h
+from simbench.detectors.record import LoopRecord
 
 T = np.arange(4000) / 20
 

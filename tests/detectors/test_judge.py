@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from plain_loops import DELAYED
 
-from detectors.errors import ParameterError, UnknownName
-from detectors.judge import judge
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
+from simbench.detectors.errors import ParameterError, UnknownName
+from simbench.detectors.judge import judge
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
 
 T = np.arange(2000.0)
 SINE = {"op": np.sin(T / 8), "pv": -np.sin(T / 8), "Ts": 1.0}

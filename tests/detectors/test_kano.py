@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from plain_loops import DELAYED
 
-from detectors.judge import judge
-from detectors.methods.kano_b import side_distance
-from detectors.record import LoopRecord
-from detectors.signal.standstill import steady_valve, stuck_intervals
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.kano_b import side_distance
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.standstill import steady_valve, stuck_intervals
 
 
 def naive_intervals(op, still, period, least_op):

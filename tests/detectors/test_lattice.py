@@ -5,7 +5,7 @@ are none.
 import numpy as np
 import pytest
 
-from detectors.signal.lattice import (
+from simbench.detectors.signal.lattice import (
     hides_nothing,
     lattice,
     resolution,

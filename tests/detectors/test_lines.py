@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.signal.lines import on_line, share_on_lines, straight
+from simbench.detectors.signal.lines import on_line, share_on_lines, straight
 
 KEPT = np.random.default_rng(0).standard_normal(101)
 DRAWN = np.interp(np.arange(1001), np.arange(0, 1001, 10), KEPT)

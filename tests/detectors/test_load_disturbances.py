@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
-from detectors.judge import judge
-from detectors.prepared import Prepared
-from detectors.signal.load_disturbances import integral_time, oscillation_by_loads
-from detectors.signal.oscillation import iae_loads
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.load_disturbances import integral_time, oscillation_by_loads
+from simbench.detectors.signal.oscillation import iae_loads
 
 T = np.arange(4000.0)
 
@@ -89,7 +89,7 @@ def test_it_can_be_chosen(loop):
 
 
 def test_both_commands_know_it(loop, tmp_path, capsys):
-    from detectors.__main__ import main
+    from simbench.detectors.__main__ import main
 
     record = loop(J=2.5, kick=6.0, n=1500, noise=0.02)
     path = tmp_path / "loop.csv"

@@ -7,11 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.methods import horch_isaksson, stenman
-from detectors.methods.horch_isaksson import LOOSE, two_models
-from detectors.methods.stenman import best_jumps
-from detectors.signal.fits.arx import fit_plant, fit_plant_by_columns
+from simbench.detectors.judge import judge
+from simbench.detectors.methods import horch_isaksson, stenman
+from simbench.detectors.methods.horch_isaksson import LOOSE, two_models
+from simbench.detectors.methods.stenman import best_jumps
+from simbench.detectors.signal.fits.arx import fit_plant, fit_plant_by_columns
 
 
 def test_jumps_are_the_cheapest_of_all_courses():

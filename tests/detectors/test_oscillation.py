@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from detectors.signal import autocorrelation as a
-from detectors.signal import oscillation as o
+from simbench.detectors.signal import autocorrelation as a
+from simbench.detectors.signal import oscillation as o
 
 T = np.arange(2000.0)
 RNG = np.random.default_rng(11)

@@ -5,11 +5,11 @@ not.
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.prepared import prepare, thinned
-from detectors.procedure import diagnose
-from detectors.record import LoopRecord
-from detectors.signal.oscillation import Oscillation
+from simbench.detectors.judge import judge
+from simbench.detectors.prepared import prepare, thinned
+from simbench.detectors.procedure import diagnose
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.oscillation import Oscillation
 
 N = 1200
 K = np.arange(N)
@@ -138,7 +138,7 @@ def test_whether_a_dense_record_oscillates_is_asked_at_the_density_that_is_judge
     def oscillation_of(op, pv, Ts):
         return Oscillation(Ts in seen, 1.2, 2935.0, lasting=1.0)
 
-    monkeypatch.setattr("detectors.prepared.find_oscillation", oscillation_of)
+    monkeypatch.setattr("simbench.detectors.prepared.find_oscillation", oscillation_of)
     swing = np.sin(2 * np.pi * np.arange(40_000) / 2500)
     dense = LoopRecord(op=swing, pv=-swing, Ts=1.0)
     for k in (1, 2, 4, 8):

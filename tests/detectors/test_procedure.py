@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from plain_loops import LEVEL
 
-from detectors.judge import judge
-from detectors.methods.procedure import METHOD
-from detectors.procedure import CONCLUSIONS, FLOW, diagnose
-from detectors.record import LoopRecord
-from detectors.records.io import read_folder, read_labels
-from detectors.report.report import score_units
-from detectors.verdict import VERDICTS
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.procedure import METHOD
+from simbench.detectors.procedure import CONCLUSIONS, FLOW, diagnose
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_folder, read_labels
+from simbench.detectors.report.report import score_units
+from simbench.detectors.verdict import VERDICTS
 
 REAL = Path(__file__).parents[2].parent / "shared" / "data" / "real"
 

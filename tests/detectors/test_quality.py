@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from plain_loops import DELAYED, LEVEL
 
-from detectors.judge import UNFIT, judge
-from detectors.prepared import prepare
-from detectors.quality import inspect, saturation, steps
-from detectors.record import LoopRecord
+from simbench.detectors.judge import UNFIT, judge
+from simbench.detectors.prepared import prepare
+from simbench.detectors.quality import inspect, saturation, steps
+from simbench.detectors.record import LoopRecord
 
 T = np.arange(2000.0)
 

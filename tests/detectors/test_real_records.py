@@ -4,11 +4,11 @@ import csv
 
 import pytest
 
-from detectors.judge import judge
-from detectors.plugins.registry import methods
-from detectors.prepared import Prepared
-from detectors.records.io import read_record
-from detectors.signal.half_cycles import misfit, sines, two_line_misfit, typical_means
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.records.io import read_record
+from simbench.detectors.signal.half_cycles import misfit, sines, two_line_misfit, typical_means
 
 
 def read(folder, name, **about):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from plain_loops import DELAYED
 
-from detectors.judge import judge
-from detectors.methods.rossi_scali import relay_index
-from detectors.record import LoopRecord
-from detectors.signal.half_cycles import HALF_CYCLE_POINTS, relays
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.rossi_scali import relay_index
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.half_cycles import HALF_CYCLE_POINTS, relays
 
 POINT = (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
 T = np.arange(4000) / 20

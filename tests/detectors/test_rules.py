@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from detectors.methods import hammerstein
-from detectors.plugins.registry import methods
-from detectors.prepared import Prepared
+from simbench.detectors.methods import hammerstein
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.prepared import Prepared
 
 # method: threshold, as printed; Jelali (2013), chapter 11, unless the source says otherwise
 PUBLISHED = {

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.methods.singhal_salsbury import area_ratio
-from detectors.record import LoopRecord
-from detectors.signal.half_cycles import HALF_CYCLE_POINTS
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.singhal_salsbury import area_ratio
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.half_cycles import HALF_CYCLE_POINTS
 
 POINT = (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
 T = np.arange(4000) / 20

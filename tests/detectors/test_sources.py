@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 import simbench as sb
-from detectors.errors import AnswerError, ParameterError, RecordError
-from detectors.plugins.registry import methods as registry
-from detectors.record import LoopRecord
-from detectors.verdict import Verdict
+from simbench.detectors.errors import AnswerError, ParameterError, RecordError
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import Verdict
 
 t = np.arange(600.0)
 OP, PV = 50.0 + np.sin(t / 8), 20.0 - np.sin(t / 8)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.errors import RecordError
-from detectors.judge import judge
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
+from simbench.detectors.errors import RecordError
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
 
 K = np.arange(900.0)
 OP, PV = 50.0 + 6.0 * np.sin(K / 8), 30.0 + 5.0 * np.sign(np.sin(K / 8 - 1)) + 0.1 * np.sin(7.1 * K)

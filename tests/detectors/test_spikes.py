@@ -5,7 +5,7 @@ none.
 import numpy as np
 import pytest
 
-from detectors.signal.spikes import cleaned, isolated
+from simbench.detectors.signal.spikes import cleaned, isolated
 
 T = np.arange(1200.0)
 CORNERS = np.interp(T, [0, 300, 400, 800, 830, 1200], [0, 0, 30, 30, 5, 5])

@@ -5,9 +5,15 @@ pairs.
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.methods.srinivasan import CYCLE_POINTS, SHAPES, cycles, label_shares, templates
-from detectors.record import LoopRecord
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.srinivasan import (
+    CYCLE_POINTS,
+    SHAPES,
+    cycles,
+    label_shares,
+    templates,
+)
+from simbench.detectors.record import LoopRecord
 
 T = np.arange(3000) / 40  # cycles
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from detectors.compiled import compiled
-from detectors.errors import ParameterError
-from detectors.signal import look_alikes
-from detectors.signal.surrogates import (
+from simbench.detectors.compiled import compiled
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal import look_alikes
+from simbench.detectors.signal.surrogates import (
     end_matched,
     iaaft,
     nonlinearity_index,

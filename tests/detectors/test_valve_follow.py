@@ -5,8 +5,8 @@ where there is none.
 import numpy as np
 import pytest
 
-from detectors.procedure import FOLLOW_MIN
-from detectors.signal.valve_follow import valve_follow
+from simbench.detectors.procedure import FOLLOW_MIN
+from simbench.detectors.signal.valve_follow import valve_follow
 
 T = np.arange(900)
 ROAM = 50 + np.cumsum(np.repeat([0.02, -0.02, 0.025, -0.02, 0.02, -0.025], 150))

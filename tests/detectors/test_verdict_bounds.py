@@ -8,12 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.contract.detector import LoopRecord
-from detectors.errors import ParameterError
-from detectors.judge import check_thresholds, judge, judge_one
-from detectors.methods import hammerstein, he, horch, rossi_scali, singhal_salsbury, srinivasan
-from detectors.plugins.registry import methods
-from detectors.prepared import Prepared
+from simbench.detectors.contract.detector import LoopRecord
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.judge import check_thresholds, judge, judge_one
+from simbench.detectors.methods import (
+    hammerstein,
+    he,
+    horch,
+    rossi_scali,
+    singhal_salsbury,
+    srinivasan,
+)
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.prepared import Prepared
 
 HUMP = np.sin(np.pi * (np.arange(40) + 0.5) / 40)
 

@@ -6,9 +6,9 @@ from naive import yamashita_indices
 from plain_loops import DELAYED, LEVEL
 from scipy.stats import norm
 
-from detectors.judge import judge
-from detectors.methods.yamashita import movement_indices
-from detectors.record import LoopRecord
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.yamashita import movement_indices
+from simbench.detectors.record import LoopRecord
 
 
 @pytest.mark.parametrize("step", [1, 3])

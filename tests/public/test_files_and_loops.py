@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from detectors.quality import inspect
 from simbench import read_record
 from simbench.cli import main
+from simbench.detectors.quality import inspect
 
 LOOP = {
     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},

@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from scenarios.cell import SETTINGS, loop_axes, ultimate_gain
-from scenarios.errors import SpecError
-from scenarios.grid import (
+from simbench.scenarios.cell import SETTINGS, loop_axes, ultimate_gain
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import (
     SMALLEST_BLOCK,
     SMALLEST_LOOP,
     GridFile,
@@ -16,7 +16,7 @@ from scenarios.grid import (
     load_grid,
     make_grid,
 )
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 
 PLAIN = {
     "title": "one loop",

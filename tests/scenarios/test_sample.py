@@ -9,10 +9,10 @@ from collections import Counter
 
 import pytest
 
-from scenarios.errors import SpecError
-from scenarios.grid import chunks, load_grid, make_grid
-from scenarios.grid_check import MOST_CELLS
-from scenarios.sample import Sample
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import chunks, load_grid, make_grid
+from simbench.scenarios.grid_check import MOST_CELLS
+from simbench.scenarios.sample import Sample
 
 AXES = {f"controller.{key}": [round(1 + 0.01 * k, 2) for k in range(100)] for key in ("Kc", "Ti")}
 AXES["noise.std"] = [round(0.01 * k, 2) for k in range(100)]

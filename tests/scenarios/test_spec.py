@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.errors import SpecError
-from scenarios.spec import Loop, Scenario, content_hash
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import Loop, Scenario, content_hash
 
 TABLE = {
     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},

@@ -148,9 +148,9 @@ def test_an_unwritable_folder_is_named(tmp_path, capsys):
 
 
 def test_a_record_written_reads_back_to_the_same_bits(tmp_path):
-    from detectors.records.io import read_record
-    from scenarios.spec import load_loop
+    from simbench.detectors.records.io import read_record
     from simbench.loop.simulate import simulate
+    from simbench.scenarios.spec import load_loop
 
     path = loop_file(tmp_path, "[sampling]", "[noise]\nstd = 0.1\n[sampling]")
     assert main(["simulate", str(path), "-o", str(tmp_path / "r.csv"), "--seed", "3"]) == 0

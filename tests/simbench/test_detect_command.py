@@ -16,10 +16,10 @@ from importlib.metadata import version
 import pytest
 import typer
 
-from detectors import faults
-from scenarios.spec import Controller
 from simbench import cli
+from simbench.detectors import faults
 from simbench.gap.stiction.conclusion import judged
+from simbench.scenarios.spec import Controller
 from simbench.workbench import Loop
 
 FAST = ["--method", "horch,he,kano_a,procedure"]
@@ -128,7 +128,7 @@ def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
 
 def test_colour_is_for_terminals_alone(folder, capsys):
     assert "\x1b[" not in printed(capsys, "detect", folder / "sticky.csv", *FAST).out
-    from detectors.detection import judge_files
+    from simbench.detectors.detection import judge_files
 
     assert "\x1b[31mstiction" in judge_files(folder / "sticky.csv", ["he"]).as_text(colour=True)
 

@@ -5,9 +5,9 @@ the same cells.
 import pytest
 
 from results.studies.families import main, read
-from scenarios.grid import load_grid
 from simbench.bench.execute.run import run_grid
 from simbench.figures.valve_families import data, draw
+from simbench.scenarios.grid import load_grid
 
 
 def test_every_family_is_in_the_same_cells():

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from detectors.plugins.registry import methods
 from results.studies.hard_negatives import HARD_NEGATIVES, read_case, recorded
-from scenarios.spec import Loop
+from simbench.detectors.plugins.registry import methods
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 
 def test_every_method_has_its_case():

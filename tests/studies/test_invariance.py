@@ -4,10 +4,10 @@ from itertools import islice
 
 import pytest
 
-from detectors.contract.detector import THINNED, backwards
-from detectors.judge import judge
-from detectors.prepared import thinned
 from results.studies.invariance import dense_records
+from simbench.detectors.contract.detector import THINNED, backwards
+from simbench.detectors.judge import judge
+from simbench.detectors.prepared import thinned
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ both.
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.plugins.registry import methods
-from detectors.record import LoopRecord
 from results.studies.published import _columns, rows, variants
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.record import LoopRecord
 
 
 @pytest.mark.parametrize("name", methods.names())

@@ -16,12 +16,12 @@ import naive
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.prepared import prepare
-from detectors.signal.half_cycles import HALF_CYCLE_POINTS
-from scenarios.grid import load_grid
 from simbench.bench.scenario.resolve import resolve
+from simbench.detectors.judge import judge
+from simbench.detectors.prepared import prepare
+from simbench.detectors.signal.half_cycles import HALF_CYCLE_POINTS
 from simbench.loop.simulate import simulate
+from simbench.scenarios.grid import load_grid
 
 COUNT, HALVES = 40, 4
 FEW = 8  # records of the test of every change

@@ -3,7 +3,7 @@
 import pytest
 
 from results.studies.truth_again import goes_on
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 
 
 @pytest.mark.parametrize("sticks", [True, False])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.compiled import compiled
+from simbench.detectors.compiled import compiled
 
 _ILL = 1e-10  # share of a sum of squares; what is left of it below this is rounding
 

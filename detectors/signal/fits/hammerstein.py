@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.compiled import compiled
-from detectors.signal.conditioning import median
-from detectors.signal.fits.hammerstein_kernels import (
+from simbench.detectors.compiled import compiled
+from simbench.detectors.signal.conditioning import median
+from simbench.detectors.signal.fits.hammerstein_kernels import (
     MOVING_UP,
     VALVES_SIDE_BY_SIDE,
     Stretch,
@@ -21,7 +21,7 @@ from detectors.signal.fits.hammerstein_kernels import (
     errors,
     keep_apart,
 )
-from detectors.signal.oscillation import detrend
+from simbench.detectors.signal.oscillation import detrend
 
 _SAMPLES = 50  # per period at least, of valve position and PV after averaging
 # Periods and averaged samples looked at: the search wants few, since one missed jump spoils all

@@ -1,8 +1,8 @@
 """Compiled kernels of the Hammerstein identification: the error of PV for many valves, each with
 its fitted plant, and the local search for the best valve.
 
-Plain Python, their own slow twins; `detectors.compiled.compiled` gives them at full speed. `LANES`
-valves are computed together.
+Plain Python, their own slow twins; `simbench.detectors.compiled.compiled` gives them at full speed.
+`LANES` valves are computed together.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.compiled import LANES, lanes, rows
+from simbench.detectors.compiled import LANES, lanes, rows
 
 _MOST_ROUNDS = 60  # of the pattern search
 TIE = 1e-12  # errors that differ by less are equal: rounding shall not choose the way
@@ -103,8 +103,8 @@ def moves(record, valves, block, v, total):
     """Fill `v` with the averaged positions of a block of valves less the first OP, and `total` with
     their running sums.
 
-    The map of `detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2); `m` is the
-    direction of a moving valve, 0 for one at rest.
+    The map of `simbench.detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2);
+    `m` is the direction of a moving valve, 0 for one at rest.
     """
     op, q, lo, hi = record.op, record.q, record.lo, record.hi
     stops, S, J, start = valves.stops, valves.S, valves.J, valves.start

@@ -8,15 +8,15 @@ from types import ModuleType
 
 from text import heading, plain, table
 
-PACKAGES = ("simbench", "simbench.gap", "detectors", "scenarios")
+PACKAGES = ("simbench", "simbench.gap", "simbench.detectors", "simbench.scenarios")
 # what a plug-in's author calls in addition to them
 FURTHER = {
-    "detectors.contract.detector": ("check_detector",),
-    "detectors.judge": ("judge",),
+    "simbench.detectors.contract.detector": ("check_detector",),
+    "simbench.detectors.judge": ("judge",),
     "simbench.contract": ("check_file", "check_valve", "check_effect", "check_grid"),
     "simbench.figures": ("make_figures", "draw_path"),
     "simbench.catalogue": ("catalogue",),
-    "scenarios.grid": ("load_grid",),
+    "simbench.scenarios.grid": ("load_grid",),
 }
 
 

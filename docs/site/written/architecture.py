@@ -51,7 +51,8 @@ def layers() -> list[list[str]]:
 def purposes() -> dict[str, str]:
     """Return the first sentence of the docstring of every part that the picture shows."""
     sentences = {}
-    for part in (part for layer in layers()[:-1] for part in layer):  # the last are small helpers
+    # the last are small helpers, and what stands in a row of its own
+    for part in (part for layer in layers()[:-3] for part in layer):
         text = (importlib.import_module(f"simbench.{part}").__doc__ or "").split("\n\n")[0]
         sentences[part] = " ".join(text.split()).partition(". ")[0].rstrip(".")
     return sentences
@@ -96,7 +97,7 @@ def draw() -> Figure:
             left = 0.1 + k * (WIDE - 0.1) / 2
             _box(axes, (left, y, (WIDE - 0.3) / 2, 0.5), COLOUR[name])
             axes.text(left + 0.15, y + 0.32, name, va="center", weight="bold")
-            axes.text(left + 0.15, y + 0.14, f"{role}; does not import simbench", va="center")
+            axes.text(left + 0.15, y + 0.14, f"{role}; imports no other part", va="center")
         return figure
 
 

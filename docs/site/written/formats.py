@@ -13,10 +13,10 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 from text import heading, plain, table
 
-from scenarios import cell, grid, grid_check, spec
 from simbench.loop.disturbance import PARAMETERS as LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
+from simbench.scenarios import cell, grid, grid_check, spec
 
 GRIDS = Path(grid.__file__).parent / "grids"
 WORD = {float: "number", int: "whole number", str: "text", bool: "true or false", dict: "table"}

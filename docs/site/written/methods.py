@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 from text import heading, plain, table
 
-from detectors.method import Method
-from detectors.plugins.registry import methods
+from simbench.detectors.method import Method
+from simbench.detectors.plugins.registry import methods
 
 RESULTS = Path(__file__).parents[3] / "results"
 PARTS = ("Needs", "Parameters", "Indices", "Rule", "Not for", "Source")

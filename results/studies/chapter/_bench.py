@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.record import LoopRecord
 from simbench.figures._cycles import sustained_cycle
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 from simbench.theory.cycle import ExactCycle, exact_cycle
 from simbench.theory.sampled import sampled_loop
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from detectors.judge import judge
-from detectors.record import LoopRecord
-from detectors.verdict import STICTION
 from results.studies.chapter.row import Row, Source
 from simbench.catalogue import FIGURES
 from simbench.confirm.travel import travel_test
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import STICTION
 from simbench.figures._cycles import sustained_cycle
 
 NOISE = 0.05  # of PV's standard deviation

@@ -8,18 +8,24 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from detectors.judge import judge
-from detectors.methods.choudhury import _most_regular
-from detectors.methods.he import triangle_indices
-from detectors.methods.horch import correlation_indices
-from detectors.methods.rossi_scali import relay_index
-from detectors.methods.srinivasan import SHAPES, cycles, label_shares
-from detectors.methods.yamashita import movement_indices
-from detectors.prepared import prepare, thinned
-from detectors.record import LoopRecord
-from detectors.signal.bicoherence import error_bicoherence
-from detectors.signal.conditioning import smooth
-from detectors.signal.half_cycles import (
+from results.studies.chapter._bench import cycle_of, healthy, loops, record_of
+from results.studies.chapter.row import Row, Source
+from results.studies.coupled_loops import drawn_pair, find_culprit
+from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.catalogue import FIGURES
+from simbench.confirm.rig import run_rig
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.choudhury import _most_regular
+from simbench.detectors.methods.he import triangle_indices
+from simbench.detectors.methods.horch import correlation_indices
+from simbench.detectors.methods.rossi_scali import relay_index
+from simbench.detectors.methods.srinivasan import SHAPES, cycles, label_shares
+from simbench.detectors.methods.yamashita import movement_indices
+from simbench.detectors.prepared import prepare, thinned
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.bicoherence import error_bicoherence
+from simbench.detectors.signal.conditioning import smooth
+from simbench.detectors.signal.half_cycles import (
     half_sine,
     misfit,
     relays,
@@ -28,18 +34,12 @@ from detectors.signal.half_cycles import (
     triangles,
     two_line_misfit,
 )
-from detectors.signal.oscillation import find_oscillation
-from detectors.verdict import NO_STICTION, STICTION
-from results.studies.chapter._bench import cycle_of, healthy, loops, record_of
-from results.studies.chapter.row import Row, Source
-from results.studies.coupled_loops import drawn_pair, find_culprit
-from scenarios.spec import Loop
-from simbench.bench.scenario.truth import simulate_with_truth
-from simbench.catalogue import FIGURES
-from simbench.confirm.rig import run_rig
+from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.detectors.verdict import NO_STICTION, STICTION
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 from simbench.loop.valves import characteristic
+from simbench.scenarios.spec import Loop
 from simbench.theory.describing import first_harmonic, stiction
 
 NOISE = 0.05  # of PV's standard deviation

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from detectors.judge import judge
-from detectors.methods.horch import correlation_indices
-from detectors.methods.yamashita import movement_indices
-from detectors.prepared import Prepared
-from detectors.signal.ellipse import fit_ellipse
-from detectors.signal.half_cycles import misfit, sines, two_line_misfit, typical_means
 from results.studies.chapter.row import Row, Source, loop, missing, number
 from simbench.catalogue import FIGURES
+from simbench.detectors.judge import judge
+from simbench.detectors.methods.horch import correlation_indices
+from simbench.detectors.methods.yamashita import movement_indices
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.ellipse import fit_ellipse
+from simbench.detectors.signal.half_cycles import misfit, sines, two_line_misfit, typical_means
 
 REPRODUCED_NOT = "not reproduced; without conditioning {raw:.2f}; the verdict is the same"
 HORCH = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.figures._records import NeedsRecord, real_loop
 
 Source = str | Path | None  # ISDB file or folder of real records

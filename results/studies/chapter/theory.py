@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from detectors.signal.half_cycles import split
 from results.studies.chapter.row import Row, Source
-from scenarios.spec import Loop
 from simbench.catalogue import FIGURES
+from simbench.detectors.signal.half_cycles import split
+from simbench.scenarios.spec import Loop
 from simbench.theory.describing import first_harmonic, stiction
 from simbench.theory.predict import predict
 

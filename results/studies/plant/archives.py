@@ -15,16 +15,16 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from detectors.verdict import NO_STICTION, STICTION
 from results.studies.plant.recorded_loops import panel
-from scenarios.errors import SpecError
-from scenarios.grid import load_grid
-from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import resolve
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import NO_STICTION, STICTION
 from simbench.files import folder
 from simbench.loop.simulate import simulate
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import load_grid
+from simbench.scenarios.spec import Loop
 from simbench.usage import exit_code
 
 SEED = 81  # the rule was made on loops of seed 80

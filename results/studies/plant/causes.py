@@ -22,21 +22,21 @@ import numpy as np
 from scipy.signal import lfilter
 from tqdm import tqdm
 
-from detectors.errors import UserError
-from detectors.judge import judge
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
 from results.studies.plant.stiction_probability import PLANTS
 from results.studies.worlds import WORLDS
-from scenarios.spec import Loop
 from simbench.blind.making import write_item
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.margins import margins
 from simbench.loop.simulate import simulate
 from simbench.plant.report.events import shared_oscillations
 from simbench.plant.report.what_if import LEAVE, REPAIR, compare, retuned, what_if
+from simbench.scenarios.spec import Loop
 
 CAUSES = (
     "stiction",

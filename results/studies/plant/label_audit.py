@@ -18,10 +18,10 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
 from results.studies.plant.answers import answered
 from results.studies.plant.recorded_loops import records, weighed
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import pooled, probability

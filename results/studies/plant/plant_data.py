@@ -11,9 +11,9 @@ from pathlib import Path
 import pandas as pd
 from tqdm import tqdm
 
-from detectors.errors import UserError
-from detectors.record import PROCESSES
-from detectors.records.io import read_record
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import PROCESSES
+from simbench.detectors.records.io import read_record
 from simbench.gap.diagnosis import diagnose
 from simbench.usage import exit_code
 

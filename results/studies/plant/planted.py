@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from detectors.report.report import choose_methods
 from results.studies.plant.answers import answered
 from results.studies.plant.trust_claims import loops
-from scenarios.spec import Loop, Part, Scenario
 from simbench.bench.statistics import wilson
+from simbench.detectors.report.report import choose_methods
 from simbench.files import folder, write_record
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
@@ -28,6 +27,7 @@ from simbench.plant.study.forward_selection import Simulated, accuracy, draw, un
 from simbench.plant.study.strengths import FRICTION_EFFECT, Size, absolute, with_effect
 from simbench.plant.study.study import against, read_fleet
 from simbench.plant.study.two_sample import FeatureScaler, classifier_test, mmd_test
+from simbench.scenarios.spec import Loop, Part, Scenario
 from simbench.usage import exit_code
 
 GRID = "chapter"  # nothing archived, no friction but one valve's

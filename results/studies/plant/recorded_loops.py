@@ -16,13 +16,13 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from detectors.errors import UserError
-from detectors.judge import judge
-from detectors.record import PROCESSES, LoopRecord
-from detectors.records.io import read_record
-from detectors.verdict import STICTION
 from results.studies.plant.answers import answered
 from simbench.bench.statistics import wilson
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.record import PROCESSES, LoopRecord
+from simbench.detectors.records.io import read_record
+from simbench.detectors.verdict import STICTION
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled

@@ -21,24 +21,24 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
-from detectors.signal.oscillation import find_oscillation
 from results.studies.plant.answers import answered
 from results.studies.worlds import WORLDS
-from scenarios.errors import SpecError
-from scenarios.grid import load_grid
-from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import resolve
 from simbench.blind.making import PLANTS, STRENGTHS, write_item
 from simbench.confirm.rig import run_rig
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability, regressors
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import load_grid
+from simbench.scenarios.spec import Loop
 from simbench.usage import exit_code
 
 STICTION, NOTHING = "stiction", "none"

@@ -14,23 +14,23 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from detectors.errors import UserError
-from detectors.judge import judge
-from detectors.record import LoopRecord
-from detectors.report.report import choose_methods
-from detectors.verdict import NO_STICTION, STICTION
 from results.studies.plant.answers import answered
-from scenarios.errors import SpecError
-from scenarios.grid import load_grid
-from scenarios.spec import Loop, Part, Scenario
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.statistics import mcnemar, wilson
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.report.report import choose_methods
+from simbench.detectors.verdict import NO_STICTION, STICTION
 from simbench.files import FileError, folder
 from simbench.gap.stiction.friction import probability_of_stiction
 from simbench.gap.stiction.probability import CLAIMED_FROM
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.plant.trust.trust import trust
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import load_grid
+from simbench.scenarios.spec import Loop, Part, Scenario
 from simbench.usage import exit_code
 
 GRID = "plant"

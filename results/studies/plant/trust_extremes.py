@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from detectors.report.report import choose_methods
-from detectors.verdict import NO_STICTION
 from results.studies.plant.trust_claims import BURIED, PLAIN, TESTING, fitted, kept, out_of, shares
-from scenarios.spec import Loop, Part, Scenario
+from simbench.detectors.report.report import choose_methods
+from simbench.detectors.verdict import NO_STICTION
 from simbench.gap.stiction.candidate_loops import with_friction
 from simbench.loop.simulate import simulate
 from simbench.plant.study.strengths import Size
 from simbench.plant.trust.trust import trust
+from simbench.scenarios.spec import Loop, Part, Scenario
 from simbench.usage import exit_code
 
 # seed of the order of the loops: none that weights were learned on or answers looked at

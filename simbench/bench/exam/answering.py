@@ -9,12 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from shutil import rmtree
 
-from detectors.compiled import one_thread
-from detectors.errors import ParameterError
-from detectors.judge import check_thresholds
-from detectors.plugins.host import SECONDS
-from detectors.plugins.registry import methods as registry
-from detectors.record import LoopRecord
 from simbench.bench.exam.answers import NEEDED, OPTIONAL, read_answers, rows_of
 from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS, read_exam
 from simbench.bench.execute.lease import lease
@@ -23,6 +17,12 @@ from simbench.bench.execute.work import judge_both
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.checksums import file_digest
 from simbench.bench.store.manifest import code_hash
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.judge import check_thresholds
+from simbench.detectors.plugins.host import SECONDS
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.record import LoopRecord
 from simbench.files import folder as make_folder
 from simbench.files import refuse_own_input, remove_stale_temporaries, whole_file
 from simbench.handout import ask_in_processes

@@ -9,11 +9,11 @@ import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from detectors.errors import ParameterError, nearest
-from detectors.plugins.registry import methods as registry
-from detectors.report.summary import level_ends
-from detectors.verdict import VERDICTS, Level, Verdict
 from simbench.bench.exam.folder import table_rows
+from simbench.detectors.errors import ParameterError, nearest
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.report.summary import level_ends
+from simbench.detectors.verdict import VERDICTS, Level, Verdict
 
 NEEDED, OPTIONAL = ("method", "record", "verdict", "score"), ("S", "J")
 _NAME = re.compile(r"[A-Za-z][\w.@-]{0,59}", re.ASCII)

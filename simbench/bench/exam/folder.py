@@ -15,9 +15,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from detectors.errors import ParameterError, RecordError, UserError, naming
-from detectors.record import LoopRecord
-from detectors.records.tables import MOST_PARQUET_BYTES, parquet_sizes
+from simbench.detectors.errors import ParameterError, RecordError, UserError, naming
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.tables import MOST_PARQUET_BYTES, parquet_sizes
 from simbench.files import plain_bytes, whole_file
 
 EXAM_FORMAT = 1

@@ -13,17 +13,17 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from detectors.errors import ParameterError
-from detectors.record import LoopRecord
-from scenarios.grid import load_grid
 from simbench.bench.exam.folder import EXAM, EXAM_FORMAT, write_exam
 from simbench.bench.exam.simulating import Pick, simulate_picks
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.work import SimulatedScenario
 from simbench.bench.store.benchmark import benchmark_of
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.record import LoopRecord
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
 from simbench.handout import commitment_of, refuse_key_inside, refuse_unwritable_key, write_key
+from simbench.scenarios.grid import load_grid
 
 _UNMATCHED = "no tuning makes the healthy loop oscillate as its sticky siblings do"
 _BITS = 62  # of a grid's seed: nobody finds it by trying

@@ -15,13 +15,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from detectors.compiled import one_thread
-from detectors.errors import ParameterError, UserError
-from detectors.judge import check_thresholds, known_front_end
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import prepare
-from detectors.record import LoopRecord
-from detectors.verdict import NO_DECISION, Verdict
 from simbench.bench.exam.answers import Answers, read_answers
 from simbench.bench.exam.folder import LOOPS, RECORDS, Exam, mark_of, read_exam
 from simbench.bench.exam.simulating import simulate_picks
@@ -41,6 +34,13 @@ from simbench.bench.store import tables
 from simbench.bench.store.benchmark import evaluator_hash, grid_of, grid_settings
 from simbench.bench.store.manifest import describe, run_key
 from simbench.bench.store.place import place_of
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import ParameterError, UserError
+from simbench.detectors.judge import check_thresholds, known_front_end
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import prepare
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.handout import matches, read_key
 
 _LABELS = (

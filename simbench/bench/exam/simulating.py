@@ -9,12 +9,12 @@ from functools import partial
 from itertools import groupby
 from typing import Any
 
-from detectors.compiled import one_thread
-from scenarios.grid import Grid
 from simbench.bench.execute.plugin_host import settled
 from simbench.bench.execute.work import SimulatedScenario, simulated
 from simbench.bench.execute.workers import on_processes
+from simbench.detectors.compiled import one_thread
 from simbench.progress import Progress
+from simbench.scenarios.grid import Grid
 
 Pick = tuple[int, int]  # a scenario of a grid: its group, and its place in it
 _PIECE = 20  # scenarios

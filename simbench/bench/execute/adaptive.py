@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from detectors.verdict import NO_STICTION, STICTION
-from scenarios.grid import Grid
 from simbench.bench.scenario.truth import NO, YES
 from simbench.bench.statistics import wilson
 from simbench.bench.store.checksums import TABLES, RunError
 from simbench.bench.store.place import Place
 from simbench.bench.store.reading import parts
+from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.scenarios.grid import Grid
 
 _MOST_REPEATS = 5000
 _BLIND_REPEATS = 16  # a cell without a single yes or no by then never gets one

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from detectors.judge import check_thresholds
-from detectors.plugins.registry import methods as registry
-from scenarios.spec import Loop
 from simbench.bench.execute.work import judge_both, record_hash
 from simbench.bench.score.check import MARGIN, check_run
 from simbench.bench.score.check_result import Check
 from simbench.bench.store.manifest import code_hash, read_manifest
 from simbench.bench.store.reading import read_table
+from simbench.detectors.judge import check_thresholds
+from simbench.detectors.plugins.registry import methods as registry
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 _ASKED_AGAIN = 200  # records of a run
 

@@ -8,16 +8,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from detectors.errors import UserError, naming
-from scenarios.errors import suggestion
-from scenarios.grid import Grid, More
-from scenarios.grid_check import say
 from simbench.bench.execute.plugin_host import refuse_unsettled
 from simbench.bench.store.manifest import RunError
+from simbench.detectors.errors import UserError, naming
 from simbench.loop.disturbance import DISTURBANCES
 from simbench.loop.disturbance import PARAMETERS as OF_LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
+from simbench.scenarios.errors import suggestion
+from simbench.scenarios.grid import Grid, More
+from simbench.scenarios.grid_check import say
 
 MOST_SCENARIOS = 1_000_000  # scenarios without --large
 # measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one

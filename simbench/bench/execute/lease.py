@@ -15,8 +15,8 @@ import uuid
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from detectors.errors import masked, printable
 from simbench.bench.store.checksums import RunError
+from simbench.detectors.errors import masked, printable
 from simbench.files import FileError
 
 LEASE = ".lease"

@@ -9,18 +9,18 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.plugins.host import Host
-from detectors.verdict import NO_DECISION, Verdict
-from scenarios.cell import Draft
-from scenarios.grid import Group
-from scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.bench.scenario.oracle import ORACLE, judge_oracle
 from simbench.bench.scenario.resolve import resolve, settle
 from simbench.bench.scenario.truth import Cycled, simulate_with_truth
+from simbench.detectors.errors import UserError
+from simbench.detectors.plugins.host import Host
+from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.loop.hosted import ask, host_of, parts_of_loop, valid_run
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
+from simbench.scenarios.cell import Draft
+from simbench.scenarios.grid import Group
+from simbench.scenarios.spec import Loop, Noise, Scenario, SetPoint
 from simbench.theory.tables import truth_columns
 
 Theory = tuple[bool | None, bool | None, bool | None, float | None, float | None, str | None]

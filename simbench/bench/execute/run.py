@@ -26,14 +26,6 @@ from typing import Any, cast
 
 import cloudpickle
 
-from detectors.errors import UserError, masked, nearest, printable
-from detectors.judge import check_thresholds, known_front_end, refuse_wrong_forms
-from detectors.plugins.host import SECONDS
-from detectors.plugins.registry import methods as registry
-from detectors.report.report import choose_methods
-from detectors.sources import as_plugin
-from scenarios.grid import Grid, chunks, load_grid
-from scenarios.sample import Sample
 from simbench.bench.execute import adaptive, pieces
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.pieces import Receipt
@@ -44,7 +36,15 @@ from simbench.bench.store.benchmark import grid_settings
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
 from simbench.bench.store.manifest import describe, read_manifest, run_key
 from simbench.bench.store.place import Place, place_of
+from simbench.detectors.errors import UserError, masked, nearest, printable
+from simbench.detectors.judge import check_thresholds, known_front_end, refuse_wrong_forms
+from simbench.detectors.plugins.host import SECONDS
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.report.report import choose_methods
+from simbench.detectors.sources import as_plugin
 from simbench.loop.hosted import hosted_parts
+from simbench.scenarios.grid import Grid, chunks, load_grid
+from simbench.scenarios.sample import Sample
 
 _BACKENDS = ("loky", "dask", "ray")
 KINDS_OF_PART = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins

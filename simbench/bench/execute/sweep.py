@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from detectors.verdict import STICTION
-from scenarios.grid import Grid, make_grid
-from scenarios.spec import Loop, load_loop
 from simbench.bench.execute.run import run_grid
 from simbench.bench.statistics import wilson
+from simbench.detectors.verdict import STICTION
+from simbench.scenarios.grid import Grid, make_grid
+from simbench.scenarios.spec import Loop, load_loop
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,11 +16,6 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from detectors.errors import ParameterError, UnknownName
-from detectors.judge import check_thresholds
-from detectors.plugins.host import SECONDS
-from detectors.plugins.registry import methods as registry
-from scenarios.grid import Grid, chunks, grid_names, load_grid
 from simbench.bench.execute import adaptive
 from simbench.bench.execute.pieces import partition_file, records_hash
 from simbench.bench.execute.plugin_host import error_text, settled, truth
@@ -43,8 +38,13 @@ from simbench.bench.store.checksums import (
 from simbench.bench.store.manifest import MANIFEST, describe, read_manifest
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.reading import read_scenario
+from simbench.detectors.errors import ParameterError, UnknownName
+from simbench.detectors.judge import check_thresholds
+from simbench.detectors.plugins.host import SECONDS
+from simbench.detectors.plugins.registry import methods as registry
 from simbench.files import csv_text, record_text
 from simbench.loop.hosted import add_parts, hosted_parts
+from simbench.scenarios.grid import Grid, chunks, grid_names, load_grid
 
 SHARE = 0.05  # of the scenarios
 # scenarios that are simulated again whatever the share: with every method, and with the methods of

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from detectors.report.report import columns
 from simbench.bench.store.benchmark import BENCHMARK
+from simbench.detectors.report.report import columns
 
 _SURE = 0.95  # probability with which a change of the stated size is detected
 

@@ -15,18 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from detectors.compiled import one_thread
-from detectors.judge import answers, check_thresholds
-from detectors.method import Method
-from detectors.plugins.host import SECONDS
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from detectors.report.summary import level_ends
-from detectors.sources import as_plugin
-from detectors.verdict import NO_DECISION, Verdict
-from scenarios.grid import Grid
-from scenarios.spec import Scenario
 from simbench.bench.execute.plugin_host import (
     NO_THEORY,
     Theory,
@@ -41,8 +29,20 @@ from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
 from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.store import tables
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.judge import answers, check_thresholds
+from simbench.detectors.method import Method
+from simbench.detectors.plugins.host import SECONDS
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.report.summary import level_ends
+from simbench.detectors.sources import as_plugin
+from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.loop.hosted import add_parts
 from simbench.loop.run import Run
+from simbench.scenarios.grid import Grid
+from simbench.scenarios.spec import Scenario
 
 Thresholds = Mapping[str, Mapping[str, float]]
 _THEORY_COLUMNS = (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenarios.grid import Grid
+from simbench.scenarios.grid import Grid
 
 if TYPE_CHECKING:
     import pandas as pd

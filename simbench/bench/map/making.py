@@ -14,9 +14,6 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from detectors.errors import nearest
-from scenarios.grid import Grid, load_grid
-from scenarios.sample import Sample
 from simbench.bench.execute.run import run_grid
 from simbench.bench.map.axes import BLOCK_AXIS, GridAxes
 from simbench.bench.map.surrogate import (
@@ -30,7 +27,10 @@ from simbench.bench.map.surrogate import (
 from simbench.bench.statistics import Estimate
 from simbench.bench.store.checksums import RunError
 from simbench.bench.store.reading import RunArrays
+from simbench.detectors.errors import nearest
 from simbench.files import URL, whole_file
+from simbench.scenarios.grid import Grid, load_grid
+from simbench.scenarios.sample import Sample
 
 if TYPE_CHECKING:
     import pandas as pd

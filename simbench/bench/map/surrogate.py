@@ -16,10 +16,10 @@ from functools import cached_property
 
 import numpy as np
 
-from detectors.verdict import STICTION
 from simbench.bench.score.ranks import UNDECIDED
 from simbench.bench.statistics import Estimate, wilson
 from simbench.bench.store.reading import CODES
+from simbench.detectors.verdict import STICTION
 
 # an outcome is 6 * oscillating + 3 * truth + verdict; the last one has no clear label, or the
 # method does not apply to it

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from collections import deque
 
-from detectors.prepared import Prepared, prepare
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.prepared import Prepared, prepare
+from simbench.detectors.record import LoopRecord
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 _MOST = 16  # loops of a group
 _runs: deque[tuple[Loop, int, Run]] = deque(maxlen=_MOST)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.signal.conditioning import median
+from simbench.detectors.signal.conditioning import median
 
 
 @dataclass(frozen=True)

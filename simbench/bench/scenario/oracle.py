@@ -9,14 +9,14 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter, ss2tf
 
-from detectors.signal.stiction_map import start, valve_position
-from detectors.verdict import NO_STICTION, STICTION, Verdict
-from scenarios.spec import Sampling, Scenario
+from simbench.detectors.signal.stiction_map import start, valve_position
+from simbench.detectors.verdict import NO_STICTION, STICTION, Verdict
 from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Run
 from simbench.loop.setup import Setup
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Sampling, Scenario
 
 ORACLE = "oracle"
 SOURCE = (

@@ -12,11 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from detectors.signal.oscillation import oscillation_of
-from scenarios.cell import Draft, Scaled, overridden
-from scenarios.grid import Group
-from scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
 from simbench.bench.scenario.kept import prepare_once, run_once
 from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.swing import (
@@ -30,10 +25,15 @@ from simbench.bench.scenario.swing import (
     steadied,
 )
 from simbench.bench.scenario.truth import least_swing
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal.oscillation import oscillation_of
 from simbench.loop import plant
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.setup import plain_setup, resting_mv, stages_of
 from simbench.loop.simulate import simulate
+from simbench.scenarios.cell import Draft, Scaled, overridden
+from simbench.scenarios.grid import Group
+from simbench.scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
 from simbench.theory.cycle import cycle_start
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from scenarios.cell import CycleScale, WantedOscillation
-from scenarios.spec import Loop, Noise, Part
 from simbench.loop import plant
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulated_op
+from simbench.scenarios.cell import CycleScale, WantedOscillation
+from simbench.scenarios.spec import Loop, Noise, Part
 
 _SHORTEST = 4.0  # samples per period of an oscillation
 _DIGITS = 3  # ids must not hang on the last bits of a simulation

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.spec import Loop, Part
 from simbench.bench.scenario.kept import run_once
 from simbench.bench.scenario.motion import Motion, largest_sine, motion
 from simbench.loop.resolve import friction, undisturbed
 from simbench.loop.run import Run
 from simbench.loop.simulate import valve_tail
+from simbench.scenarios.spec import Loop, Part
 
 _TAIL_PERIODS = 20
 MIN_REVERSALS = 6

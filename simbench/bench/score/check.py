@@ -13,8 +13,6 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from detectors.errors import UserError
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.bench.score.baseline import read_book, write_baseline
 from simbench.bench.score.check_result import Check, sentence
 from simbench.bench.score.pairing import Pairs, pair
@@ -23,6 +21,8 @@ from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mc
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.checksums import NoRun
 from simbench.bench.store.reading import CODES, RunArrays, RunError
+from simbench.detectors.errors import UserError
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 _LEVEL = 0.05
 MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is

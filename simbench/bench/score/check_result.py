@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 
 import pandas as pd
 
-from detectors.report.report import columns
 from simbench.bench.score.compare import plain
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR
+from simbench.detectors.report.report import columns
 
 _SHOWN = 20  # flipped scenarios in a summary of a pull request; JSON has all
 # in a terminal, so that all of it fits a screen of 40 lines and 100 columns

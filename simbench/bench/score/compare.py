@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from detectors.errors import UserError, nearest
 from simbench.bench.score.baseline import read_book
 from simbench.bench.score.scoring import axis_codes, home_of
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
 from simbench.bench.store.tables import AXES
+from simbench.detectors.errors import UserError, nearest
 
 _LEVEL = 0.05
 _WORKING_ACCURACY = 0.8  # accuracy below this counts as broken down

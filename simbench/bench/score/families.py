@@ -8,9 +8,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from detectors.verdict import STICTION
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import read_table
+from simbench.detectors.verdict import STICTION
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.compiled import one_thread
+from simbench.detectors.compiled import one_thread
 
 # scenarios; the 95 % interval of an area under a curve is then about .01 wide
 MOST_ORDERED = 20_000

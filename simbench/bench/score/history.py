@@ -9,8 +9,8 @@ from typing import Any
 
 import pandas as pd
 
-from detectors.errors import UserError
 from simbench.bench.store.manifest import RunError
+from simbench.detectors.errors import UserError
 from simbench.files import write_table
 
 _HISTORY_FILE = "history.csv"

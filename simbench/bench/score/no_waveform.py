@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from detectors.record import LoopRecord
-from detectors.signal.autocorrelation import centred
-from detectors.signal.conditioning import median
 from simbench.bench.score.folds import out_of_fold, sample_of
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.autocorrelation import centred
+from simbench.detectors.signal.conditioning import median
 
 if TYPE_CHECKING:
     from simbench.bench.store.reading import RunArrays

@@ -9,13 +9,13 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from detectors.views import page_part
 from simbench.bench.score.names import ALL, FRONT, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.table import full_text, headline
 from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.place import Place, place_of
+from simbench.detectors.views import page_part
 from simbench.files import csv_text
 
 if TYPE_CHECKING:

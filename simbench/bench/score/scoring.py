@@ -15,10 +15,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from detectors.signal.conditioning import median
-from detectors.verdict import NO_STICTION, STICTION
-from scenarios.grid import grid_names
-from scenarios.spec import read_toml
 from simbench.bench.score.folds import folds_of, found_at, risk_coverage
 from simbench.bench.score.names import (
     ALL,
@@ -39,6 +35,10 @@ from simbench.bench.score.stability import RankStability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.bench.store.tables import AXES
+from simbench.detectors.signal.conditioning import median
+from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.scenarios.grid import grid_names
+from simbench.scenarios.spec import read_toml
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -258,7 +258,7 @@ def home_of(method: str, book: RunArrays) -> str:
 @cache
 def _blocks(grid: str) -> frozenset[str]:
     # as the file names them: building a grid only to ask for names takes longer than the scoring
-    table = read_toml(Path(str(files("scenarios") / "grids" / f"{grid}.toml")))
+    table = read_toml(Path(str(files("simbench.scenarios") / "grids" / f"{grid}.toml")))
     return frozenset(block["name"] for block in table.get("block", ()))
 
 

@@ -11,7 +11,6 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from detectors.report.report import columns
 from simbench.bench.score.names import (
     ALL,
     FRONT,
@@ -28,6 +27,7 @@ from simbench.bench.score.names import (
 from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.stability import HALVES
 from simbench.bench.store.manifest import unmatched
+from simbench.detectors.report.report import columns
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,10 +11,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from scenarios.grid import Grid, GridFile, grid_names, load_grid
-from scenarios.sample import Sample
-from scenarios.spec import content_hash
 from simbench.bench.store.checksums import RunError
+from simbench.scenarios.grid import Grid, GridFile, grid_names, load_grid
+from simbench.scenarios.sample import Sample
+from simbench.scenarios.spec import content_hash
 
 BENCHMARK = "benchmark"
 PARTS = {
@@ -22,14 +22,8 @@ PARTS = {
     "scenarios": "the scenarios",
     "evaluator": "the evaluator's rules",
 }
-_PACKAGES = (
-    "scenarios",
-    "simbench/loop",
-    "simbench/theory",
-    "simbench/bench/scenario",
-    "simbench/bench/score",
-)
-_FILES = ("simbench/bench/statistics.py", "detectors/signal/oscillation.py")
+_PACKAGES = ("scenarios", "loop", "theory", "bench/scenario", "bench/score")
+_FILES = ("bench/statistics.py", "detectors/signal/oscillation.py")
 # they print, compare or transport, and decide no truth and no score
 _LEFT_OUT = (
     "baseline",
@@ -130,7 +124,7 @@ def evaluator_hash() -> str:
     """Return 16 hex digits of the source of everything that decides truth and score, as Python
     reads it.
     """
-    root = Path(__file__).resolve().parents[3]
+    root = Path(__file__).resolve().parents[2]
     files = [
         file
         for package in _PACKAGES

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import UserError
 from simbench.bench.store.place import Place, place_of
+from simbench.detectors.errors import UserError
 
 _CHECKSUM = "checksum"
 TABLES = "tables"

@@ -125,15 +125,13 @@ def code_hash() -> str:
     """Return a hash (16 hex digits) of all source files that the tables of a run depend on, as they
     were when first read.
     """
-    import detectors
-    import scenarios
     import simbench
 
     digest = hashlib.sha256()
     ours = Path(simbench.__path__[0])
     rooms = [
-        Path(detectors.__path__[0]),
-        Path(scenarios.__path__[0]),
+        ours / "detectors",
+        ours / "scenarios",
         ours / "loop",
         ours / "theory",
         ours / "gap" / "effects",

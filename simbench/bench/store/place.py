@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import masked, nearest
+from simbench.detectors.errors import masked, nearest
 from simbench.files import URL, FileError, whole_file
 from simbench.files import folder as make_folder
 

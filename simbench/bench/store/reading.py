@@ -13,9 +13,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from detectors.errors import nearest
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
-from scenarios.spec import Loop, Scenario
 from simbench.bench.store.checksums import (
     RunError,
     check_tables,
@@ -26,6 +23,9 @@ from simbench.bench.store.checksums import (
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA
+from simbench.detectors.errors import nearest
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.scenarios.spec import Loop, Scenario
 
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from detectors.signal.lattice import written
+from simbench.detectors.signal.lattice import written
 from simbench.gap.controller.recovered_pv import mean_like
 from simbench.gap.situation import Situation
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.level import RUNS, run_with_seeds
 from simbench.gap.closed_loop.summary_features import (
@@ -20,6 +19,7 @@ from simbench.gap.closed_loop.summary_features import (
     seed_spread,
 )
 from simbench.gap.situation import Situation
+from simbench.scenarios.spec import Loop
 
 _HELD_OUT = 0.35  # last share of the record, on which nothing is fitted
 RESOLVED_FROM = 1.5  # gap before over floor from which there is something to close

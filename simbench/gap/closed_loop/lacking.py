@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.level import RUNS, run_with_seeds
 from simbench.gap.closed_loop.summary_features import BANDS, features, seed_spread
 from simbench.gap.situation import Situation
+from simbench.scenarios.spec import Loop
 
 _IN_SENTENCE = 3  # features put into words
 _PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs

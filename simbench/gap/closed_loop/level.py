@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 RUNS = (
     8  # of each loop, each under a load of its own: what a mean over them misses is a third of it

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.spec import Loop, Plant
 from simbench.gap.closed_loop.level import WITHIN
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.effects._recogniser import clip
@@ -17,6 +16,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, valve_of
 from simbench.gap.situation import Situation
 from simbench.loop.plant import first_order_like, stretched
+from simbench.scenarios.spec import Loop, Plant
 
 # correlation of the noise from sample to sample, below which it is as good as white
 _COLOURED = 0.15

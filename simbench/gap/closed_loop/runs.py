@@ -7,8 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
-from detectors.errors import RecordError
-from scenarios.spec import Loop
+from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
 from simbench.gap.closed_loop.lacking import Lacking, lacking
@@ -16,6 +15,7 @@ from simbench.gap.closed_loop.level import level
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.model import Fit
+from simbench.scenarios.spec import Loop
 
 
 class ClosedLoops:

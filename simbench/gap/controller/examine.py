@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenarios.spec import Loop
 from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.controller.pid_law import Stated
+from simbench.scenarios.spec import Loop
 
 
 def stated_controller(loop: Loop, Ts: float) -> Stated:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from detectors.signal.lattice import written, written_unit
-from detectors.signal.lines import on_line
+from simbench.detectors.signal.lattice import written, written_unit
+from simbench.detectors.signal.lines import on_line
 from simbench.gap.controller.pid_law import Stated
 from simbench.gap.controller.recovered_pv import (
     FAITHFUL,

@@ -9,10 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
-from detectors.signal.filters import lfilter
-from scenarios.spec import Controller
+from simbench.detectors.signal.filters import lfilter
 from simbench.gap.controller.regression import FORMS, about_zero, solved_by_most
 from simbench.loop.controller import PID, pid_numbers
+from simbench.scenarios.spec import Controller
 
 _OTHER_TI = 1e-3  # |ln ratio| of Ti from which another one explains more than the digits do
 _EXPLAINS = 0.5  # share of OP's moves, left by another Ti, from which it is not examined

@@ -10,8 +10,8 @@ import numpy as np
 import scipy
 from scipy.special import expit
 
-from detectors.signal.filters import lfilter
-from detectors.signal.holds import runs_of
+from simbench.detectors.signal.filters import lfilter
+from simbench.detectors.signal.holds import runs_of
 from simbench.gap.controller.regression import about_zero, solved
 
 # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from detectors.signal.holds import runs_of
+from simbench.detectors.signal.holds import runs_of
 
 EXACT = 0.03  # residual of dOP, relative to dOP, below which the law is taken as known
 _ADDED = 200  # samples over which the errors of the digits add up to no more than a line

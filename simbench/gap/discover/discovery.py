@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from detectors.compiled import one_thread
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.gap import Shrinkage, held_out, measure, simulate_runs
 from simbench.gap.closed_loop.gap_text import gap_sentences
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
@@ -26,6 +25,7 @@ from simbench.gap.intake.check import check
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.law import FoundLaw, windows_of
 from simbench.gap.situation import Situation
+from simbench.scenarios.spec import Loop
 
 _MORE = 0.1  # share of the evidence that another block may have more, for a law to be kept
 # share of the gap that a law must remove where only the likelihood of PV speaks for it, and which
@@ -115,7 +115,7 @@ def discover(record: LoopRecord, baseline: Loop, seed: int = 0) -> Discovery:
 
     Examples
     --------
-    >>> from scenarios.spec import Loop
+    >>> from simbench.scenarios.spec import Loop
     >>> from simbench.loop.simulate import simulate
     >>> stated = Loop(
     ...     plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},

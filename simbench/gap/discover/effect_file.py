@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.files import whole_file
 from simbench.gap.law import FoundLaw
 from simbench.loop.effects import PLUGINS

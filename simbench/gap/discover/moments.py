@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from detectors.errors import UserError
+from simbench.detectors.errors import UserError
 from simbench.gap.closed_loop.gap import Runs, held_out, simulate_runs
 from simbench.gap.closed_loop.level import RUNS
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop

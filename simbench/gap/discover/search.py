@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.signal.holds import runs_of
+from simbench.detectors.signal.holds import runs_of
 from simbench.gap.discover.families import Tried, families, fitted, held
 from simbench.gap.discover.valve import valve_law
 from simbench.gap.exact import controller_law, sensor_law

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 
-from detectors.plugins.registry import PluginFolder
+from simbench.detectors.plugins.registry import PluginFolder
 from simbench.gap.effects._recogniser import NOT_TRIED, Parameters, Recogniser
 
 __all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "lent", "recogniser"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.lattice import lattice, root_lattice, written_unit
+from simbench.detectors.signal.lattice import lattice, root_lattice, written_unit
 
 
 def levels_of(x: np.ndarray, other: np.ndarray) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.lattice import hides_nothing
+from simbench.detectors.signal.lattice import hides_nothing
 from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.situation import Situation

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.lattice import hides_nothing
-from detectors.signal.lines import on_line
-from detectors.signal.spikes import cleaned, isolated
+from simbench.detectors.signal.lattice import hides_nothing
+from simbench.detectors.signal.lines import on_line
+from simbench.detectors.signal.spikes import cleaned, isolated
 from simbench.gap.controller.regression import EXACT
 from simbench.gap.situation import Archive, Situation
 

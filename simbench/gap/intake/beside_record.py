@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from detectors.errors import RecordError
-from detectors.signal.holds import runs_of
-from detectors.signal.spikes import cleaned
+from simbench.detectors.errors import RecordError
+from simbench.detectors.signal.holds import runs_of
+from simbench.detectors.signal.spikes import cleaned
 from simbench.gap.controller.pi_law import retuned
 from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import law_in_automatic, moving

@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.record import LoopRecord
 from simbench.gap.candidates import proven
 from simbench.gap.intake.archive import find_archive, unexplained
 from simbench.gap.intake.observed import (
@@ -30,6 +29,7 @@ from simbench.gap.intake.refuse import (
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.gap.situation import Archive, Situation
 from simbench.loop.effects import block_of
+from simbench.scenarios.spec import Loop
 
 
 def check(

@@ -6,10 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.errors import RecordError
-from detectors.record import LoopRecord
-from detectors.signal.spikes import cleaned
-from scenarios.spec import Controller, Loop, Noise, Plant, Sampling
+from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.spikes import cleaned
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.controller.pi_law import Law, examine_law
 from simbench.gap.controller.pid_law import Stated
@@ -19,6 +18,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.loop.effects import EFFECTS, block_of
+from simbench.scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 
 _BAND = min(
     (e for e in EFFECTS if recogniser(e).band is not None), key=lambda e: len(EFFECTS[e].parameters)

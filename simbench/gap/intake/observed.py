@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import RecordError
-from detectors.quality import inspect
-from detectors.record import LoopRecord
-from detectors.signal.holds import holds, runs_of
-from scenarios.spec import Loop
+from simbench.detectors.errors import RecordError
+from simbench.detectors.quality import inspect
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.holds import holds, runs_of
 from simbench.gap.controller.examine import examine_controller
 from simbench.gap.controller.pi_law import LAW_ROWS, Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import coloured_on_pv, through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like, polynomials
+from simbench.scenarios.spec import Loop
 
 _STUCK = 0.01  # share of samples in standstills that noise and rounding do not bring
 _STEPS = 0.1  # share of samples; a set point that moves more often is another controller's output

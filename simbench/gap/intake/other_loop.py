@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.errors import RecordError
+from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.controller.regression import EXACT

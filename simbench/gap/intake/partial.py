@@ -7,11 +7,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from detectors.record import LoopRecord
-from scenarios.errors import SpecError
-from scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, read_toml
+from simbench.detectors.record import LoopRecord
 from simbench.gap.intake.identify import identify, meaningful
 from simbench.loop.effects import EFFECTS
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, read_toml
 
 _NEEDED = ("plant", "controller", "sampling")
 

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError, RecordError, nearest
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
-from detectors.records.tables import read_sheet
-from detectors.signal.holds import still
-from scenarios.spec import Loop, read_toml
+from simbench.detectors.errors import ParameterError, RecordError, nearest
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
+from simbench.detectors.records.tables import read_sheet
+from simbench.detectors.signal.holds import still
+from simbench.scenarios.spec import Loop, read_toml
 
 TEST_IDS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "raw", "fast", "lab")
 _TABLES = {

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.errors import RecordError
-from detectors.record import LoopRecord
-from detectors.signal.holds import still
+from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.holds import still
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake.recorded_test import SAME_TS
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.compiled import njit_cached
+from simbench.detectors.compiled import njit_cached
 
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
 PINK_LOAD = -1.0  # as `load_lag`: a load of power 1/f

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from detectors.signal.filters import lfilter
+from simbench.detectors.signal.filters import lfilter
 from simbench.gap.likelihood import kernels
 
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")

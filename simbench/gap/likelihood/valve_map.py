@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.signal.filters import lfilter
-from detectors.signal.lattice import written_unit
+from simbench.detectors.signal.filters import lfilter
+from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.search import followed

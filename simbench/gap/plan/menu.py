@@ -11,15 +11,15 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from scenarios.spec import Loop, Real
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.level import RUNAWAY, RUNS
 from simbench.gap.controller.pi_law import CARD
 from simbench.gap.intake.recorded_test import FEWEST
 from simbench.gap.situation import Situation
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
+from simbench.scenarios.spec import Loop, Real
 
 LEAD = 120  # samples in automatic before an operator takes over
 _MOST = 1500  # samples of a test; longer ones tell little more, only later

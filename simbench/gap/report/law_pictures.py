@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import step
 
-from detectors.errors import UserError
+from simbench.detectors.errors import UserError
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, panel, styled
 from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.discover.discovery import Discovery

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from detectors.record import LoopRecord
-from detectors.signal.holds import runs_of
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.holds import runs_of
 from simbench.figures._style import (
     BLACK,
     BLUE,

@@ -6,9 +6,8 @@ import re
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from detectors.verdict import PROBABILITY
-from detectors.views import page_part
-from scenarios.spec import Loop
+from simbench.detectors.verdict import PROBABILITY
+from simbench.detectors.views import page_part
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.gap_text import gap_sentences
 from simbench.gap.closed_loop.runs import ClosedLoops
@@ -16,6 +15,7 @@ from simbench.gap.decide.assess import Assessment
 from simbench.gap.discover.discovery import Discovery
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
+from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,7 @@ with the record.
 
 from __future__ import annotations
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.level import run_with_seeds
 from simbench.gap.report.result import GapReport, Ranked

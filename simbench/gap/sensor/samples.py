@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.signal.holds import holds, stuck
-from detectors.signal.lattice import written
-from detectors.signal.lines import share_on_lines
-from detectors.signal.spikes import isolated, off_line
-from detectors.signal.tails import heavy_tails
+from simbench.detectors.signal.holds import holds, stuck
+from simbench.detectors.signal.lattice import written
+from simbench.detectors.signal.lines import share_on_lines
+from simbench.detectors.signal.spikes import isolated, off_line
+from simbench.detectors.signal.tails import heavy_tails
 
 # An archive that reports by exception stores no move within its band: none is smaller, where moves
 # that are not filtered so would be as many within it as in the width next to it.

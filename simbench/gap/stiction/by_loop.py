@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from scipy.special import logit
 
-from detectors.report.report import columns
-from detectors.verdict import NO_DECISION, STICTION
+from simbench.detectors.report.report import columns
+from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.gap.stiction.conclusion import WORDS, Conclusion
 from simbench.gap.stiction.probability import probability, verdict
 

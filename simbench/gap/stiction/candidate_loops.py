@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from detectors.record import LoopRecord
-from detectors.signal.oscillation import find_oscillation
-from scenarios.spec import Loop
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.candidates import smallest_detectable
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
@@ -25,6 +24,7 @@ from simbench.gap.stiction.friction import (
     with_sound_valve,
 )
 from simbench.gap.stiction.probability import probability
+from simbench.scenarios.spec import Loop
 
 ARCHIVE = (
     "quantisation",

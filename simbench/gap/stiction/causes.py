@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from detectors.prepared import Prepared
-from detectors.signal.oscillation import Oscillation
-from detectors.signal.phase import coherence
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.oscillation import Oscillation
+from simbench.detectors.signal.phase import coherence
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW

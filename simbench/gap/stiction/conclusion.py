@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from detectors.errors import UserError
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.detectors.errors import UserError
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.decide.classify import TEMPERATURE, Classified
 from simbench.gap.effects import recogniser

@@ -9,12 +9,11 @@ from typing import Any
 import joblib
 import numpy as np
 
-from detectors.compiled import one_thread
-from detectors.errors import RecordError, UserError
-from detectors.judge import UNFIT
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from scenarios.spec import Loop, Part, Sampling
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import RecordError, UserError
+from simbench.detectors.judge import UNFIT
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
 from simbench.gap.candidates import fit_candidates, possible_effects, with_ordinary_load
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.identified import plausible, remarks
@@ -36,6 +35,7 @@ from simbench.gap.stiction.probability import (
 )
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
+from simbench.scenarios.spec import Loop, Part, Sampling
 
 FRICTION, _BAND = (
     "stiction",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 
 _POINTS = 1500  # frequencies of the response
 

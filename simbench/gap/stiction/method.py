@@ -20,10 +20,10 @@ on simulated loops (`results/stiction_probability.txt`).
 
 from __future__ import annotations
 
-from detectors.errors import UserError
-from detectors.method import Method, Threshold
-from detectors.prepared import Prepared
-from detectors.verdict import NO_DECISION, PROBABILITY, Verdict
+from simbench.detectors.errors import UserError
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.verdict import NO_DECISION, PROBABILITY, Verdict
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, SHORTEST_ASKED, verdict
 
 NAME = "likelihood"

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from detectors.quality import steps
-from detectors.record import LoopRecord
-from detectors.signal.lines import share_on_lines
-from detectors.signal.oscillation import find_oscillation
+from simbench.detectors.quality import steps
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.lines import share_on_lines
+from simbench.detectors.signal.oscillation import find_oscillation
 
 _LEAST = 0.2  # share of PV's standard deviation that PV moves from sample to sample
 SHORTEST_LEFT = 250  # samples that are left

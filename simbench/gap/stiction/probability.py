@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 # learned by `python -m results.studies.plant.stiction_probability`, every simulator left out in
 # turn

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
 
-from detectors.plugins.registry import PluginFolder
+from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop.parameters import FOLLOWS, Choice, Number
 
 __all__ = [

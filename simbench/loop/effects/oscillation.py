@@ -6,7 +6,7 @@ have.
 
 import numpy as np
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import Number
 
 SOURCE = "definition: amplitude sin(2 pi t/period + phase), phase at random"

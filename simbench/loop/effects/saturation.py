@@ -3,7 +3,7 @@
 When it is the answer: OP stands exactly at one value while the controller still pushes outward.
 """
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import Number
 
 SOURCE = "definition: OP limited to lo..hi inside the controller, whose integral does not wind up"

@@ -5,7 +5,7 @@ without outside help. It takes the place of an ideal valve's missing friction; a
 has friction is refused.
 """
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import Number
 
 SOURCE = "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658"

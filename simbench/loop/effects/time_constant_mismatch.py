@@ -6,7 +6,7 @@ shows.
 
 import numpy as np
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import Number
 
 SOURCE = "definition: T of the plant = factor x T of the baseline"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import Number
 
 
@@ -151,7 +151,7 @@ def _ramps(setup: Any, p: Any, rng: np.random.Generator) -> None:
 
 
 def _bursts(setup: Any, p: Any, rng: np.random.Generator) -> None:
-    from detectors.signal.filters import lfilter
+    from simbench.detectors.signal.filters import lfilter
 
     a = np.exp(-setup.Ts / p.time)
     load = lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], rng.standard_normal(setup.sp.size))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import FOLLOWS, Number
 from simbench.loop.physical.mapping import complete_band
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 
 
 def complete_band(

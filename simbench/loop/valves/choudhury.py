@@ -12,7 +12,7 @@ Where the published flowchart is silent: a band starts where a *moving* valve st
 threshold knows the direction. `choudhury_literal` takes the other reading.
 """
 
-from detectors.signal.stiction_map import step as stiction_step
+from simbench.detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import Number
 
 SOURCE = (

@@ -9,7 +9,7 @@ The band may be given as S instead of Fc.
 
 from math import isnan
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import FOLLOWS, Number
 from simbench.loop.physical import actuator
 from simbench.loop.physical.actuator import (

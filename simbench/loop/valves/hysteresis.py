@@ -11,7 +11,7 @@ rising and falling curve over a full traverse, less the dead-band. The plays hav
 widths S, S + 2H/7, ... S + 2H.
 """
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import Number
 
 SOURCE = (

@@ -7,8 +7,8 @@ When not: one slow change (`time_varying`). Friction holds back, it never pushes
 under a moving valve, the valve waits in place.
 """
 
-from detectors.errors import ParameterError
-from detectors.signal.stiction_map import step as stiction_step
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import Number
 
 SOURCE = (

@@ -6,7 +6,7 @@ When not: limits that the controller knows about; those belong to OP, whose inte
 too.
 """
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import Number
 
 SOURCE = "definition: low <= MV <= high"

@@ -17,7 +17,7 @@ and slip a million times: `supply` is the time that the air takes to follow OP, 
 
 from math import inf, isnan, sqrt
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import FOLLOWS, Number
 from simbench.loop.physical import actuator
 from simbench.loop.physical.actuator import ACTUATOR, PUBLISHED_FRICTION

@@ -7,8 +7,8 @@ When not: the change is a matter of minutes on and off (`intermittent`), or of d
 valve waits in place.
 """
 
-from detectors.errors import ParameterError
-from detectors.signal.stiction_map import step as stiction_step
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import FOLLOWS, Number
 
 SOURCE = (

@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from detectors.prepared import Prepared
-from detectors.verdict import NO_DECISION, NO_STICTION
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.plant.report.what_if import LEAVE, REPAIR, RETUNE, Action

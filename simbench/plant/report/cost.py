@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
 
 _DAY = 86400.0
 _HARMONICS, _BAND = (

@@ -11,16 +11,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from detectors.errors import ParameterError, UserError
-from detectors.faults import sentence_of
-from detectors.judge import judge
-from detectors.prepared import Prepared
-from detectors.quality import resolution
-from detectors.record import LoopRecord
-from detectors.records.io import read_folder, read_labels
-from detectors.records.tables import read_table
-from detectors.report.report import choose_methods
-from detectors.verdict import STICTION, Verdict
+from simbench.detectors.errors import ParameterError, UserError
+from simbench.detectors.faults import sentence_of
+from simbench.detectors.judge import judge
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.quality import resolution
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_folder, read_labels
+from simbench.detectors.records.tables import read_table
+from simbench.detectors.report.report import choose_methods
+from simbench.detectors.verdict import STICTION, Verdict
 from simbench.files import folder as folder_made
 from simbench.gap.stiction.causes import (
     NEIGHBOUR,

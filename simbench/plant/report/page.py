@@ -10,9 +10,9 @@ from zlib import crc32
 import pandas as pd
 from markupsafe import Markup
 
-from detectors.record import LoopRecord
-from detectors.report.report import score_units
-from detectors.verdict import NO_DECISION, NO_STICTION, PROBABILITY, STICTION, Verdict
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.report.report import score_units
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.files import write_table
 from simbench.gap.stiction.conclusion import WORDS
 from simbench.html.page import render

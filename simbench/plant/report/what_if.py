@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from scenarios.spec import Loop, Part
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.gap.stiction.margins import margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
@@ -21,6 +20,7 @@ from simbench.loop.resolve import resolve_loop, undisturbed
 from simbench.loop.response import stages_response
 from simbench.loop.run import run_setup, signals_of
 from simbench.loop.setup import plain_setup
+from simbench.scenarios.spec import Loop, Part
 
 LEAVE, REPAIR, RETUNE, P_ONLY, COMPENSATE, RESIZE = (
     "leave",

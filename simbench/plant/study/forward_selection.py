@@ -11,14 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.judge import judge
-from detectors.record import LoopRecord
-from detectors.verdict import STICTION
-from scenarios.errors import SpecError
-from scenarios.grid import load_grid
-from scenarios.spec import Loop, Part
 from simbench.bench.scenario.resolve import resolve
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import STICTION
 from simbench.loop.effects import EFFECTS, Choice
 from simbench.loop.simulate import simulate
 from simbench.plant.study.loop_features import by_unit, looks
@@ -26,6 +23,9 @@ from simbench.plant.study.result import Contribution
 from simbench.plant.study.strengths import FRICTION_EFFECT, Size, absolute, with_effect
 from simbench.plant.study.two_sample import FeatureScaler, mmd_squared
 from simbench.progress import Progress
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import load_grid
+from simbench.scenarios.spec import Loop, Part
 
 _FEWEST_LOOPS = 2  # loops in which an effect must be diagnosed to be tried
 _MOST_EFFECTS = 5  # effects joined one after the other

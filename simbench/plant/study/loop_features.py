@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.record import LoopRecord
-from detectors.signal.oscillation import find_oscillation
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.summary_features import features
 
 _SAMPLES = 100.0  # per period, beyond which a record counts as equally fine

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from detectors.record import LoopRecord
-from detectors.signal.oscillation import find_oscillation
-from scenarios.spec import Loop
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.loop.effects import EFFECTS, Choice
+from simbench.scenarios.spec import Loop
 
 # what compares with a baseline, not with a grid
 NOT_LACKING = ("gain_mismatch", "time_constant_mismatch", "dead_time_mismatch", "detuning", "noise")

@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError, UserError
-from detectors.judge import judge
-from detectors.record import LoopRecord
-from detectors.records.io import read_folder, read_labels
-from detectors.report.report import choose_methods
-from detectors.verdict import STICTION
-from scenarios.spec import Loop, load_loop
+from simbench.detectors.errors import ParameterError, UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_folder, read_labels
+from simbench.detectors.report.report import choose_methods
+from simbench.detectors.verdict import STICTION
 from simbench.gap import diagnose
 from simbench.plant.resumed import resumed
 from simbench.plant.study.forward_selection import (
@@ -38,6 +37,7 @@ from simbench.plant.study.two_sample import (
     mmd,
     mmd_test,
 )
+from simbench.scenarios.spec import Loop, load_loop
 
 _GROUPS = 40  # of the grid that are simulated
 _BOOTSTRAPS = 500

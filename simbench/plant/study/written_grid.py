@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
-from scenarios.grid import grid_names, load_grid
-from scenarios.spec import read_toml
+from simbench.detectors.errors import ParameterError
 from simbench.files import whole_file
 from simbench.plant.study.result import Contribution, Study
 from simbench.plant.study.strengths import FRICTION_EFFECT, scales
+from simbench.scenarios.grid import grid_names, load_grid
+from simbench.scenarios.spec import read_toml
 
 _PLACES = 20  # entries of the list that a loop's effect is drawn from
 
@@ -27,7 +27,7 @@ class NoGrid(ParameterError):
 def write_grid(study: Study, path: str | Path) -> list[str]:
     """Write the study's grid with its effects, in their shares and strengths."""
     base = (
-        Path(str(files("scenarios") / "grids" / f"{study.grid}.toml"))
+        Path(str(files("simbench.scenarios") / "grids" / f"{study.grid}.toml"))
         if study.grid in grid_names()
         else Path(study.grid)
     )

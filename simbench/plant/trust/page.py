@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from detectors.report import summary
+from simbench.detectors.report import summary
 from simbench.plant.episodes import marks
 from simbench.plant.page import SectionTable, section, write
 from simbench.plant.trust.pictures import draw_power, draw_pv_op, draw_trend

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.figures._style import (
     BLACK,
     BLUE,

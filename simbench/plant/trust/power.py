@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 from simbench.bench.statistics import wilson
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 POWER = 0.8  # sensitivity from which a size is called visible
 _ALARMS = 0.05  # share of healthy replicates that a threshold chosen here may call sticky

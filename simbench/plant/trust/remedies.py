@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.judge import judge
-from detectors.verdict import STICTION
+from simbench.detectors.judge import judge
+from simbench.detectors.verdict import STICTION
 from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archived, without
 from simbench.plant.trust.replicates import Change, draw_replicates
 

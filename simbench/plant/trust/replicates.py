@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.record import LoopRecord
-from detectors.signal.oscillation import find_oscillation
-from scenarios.errors import SpecError
-from scenarios.spec import Loop, Plant
+from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.loop.plant import stretched
 from simbench.loop.simulate import simulate
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import Loop, Plant
 
 _LEVELS = 5  # values of S
 _SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from detectors.record import LoopRecord
-from detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.plant.episodes import OverTime

@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from detectors.errors import UserError
-from detectors.judge import judge, refuse_wrong_forms
-from detectors.plugins.registry import methods as registry
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from detectors.report.report import choose_methods
-from detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
-from detectors.verdict import STICTION, Verdict
-from scenarios.spec import Loop, load_loop
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge, refuse_wrong_forms
+from simbench.detectors.plugins.registry import methods as registry
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.report.report import choose_methods
+from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
+from simbench.detectors.verdict import STICTION, Verdict
 from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_record
@@ -38,9 +37,10 @@ from simbench.plant.trust.power import (
 from simbench.plant.trust.remedies import Remedy, remedies
 from simbench.plant.trust.replicates import Replicate, draw_replicates
 from simbench.plant.trust.result import MethodTrust, Trust, likely
+from simbench.scenarios.spec import Loop, load_loop
 
 if TYPE_CHECKING:
-    from detectors.sources import Source
+    from simbench.detectors.sources import Source
 
 _HEALTHY, _EACH = 80, 12  # replicates with a sound valve, and in every cell of S and J
 LONG_RECORD, _THINNEST = (
@@ -92,7 +92,7 @@ def trust(
 
     Raises
     ------
-    detectors.errors.UserError
+    simbench.detectors.errors.UserError
         For an unknown method, or a loop file of another sampling than the record.
 
     Notes
@@ -108,7 +108,7 @@ def trust(
 
     Examples
     --------
-    >>> from detectors.example_loop import example_loop
+    >>> from simbench.detectors.example_loop import example_loop
     >>> record = example_loop(noise=0.1)
     >>> trusted = trust(record, methods=["fast"], healthy=20, each=4, help_wanted=False)
     >>> 0.0 <= trusted.probability <= 1.0

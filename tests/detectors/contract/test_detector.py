@@ -8,21 +8,21 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from detectors.contract.detector import Contract, check_detector
-from detectors.contract.watch import call_guarded
-from detectors.errors import RecordError
-from detectors.example_loop import CASES, example_record
-from detectors.judge import judge
-from detectors.plugins.registry import methods
-from detectors.prepared import Prepared
+from simbench.detectors.contract.detector import Contract, check_detector
+from simbench.detectors.contract.watch import call_guarded
+from simbench.detectors.errors import RecordError
+from simbench.detectors.example_loop import CASES, example_record
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.prepared import Prepared
 
 NAMES = methods.names()
 SOUND = '''"""Fullness of PV over that of OP."""
 
 import numpy as np
 
-from detectors.method import Method, Threshold
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method, Threshold
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="PV fuller than OP", source="a test", process=("self-regulating",), front_end=False,

@@ -17,19 +17,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors.compiled import cache_folder
-from detectors.detection import detect
-from detectors.errors import AnswerError, ParameterError
-from detectors.judge import judge
-from detectors.plugins.host import STRIKES, cleaned
-from detectors.plugins.registry import methods
-from detectors.record import LoopRecord
+from simbench.detectors.compiled import cache_folder
+from simbench.detectors.detection import detect
+from simbench.detectors.errors import AnswerError, ParameterError
+from simbench.detectors.judge import judge
+from simbench.detectors.plugins.host import STRIKES, cleaned
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.record import LoopRecord
 
 FILE = """
 import os, sys, tempfile
 from pathlib import Path
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 METHOD = Method(title="mine", source="nobody", front_end=False)
 calls = []
 def say(reason, score=0.0, **more):
@@ -61,9 +61,8 @@ def ask(tmp_path):
 def test_its_folders_are_private_and_the_temporary_one_goes_with_it(ask):
     named = "[os.environ[k] for k in ('HOME', 'XDG_CACHE_HOME', 'NUMBA_CACHE_DIR')]"
     folders = f"[os.getcwd(), tempfile.gettempdir(), *{named}, str(cache_folder())]"
-    verdict = ask(f"from detectors.compiled import cache_folder; return say('|'.join({folders}))")[
-        0
-    ]
+    known = "from simbench.detectors.compiled import cache_folder"
+    verdict = ask(f"{known}; return say('|'.join({folders}))")[0]
     here, temporary, home, *caches = verdict.reason.partition(";")[0].split("|")
     assert here == temporary == home != os.environ.get("HOME")
     assert Path(here).is_dir()
@@ -170,21 +169,21 @@ VANDAL = '''
 """Writes into every cache and temporary folder that it can find."""
 import hashlib, importlib.util, os, struct, sys, tempfile
 from pathlib import Path
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 METHOD = Method(title="vandal", source="nobody", front_end=False)
 
 def folders():
     import numba
-    import detectors.compiled
+    import simbench.detectors.compiled
     paths = {{v for v in os.environ.values() if os.path.isdir(v)}}
     paths -= {{os.environ.get("PYTHONUSERBASE"), sys.prefix}}
     paths |= {{tempfile.gettempdir(), os.getcwd(), str(Path.home()), str(Path.home() / ".cache")}}
-    paths |= {{str(detectors.compiled.cache_folder()), numba.config.CACHE_DIR or "."}}
+    paths |= {{str(simbench.detectors.compiled.cache_folder()), numba.config.CACHE_DIR or "."}}
     paths |= {{str(Path(m.__file__).parent) for n, m in list(sys.modules.items())
                 if n.startswith("simbench_")}}
     paths |= {{f"{{Path(m.__file__).parent}}/__pycache__" for n, m in list(sys.modules.items())
-                if n.partition(".")[0] == "detectors" and getattr(m, "__file__", None)}}
+                if n.startswith("simbench.detectors") and getattr(m, "__file__", None)}}
     return [Path(f) for f in paths if os.path.isdir(f) and {mine!r} in str(Path(f).resolve())]
 
 def forged(content):
@@ -214,9 +213,13 @@ def detect(prepared):
 def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_verdict(tmp_path):
     """In a copy of the package, as it writes next to the modules too."""
     house = tmp_path / "house"
-    shutil.copytree(
-        ROOT / "detectors", house / "detectors", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    for package in ("simbench", "detectors", "scenarios"):
+        shutil.copytree(
+            ROOT / package,
+            house / package,
+            symlinks=True,
+            ignore=shutil.ignore_patterns("__pycache__"),
+        )
     for folder in ("home", "tmp", "cache"):
         (tmp_path / folder).mkdir()
     (tmp_path / "vandal.py").write_text(VANDAL.format(mine=str(tmp_path)))

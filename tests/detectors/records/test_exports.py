@@ -15,12 +15,12 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from detectors.errors import RecordError
-from detectors.records import tables
-from detectors.records.archive import base_step, stored_on_change
-from detectors.records.io import read_folder, read_record, read_records
-from detectors.records.roles import column_pairs
-from detectors.usage import cured
+from simbench.detectors.errors import RecordError
+from simbench.detectors.records import tables
+from simbench.detectors.records.archive import base_step, stored_on_change
+from simbench.detectors.records.io import read_folder, read_record, read_records
+from simbench.detectors.records.roles import column_pairs
+from simbench.detectors.usage import cured
 
 N, TS = 300, 5.0
 START = datetime(2024, 3, 4, 22, 50, 0)

@@ -8,10 +8,10 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pytest
 
-from detectors.__main__ import main
-from detectors.errors import RecordError
-from detectors.records.io import read_record
-from detectors.signal.bicoherence import bicoherence
+from simbench.detectors.__main__ import main
+from simbench.detectors.errors import RecordError
+from simbench.detectors.records.io import read_record
+from simbench.detectors.signal.bicoherence import bicoherence
 
 N = 600
 OP = 50.0 + 4.0 * np.sin(np.arange(N) / 5.0) + 0.01 * np.arange(N) % 0.07

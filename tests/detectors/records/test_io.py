@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from detectors.errors import RecordError
-from detectors.records.io import read_folder, read_labels, read_record
+from simbench.detectors.errors import RecordError
+from simbench.detectors.records.io import read_folder, read_labels, read_record
 
 REAL = Path(__file__).parents[3] / ".." / "shared" / "data" / "real"
 needs_real = pytest.mark.skipif(not REAL.is_dir(), reason=f"real records are not here ({REAL})")

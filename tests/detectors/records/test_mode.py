@@ -4,7 +4,7 @@ automatic nor manual.
 
 import pytest
 
-from detectors.records.mode import mode
+from simbench.detectors.records.mode import mode
 
 
 @pytest.mark.parametrize(

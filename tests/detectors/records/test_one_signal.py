@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from detectors.detection import judge_files
-from detectors.errors import RecordError
-from detectors.records.io import read_folder, read_record
-from detectors.records.one_signal import signal_files
+from simbench.detectors.detection import judge_files
+from simbench.detectors.errors import RecordError
+from simbench.detectors.records.io import read_folder, read_record
+from simbench.detectors.records.one_signal import signal_files
 
 N = 300
 K = np.arange(N)

@@ -8,12 +8,12 @@ import math
 import numpy as np
 import pytest
 
-from detectors import __main__ as command
-from detectors.detection import judge_files
-from detectors.errors import ParameterError, UnknownName
-from detectors.report.report import Report, choose_methods, columns, score_units
-from detectors.report.summary import own_reason, sentence
-from detectors.verdict import Verdict
+from simbench.detectors import __main__ as command
+from simbench.detectors.detection import judge_files
+from simbench.detectors.errors import ParameterError, UnknownName
+from simbench.detectors.report.report import Report, choose_methods, columns, score_units
+from simbench.detectors.report.summary import own_reason, sentence
+from simbench.detectors.verdict import Verdict
 
 KEYS = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 
@@ -176,8 +176,8 @@ def test_labels_without_a_folder_are_refused(folder):
 
 
 PLUGIN = '''"""Judge nothing."""
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 METHOD = Method(title="coin", source="nobody")
 def detect(prepared):
     return Verdict("coin", "no_decision", reason="heads or tails")

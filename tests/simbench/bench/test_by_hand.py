@@ -10,11 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.stats import norm
 
-from detectors.contract.detector import LoopRecord
-from detectors.report.summary import level_ends
-from detectors.verdict import Verdict
 from results.studies.leak import Leak
-from scenarios.spec import Loop
 from simbench.bench import statistics as of
 from simbench.bench.execute import work
 from simbench.bench.execute.failures import Failures
@@ -27,6 +23,10 @@ from simbench.bench.score.pairing import pair
 from simbench.bench.score.ranks import loops_needed, rank_methods
 from simbench.bench.store import manifest
 from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA, encode
+from simbench.detectors.contract.detector import LoopRecord
+from simbench.detectors.report.summary import level_ends
+from simbench.detectors.verdict import Verdict
+from simbench.scenarios.spec import Loop
 
 SHOWN = 20  # flipped scenarios that a check shows
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
 from simbench.bench.scenario.resolve import sampled_ultimate_gain
 from simbench.bench.worst import (
     KEYS,
@@ -13,6 +12,7 @@ from simbench.bench.worst import (
     healthy_loop,
     worst,
 )
+from simbench.detectors.errors import UserError
 from simbench.loop.parameters import VALVES
 from simbench.loop.simulate import simulate
 
@@ -102,7 +102,7 @@ def test_a_method_that_cries_stiction_is_caught(monkeypatch):
     from simbench.bench import worst as module
 
     def eager(record, names):
-        from detectors.verdict import Verdict
+        from simbench.detectors.verdict import Verdict
 
         return [Verdict(names[0], "stiction", score=float(np.std(record.pv)), reason="always")]
 

@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from detectors.errors import ParameterError
 from simbench.blind import leave_out as module
 from simbench.blind.leave_out import LEAVE_OUT_COLUMNS, leave_out, summary
 from simbench.blind.world import WORLD_EFFECTS
 from simbench.cli import app
+from simbench.detectors.errors import ParameterError
 from simbench.gap.effects import PLUGINS, left_out, recogniser
 from simbench.loop.effects import EFFECTS
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
 from results.studies.worlds import WORLDS
 from simbench.blind import menu, outcomes
 from simbench.blind.answering import answer, answers_after
 from simbench.blind.making import write_item
+from simbench.detectors.errors import UserError
 from simbench.files import folder
 
 WORLDS_RUN = ["own", *(pytest.param(w, marks=pytest.mark.slow) for w in ("mill", "refinery"))]

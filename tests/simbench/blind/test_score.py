@@ -5,12 +5,12 @@ import json
 import pandas as pd
 import pytest
 
-from detectors.errors import ParameterError
 from simbench.blind.claims import true_shrinkages
 from simbench.blind.levels import Share, by_effect, calibration, levels
 from simbench.blind.opening import open_
 from simbench.blind.score import claimed_shrinkage, first_three, judge_record
 from simbench.blind.worlds import own
+from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import EFFECTS
 from simbench.loop.effects._alike import Circumstances
 

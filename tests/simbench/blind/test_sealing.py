@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
 from simbench.blind import seal
 from simbench.blind.answering import answer
 from simbench.blind.making import Plan, make
 from simbench.blind.opening import open_
+from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import EFFECTS
+from simbench.scenarios.spec import Loop
 
 PLAN = Plan(1, 2, 0, 1, ("noise", "gain_mismatch"), ("medium",))
 

@@ -16,12 +16,12 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from detectors.errors import UserError
-from scenarios.grid import load_grid
 from simbench.bench.execute import lease
 from simbench.bench.execute import pieces as pieces_module
 from simbench.bench.execute import run as run_module
 from simbench.bench.execute.run import Interrupted, run_grid
+from simbench.detectors.errors import UserError
+from simbench.scenarios.grid import load_grid
 from tests.simbench.boundary.conftest import names_in
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
 

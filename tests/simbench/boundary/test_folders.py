@@ -13,13 +13,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from scenarios.grid import load_grid
 from simbench.bench.execute import pieces
 from simbench.bench.execute.run import Interrupted, run_grid
 from simbench.bench.score.check import check_run, update_baseline
 from simbench.bench.score.compare import compare
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.checksums import RunError, digest, with_checksum
+from simbench.scenarios.grid import load_grid
 from tests.simbench.boundary.conftest import asked, check_sentence, refused, sampled
 
 SMALL = {

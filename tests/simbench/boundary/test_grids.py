@@ -11,10 +11,10 @@ from itertools import product
 import pyarrow.parquet as pq
 import pytest
 
-from scenarios.errors import SpecError
-from scenarios.grid import make_grid
 from simbench.bench.execute import work
 from simbench.bench.execute.failures import read_failures
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import make_grid
 from tests.simbench.boundary.conftest import (
     answer_to,
     names_in,

@@ -126,7 +126,7 @@ def test_an_underscore_makes_no_number(here):
 
 
 def test_a_load_of_period_0_is_refused_before_anything_is_simulated(here, stopped):
-    text = (files("scenarios") / "grids" / "smoke.toml").read_text()
+    text = (files("simbench.scenarios") / "grids" / "smoke.toml").read_text()
     assert "period = [0.4, 2.5]" in text
     (here / "grid.toml").write_text(text.replace("period = [0.4, 2.5]", "period = 0", 1))
     refused("run grid.toml -o run", "disturbance 'sine': period = 0; it must be above 0")

@@ -16,8 +16,8 @@ TAG = "<img src=x onerror=window.hit=1>"
 SCRIPT = "<script>window.hit=1</script>"
 TEXTS = [SCRIPT, IMAGE, "javascript:window.hit=1", "http://192.0.2.1/a.png", "\u202egnp.exe\u2066"]
 PLUGIN = f'''"""Says what a page must not run."""
-from detectors.method import Method
-from detectors.verdict import STICTION, Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import STICTION, Verdict
 
 METHOD = Method(title={SCRIPT + IMAGE!r}, source={TEXTS[2]!r},
                 process=("self-regulating", "integrating"), front_end=False)

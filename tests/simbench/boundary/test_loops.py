@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from detectors.records.io import read_record
+from simbench.detectors.records.io import read_record
 from tests.simbench.boundary.conftest import asked, new_tokens, refused, sampled
 
 GOOD = {

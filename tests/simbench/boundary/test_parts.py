@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from detectors.errors import ParameterError
-from detectors.plugins import host
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.plugins import host
 from simbench.loop import hosted as parts
 from simbench.loop.effects import EFFECTS as VOCABULARY
 from simbench.loop.effects import PLUGINS as EFFECTS

@@ -16,20 +16,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from detectors.detection import detect
-from detectors.errors import ParameterError
-from detectors.plugins import host
-from detectors.plugins.registry import methods
-from detectors.record import LoopRecord
 from simbench.contract import check_in_subprocess
+from simbench.detectors.detection import detect
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.plugins import host
+from simbench.detectors.plugins.registry import methods
+from simbench.detectors.record import LoopRecord
 from tests.simbench.boundary.conftest import answer_to, refused, sampled
 from tests.simbench.boundary.test_records import csv
 
 HEAD = """
 import os, sys, time, json
 import numpy as np
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 METHOD = Method(title="a stranger", source="nobody", front_end=False)
 seen = []
 def detect(prepared, **thresholds):
@@ -102,7 +102,7 @@ HARMLESS = {
     "writes to both": "os.write(1, b'noise'); os.write(2, b'noise')\n    " + FINE,
     "changes numpy": "np.random.seed(0); np.seterr(all='raise'); np.mean = None\n    " + FINE,
     "changes the others": (
-        "import detectors.methods.horch as h; h.detect = None; h.METHOD = None\n    " + FINE
+        "import simbench.detectors.methods.horch as h; h.detect = h.METHOD = None\n    " + FINE
     ),
     "changes the folder": "os.chdir('/'); os.environ.clear(); sys.path.clear()\n    " + FINE,
     "changes what is shared": "prepared.shared.clear(); prepared.__dict__.clear\n    " + FINE,
@@ -203,7 +203,7 @@ def test_what_plug_ins_change_changes_nothing_outside_them(here, alone, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-METHOD = "from detectors.method import Method\nMETHOD = Method({})\ndef detect(p): pass"
+METHOD = "from simbench.detectors.method import Method\nMETHOD = Method({})\ndef detect(p): pass"
 IMPORTS = [
     ("def (", "SyntaxError"),
     ("import sys; sys.exit(0)", "SystemExit"),
@@ -270,7 +270,9 @@ def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(here):
 def test_a_plug_in_ends_with_its_parent(here):
     number = here / "pid"
     plugin(here, f"open({str(number)!r}, 'w').write(str(os.getpid())); time.sleep(1000)")
-    words = f"exec {sys.executable} -m detectors rec.csv --method horch --plugin stranger.py"
+    words = (
+        f"exec {sys.executable} -m simbench.detectors rec.csv --method horch --plugin stranger.py"
+    )
     parent = subprocess.Popen(words, shell=True)
     until = time.monotonic() + 60.0
     while not number.exists() or not number.read_text():
@@ -375,7 +377,7 @@ REACHING = {
 }
 RUN = f"""
 import sys
-import detectors.plugins.host as host
+import simbench.detectors.plugins.host as host
 from simbench.bench.execute.run import run_grid
 host.BYTES = 400 << 20
 run_grid("tiny.toml", sys.argv[1], {OTHERS}, plugins=sys.argv[2:], time_limit=1.0)

@@ -93,13 +93,13 @@ def test_every_module_imports(blocked):
 
 
 def test_nothing_of_a_plug_in_is_started_or_imported_before_one_is_named(blocked):
-    names = "'fcntl', 'resource', 'detectors.plugins.process'"
+    names = "'fcntl', 'resource', 'simbench.detectors.plugins.process'"
     printed = blocked(
-        f"import sys, simbench.cli, detectors.detection\nprint([m for m in ({names}) if m in"
-        " sys.modules])",
+        "import sys, simbench.cli, simbench.detectors.detection\n"
+        f"print([m for m in ({names}) if m in sys.modules])",
         False,
     )
-    assert "detectors.plugins.process" not in printed
+    assert "simbench.detectors.plugins.process" not in printed
 
 
 @pytest.mark.parametrize(
@@ -123,8 +123,8 @@ def test_a_plug_in_is_asked_in_a_process_of_its_own_and_says_what_is_lacking(blo
     (tmp_path / "mine.py").write_text(PLUGIN)
     printed = blocked(f"""
 import os, sys
-from detectors.detection import detect
-from detectors.record import LoopRecord
+from simbench.detectors.detection import detect
+from simbench.detectors.record import LoopRecord
 sys.stderr = sys.stdout
 wave = [50 + k % 7 for k in range(600)]
 record = LoopRecord(wave, wave[::-1], 1.0)
@@ -138,8 +138,8 @@ for verdict in detect(record, ["horch"], plugins=[{str(tmp_path / "mine.py")!r}]
 
 PLUGIN = """
 import os
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 METHOD = Method(title="mine", source="nobody", front_end=False)
 def detect(prepared):
     return Verdict("x", "stiction", 1.0, reason=f"process {os.getpid()}")

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from detectors.records import tables
+from simbench.detectors.records import tables
 from tests.simbench.boundary.conftest import asked, check_sentence, refused, sampled
 
 N = 300

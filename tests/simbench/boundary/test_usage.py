@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 import typer
 
-from detectors import faults
-from detectors.usage import exit_code
 from simbench.cli import app
+from simbench.detectors import faults
+from simbench.detectors.usage import exit_code
 from tests.simbench.boundary.conftest import answer_to, refused, sampled
 from tests.simbench.boundary.test_loops import text
 

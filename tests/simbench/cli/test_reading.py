@@ -12,9 +12,9 @@ import shlex
 import numpy as np
 import pytest
 
-from detectors.example_loop import example_loop
-from detectors.records.io import read_record
 from simbench import cli
+from simbench.detectors.example_loop import example_loop
+from simbench.detectors.records.io import read_record
 from simbench.gap import command as gap_command
 from simbench.plant import command as plant_command
 from simbench.plant.report import fleet

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 
 
 def make(S=5.0, J=2.0, Kc=1.0, kind="foptd", K=1.0, noise=0.0, Ts=1.0, n=1500, **more):

@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
 from results.studies.coupled_loops import drawn_pair, find_culprit, main
 from simbench.confirm.gain_change import SHIFT, gain_change, judge, measure
+from simbench.detectors.errors import ParameterError
 
 IDEAL = {"model": "ideal"}
 SINE = [{"type": "sine", "amplitude": 3.0, "period": 60.0}]

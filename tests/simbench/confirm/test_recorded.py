@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
-from detectors.record import LoopRecord
 from simbench.confirm.gain_change import gain_change
 from simbench.confirm.recorded import controller_gain, gain_change_recorded, travel_recorded
 from simbench.confirm.travel import travel_test
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.record import LoopRecord
 from simbench.loop.response import valve_response
 
 T = np.arange(3000.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
 from simbench.confirm.rig import run_rig
+from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
 from simbench.confirm.travel import travel_test
+from simbench.detectors.errors import ParameterError
 
 PLANTS = [
     {},

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-import detectors
-import scenarios
+import simbench.detectors as detectors
+import simbench.scenarios as scenarios
 from simbench.cli import main
 from simbench.contract import kind_of
 from simbench.gap.effects import PLUGINS as RECOGNISERS

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import scenarios
+import simbench.scenarios as scenarios
 from simbench.contract.grid import check_grid
 
 GRIDS = sorted((Path(scenarios.__file__).parent / "grids").glob("*.toml"))

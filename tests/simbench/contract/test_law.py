@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.contract import check_file, kind_of
 from simbench.loop.hosted import hosted_parts, simulated
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 ROOT = Path(__file__).parents[3]
 FOPTD = ROOT / "docs" / "example" / "my_foptd.py"

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.compare import compare
+from simbench.detectors.errors import UserError
 from simbench.figures import make_figures
 from simbench.figures.critical_difference import data, draw
 

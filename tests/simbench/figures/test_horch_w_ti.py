@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
 from results.studies.own_ground import BARS, sections
 from simbench.bench.execute.run import run_grid
+from simbench.detectors.errors import UserError
 from simbench.figures.horch_w_ti import BOUNDS, data, draw
 
 W_TI = [0.2, 0.45, 0.54, 0.62, 0.7, 1.0, 1.4, 1.6, 1.85, 2.1, 4.0]

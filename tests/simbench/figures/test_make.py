@@ -13,9 +13,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from detectors.errors import RecordError, UnknownName
 from simbench.catalogue import FIGURES, catalogue
 from simbench.cli import main
+from simbench.detectors.errors import RecordError, UnknownName
 from simbench.figures import make_figures
 from simbench.figures._make import figure_ids
 from simbench.figures._records import NeedsRecord

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from detectors.judge import judge
-from detectors.signal.half_cycles import split
 from simbench.catalogue import FIGURES
+from simbench.detectors.judge import judge
+from simbench.detectors.signal.half_cycles import split
 from simbench.figures._correlation import marks
 from simbench.figures._fits import eta, half_cycle_fits
 from simbench.loop.simulate import simulate
@@ -311,7 +311,7 @@ def test_the_cycles_drawn_are_called_stiction_where_the_chapter_says_so():
 
 
 def test_the_flow_chart_is_the_procedure(drawn):
-    from detectors.procedure import CONCLUSIONS, FLOW
+    from simbench.detectors.procedure import CONCLUSIONS, FLOW
 
     d = drawn("fig_11_27")
     flow = [
@@ -324,8 +324,8 @@ def test_the_flow_chart_is_the_procedure(drawn):
 
 
 def test_the_path_of_a_diagnosis_is_drawn(drawn, tmp_path):
-    from detectors.errors import ParameterError
-    from detectors.procedure import diagnose
+    from simbench.detectors.errors import ParameterError
+    from simbench.detectors.procedure import diagnose
     from simbench.figures import draw_path
 
     figure = FIGURES.load("fig_11_17")

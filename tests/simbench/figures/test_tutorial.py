@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors.judge import judge
-from detectors.signal.half_cycles import split
+from simbench.detectors.judge import judge
+from simbench.detectors.signal.half_cycles import split
 
 pytestmark = pytest.mark.slow  # as the site is
 PAGE = Path(__file__).parents[3] / "docs" / "site" / "tutorials" / "chapter_figure.md"

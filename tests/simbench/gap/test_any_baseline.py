@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import simbench as sb
-from detectors.errors import UserError
-from scenarios.errors import SpecError
+from simbench.detectors.errors import UserError
 from simbench.loop.plant import beyond_first_order, first_order_like, polynomials, sample
+from simbench.scenarios.errors import SpecError
 
 BASE = {
     "plant": {"type": "tf", "num": [1.2], "den": [60, 17, 1], "Td": 2.0},

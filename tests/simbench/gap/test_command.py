@@ -15,14 +15,14 @@ import pandas as pd
 import pytest
 from scipy.signal import welch
 
-from detectors.errors import ParameterError
-from detectors.record import LoopRecord
-from detectors.records.io import read_record
-from scenarios.spec import Loop, load_loop
 from simbench.cli import main
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_record
 from simbench.files import write_record
 from simbench.gap import command
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop, load_loop
 
 HEALTHY = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},

@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 BASE = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},

@@ -9,9 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.errors import RecordError
-from detectors.record import LoopRecord
-from scenarios.spec import SpecError, load_loop
+from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
@@ -20,6 +19,7 @@ from simbench.gap.diagnosis import diagnose, named_by, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pooled, probability
 from simbench.loop.effects import EFFECTS
+from simbench.scenarios.spec import SpecError, load_loop
 
 P = {
     "stiction": 0.5,

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.gap.discover.effect_file import lent_effect
 from simbench.gap.exact import _read_off, controller_law, sensor_law, shown
 from simbench.gap.intake.check import check
 from simbench.gap.law import FoundLaw
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 TABLE = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.gap import command
 from simbench.gap.diagnosis import diagnose
@@ -25,6 +24,7 @@ from simbench.gap.prediction import (
     read_settings,
 )
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 MODEL = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.situation import Archive, Situation, load_memory, through_valve
+from simbench.scenarios.spec import Loop
 
 N = 1000
 PV, OP = np.resize([1.0, -1.0], N), 50.0 + np.resize([0.0, 1.0, 1.0], N)

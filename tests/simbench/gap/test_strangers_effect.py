@@ -86,7 +86,7 @@ RECOGNISER = Recogniser(
 WORK = """
 import json, sys
 
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 from simbench.catalogue import catalogue
 from simbench.gap import diagnose
 from simbench.loop.simulate import simulate

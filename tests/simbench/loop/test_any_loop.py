@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 import simbench as sb
-from detectors.errors import ParameterError, UnknownName
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.plant import first_order_like
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 PI = {"type": "PI", "Kc": 1, "Ti": 10}
 BASE = {

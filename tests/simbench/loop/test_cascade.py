@@ -7,12 +7,12 @@ import pytest
 from typer.testing import CliRunner
 
 import simbench as sb
-from scenarios.errors import SpecError
-from scenarios.spec import Loop
 from simbench.cli import app
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate, simulate_batch
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import Loop
 
 TABLE = {
     "plant": {"type": "foptd", "K": 1.2, "T": 3.0, "Td": 0.7},

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from scenarios.spec import Part
 from simbench.loop import disturbance
 from simbench.loop.disturbance import DISTURBANCES, disturbance_signal
+from simbench.scenarios.spec import Part
 
 
 def coloured(n=200_000, Ts=1.0, seed=0, **parameters):

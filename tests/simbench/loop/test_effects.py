@@ -8,14 +8,14 @@ import sys
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import BLOCKS, EFFECTS, ORDER, PLUGINS
 from simbench.loop.effects.compression import swinging_door
 from simbench.loop.hosted import host_of, parts_of_loop
 from simbench.loop.parameters import Number
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 3.5},
@@ -93,14 +93,15 @@ def test_the_vocabulary_is_data_and_loads_no_model():
     imported = {
         name
         for name in loaded
-        if name.startswith("simbench.") and not name.startswith("simbench.loop.effects")
+        if name.startswith("simbench.")
+        and not name.startswith(("simbench.loop.effects", "simbench.detectors"))
     }
     # simbench.lazy: how the package finds its public names; it loads none of them
     # simbench.loop.laws: forms that some effects share, their numbers with unit and bounds; their
     # steps load when they act
     laws = {"simbench.loop.laws", "simbench.loop.laws.forms"}
-    # simbench.neighbours: whether a folder of the user hides a package
-    start = {"simbench.lazy", "simbench.neighbours"}
+    # simbench.short_names: `detectors` for `simbench.detectors`
+    start = {"simbench.lazy", "simbench.short_names"}
     assert imported == {*start, "simbench.loop", "simbench.loop.parameters", *laws}
     assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
 

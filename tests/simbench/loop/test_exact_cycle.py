@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 from simbench.theory.cycle import cycle_start
 
 

@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks import perf
-from detectors.errors import ParameterError, UnknownName
-from scenarios.errors import SpecError
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate, simulate_batch
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import Loop
 
 BASE = {
     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.5},

@@ -4,10 +4,10 @@ wherever it acts.
 
 import pytest
 
-from scenarios.spec import Loop
 from simbench.bench.scenario.truth import healthy_twin, least_swing
 from simbench.loop.parameters import VALVES
 from simbench.loop.resolve import friction, resolve_loop
+from simbench.scenarios.spec import Loop
 
 PLAY = '''"""A play whose only number is called h."""
 from simbench.loop.parameters import Number

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from scenarios.errors import SpecError
-from scenarios.spec import Loop, Scenario
 from simbench.bench.scenario.oracle import judge_oracle
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.loop.simulate import simulate, simulate_batch, valve_tail
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import Loop, Scenario
 
 WARM_UP, N = 137, 400
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recorded import resting
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.plant.episodes import marks, over_time
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from detectors.record import LoopRecord
 from simbench.bench.store.checksums import with_checksum
+from simbench.detectors.record import LoopRecord
 from simbench.plant import resumed as resuming
 from simbench.plant.resumed import resumed
 

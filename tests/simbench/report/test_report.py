@@ -11,8 +11,8 @@ import pytest
 from chromium import needs_browser
 from sklearn.metrics import roc_auc_score
 
-from detectors.plugins.registry import methods
 from simbench.bench.execute.run import run_grid
+from simbench.detectors.plugins.registry import methods
 from simbench.files import FileError
 from simbench.html.table import sortable
 from simbench.report import write_report
@@ -22,8 +22,8 @@ from simbench.report.provenance import reproduce
 from simbench.report.roc import roc_curve
 
 BROKEN = '''"""A detector that fails on every third record."""
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 
 METHOD = Method(title="fails", source="a test")
 
@@ -132,7 +132,7 @@ def test_failures_are_all_counted(run, report):
 
 
 def test_a_folder_without_a_run_is_one_sentence(tmp_path):
-    from detectors.errors import UserError
+    from simbench.detectors.errors import UserError
 
     with pytest.raises(UserError, match="no run"):
         write_report(tmp_path, tmp_path / "report.html")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenarios.spec import Loop
+from simbench.scenarios.spec import Loop
 
 PLAIN = {
     "K": 1.0,

@@ -11,9 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
 from results.studies import theory_check as verify
 from results.studies.theory_check import Errors, starts
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.theory import table_check
 from simbench.theory.basin import kick_min, starts_cycle

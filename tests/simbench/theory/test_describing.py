@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
 from simbench.theory.sampled import sampled_loop
 

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from detectors.errors import UnknownName
+from simbench.detectors.errors import UnknownName
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.predict import as_text, predict
 from simbench.theory.sampled import sampled_loop, ultimate_gain

@@ -5,7 +5,7 @@ hand.
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, Number, valve_parameters
 from simbench.loop.response import valve_response
 

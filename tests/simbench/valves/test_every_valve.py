@@ -5,7 +5,7 @@ here by itself.
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError, UnknownName
+from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.parameters import VALVES, Number
 from simbench.loop.response import valve_response
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.response import valve_response
 
 # Open-loop sequences worked out for S/J models before this package existed (golden numbers of the

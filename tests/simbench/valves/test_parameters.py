@@ -2,7 +2,7 @@ import pickle
 
 import pytest
 
-from detectors.errors import ParameterError, UnknownName
+from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.parameters import VALVES, Choice, Number, resolve, valve_parameters
 from simbench.loop.physical.mapping import complete_band
 

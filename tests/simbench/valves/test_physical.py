@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.physical.actuator import overshoot
 from simbench.loop.response import valve_response

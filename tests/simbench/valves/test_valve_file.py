@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError, RecordError, UnknownName
+from simbench.detectors.errors import ParameterError, RecordError, UnknownName
 from simbench.loop.response import valve_file, valve_response
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from detectors.record import LoopRecord
 from results.studies.plant.causes import CAUSES, WEEK, archived, drawn, plant, summary_lines
+from simbench.detectors.record import LoopRecord
 from simbench.gap.stiction.causes import Cause, Causes
 
 

@@ -11,16 +11,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from detectors.records.io import read_record
-from detectors.signal.lattice import lattice, root_lattice, written_unit
 from results.studies.plant.plant_data import by_unit_group, diagnose_folder
-from scenarios.spec import Loop
+from simbench.detectors.records.io import read_record
+from simbench.detectors.signal.lattice import lattice, root_lattice, written_unit
 from simbench.gap.decide.assess import assess
 from simbench.gap.decide.identified import plausible, remarks
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
 on_plant_data = pytest.mark.skipif(not REAL.is_dir(), reason=f"{REAL}: no plant records here")

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from detectors.record import LoopRecord
 from results.studies.plant import recorded_loops as recorded
 from results.studies.plant.recorded_loops import PANEL, counted
+from simbench.detectors.record import LoopRecord
 from simbench.files import write_record
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import results.studies.worlds.mill as mill
-from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds.mill.drawing import ALIKE, sound
 from results.studies.worlds.mill.loops import baseline, draw_loop
 from results.studies.worlds.mill.oracle import BANDS, cloud, ratio, strength_of
 from results.studies.worlds.mill.statistics import floors, measure, names
-from scenarios.spec import Loop
 from simbench.blind.world import WORLD_EFFECTS
+from simbench.detectors.errors import ParameterError, UnknownName
+from simbench.scenarios.spec import Loop
 
 SEED = 404
 ENTRIES = [

@@ -9,13 +9,13 @@ import math
 import numpy as np
 import pytest
 
-from detectors.compiled import compiled
-from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds.mill import archive, controller, loop, nature, valve
 from results.studies.worlds.mill.controller import PRODUCTS
 from results.studies.worlds.mill.effects import build
 from results.studies.worlds.mill.foreign import KINDS
 from results.studies.worlds.mill.loops import draw_loop
+from simbench.detectors.compiled import compiled
+from simbench.detectors.errors import ParameterError, UnknownName
 
 
 def step_response(t, kind, K, T, Td, lags=()):

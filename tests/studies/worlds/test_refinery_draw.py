@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
 from results.studies.worlds import refinery
 from results.studies.worlds.refinery import drawing, foreign, loops, oracle, search, simulation
 from simbench.blind.world import WORLD_EFFECTS
+from simbench.detectors.errors import ParameterError
 
 STRENGTHS = ("weak", "medium", "strong")
 ENTRIES = [

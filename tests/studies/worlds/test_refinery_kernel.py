@@ -9,11 +9,11 @@ import math
 import numpy as np
 import pytest
 
-from detectors.compiled import compiled
 from results.studies.worlds.refinery import physics, valves
 from results.studies.worlds.refinery.controller import Controller
 from results.studies.worlds.refinery.physics import SUBSTEPS, Plant, Sensor, Signals
 from results.studies.worlds.refinery.valves import Valve
+from simbench.detectors.compiled import compiled
 
 M0, PV0, TS = 50.0, 200.0, 2.0
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds import NAMES, WORLDS
-from scenarios.spec import Loop
 from simbench.blind.making import Plan, make
 from simbench.blind.world import WORLD_EFFECTS
+from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.effects import BLOCKS, Choice
 from simbench.loop.effects import EFFECTS as VOCABULARY
+from simbench.scenarios.spec import Loop
 
 SEED = 11
 STRENGTHS = ("weak", "medium", "strong")
@@ -153,7 +153,7 @@ def test_a_world_imports_nothing_that_it_judges_nor_effects_that_others_install(
     place = WORLDS.load(name)
     shared = (
         place.__name__, "simbench.blind.distance", "simbench.blind.menu", "simbench.blind.world",
-        "simbench.loop.effects", "detectors.compiled", "detectors.errors",
+        "simbench.loop.effects", "simbench.detectors.compiled", "simbench.detectors.errors",
     )  # fmt: skip
     for path in Path(place.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from detectors.compiled import compiled
 from results.studies.worlds.mill.nature import stream
+from simbench.detectors.compiled import compiled
 
 Stage = dict[str, Any]
 

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds.mill.foreign import KINDS
 from results.studies.worlds.mill.loops import baseline, draw_loop, logu
 from results.studies.worlds.mill.oracle import (
@@ -27,6 +26,7 @@ from results.studies.worlds.mill.scales import Scales
 from results.studies.worlds.mill.sizes import family
 from results.studies.worlds.mill.statistics import Record
 from simbench.blind.world import WORLD_EFFECTS, Item
+from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.effects import NONE, UNKNOWN
 
 LOOPS, _VARIANTS = 200, 2  # loops drawn for one entry; directions, periods and seeds tried on each

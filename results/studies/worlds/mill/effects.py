@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds.mill import valve
 from results.studies.worlds.mill.archive import spikes
 from results.studies.worlds.mill.foreign import KINDS
 from results.studies.worlds.mill.nature import levels
 from results.studies.worlds.mill.rig import Case, Rig, keep
 from simbench.blind.world import WORLD_EFFECTS
+from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.effects import Choice
 
 Parameters = dict[str, Any]

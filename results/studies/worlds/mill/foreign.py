@@ -12,9 +12,9 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from detectors.errors import ParameterError
 from results.studies.worlds.mill.nature import spells
 from results.studies.worlds.mill.rig import Rig
+from simbench.detectors.errors import ParameterError
 
 Parameters = dict[str, Any]
 _BIG = 1e9

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from detectors.errors import ParameterError
 from results.studies.worlds.mill.loops import either, logu
 from results.studies.worlds.mill.scales import limits
+from simbench.detectors.errors import ParameterError
 
 
 def _scan_overrun(rng, s):

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.compiled import compiled
 from results.studies.worlds.mill.controller import STATES as CONTROLLER_STATES
 from results.studies.worlds.mill.controller import clip, control, follow
 from results.studies.worlds.mill.plant import Discrete
 from results.studies.worlds.mill.valve import DEADZONE, STATES, deadzone, friction, installed, play
+from simbench.detectors.compiled import compiled
 
 
 class Law(NamedTuple):

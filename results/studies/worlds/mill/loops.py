@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
 from results.studies.worlds.mill import history
 from results.studies.worlds.mill.controller import PRODUCTS, RULES
 from results.studies.worlds.mill.nature import LOADS, NOISES
 from results.studies.worlds.mill.plant import discretise, fitted, margins
 from results.studies.worlds.mill.rig import Case, Rig
 from results.studies.worlds.mill.valve import FRICTION
+from simbench.detectors.errors import ParameterError
 
 # time constant (integrating: the time the level or pressure takes to notice) in s, and Td over it;
 # ranges of practice in paper mills, water works, boiler houses and compressor stations (Bialkowski

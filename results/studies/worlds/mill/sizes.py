@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from detectors.errors import ParameterError
 from results.studies.worlds.mill import foreign_sizes
 from results.studies.worlds.mill.foreign import KINDS
 from results.studies.worlds.mill.loops import either, logu, signif
 from results.studies.worlds.mill.scales import Family, Parameters, Scales, limits
 from simbench.blind.world import WORLD_EFFECTS
+from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import Choice
 
 

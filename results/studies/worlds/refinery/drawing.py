@@ -6,12 +6,12 @@ import json
 
 import numpy as np
 
-from detectors.errors import ParameterError, UnknownName
 from results.studies.worlds.refinery import foreign, loops, oracle, search
 from results.studies.worlds.refinery.search import Misfit, healthy, prepared
 from results.studies.worlds.refinery.simulation import run
 from simbench.blind.menu import TestPlan
 from simbench.blind.world import WORLD_EFFECTS, Item
+from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.effects import NONE, UNKNOWN
 
 LOOPS = 200  # loops drawn before an entry is given up

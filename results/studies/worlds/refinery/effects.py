@@ -13,10 +13,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from detectors.errors import ParameterError
 from results.studies.worlds.refinery import loads, valves
 from results.studies.worlds.refinery.simulation import Setup
 from simbench.blind.world import WORLD_EFFECTS
+from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import Choice
 
 Apply = Callable[[Setup, dict, dict], None]

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from detectors.errors import ParameterError
 from results.studies.worlds.refinery import loads
 from results.studies.worlds.refinery.effects import Apply
 from results.studies.worlds.refinery.simulation import Setup
+from simbench.detectors.errors import ParameterError
 
 FOREIGN: dict[str, str] = {
     "error_squared": "controller",  # averaging level control: gain grows with |error|

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from detectors.errors import UnknownName
 from results.studies.worlds.refinery import foreign, oracle
 from results.studies.worlds.refinery.effects import APPLY, complete
 from results.studies.worlds.refinery.simulation import Setup, build, run
 from results.studies.worlds.refinery.sizes import FOREIGN_SIZES, SIZES, Size
 from simbench.blind.world import WORLD_EFFECTS
+from simbench.detectors.errors import UnknownName
 
 CLOUD, SHOWN = (
     12,

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
 from simbench.blind.menu import TestPlan, operated
 from simbench.blind.world import Item
 from simbench.blind.worlds.own import loops
@@ -18,6 +17,7 @@ from simbench.blind.worlds.own.drawing import baseline_table
 from simbench.blind.worlds.own.faults import FOREIGN, NEEDS_PLANT, fault
 from simbench.blind.worlds.own.items import draw_item
 from simbench.blind.worlds.own.loops import TrueLoop
+from simbench.detectors.errors import ParameterError
 
 __all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate", "test"]
 

@@ -10,9 +10,9 @@ from functools import partial
 
 import numpy as np
 
-from detectors.compiled import njit_cached
 from simbench.blind.worlds.own import simulator as sim
 from simbench.blind.worlds.own.loops import Fault, Prepared
+from simbench.detectors.compiled import njit_cached
 
 Parameters = dict[str, float | str]
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from detectors.errors import ParameterError
 from simbench.blind.distance import RESOLVABLE, cloud
 from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.own import drawing, faults, loops, oracle, sizes
 from simbench.blind.worlds.own.loops import Fault, Signals, TrueLoop
+from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import NONE, UNKNOWN
 
 _LOOPS_TO_TRY = 200

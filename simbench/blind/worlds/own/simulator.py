@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.compiled import njit_cached
+from simbench.detectors.compiled import njit_cached
 
 SUBSTEPS = 12
 _IDEAL, PLAY, KARNOPP, STRIBECK, HE = range(5)

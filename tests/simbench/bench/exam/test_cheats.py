@@ -29,15 +29,15 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.signal import hilbert
 
-from detectors.prepared import prepare
-from detectors.record import LoopRecord
-from scenarios.grid import load_grid
 from simbench.bench.exam.folder import Exam, read_exam
 from simbench.bench.exam.making import make_exam
 from simbench.bench.exam.opening import opened_exam
 from simbench.bench.execute.plugin_host import settled
 from simbench.bench.scenario.truth import YES, simulate_with_truth
 from simbench.bench.score import no_waveform
+from simbench.detectors.prepared import prepare
+from simbench.detectors.record import LoopRecord
+from simbench.scenarios.grid import load_grid
 
 MOST_RIGHT = 0.60  # share of the judged loops that a cheat may answer correctly
 NORMAL_95 = 1.645  # one-sided 95 % quantile of the normal distribution
@@ -337,7 +337,8 @@ def judge(tmp_path_factory):
 def whole(tmp_path_factory):
     """An exam of all loops of the first block of grid ci, without repeats."""
     place = tmp_path_factory.mktemp("whole")
-    head, block, *_ = (files("scenarios") / "grids" / "ci.toml").read_text().split("[[block]]")
+    text = (files("simbench.scenarios") / "grids" / "ci.toml").read_text()
+    head, block, *_ = text.split("[[block]]")
     head = head.replace("repeats = 2", "repeats = 1").replace("expected = 2184\n", "")
     (place / "ci.toml").write_text(f"{head}[[block]]{block}")
     return sit(place, place / "ci.toml", None, 404)

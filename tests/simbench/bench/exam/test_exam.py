@@ -20,7 +20,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from scenarios.grid import load_grid
 from simbench.bench.exam import answering, opening, simulating
 from simbench.bench.exam.answering import answer_exam
 from simbench.bench.exam.folder import read_exam
@@ -29,13 +28,14 @@ from simbench.bench.exam.opening import opened_exam
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
+from simbench.scenarios.grid import load_grid
 
 SEED, METHODS = 7, ["he", "horch", "hammerstein"]
 PLUGIN = '''"""Slow: answers by the sign of the last sample, after a while."""
 import time
 
-from detectors.method import Method
-from detectors.verdict import NO_STICTION, STICTION, Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import NO_STICTION, STICTION, Verdict
 
 METHOD = Method(
     title="slow", source="test", process=("self-regulating", "integrating"), front_end=False

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from bench_fixtures import SMALL
 
-from detectors.methods import he
-from scenarios.grid import make_grid
 from simbench.bench.execute.again import check_and_ask_again
 from simbench.bench.execute.run import run_grid
+from simbench.detectors.methods import he
+from simbench.scenarios.grid import make_grid
 
 
 def test_a_detector_that_answers_otherwise_the_second_time_is_reported(tmp_path, monkeypatch):

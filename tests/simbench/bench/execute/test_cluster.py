@@ -11,9 +11,9 @@ import pytest
 from killing import kill_when_it_stops, stops
 
 from results.studies.benchmark_cost import same_tables
-from scenarios.grid import make_grid
 from simbench.bench.execute.run import run_grid
 from simbench.bench.store.checksums import RunError
+from simbench.scenarios.grid import make_grid
 
 pytestmark = pytest.mark.slow  # processes of dask are started and killed
 distributed = pytest.importorskip("distributed")
@@ -29,7 +29,8 @@ def slow(folder, at: int):
     """A detector that stops at a record, once."""
     file = folder / "mine.py"
     file.write_text(
-        "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
+        "from simbench.detectors.method import Method\n"
+        "from simbench.detectors.verdict import Verdict\n"
         'METHOD = Method(title="mine", source="a test", front_end=False)\n'
         f"def detect(prepared):\n{textwrap.indent(stops(folder, at), '    ')}    time.sleep(0.02)\n"
         '    return Verdict("mine", "no_decision", reason="nothing to say")\n'

@@ -22,10 +22,7 @@ from joblib import Parallel, delayed
 from joblib.externals.loky import process_executor
 from killing import kill_when_it_stops, stops
 
-import scenarios
-from detectors.errors import UserError
-from detectors.judge import judge
-from scenarios.grid import make_grid
+import simbench.scenarios as scenarios
 from simbench.bench.execute import pieces, workers
 from simbench.bench.execute import plugin_host as guests
 from simbench.bench.execute import run as run_module
@@ -37,8 +34,11 @@ from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
 from simbench.bench.store.manifest import RunError, read_manifest
 from simbench.bench.store.reading import RunArrays, read_scenario
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
 from simbench.files import FileError
 from simbench.loop.simulate import simulate
+from simbench.scenarios.grid import make_grid
 
 METHODS = ["he", "yamashita"]
 
@@ -58,7 +58,8 @@ def plugin(tmp_path, body):
     file = tmp_path / "mine.py"
     file.write_text(
         "import os, pathlib, signal\n"
-        "from detectors.method import Method\nfrom detectors.verdict import Verdict\n"
+        "from simbench.detectors.method import Method\n"
+        "from simbench.detectors.verdict import Verdict\n"
         'METHOD = Method(title="mine", source="a test", front_end=False)\n'
         "def detect(prepared):\n"
         + textwrap.indent(textwrap.dedent(body), "    ")
@@ -252,7 +253,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         import signal
         import sys
         from simbench.bench.execute.run import Interrupted, run_grid
-        from scenarios.grid import make_grid
+        from simbench.scenarios.grid import make_grid
         sys.path.insert(0, {str(Path(__file__).parents[3] / "common")!r})
         from bench_fixtures import SMALL
         if __name__ == "__main__":

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from scenarios.spec import Loop
 from simbench.bench.execute import work
 from simbench.bench.execute.sweep import Sweep, sweep
 from simbench.bench.statistics import wilson
+from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(
     {

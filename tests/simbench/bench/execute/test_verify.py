@@ -13,8 +13,6 @@ import pytest
 from bench_fixtures import SMALL
 from typer.testing import CliRunner
 
-from scenarios.grid import make_grid
-from scenarios.spec import Loop, Scenario, content_hash
 from simbench.bench.execute import verify as verify_module
 from simbench.bench.execute.pieces import partition_file, records_hash
 from simbench.bench.execute.run import run_grid
@@ -29,11 +27,13 @@ from simbench.bench.store.place import place_of
 from simbench.bench.store.reading import RunArrays
 from simbench.bench.store.tables import SCENARIOS, VERDICT_SCHEMA, encode
 from simbench.cli import app, main
+from simbench.scenarios.grid import make_grid
+from simbench.scenarios.spec import Loop, Scenario, content_hash
 
 METHODS = ["he", "horch", "yamashita"]
 MINE = """
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 METHOD = Method(title="mine", source="a test", front_end=False)
 def detect(prepared):
     return Verdict("mine", "stiction", score=1.0, reason="always")

@@ -13,13 +13,13 @@ import pandas as pd
 import pytest
 from bench_fixtures import SMALL
 
-from scenarios.grid import make_grid
 from simbench.bench.execute.verify import verify_run
 from simbench.bench.map import making, surrogate
 from simbench.bench.map.making import map_grid
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
 from simbench.figures import draw_map
+from simbench.scenarios.grid import make_grid
 from tests.scenarios.test_sample import MILLION
 
 METHODS = ["he", "yamashita"]

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from detectors.prepared import prepare
-from scenarios.spec import Loop
 from simbench.bench.scenario.kept import prepare_once, run_once
+from simbench.detectors.prepared import prepare
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 TABLE = {
     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from labels import cycled, friction_band, refined, table_11_3
 
-from scenarios.grid import load_grid
 from simbench.bench.execute.plugin_host import theory
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.scenarios.grid import load_grid
 
 
 def scenarios(grid, groups):

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop, Scenario
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import judge_oracle
 from simbench.bench.store.reading import RunArrays
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop, Scenario
 
 FOPTD = {"type": "foptd", "K": 1.5, "T": 10, "Td": 2.3}
 INTEGRATING = {"type": "integrating", "K": 0.1, "Td": 1.7}

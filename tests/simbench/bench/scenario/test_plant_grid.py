@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
-from scenarios.errors import SpecError
-from scenarios.grid import load_grid, make_grid
 from simbench.bench.scenario.resolve import band, resolve, valve_table
 from simbench.bench.scenario.truth import simulate_with_truth
+from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.simulate import simulate
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import load_grid, make_grid
 
 PAGE = Path(__file__).parents[4] / "docs" / "plant_grid.md"
 DEAD_BANDS = ("deadband", "coulomb_viscous", "hysteresis")

@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.prepared import prepare
 from results.studies.leak import BALANCE, MOST_ALONE, MOST_OF_ALL, MOST_OF_SET, MOST_UNMATCHED, leak
-from scenarios.grid import load_grid
-from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import (
     first_guess,
     measure_cycle,
     resolve,
     sampled_ultimate_gain,
 )
+from simbench.detectors.prepared import prepare
 from simbench.loop.simulate import simulate
+from simbench.scenarios.grid import load_grid
+from simbench.scenarios.spec import Loop
 
 
 def loop(S=5.0, J=2.0, Kc=1.0, **more):

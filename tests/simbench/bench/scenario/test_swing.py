@@ -5,9 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from scenarios.cell import CycleScale, WantedOscillation, cell_group
-from scenarios.grid import load_grid
-from scenarios.spec import Loop
 from simbench.bench.scenario.resolve import measure_cycle, resolve
 from simbench.bench.scenario.swing import (
     Cycle,
@@ -18,6 +15,9 @@ from simbench.bench.scenario.swing import (
     steadied,
 )
 from simbench.loop.simulate import simulate
+from simbench.scenarios.cell import CycleScale, WantedOscillation, cell_group
+from simbench.scenarios.grid import load_grid
+from simbench.scenarios.spec import Loop
 
 BY_TUNING = WantedOscillation(period=1.0, wander=0.05)
 CYCLE = Cycle(period=60.0, pv_std=1.0, op_std=2.0, exists=True)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.truth import (
     MIN_REVERSALS,
@@ -12,6 +11,7 @@ from simbench.bench.scenario.truth import (
     simulate_with_truth,
 )
 from simbench.loop.simulate import simulate, valve_tail
+from simbench.scenarios.spec import Loop
 
 STICKY = {"model": "choudhury", "S": 5, "J": 2}
 IDEAL = {"model": "ideal"}

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from detectors.judge import judge
-from detectors.records.io import read_record
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.baseline import read_book
 from simbench.bench.score.check import check_run, compare_books, update_baseline
@@ -19,6 +17,8 @@ from simbench.bench.score.history import read_history
 from simbench.bench.store.reading import RunError
 from simbench.cli import app
 from simbench.cli.common import wrapped
+from simbench.detectors.judge import judge
+from simbench.detectors.records.io import read_record
 
 N = 600
 TRUTH = np.arange(N) % 2

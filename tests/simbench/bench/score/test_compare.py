@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.compare import between_methods, between_runs, compare
 from simbench.bench.statistics import mcnemar, rate
+from simbench.detectors.errors import UserError
 
 N = 400
 TRUTH = np.arange(N) % 2

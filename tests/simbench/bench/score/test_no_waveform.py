@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.record import LoopRecord
 from simbench.bench.score.no_waveform import (
     EXTREMES,
     FEATURE_SETS,
@@ -13,6 +12,7 @@ from simbench.bench.score.no_waveform import (
     features_without_waveform,
     no_waveform,
 )
+from simbench.detectors.record import LoopRecord
 
 NAMES = (*FEATURES, *EXTREMES)
 

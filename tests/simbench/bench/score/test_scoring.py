@@ -8,10 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from detectors.errors import ParameterError
-from detectors.verdict import NO_DECISION, STICTION
-from scenarios.errors import SpecError
-from scenarios.spec import Loop
 from simbench.bench.calibrate import abstention, calibrate, calibrate_books
 from simbench.bench.execute.adaptive import trials
 from simbench.bench.execute.run import run_grid
@@ -23,6 +19,10 @@ from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.verdict import NO_DECISION, STICTION
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(
     {

@@ -9,8 +9,8 @@ from simbench.cli import app
 
 HEAD = ["rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision"]
 BROKEN = '''"""A detector that fails on every third record."""
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 
 METHOD = Method(title="fails", source="a test")
 

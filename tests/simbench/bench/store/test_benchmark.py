@@ -8,14 +8,14 @@ import pytest
 from bench_fixtures import SMALL
 from typer.testing import CliRunner
 
-from detectors.errors import UserError
-from scenarios.grid import load_grid, make_grid
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.store import benchmark
 from simbench.bench.store.benchmark import benchmark_of, grid_of
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.cli import app
+from simbench.detectors.errors import UserError
+from simbench.scenarios.grid import load_grid, make_grid
 
 AXES = {"disturbance": ["none"], "S_over_2J": [0.5]}
 

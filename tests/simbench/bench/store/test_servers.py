@@ -22,7 +22,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the 
 METHODS = ["he", "yamashita"]
 CODE = """
 import json, sys
-from scenarios.grid import make_grid
+from simbench.scenarios.grid import make_grid
 from simbench.bench.execute.run import run_grid
 grid = make_grid(json.loads(sys.argv[2]), "small", {"repeats": 2})
 run_grid(grid, sys.argv[1], ["he", "yamashita"])

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
 from simbench.blind.distance import cloud, features
 from simbench.blind.making import Plan
 from simbench.blind.world import WORLD_EFFECTS
 from simbench.blind.worlds.own import drawing, faults, items, loops, oracle, sizes
 from simbench.blind.worlds.own import simulator as sim
+from simbench.detectors.errors import ParameterError
 
 RNG = np.random.default_rng
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from recorded import FLOW, LOADED, recorded
 
-from scenarios.spec import Loop
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
+from simbench.scenarios.spec import Loop
 
 SHORT = LOADED | {"sampling": {"Ts": 1.0, "n": 600}}
 LOOP = Loop.from_table(FLOW)

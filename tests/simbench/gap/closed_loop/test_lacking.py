@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenarios.spec import Loop
 from simbench.gap.closed_loop.lacking import lacking
 from simbench.gap.intake.check import check
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(
     {

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.records.io import read_record
 from results.studies.worlds import NAMES, WORLDS
-from scenarios.spec import Loop, load_loop
 from simbench.blind.making import STRENGTHS, write_item
+from simbench.detectors.records.io import read_record
 from simbench.gap import diagnose
 from simbench.gap.closed_loop.level import level
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop, load_loop
 
 TABLE = {
     "plant": {"type": "foptd", "K": 2.0, "T": 20.0, "Td": 4.0},

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop, Part
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop, load_parts
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Moves, Spec
 from simbench.loop.disturbance import disturbance_signal
+from simbench.scenarios.spec import Loop, Part
 
 
 def simulated(parts, n, seed):

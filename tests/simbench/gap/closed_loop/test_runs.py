@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from detectors.errors import RecordError
+from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import Candidate, Fitted
 from simbench.gap.closed_loop import runs
 from simbench.gap.closed_loop.runs import ClosedLoops

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from detectors.signal.filters import lfilter
-from scenarios.spec import Loop
+from simbench.detectors.signal.filters import lfilter
 from simbench.gap.controller.examine import examine_controller
 from simbench.loop.controller import pid_numbers, pid_start, pid_step
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 TABLE = {
     "plant": {"type": "tf", "num": [1.0], "den": [20.0, 9.0, 1.0], "Td": 2.0},

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenarios.spec import Part
 from simbench import Loop
 from simbench.gap.decide.assess import assess
 from simbench.gap.decide.beside_tests import joint_engine, lab_gains, valve_maps
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.model import Data
+from simbench.scenarios.spec import Part
 
 by_lab = recogniser("drift").by_lab
 TIME = np.linspace(0.0, 1000.0, 40)

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.gap.discover.blocks import located
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
@@ -20,6 +19,7 @@ from simbench.gap.likelihood.valve_map import lagged
 from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 BASELINE = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},

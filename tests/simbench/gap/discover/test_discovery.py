@@ -11,10 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
 from simbench.cli import main
 from simbench.contract import check_file
+from simbench.detectors.errors import ParameterError
 from simbench.files import write_record
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.discover.blocks import Located
@@ -25,6 +24,7 @@ from simbench.gap.law import FoundLaw, spells_of, windows_of
 from simbench.loop.effects import PLUGINS
 from simbench.loop.laws import forms
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 TABLE = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from scenarios.spec import Loop
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.discover.effect_file import lent_effect
 from simbench.gap.discover.moments import matched
@@ -12,6 +11,7 @@ from simbench.gap.discover.search import search
 from simbench.gap.intake.check import check
 from simbench.gap.law import FoundLaw
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 BASELINE = Loop.from_table(
     {

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.gap.decide import beside_tests
 from simbench.gap.decide.assess import assess
 from simbench.gap.diagnosis import assess_with_tests
@@ -17,6 +16,7 @@ from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.plan.menu import LEAD, Limits, sized
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 2.0, "T": 10.0, "Td": 2.0},
@@ -45,7 +45,7 @@ def made(id_, situation, loop=LOOP, stated=LOOP):
             np.concatenate([getattr(lead, c), getattr(record, c)[lead.n :]]) for c in ("op", "pv")
         )
         record = SimpleNamespace(op=op, pv=pv)
-    from detectors.record import LoopRecord
+    from simbench.detectors.record import LoopRecord
 
     sp = np.full(record.op.size, 30.0) if manual.any() else record.sp
     whole = LoopRecord(op=record.op, pv=record.pv, sp=sp, Ts=1.0, op_span=(0.0, 100.0))

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.errors import RecordError
-from scenarios.spec import Loop
+from simbench.detectors.errors import RecordError
 from simbench.gap.intake.check import check
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 TABLE = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},

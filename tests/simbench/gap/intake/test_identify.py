@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.errors import RecordError
-from detectors.record import LoopRecord
-from scenarios.spec import Controller, Loop, Plant
+from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.diagnosis import conclude
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.identify import exact_controller, fit_plant, identify, meaningful
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Controller, Loop, Plant
 
 STEPS = [[2.0 * k, 50.0 + (-1) ** i * 4.0] for i, k in enumerate(range(100, 1200, 150))]
 TABLE = {

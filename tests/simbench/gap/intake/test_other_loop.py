@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from detectors.errors import RecordError
+from simbench.detectors.errors import RecordError
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
 from simbench.gap.intake.other_loop import refuse_other_plant

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from detectors.errors import UserError
-from scenarios.spec import Loop
+from simbench.detectors.errors import UserError
 from simbench.gap.intake.recorded_test import TEST_IDS, files_of, read_test
+from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.errors import RecordError
-from detectors.record import LoopRecord
+from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
 from simbench.gap.intake.archive import _answered, stands_out

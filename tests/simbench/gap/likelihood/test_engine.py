@@ -5,11 +5,11 @@ no unit anywhere.
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import STEP, Engine
 from simbench.gap.likelihood.model import Data, Spec
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 K, T, TD, NOISE, LOAD, MEMORY = 1.5, 14.0, 4.3, 0.35, 0.9, 18.0
 

@@ -5,11 +5,11 @@ nats.
 import numpy as np
 import pytest
 
-from scenarios.spec import Loop
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.valve_map import MapSearch, lagged
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 N, TS = 500, 2.0
 OP = 50.0 + 4.0 * np.sin(np.arange(N) / 17.0) + 2.5 * np.sin(np.arange(N) / 6.1)

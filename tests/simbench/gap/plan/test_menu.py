@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scenarios.errors import SpecError
-from scenarios.spec import Loop, checked
 from simbench.gap.plan.menu import LEAD, Limits, sized
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import Loop, checked
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 2.0, "T": 10.0, "Td": 2.0},

@@ -15,13 +15,13 @@ import pytest
 from chromium import needs_browser
 from random_case import random_case
 
-from scenarios.spec import Loop
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.report.page import write_page
 from simbench.gap.report.sheet import draw_sheet
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED, compared, end_of
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 HEALTHY = {
     "plant": {"type": "foptd", "K": 1.2, "T": 20.0, "Td": 4.0},

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.gap.report import page
 from simbench.gap.report.pictures import (
     LOOK,

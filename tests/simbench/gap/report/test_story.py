@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.gap.plan.order import PlannedTests
 from simbench.gap.report.plan_page import write_plan_page
 from simbench.gap.report.story import story

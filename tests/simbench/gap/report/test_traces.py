@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.errors import RecordError
-from scenarios.spec import Loop
+from simbench.detectors.errors import RecordError
 from simbench.gap.closed_loop import level
 from simbench.gap.report.result import Ranked
 from simbench.gap.report.traces import (
@@ -20,6 +19,7 @@ from simbench.gap.report.traces import (
     nearest,
     recorded,
 )
+from simbench.scenarios.spec import Loop
 
 X = np.arange(100.0)
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.detection import detect
-from detectors.prepared import Prepared
-from scenarios.spec import Loop
+from simbench.detectors.detection import detect
+from simbench.detectors.prepared import Prepared
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.gap.stiction.causes import find_causes
 from simbench.gap.stiction.margins import margins
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 LOOP = {
     "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},

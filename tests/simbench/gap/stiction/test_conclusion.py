@@ -16,13 +16,12 @@ import pandas as pd
 import pytest
 from random_case import random_case
 
-from detectors.prepared import Prepared
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from results.studies.worlds import NAMES as WORLD_NAMES
 from results.studies.worlds import WORLDS
-from scenarios.spec import Loop, load_loop
 from simbench.blind.making import write_item
 from simbench.cli import main
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap import conclude, diagnose
 from simbench.gap.decide.classify import Classified
 from simbench.gap.stiction import causes
@@ -33,6 +32,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.plant.report.fleet import survey
 from simbench.plant.report.page import table
+from simbench.scenarios.spec import Loop, load_loop
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
 EXAMPLE = Path(__file__).parents[4] / "docs" / "example" / "model.toml"

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from random_case import random_case
 
-from detectors.errors import RecordError
-from detectors.judge import judge
-from detectors.record import LoopRecord
+from simbench.detectors.errors import RecordError
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnose
 from simbench.gap.decide.assess import assess
 from simbench.gap.decide.identified import plausible

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.gap.stiction.pace import HELD, SHORTEST_LEFT, at_its_pace, measured_samples, unheld
 
 

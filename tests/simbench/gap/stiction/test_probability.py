@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from random_case import random_case
 
-from detectors.judge import judge
 from simbench.cli import main
+from simbench.detectors.judge import judge
 from simbench.files import write_record
 from simbench.gap.stiction.probability import (
     CLAIMED_FROM,
@@ -95,7 +95,7 @@ def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
 
 
 def test_what_cannot_be_judged_has_no_probability(folder, tmp_path):
-    from detectors.record import LoopRecord
+    from simbench.detectors.record import LoopRecord
 
     flat = LoopRecord(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
     [answered] = judge(flat, ["likelihood"])

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from detectors.errors import ParameterError
-from scenarios.spec import Loop
+from simbench.detectors.errors import ParameterError
 from simbench.loop.laws import LAW_FORMS, apply_law, law_parameters
 from simbench.loop.laws.forms import spells
 from simbench.loop.parameters import resolve
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
+from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(
     {

@@ -4,10 +4,10 @@ named first.
 
 import pytest
 
-from scenarios.spec import Loop
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
 from simbench.plant.report import fleet
+from simbench.scenarios.spec import Loop
 
 PAIR = {
     "plant": {"type": "foptd", "K": 1.0, "T": 5.0, "Td": 1.0},

@@ -5,9 +5,8 @@ friction is known.
 import numpy as np
 import pytest
 
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from scenarios.spec import Loop
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
 from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.loop.simulate import simulate
 from simbench.plant.report.cost import cost_of, cycle_share, reversals
@@ -20,6 +19,7 @@ from simbench.plant.report.what_if import (
     retuned,
     what_if,
 )
+from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
-from detectors.signal.phase import coherence
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.phase import coherence
 from simbench.plant.report.events import cascades, same_time, shared_oscillations
 
 T = np.arange(2000.0)

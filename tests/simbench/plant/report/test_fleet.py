@@ -12,10 +12,10 @@ import pytest
 from recorded import STICKY, resting
 from scipy.signal import lfilter
 
-from detectors.prepared import Prepared
-from detectors.record import LoopRecord
 from simbench.bench.store.checksums import with_checksum
 from simbench.cli import main
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
 from simbench.files import write_record
 from simbench.plant.report import fleet
 from simbench.plant.report.events import likely_root, shared_oscillations

@@ -8,9 +8,8 @@ from functools import wraps
 import numpy as np
 import pytest
 
-from detectors.record import LoopRecord
-from scenarios.grid import load_grid
 from simbench.cli import main
+from simbench.detectors.record import LoopRecord
 from simbench.files import write_record
 from simbench.loop.simulate import simulate
 from simbench.plant.command import study_folder
@@ -30,6 +29,7 @@ from simbench.plant.study.two_sample import (
     mmd_test,
 )
 from simbench.plant.study.written_grid import write_grid
+from simbench.scenarios.grid import load_grid
 
 
 def normal(seed, n, shift=0.0, features=5):

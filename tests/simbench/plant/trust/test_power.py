@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from detectors.verdict import Verdict
+from simbench.detectors.verdict import Verdict
 from simbench.plant.trust.power import (
     Cell,
     Rule,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from random_case import random_case
 
-from detectors.record import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.gap.stiction.candidate_loops import candidate_loops, with_friction
 from simbench.plant.trust import replicates as twins
 from simbench.plant.trust.replicates import Change, draw_replicates, levels

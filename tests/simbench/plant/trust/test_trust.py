@@ -9,16 +9,16 @@ import pytest
 from recorded import RESTING, resting
 from recorded import STICKY as STUCK
 
-from detectors.record import LoopRecord
-from detectors.verdict import NO_DECISION, NO_STICTION, STICTION
-from scenarios.spec import Loop, load_loop
 from simbench.cli import main
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.files import write_record
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.loop.simulate import simulate
 from simbench.plant.report.fleet import EACH, HEALTHY
 from simbench.plant.trust.trust import FEW as LEAST
 from simbench.plant.trust.trust import trust
+from simbench.scenarios.spec import Loop, load_loop
 
 FEW = {"methods": ["he,horch"], "healthy": 20, "each": 4}
 
