@@ -94,7 +94,9 @@ def test_the_vocabulary_is_data_and_loads_no_model():
         name
         for name in loaded
         if name.startswith("simbench.")
-        and not name.startswith(("simbench.loop.effects", "simbench.detectors"))
+        and not name.startswith(
+            ("simbench.loop.effects", "simbench.detectors", "simbench.scenarios")
+        )
     }
     # simbench.lazy: how the package finds its public names; it loads none of them
     # simbench.loop.laws: forms that some effects share, their numbers with unit and bounds; their
