@@ -245,48 +245,6 @@ def leave_out_(
     show(json.loads(table.to_json(orient="records")) if as_json else text, as_json)
 
 
-@gap_app.command(
-    "study",
-    epilog=examples("gap study folder --grid chapter --html study.html --write-grid fixed.toml"),
-)
-def gap_study(
-    records: Annotated[Path, Argument(metavar="RECORDS", help="Read the records of this folder.")],
-    grid: Annotated[str, Option(help="Name a grid, or give a TOML file.")],
-    labels: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE.csv",
-            help="Use only the records that this table lists (columns id and label); records of one"
-            " unit_group count as one loop.",
-        ),
-    ] = None,
-    html: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE.html",
-            help="Write an HTML page to this file; an interrupted call is continued.",
-        ),
-    ] = None,
-    write_grid: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE.toml", help="Write the grid extended by the effects that were identified."
-        ),
-    ] = None,
-    jobs: Jobs = 2,
-    as_json: Json = False,
-) -> None:
-    """Report how records differ from a grid, and what each missing effect costs.
-
-    Use it to ask whether the scenarios of a benchmark resemble the loops of your plant. The cost of
-    an effect is the accuracy that each detector loses when the effect is added to the grid.
-    """
-    from simbench.plant.command import study_folder
-
-    study = study_folder(records, grid, labels, html=html, write_grid=write_grid, jobs=jobs)
-    show_result(study, as_json)
-
-
 @withheld_app.command(epilog=examples("gap withheld make check --key check.key --seed 1"))
 def make(
     out: Check,

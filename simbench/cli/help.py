@@ -43,7 +43,6 @@ GROUPS = {
         "full",
         "write_loop",
         "write_effect",
-        "write_grid",
     ),
 }
 

@@ -1,3 +1,3 @@
-"""Apply the benchmark to a plant: which detector to trust on a loop, which loop to work on first,
-and how a plant differs from a grid.
+"""Apply the benchmark to a plant: which detector to trust on a loop, and which loop to work on
+first.
 """

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 from simbench.detectors.records.io import read_folder, read_labels, read_record
 from simbench.files import refuse_own_input
 from simbench.plant.report.fleet import JUDGED, Fleet, survey
-from simbench.plant.study.result import Study
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 from simbench.scenarios.spec import load_loop
@@ -55,42 +52,6 @@ def report_folder(
     if orders is not None:
         write_orders(fleet, orders)
     return fleet, table_path
-
-
-def study_folder(
-    folder: str | Path,
-    grid: str | Path,
-    labels: str | Path | None = None,
-    *,
-    html: str | Path | None = None,
-    write_grid: str | Path | None = None,
-    jobs: int = 2,
-) -> Study:
-    """Compare a folder of records with a grid; what a killed call had diagnosed is kept next to
-    its page, or grid, till then.
-    """
-    from simbench.plant.study.study import study
-
-    refuse_own_input([html, write_grid], [folder, labels, grid])
-    written = html or write_grid
-    kept = None if written is None else Path(written).with_name(f"{Path(written).name}.diagnosed")
-    result = study(folder, grid, labels, jobs=jobs, keep=kept)
-    if html is not None:
-        from simbench.plant.study.page import write_study
-
-        write_study(result, html)
-    if write_grid is not None:
-        from simbench.plant.study.written_grid import NoGrid
-        from simbench.plant.study.written_grid import write_grid as write
-
-        try:
-            messages = [f"the grid written cannot draw {e}" for e in write(result, write_grid)]
-        except NoGrid as why:  # an answer of the study, no wrong usage
-            messages = [str(why)]
-        result = replace(result, notes=(*result.notes, *messages))
-    if kept is not None:
-        rmtree(kept, ignore_errors=True)
-    return result
 
 
 def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: Any) -> list[str]:

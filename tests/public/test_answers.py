@@ -116,7 +116,6 @@ OPTIONS = {
     "gap withheld answer": "--tests",
     "gap withheld open": "",
     "gap leave-out": "",
-    "gap study": "--grid --labels --html --write-grid --json",
     "trust": "--loop --method --html --json",
     "report": "--labels -o",
     "contract": "",

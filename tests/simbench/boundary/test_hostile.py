@@ -177,7 +177,6 @@ VERBS = [
     "check run --against b",
     "figure table-11-4 -o f",
     "valve --model kano op.csv -o v.csv",
-    "gap study . --grid smoke",
 ]
 OPTIONS = [
     "--op-span",

@@ -47,7 +47,6 @@ HEAVY = {
     "report": "report ../plant -o plant.html -j 1",
     "trust": "trust ../rec.csv --html trust.html --method horch",
     "gap diagnose": "gap diagnose ../rec.csv --identify --html gap.html --write-loop fixed.toml",
-    "gap study": "gap study ../plant --grid smoke --html study.html -j 1",
     "withheld answer": "gap withheld answer held",
     "calibrate": "calibrate smoke --method horch -o cal",
     "map": "map smoke -o map --method horch_histogram --points 12 -j 1 --resume",

@@ -1,1 +1,0 @@
-"""Compare a set of records with a grid (`simbench gap study`)."""
