@@ -10,7 +10,6 @@ import sys
 from typing import Any
 
 from simbench.detectors.detection import judge_files
-from simbench.detectors.prepared import FRONT_ENDS
 from simbench.detectors.record import KINDS, PROCESSES
 from simbench.detectors.records.roles import column_pairs
 from simbench.detectors.report.report import failed, table
@@ -72,16 +71,6 @@ def main(arguments: list[str] | None = None) -> int:
     )
     add("--why", action="store_true", help="Print each method's reason below the table.")
     add("--labels", help="Score the records that this table lists (columns id and label).")
-    add(
-        "--raw",
-        action="store_true",
-        help="Judge every record, without first testing whether it oscillates.",
-    )
-    add(
-        "--front-end",
-        default="acf",
-        help=f"Choose the test that decides whether a loop oscillates: {' or '.join(FRONT_ENDS)}.",
-    )
     add("--plugin", action="append", default=[], help="Load an additional detector from this file.")
     add("--json", action="store_true", help="Print JSON, and nothing else, on stdout.")
     chosen = vars(parser.parse_args(arguments))

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
+from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from numpy.typing import ArrayLike
 
-from simbench.detectors.errors import ParameterError, nearest
+from simbench.detectors.errors import ParameterError
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.host import SECONDS
@@ -34,11 +34,9 @@ from simbench.detectors.sources import (
     as_record,
     named_methods,
 )
-from simbench.detectors.verdict import Verdict
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import Source
-_Thresholds = Mapping[str, Mapping[str, float]]
 _WEIGHED_BY = "likelihood"  # method whose evidence a conclusion weighs
 
 
@@ -48,10 +46,7 @@ def detect(
     methods: Methods = "all",
     *,
     Ts: float | None = None,
-    raw: bool = False,
-    front_end: Literal["acf", "hagglund"] = "acf",
     plugins: Iterable[str | Path] = (),
-    thresholds: _Thresholds | None = None,
     **about: Unpack[AboutFile],
 ) -> Report: ...
 @overload
@@ -63,20 +58,14 @@ def detect(
     sp: ArrayLike | None = None,
     mv: ArrayLike | None = None,
     methods: Methods = "all",
-    raw: bool = False,
-    front_end: Literal["acf", "hagglund"] = "acf",
     plugins: Iterable[str | Path] = (),
-    thresholds: _Thresholds | None = None,
     **about: Unpack[About],
 ) -> Report: ...
 def detect(
     source: Source | None = None,
     methods: Methods = "all",
     *,
-    raw: bool = False,
-    front_end: str = "acf",
     plugins: Iterable[str | Path] = (),
-    thresholds: _Thresholds | None = None,
     **about: Any,
 ) -> Report:
     """Does this valve stick? Ask one or all detectors.
@@ -90,14 +79,8 @@ def detect(
         Method ids, "all", "fast", "full"; a function of a LoopRecord that returns true (stiction),
         false, None, a verdict's word, one of these with a score, or a Verdict; an object whose
         `detect` does, copied before every record.
-    raw : bool
-        Without the oscillation front end.
-    front_end : {"acf", "hagglund"}
-        The oscillation detection, see `simbench.detectors.judge.judge`.
     plugins : iterable of str or Path
         Detector files outside the package; they are judged too.
-    thresholds : dict of method id to dict of str to float, optional
-        Thresholds in place of the methods' defaults.
     **about
         op, pv, sp, mv (shape (n,)) in place of a source: OP (%, or in `op_span` units), PV, SP (PV
         units), valve position (%); Ts (s), which a source may have itself; what is known of the
@@ -112,7 +95,7 @@ def detect(
     Raises
     ------
     UserError
-        For files, methods and thresholds that do not exist or make no sense.
+        For files and methods that do not exist or make no sense.
 
     Examples
     --------
@@ -127,7 +110,7 @@ def detect(
     ['half']
     """
     asked, custom = named_methods(methods)
-    settings = _JudgeSettings(raw, front_end, thresholds or {})
+    settings = _JudgeSettings()
     with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
@@ -137,7 +120,7 @@ def detect(
         with registry.hosted(plugins) as added:
             names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
-            verdicts = settings.judge(record, names)
+            verdicts = judge(record, names)
         return Report([(None, v) for v in verdicts], records={None: record})
 
 
@@ -145,10 +128,7 @@ def judge_files(
     path: str | Path,
     methods: Iterable[str] = ("all",),
     *,
-    raw: bool = False,
-    front_end: str = "acf",
     plugins: Iterable[str | Path] = (),
-    thresholds: _Thresholds | None = None,
     time_limit: float = SECONDS,
     conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
     **about: Any,
@@ -161,7 +141,7 @@ def judge_files(
         Record, folder of records, or ISDB .mat file.
     methods : iterable of str
         Method ids, "all", "fast", "full".
-    raw, front_end, plugins, thresholds : bool, str, iterable, dict
+    plugins : iterable
         As in `detect`.
     time_limit : float
         Seconds that a plug-in may take for one record.
@@ -180,7 +160,7 @@ def judge_files(
     Raises
     ------
     UserError
-        For files, methods and thresholds that do not exist or make no sense.
+        For files and methods that do not exist or make no sense.
 
     Examples
     --------
@@ -190,7 +170,7 @@ def judge_files(
     >>> judge_files(file, ["horch"])["horch"].verdict
     'no_decision'
     """
-    settings = _JudgeSettings(raw, front_end, thresholds or {}, time_limit, conclude)
+    settings = _JudgeSettings(time_limit, conclude)
     return _judge_files(path, methods, settings, plugins, **about)
 
 
@@ -198,16 +178,8 @@ def judge_files(
 class _JudgeSettings:
     """How every record is judged."""
 
-    raw: bool
-    front_end: str
-    thresholds: _Thresholds
     time_limit: float = SECONDS
     conclude: Callable[[LoopRecord], ShownConclusion] | None = None
-
-    def judge(self, record: LoopRecord, names: Iterable[str]) -> list[Verdict]:
-        return judge(
-            record, names, raw=self.raw, thresholds=self.thresholds, front_end=self.front_end
-        )
 
 
 def _judge_files(
@@ -222,12 +194,6 @@ def _judge_files(
     # 1. choose the methods; plug-ins answer in separate processes
     with registry.hosted(plugins, settings.time_limit) as added:
         names = choose_methods([*methods, *added])
-        for method in settings.thresholds:
-            if method not in names:
-                raise ParameterError(
-                    f"thresholds are given for {method!r}, which is not asked:"
-                    f" {nearest(method, names)}"
-                )
         # 2. read the records
         known = {} if labels is None else read_labels(labels)
         refuse_wrong_forms(names)
@@ -239,7 +205,7 @@ def _judge_files(
         weighed = settings.conclude is not None and (alone or _WEIGHED_BY in names)
         for name, record in records.items():
             try:
-                judged = settings.judge(record, names)
+                judged = judge(record, names)
                 if settings.conclude is not None and weighed:
                     conclusions[name] = settings.conclude(record)
             except Exception as error:

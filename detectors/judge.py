@@ -17,13 +17,12 @@ from simbench.detectors.method import Method
 from simbench.detectors.plugins.asking import ask_worker
 from simbench.detectors.plugins.host import PluginError
 from simbench.detectors.plugins.registry import methods as registry
-from simbench.detectors.prepared import FRONT_ENDS, Prepared, prepare
+from simbench.detectors.prepared import Prepared, prepare
 from simbench.detectors.quality import resolution
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import (
     NO_DECISION,
     NO_STICTION,
-    STICTION,
     Level,
     Verdict,
     wrong_types,
@@ -38,10 +37,6 @@ _HIDES = 0.5  # share of S that the archive may hide; above it no S is stated
 _LONGEST = 300  # characters of an error's text
 FAILED = "failed: "  # begins the reason of a method that gave no verdict
 
-# Cuts on the score that every method understands; `simbench calibrate` finds them for a wanted
-# share of errors.
-_CUTS = ("stiction_above", "no_stiction_below")
-
 
 def judge(
     record: LoopRecord,
@@ -49,7 +44,6 @@ def judge(
     *,
     raw: bool = False,
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
-    front_end: str = "acf",
     halves: bool = True,
 ) -> list[Verdict]:
     """Judge one record by several methods, sharing what they have in common.
@@ -60,7 +54,7 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
-    blind = (prepare if halves else Prepared)(record.without_mv(), known_front_end(front_end))
+    blind = (prepare if halves else Prepared)(record.without_mv())
     sighted = replace(record, meta={})
     verdicts = []
     for name in methods:
@@ -71,13 +65,6 @@ def judge(
         chosen = check_thresholds(name, method, (thresholds or {}).get(name, {}))
         verdicts += answers(name, prepared, (raw,), chosen)[0]
     return verdicts
-
-
-def known_front_end(name: str) -> str:
-    """Return the name of a front end, or raise ParameterError with the nearest one."""
-    if name not in FRONT_ENDS:
-        raise ParameterError(f"unknown front end {name!r}: {nearest(name, FRONT_ENDS)}")
-    return name
 
 
 def answers(
@@ -138,15 +125,10 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:
     """Return the method's thresholds with the chosen ones in their place."""
     values = method.defaults()
-    if "no_stiction_below" in chosen and "stiction_above" not in chosen:
-        raise ParameterError(f"method {name!r}: no_stiction_below needs stiction_above beside it")
     for key, value in chosen.items():
-        if key in _CUTS:
-            values[key] = float(value)
-            continue
         if key not in values:
             raise ParameterError(
-                f"method {name!r} has no threshold {key!r}: {nearest(key, (*values, *_CUTS))}"
+                f"method {name!r} has no threshold {key!r}: {nearest(key, values)}"
             )
         rule = method.thresholds[key]
         if not rule.low <= value <= rule.high:
@@ -165,9 +147,6 @@ def judge_one(
     """
     method: Method = module.METHOD
     record = prepared.record
-    cuts = {key: thresholds[key] for key in _CUTS if key in thresholds}
-    if cuts:
-        thresholds = {key: value for key, value in thresholds.items() if key not in _CUTS}
 
     def answer(verdict: str, reason: str, applicable: bool | None = True) -> Verdict:
         return Verdict(name, verdict, applicable=applicable, reason=reason)
@@ -226,12 +205,7 @@ def judge_one(
         oscillation = prepared.oscillation
         common = {"regularity": oscillation.regularity, "period_s": oscillation.period_s}
         verdict = verdict.but(indices={**verdict.indices, **common})
-    # a record that does not oscillate has no score to cut
-    return finished(
-        _cut(verdict, **cuts)
-        if cuts and stopped is None and np.isfinite(verdict.score)
-        else verdict
-    )
+    return finished(verdict)
 
 
 def _valid(name: str, answer: Any) -> Verdict:
@@ -298,24 +272,6 @@ def _unknown_unit(record: LoopRecord) -> str:
             " and J in OP units"
         )
     return "unit of OP unknown, S and J in OP units"
-
-
-def _cut(
-    verdict: Verdict, stiction_above: float, no_stiction_below: float | None = None
-) -> Verdict:
-    low = stiction_above if no_stiction_below is None else no_stiction_below
-    word = (
-        STICTION
-        if verdict.score > stiction_above
-        else NO_STICTION
-        if verdict.score <= low
-        else NO_DECISION
-    )
-    reason = (
-        f"{verdict.reason}; score {verdict.score:.3g} against calibrated cuts {low:.3g} and"
-        f" {stiction_above:.3g}"
-    )
-    return verdict.but(verdict=word, reason=reason)
 
 
 def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict | None:

@@ -23,12 +23,10 @@ from simbench.detectors.signal.conditioning import (
     snapped,
 )
 from simbench.detectors.signal.half_cycles import midline, split
-from simbench.detectors.signal.load_disturbances import oscillation_by_loads
 from simbench.detectors.signal.oscillation import LASTING, Oscillation, find_oscillation, wandering
 from simbench.detectors.signal.standstill import steady_valve
 
 _STILL = 1e-9  # of a signal's range: less is rounding
-FRONT_ENDS = ("acf", "hagglund")
 # samples per period that are judged (Jelali 2013, section 11.7.2); a denser record is halved until
 # it has no more
 DENSEST = 250.0
@@ -41,8 +39,6 @@ class Prepared:
     """A record made ready for judging."""
 
     record: LoopRecord  # the record, blinded unless the method needs MV
-    # {"acf", "hagglund"}: what judges whether there is a sustained oscillation
-    front_end: str = "acf"
     # intermediate results that methods on the same record share, by name; `share` fills it
     shared: dict = field(default_factory=dict)
     # samples start..stop-1 of the record that was given, where not all of it is judged; `prepare`
@@ -61,9 +57,6 @@ class Prepared:
     def oscillation(self) -> Oscillation:
         """The oscillation of OP and PV, as the common oscillation test finds it."""
         record = self.record
-        if self.front_end == "hagglund":
-            span = None if record.pv_span is None else record.pv_span[1] - record.pv_span[0]
-            return oscillation_by_loads(record.op, record.pv, record.e, record.Ts, span)
         return find_oscillation(record.op, record.pv, record.Ts)
 
     @property
@@ -215,7 +208,7 @@ class Prepared:
     def with_mv(self, record: LoopRecord) -> Prepared:
         """Return the same prepared record with MV; what was computed without MV is kept."""
         record = thinned(record if self.part is None else record.window(*self.part), self.step)
-        other = Prepared(record, self.front_end, dict(self.shared), self.part, self.step)
+        other = Prepared(record, dict(self.shared), self.part, self.step)
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
 
@@ -228,7 +221,7 @@ class Prepared:
         key = (whole, record.mv is None)
         if key not in self.views:
             if whole:
-                view = Prepared(record, self.front_end)
+                view = Prepared(record)
                 view.__dict__["oscillation"] = self.oscillation
             else:
                 view = self if record.mv is None else self.with_mv(record)
@@ -270,17 +263,17 @@ def _pace(op: np.ndarray) -> float:
 
 
 def _at_density(
-    record: LoopRecord, front_end: str, part: tuple[int, int] | None = None, pace: float = 0.0
+    record: LoopRecord, part: tuple[int, int] | None = None, pace: float = 0.0
 ) -> Prepared:
     """Prepare a record at no more than `DENSEST` samples per period, by powers of two: so that the
     density it came at, of those a factor of two apart, makes no difference. Where it does not
     oscillate it is looked at more coarsely, down to `_COARSEST` samples of a period `pace`.
     """
-    dense = Prepared(record, front_end, part=part)
+    dense = Prepared(record, part=part)
     oscillation, coarse = dense.oscillation, 1
     while not oscillation.sustained and pace > _COARSEST * coarse:
         coarse *= 2
-        oscillation = Prepared(thinned(record, coarse), front_end).oscillation
+        oscillation = Prepared(thinned(record, coarse)).oscillation
     if not oscillation.sustained:
         oscillation, coarse = dense.oscillation, 1
     step, last = 1, oscillation.period_s
@@ -288,12 +281,12 @@ def _at_density(
     while last > DENSEST * step * record.Ts and record.n >= 8 * step:
         step *= 2
         if step > coarse:
-            period = Prepared(thinned(record, step), front_end).oscillation.period_s
+            period = Prepared(thinned(record, step)).oscillation.period_s
             last = last if np.isnan(period) else period
     if step > 1 and part is not None:  # a start that every density has
         late = -part[0] % step
         record, part = record.window(late, record.n), (part[0] + late, part[1])
-    thin = dense if step == 1 else Prepared(thinned(record, step), front_end, part=part, step=step)
+    thin = dense if step == 1 else Prepared(thinned(record, step), part=part, step=step)
     # else it is asked itself: a finer record may oscillate by chance, and this one is judged
     if coarse > step:
         thin.__dict__["oscillation"] = oscillation
@@ -301,7 +294,7 @@ def _at_density(
     return thin if thin.oscillation.sustained or oscillation.sustained else dense
 
 
-def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
+def prepare(record: LoopRecord) -> Prepared:
     """Prepare a record for judging: the whole record, or, if it does not oscillate as a whole, the
     first of its last, middle and first half that does.
 
@@ -310,9 +303,8 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     not of each half. In a half an amplitude may fall as fast as in a whole record, and no faster.
     Every second, fourth, ... sample where a period has more than 250.
     """
-    whole = _at_density(record, front_end)
-    # whose memory forgets by itself what is long past
-    if whole.oscillation.sustained or front_end == "hagglund":
+    whole = _at_density(record)
+    if whole.oscillation.sustained:
         return whole
     pace, step = _pace(record.op), 1
     while pace > _COARSEST * step:
@@ -323,7 +315,7 @@ def prepare(record: LoopRecord, front_end: str = "acf") -> Prepared:
     for part in ((middle, record.n), (quarter, quarter + middle), (0, middle)):
         if part[1] - part[0] < 3:
             return whole
-        half = _at_density(record.window(*part), front_end, part, pace)
+        half = _at_density(record.window(*part), part, pace)
         oscillation = half.oscillation
         # the unit of S and J is the whole record's
         if (

@@ -21,6 +21,7 @@ from simbench.scenarios.cell import (
 from simbench.scenarios.errors import SpecError, suggestion
 
 MOST_CELLS = 1_000_000  # of a grid that is run whole
+MOST_DRAWN_FROM = 10**15  # of one from which scenarios are drawn: exact as floats
 _MOST_BUILT = 2000  # cells that are built to see whether they make a loop
 _SHOWN = 12  # mistakes in one sentence
 # what a setting may be; 0 is allowed where the first number is
@@ -51,7 +52,10 @@ def refuse_mistakes(grid: Any, most_cells: int = MOST_CELLS) -> None:
     """Raise one error that names every mistake of a grid."""
     found = list(dict.fromkeys(_mistakes(grid.content)))
     if not found and grid.cells > most_cells:
-        found = [f"{grid.cells:.3g} cells; at most {most_cells} are simulated"]
+        found = [
+            f"{grid.cells:.3g} cells; at most {most_cells} are simulated, but `simbench run --n`"
+            " draws scenarios from more"
+        ]
     say(grid.name, found or _no_loops(grid))
 
 

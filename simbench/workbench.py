@@ -54,23 +54,19 @@ class _Sections(TypedDict, total=False):
 class _Settings(TypedDict, total=False):
     """Further settings of a run."""
 
-    raw: bool
     resume: bool
     sets: Mapping[str, Any] | None
     axes: Mapping[str, Sequence[Any]] | None
-    thresholds: Mapping[str, Mapping[str, float]] | None
     plugins: Iterable[str | Path]
     valve_plugins: Iterable[str | Path]
     effect_plugins: Iterable[str | Path]
     plant_plugins: Iterable[str | Path]
     controller_plugins: Iterable[str | Path]
     time_limit: float
-    until_width: float | None
+    n: int | None
     keep: int
-    front_end: Literal["acf", "hagglund"]
     fresh_seeds: bool
     progress: bool | None
-    large: bool
     backend: Literal["loky", "dask", "ray"]
     address: str | None
 
@@ -251,9 +247,9 @@ def run(
     jobs : int
         Worker processes; -1 = all cores.
     **settings
-        Further arguments of `simbench.bench.execute.run.run_grid`: raw, resume, sets, axes,
-        thresholds, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins,
-        time_limit, until_width, keep, front_end, fresh_seeds, progress, large, backend, address.
+        Further arguments of `simbench.bench.execute.run.run_grid`: resume, n, sets,
+        axes, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins, time_limit,
+        keep, fresh_seeds, progress, backend, address.
 
     Returns
     -------
@@ -276,15 +272,13 @@ def run(
     return run_grid(grid, out, names, jobs, own=own, **settings)
 
 
-def score(folder: str | Path, *, raw: bool = False) -> Scores:
+def score(folder: str | Path) -> Scores:
     """Score a run: accuracy, found, false alarms, AUC, with intervals.
 
     Parameters
     ----------
     folder : str or Path
         Folder of a run.
-    raw : bool
-        Verdicts without the oscillation front end first.
 
     Returns
     -------
@@ -296,4 +290,4 @@ def score(folder: str | Path, *, raw: bool = False) -> Scores:
     UserError
         When the folder holds no complete run.
     """
-    return score_run(folder, raw)
+    return score_run(folder)

@@ -35,7 +35,6 @@ _HIGH_PASS = (
     1 / 18,
     1 / 54,
 )  # moving means removed before a further look, as shares of the record
-MOST_LOADS = 10  # Hagglund 1995: more of them within the supervision time are an oscillation
 _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but noise
 # own, from simulated loops: swings of OP that count whichever least size they need, over a factor
 # of it, and are alike
@@ -59,23 +58,18 @@ class Oscillation:
     decay_ratio: float = float("nan")
     # amplitude in the last third of the record over that in the first
     lasting: float = float("nan")
-    loads: float = float("nan")  # in the memory of Hagglund's detector; NaN when another one judged
     # of OP, of one size, of a cycle whose period wanders; 0 where the period is what was judged
     swings: int = 0
 
     @property
     def evidence(self) -> str:
         """The number that says whether it is sustained."""
-        if self.swings and np.isnan(self.loads):
+        if self.swings:
             return (
                 f"{self.swings} swings of OP of one size, whose period wanders (r ="
                 f" {self.regularity:.2f})"
             )
-        return (
-            f"r = {self.regularity:.2f}"
-            if np.isnan(self.loads)
-            else f"{self.loads:.1f} of more than {MOST_LOADS} loads"
-        )
+        return f"r = {self.regularity:.2f}"
 
 
 NOTHING = Oscillation(False, 0.0, float("nan"))
@@ -254,21 +248,3 @@ def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int
     both, late, early = total[:, room:] - total[:, :-room]
     start = int(np.argmax(both / np.sqrt(np.maximum(late * early, 1e-12 * room**2))))
     return start, start + length
-
-
-def iae_loads(e: np.ndarray, Ts: float, amplitude: float, period_s: float, gamma: float) -> float:
-    """Return how many load disturbances Hagglund's detector holds in memory, of which gamma is left
-    a sample, at its fullest.
-
-    Source: T. Hagglund (1995), Control Engineering Practice 3, 1543-1551. Not for noisy or very
-    slow errors: many short or few long half cycles never fill the memory.
-    """
-    e = e - e.mean()
-    edges = np.concatenate([[0], np.flatnonzero((e[1:] > 0) != (e[:-1] > 0)) + 1])
-    iae = np.add.reduceat(np.abs(e), edges) * Ts
-    loads = np.append(edges[1:], e.size)[iae > amplitude * period_s / np.pi]
-    held, top, before = 0.0, 0.0, 0
-    for k in loads:
-        held = held * gamma ** (k - before) + 1.0
-        top, before = max(top, held), k
-    return float(top)

@@ -15,7 +15,6 @@ from simbench.cli.common import (
     Backend,
     ControllerPlugin,
     EffectPlugin,
-    FrontEnd,
     Full,
     GridName,
     Jobs,
@@ -25,18 +24,14 @@ from simbench.cli.common import (
     Plugin,
     Report,
     Resume,
-    Seed,
-    Thresholds,
     ValvePlugin,
     app,
     examples,
     number,
     pairs,
-    refuse_picture,
     say,
     show,
     show_result,
-    threshold_file,
 )
 from simbench.detectors.errors import ParameterError, nearest
 
@@ -83,11 +78,6 @@ def run(
             ),
         ),
     ] = None,
-    raw: Annotated[
-        bool,
-        Option("--raw", help="Judge every record, without first testing whether it oscillates."),
-    ] = False,
-    front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     valve_plugin: ValvePlugin = None,
     effect_plugin: EffectPlugin = None,
@@ -97,12 +87,13 @@ def run(
     backend: Backend = "loky",
     address: Address = None,
     resume: Resume = False,
-    until_width: Annotated[
-        float | None,
+    n: Annotated[
+        int | None,
         Option(
-            metavar="W",
-            help="Add seeds until the 95 % interval of every accuracy is narrower than this (0"
-            " to 1).",
+            "--n",
+            min=1,
+            help="Draw this many scenarios at random from the grid, which may be of any size; the"
+            " seed of the grid decides which [all].",
         ),
     ] = None,
     sets: Annotated[
@@ -119,11 +110,7 @@ def run(
             metavar="K=a,b,c", help="Replace the values of an axis of the grid; may be repeated."
         ),
     ] = None,
-    thresholds: Thresholds = None,
     allow_failed: AllowFailed = 0.0,
-    large: Annotated[
-        bool, Option("--large", help="Allow a run of more than a million scenarios.")
-    ] = False,
     fresh_seeds: Annotated[
         bool, Option("--fresh-seeds", help="Draw a new seed instead of using the grid's.")
     ] = False,
@@ -157,17 +144,13 @@ def run(
             out or Path("runs") / Path(grid).stem,
             tuple(method or ["fast", ORACLE]),
             jobs,
-            raw=raw,
-            front_end=front_end,
             plugins=plugin or [],
             backend=backend,
             address=address,
             resume=resume,
-            until_width=until_width,
+            n=n,
             sets=pairs(sets or [], "--set"),
             axes=axes,
-            thresholds=threshold_file(thresholds),
-            large=large,
             time_limit=time_limit,
             valve_plugins=valve_plugin or [],
             effect_plugins=effect_plugin or [],
@@ -175,80 +158,12 @@ def run(
             controller_plugins=controller_plugin or [],
             fresh_seeds=fresh_seeds or sealed,
         )
-    scores, failed = score_run(folder, raw, allow_failed=allow_failed), read_failures(folder)
+    scores, failed = score_run(folder, allow_failed=allow_failed), read_failures(folder)
     if as_json:
         show({"run": str(folder), "failed": failed.as_json(), **scores.as_json()}, as_json)
     else:
         show(f"{scores.as_text(full=full, where=_where(folder, full))}\nrun: {folder}", as_json)
     _end(failed, allow_failed)
-
-
-@app.command(
-    "map",
-    epilog=examples(
-        "map chapter -o map --points 400", "map mine.toml -o map --x valve.S --y noise.std"
-    ),
-)
-def map_of_grid(
-    grid: GridName,
-    out: Annotated[
-        Path, Option("-o", "--out", metavar="DIR", help="Write the results to this folder.")
-    ],
-    points: Annotated[
-        int | None,
-        Option(
-            min=1,
-            help="Simulate this many scenarios, drawn at random [10 % of the grid, 200 at least,"
-            " 10000 at most].",
-        ),
-    ] = None,
-    method: Annotated[
-        list[str] | None,
-        Option(
-            metavar="ID",
-            help=(
-                "Apply these methods: ids, or the groups fast, full and oracle; may be repeated "
-                "[fast]."
-            ),
-        ),
-    ] = None,
-    x: Annotated[
-        str | None,
-        Option(metavar="AXIS", help="Show this axis from left to right in the pictures."),
-    ] = None,
-    y: Annotated[
-        str | None,
-        Option(metavar="AXIS", help="Show this axis from bottom to top in the pictures."),
-    ] = None,
-    jobs: Jobs = 1,
-    backend: Backend = "loky",
-    address: Address = None,
-    resume: Resume = False,
-    as_json: Json = False,
-) -> None:
-    """Predict each method's accuracy over a grid of any size from a random sample.
-
-    The grid may be too large to simulate as a whole. The table gives the predicted cost of the
-    whole grid for each method; a picture per method shows its accuracy over two axes of the grid.
-    """
-    from simbench.bench.map.making import map_grid
-    from simbench.figures import draw_map
-
-    with _interruptible():
-        grid_map = map_grid(
-            grid,
-            out,
-            points,
-            tuple(method or ["fast"]),
-            x,
-            y,
-            jobs=jobs,
-            backend=backend,
-            address=address,
-            resume=resume,
-        )
-    draw_map(grid_map)
-    show(grid_map.methods if as_json else grid_map.as_text(), as_json)
 
 
 @app.command(
@@ -258,14 +173,6 @@ def map_of_grid(
 )
 def score(
     folder: Run,
-    raw: Annotated[
-        bool,
-        Option(
-            "--raw",
-            help="Score the verdicts that the methods give without the common"
-            " test for oscillation.",
-        ),
-    ] = False,
     report: Report = None,
     against: Annotated[
         Path | None,
@@ -326,14 +233,14 @@ def score(
 
     refuse_own_input([report], [folder, against])
     book = RunArrays.read(folder)
-    scores, failed = score_book(book, raw, cost, allow_failed), read_failures(folder)
+    scores, failed = score_book(book, cost, allow_failed), read_failures(folder)
     content: Any = {**scores.as_json(), "failed": failed.as_json()}
     if not as_json:
         content = scores.as_text(truth, full, _where(folder, full) if report is None else "")
     if against is not None or paired:
         from simbench.bench.score.compare import compare
 
-        comparison = compare(folder, against, truth, raw)
+        comparison = compare(folder, against, truth)
         content = (
             {**content, "comparison": comparison.as_json()}
             if as_json
@@ -440,87 +347,6 @@ def verify(
     show_result(verification, as_json)
     if not verification.holds:
         raise Exit(1)
-
-
-@app.command(epilog=examples("history results/baseline -o history.svg"))
-def history(
-    baseline: Annotated[
-        Path, Argument(metavar="DIR", help="Read the baselines in this folder.")
-    ] = Path("results/baseline"),
-    out: Annotated[
-        Path | None, Option("-o", "--out", metavar="FILE.svg", help="Draw a picture to this file.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Show how accuracy changed over the stored baselines of `simbench check`.
-
-    The first table has a row per method and a numbered column per baseline: the accuracy (share of
-    right answers) on the loops where the method applies. The second table says of each baseline
-    which commit, grid and number of scenarios it has.
-    """
-    from simbench.bench.score.history import read_history
-
-    refuse_picture(out)
-    accuracies = read_history(baseline)
-    if out is not None:
-        from simbench.figures import draw_history
-
-        draw_history(accuracies, out)
-    show_result(accuracies, as_json)
-
-
-@app.command(epilog=examples("calibrate chapter --false-alarm 0.05 -o cal"))
-def calibrate(
-    grid: Annotated[str, Argument(help="Name a grid, or give a TOML file.")],
-    false_alarm: Annotated[
-        float,
-        Option(
-            help="Set the wanted false-positive rate: the share of healthy loops called sticky."
-        ),
-    ] = 0.05,
-    method: Annotated[
-        list[str] | None,
-        Option(
-            metavar="ID",
-            help="Apply these methods: ids, or the groups fast or full; may be repeated [fast].",
-        ),
-    ] = None,
-    jobs: Jobs = 1,
-    out: Annotated[
-        Path | None, Option("-o", "--out", help="Write thresholds and ROC curves to this folder.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Find each method's threshold for a wanted false-positive rate on a grid.
-
-    The thresholds are chosen on one seed of the grid and measured on another.
-    """
-    from simbench.bench.calibrate import calibrate as run_calibration
-
-    calibration = run_calibration(grid, false_alarm, tuple(method or ["fast"]), jobs, out=out)
-    show_result(calibration, as_json)
-
-
-@app.command(epilog=examples("worst horch -o worst.toml --budget 500"))
-def worst(
-    method: Annotated[str, Argument(help="Search for loops on which this method fails.")],
-    out: Annotated[
-        Path | None,
-        Option("-o", "--out", help="Write the loop file of the worst loop to this file."),
-    ] = None,
-    budget: Annotated[int, Option(min=1, help="Try this many loops.")] = 2000,
-    seed: Seed = 0,
-    as_json: Json = False,
-) -> None:
-    """Search for the healthy loop on which a method is most confidently wrong."""
-    from simbench.bench.worst import worst as search
-    from simbench.files import whole_file
-
-    case = search(method, budget=budget, seed=seed)
-    if out is not None:
-        with whole_file(out) as f:
-            f.write(case.to_toml())
-    show_result(case, as_json)
 
 
 @app.command(epilog=examples("figure fig-11-9 -o figures", "figure all -o figures"))

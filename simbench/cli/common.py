@@ -121,16 +121,6 @@ Limit = Annotated[
         help="Stop a plug-in that takes longer than this for one record or scenario (s).",
     ),
 ]
-Thresholds = Annotated[
-    Path | None,
-    Option(
-        metavar="FILE.json",
-        help=(
-            "Use the thresholds in this JSON file, as `simbench calibrate` writes them, instead of"
-            " the defaults."
-        ),
-    ),
-]
 
 
 def _span(signal: str) -> Any:
@@ -221,14 +211,6 @@ Power = Annotated[
             "Also report the smallest stiction that this record could have shown, from simulated "
             "replicates of its loop."
         ),
-    ),
-]
-FrontEnd = Annotated[
-    str,
-    Option(
-        metavar="acf|hagglund",
-        help="Choose the test that decides whether a loop oscillates: zero crossings of the"
-        " autocorrelation function (acf) or Hagglund's load-disturbance count (hagglund).",
     ),
 ]
 World = Annotated[
@@ -335,43 +317,6 @@ def refuse_picture(path: Path | None, *read: Path | None) -> None:
     refuse_own_input([path], read)
     if path is not None:
         picture_kind(path)
-
-
-def threshold_file(path: Path | None) -> dict[str, dict[str, float]]:
-    """Return the thresholds of a file, checked; none without one."""
-    if path is None:
-        return {}
-    if path.exists() and not path.is_file() and not path.is_dir():  # a pipe would be waited for
-        raise ParameterError(f"thresholds {path} are no file; a JSON file is needed")
-    try:
-        thresholds = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(
-            f"thresholds {path} cannot be read: {(error.strerror or str(error)).lower()}"
-        ) from None
-    except (ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise ParameterError(
-            f"thresholds {path} are no JSON ({reason}); a table of method ids is needed"
-        ) from None
-    if not isinstance(thresholds, dict) or not all(
-        isinstance(v, dict) for v in thresholds.values()
-    ):
-        raise ParameterError(
-            f"thresholds {path}: a table of method ids to tables of numbers is needed"
-        )
-    for method, values in thresholds.items():
-        for name, value in values.items():
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, (int, float))
-                or not abs(value) <= 1e60
-            ):
-                raise ParameterError(
-                    f"thresholds {path}: {method}.{name} = {str(value)[:60]!r}; a finite number is"
-                    " needed"
-                )
-    return thresholds
 
 
 def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:

@@ -9,13 +9,11 @@ from typing import Annotated, Any
 from typer import Argument, Exit, Option
 
 from simbench.cli.common import (
-    FrontEnd,
     Json,
     Limit,
     Page,
     Plugin,
     Power,
-    Thresholds,
     app,
     examples,
     method_completion,
@@ -24,7 +22,6 @@ from simbench.cli.common import (
     say,
     say_assumed,
     show,
-    threshold_file,
 )
 
 
@@ -58,14 +55,8 @@ def detect(
             " every method against the labels.",
         ),
     ] = None,
-    raw: Annotated[
-        bool,
-        Option("--raw", help="Judge every record, without first testing whether it oscillates."),
-    ] = False,
-    front_end: FrontEnd = "acf",
     plugin: Plugin = None,
     time_limit: Limit = 60.0,
-    thresholds: Thresholds = None,
     power: Power = False,
     why: Annotated[
         bool, Option("--why", help="Print each method's reason below the table.")
@@ -99,7 +90,7 @@ def detect(
     from simbench.files import refuse_kind, refuse_own_input
 
     refuse_kind(csv or "")
-    refuse_own_input([csv, html], [path, labels, thresholds, *(plugin or [])])
+    refuse_own_input([csv, html], [path, labels, *(plugin or [])])
     asked = method or ["all"]
     # single methods are asked for their verdicts alone, and answer at once
     weighed = {"all", "full", "likelihood"} & {
@@ -109,10 +100,7 @@ def detect(
         path,
         asked,
         labels=labels,
-        raw=raw,
-        front_end=front_end,
         plugins=plugin or [],
-        thresholds=threshold_file(thresholds),
         time_limit=time_limit,
         conclude=_conclude if weighed else None,
         **about,

@@ -28,7 +28,7 @@ GROUPS = {
         "controller_plugin",
         "time_limit",
     ),
-    "Execution": ("jobs", "backend", "address", "resume", "large", "seed", "fresh_seeds"),
+    "Execution": ("jobs", "backend", "address", "resume", "seed", "fresh_seeds"),
     "Output": (
         "out",
         "as_json",

@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING
 from simbench.figures._make import Drawn, make_figures, where_from
 
 if TYPE_CHECKING:
-    from simbench.bench.map.making import GridMap
-    from simbench.bench.score.history import History
     from simbench.detectors.procedure import Diagnosis
 
-__all__ = ["Drawn", "draw_history", "draw_map", "draw_path", "make_figures", "where_from"]
+__all__ = ["Drawn", "draw_path", "make_figures", "where_from"]
 
 
 def draw_path(diagnosis: Diagnosis, path) -> None:
@@ -35,38 +33,3 @@ def draw_path(diagnosis: Diagnosis, path) -> None:
     from simbench.figures._chart import draw_path as write
 
     write(diagnosis, path)
-
-
-def draw_history(history: History, path) -> None:
-    """Write a picture of accuracy over the baselines kept; see `simbench.figures._history`.
-
-    Parameters
-    ----------
-    history : History
-        Scores of the baselines kept.
-    path : str or Path
-        File to write; its ending says the format.
-    """
-    from simbench.figures._history import draw
-    from simbench.figures._style import write_picture
-
-    write_picture(draw(history.table), path)
-
-
-def draw_map(grid_map: GridMap) -> None:
-    """Write a picture per method of a map, METHOD.svg in its folder; see
-    `simbench.figures._map`.
-
-    Parameters
-    ----------
-    grid_map : GridMap
-        Accuracy of each method over the axes of a grid.
-    """
-    from simbench.figures._map import draw
-    from simbench.figures._style import write_picture
-
-    for method, part in grid_map.table.groupby("method", sort=False):
-        write_picture(
-            draw(part, str(method), grid_map.axes, grid_map.values),
-            grid_map.folder / f"{method}.svg",
-        )

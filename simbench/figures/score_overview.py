@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.bench.score.names import ALL, FRONT, HOME_MARKS, LEAST
+from simbench.bench.score.names import ALL, HOME_MARKS, LEAST
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import answers_of, no_waveform_answers, score_book
 from simbench.bench.statistics import wilson
@@ -56,7 +56,7 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
     )
     answers = {a.method: a for a in (*answers_of(book), no_waveform_answers(book))}
     rows = []
-    for r in (scores or score_book(book)).ranking("cycled", FRONT, population=ALL).itertuples():
+    for r in (scores or score_book(book)).ranking("cycled", population=ALL).itertuples():
         a = answers[str(r.method)]
         for process, name in PROCESSES.items():
             for loops, part in zip(LOOP_KINDS, parts, strict=True):

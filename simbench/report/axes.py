@@ -13,8 +13,7 @@ TITLE = "By axis"
 def section(run: RunData) -> Markup:
     """List the scores by grid axis, one sortable table."""
     every = run.scores.by_axis
-    here = every[every["mode"] == run.scores.first]
-    here = here[here["role"] != "yardstick"]
+    here = every[every["role"] != "yardstick"]
     names = {
         "axis": "axis",
         "value": "value",

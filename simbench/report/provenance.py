@@ -31,11 +31,6 @@ def section(run: RunData) -> Markup:
     manifest = run.book.manifest
     rows = [(title, manifest.get(key)) for key, title in _SHOWN.items()]
     rows += [(f"version of {name}", value) for name, value in manifest.get("versions", {}).items()]
-    rows += [
-        (f"threshold {m}.{k}", v)
-        for m, chosen in manifest.get("thresholds", {}).items()
-        for k, v in chosen.items()
-    ]
     frame = pd.DataFrame(
         [(name, "" if value is None else str(value)) for name, value in rows],
         columns=["what", "value"],
@@ -59,6 +54,6 @@ def reproduce(manifest: dict[str, Any]) -> list[str]:
         w for k, v in (manifest.get("overrides") or {}).items() for w in ("--set", f"{k}={v}")
     ]
     words += [w for m in manifest["methods"] for w in ("--method", m)]
-    words += ["--until-width", str(manifest["until_width"])] if manifest.get("until_width") else []
+    words += ["--n", str(manifest["points"])] if manifest.get("points") else []
     lines = [f"git checkout {manifest['commit']}"] if manifest.get("commit") else []
     return [*lines, shlex.join(words), "simbench score again"]

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from simbench.bench.score.names import ALL, FRONT, OF_NOT_OSCILLATING, OF_OSCILLATING, RAW
+from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.result import Scores
 from simbench.bench.score.stability import HALVES
 from simbench.html.table import percent, sortable
@@ -34,12 +34,11 @@ _USES = {
     "yardstick": "reference",
     "oracle": "reference",
 }
-_DETECTION = {FRONT: "with the common oscillation detection", RAW: "without it"}
 
 
 def section(run: RunData) -> Markup:
     """Give size, balance, the best detector with its interval, failures, and all scores."""
-    book, mode = run.book, run.scores.first
+    book = run.book
     cycle = book.truth["cycled"][book.truth["cycled"] >= 0] == 1
     tiles = [
         (f"{book.ids.size}", "scenarios"),
@@ -75,24 +74,22 @@ def section(run: RunData) -> Markup:
             (f"{run.scores.resolution:.2f}", "smallest difference of cost that this run resolves")
         )
     tiles.append((str(len(run.errors)), "failures"))
-    other = next(m for m in (FRONT, RAW) if m != mode)
-    places: list[tuple[str, tuple[str, str, str, str]]] = [
+    places: list[tuple[str, tuple[str, str, str]]] = [
         (
             "Oscillating loops; label: the valve makes the loop cycle (cycled)",
-            ("cycled", mode, ALL, OF_OSCILLATING),
+            ("cycled", ALL, OF_OSCILLATING),
         ),
         (
             "Oscillating loops; label: Table 11.3 predicts a cycle (predicted)",
-            ("predicted", mode, ALL, OF_OSCILLATING),
+            ("predicted", ALL, OF_OSCILLATING),
         ),
-        ("Oscillating self-regulating loops", ("cycled", mode, "self-regulating", OF_OSCILLATING)),
-        ("Oscillating integrating loops", ("cycled", mode, "integrating", OF_OSCILLATING)),
+        ("Oscillating self-regulating loops", ("cycled", "self-regulating", OF_OSCILLATING)),
+        ("Oscillating integrating loops", ("cycled", "integrating", OF_OSCILLATING)),
         (
-            f"Loops that do not oscillate, {_DETECTION[mode]}",
-            ("cycled", mode, ALL, OF_NOT_OSCILLATING),
+            "Loops that do not oscillate",
+            ("cycled", ALL, OF_NOT_OSCILLATING),
         ),
-        (f"All loops, {_DETECTION[mode]}", ("cycled", mode, ALL, ALL)),
-        (f"All loops, {_DETECTION[other]}", ("cycled", other, ALL, ALL)),
+        ("All loops", ("cycled", ALL, ALL)),
     ]
     tables = [(title, _readable(run.scores, place)) for title, place in places]
     return render(
@@ -102,7 +99,7 @@ def section(run: RunData) -> Markup:
     )
 
 
-def _readable(scores: Scores, place: tuple[str, str, str, str]) -> dict[str, Any] | None:
+def _readable(scores: Scores, place: tuple[str, str, str]) -> dict[str, Any] | None:
     """Return one row per detector with the columns a reader compares; None when there are no such
     loops.
     """

@@ -114,16 +114,3 @@ def test_what_was_assumed_of_the_unit_of_op_is_noted():
     assert "unit of OP unknown" in judge(LoopRecord(**SINE), ["horch"])[0].reason
     spanned = judge(LoopRecord(**inside, op_span=(0, 100)), ["horch"])[0]
     assert "OP taken" not in spanned.reason
-
-
-def test_calibrated_cuts_take_the_place_of_a_methods_rule():
-    record = LoopRecord(**SINE)
-    score = judge(record, ["he"])[0].score
-    for cuts, expected in [
-        ({"stiction_above": score - 0.1}, "stiction"),
-        ({"stiction_above": score + 0.1}, "no_stiction"),
-        ({"stiction_above": score + 0.1, "no_stiction_below": score - 0.1}, "no_decision"),
-    ]:
-        assert judge(record, ["he"], thresholds={"he": cuts})[0].verdict == expected
-    with pytest.raises(ParameterError, match="needs stiction_above"):
-        judge(record, ["he"], thresholds={"he": {"no_stiction_below": 0.1}})

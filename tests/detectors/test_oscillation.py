@@ -213,15 +213,6 @@ def test_segment_equals_the_slow_search():
     assert o.regular_segment(x, 10 * np.pi, length)[0] == best
 
 
-def test_hagglund_fills_its_memory_on_an_oscillation_only():
-    e = np.sin(2 * np.pi * T / 50)
-    forgotten = 0.996**25  # per half period of 25 samples
-    assert o.iae_loads(e, 1.0, 0.5, 50.0, 0.996) == pytest.approx(1.0 / (1.0 - forgotten), rel=0.01)
-    assert o.iae_loads(e, 1.0, 0.5, 50.0, gamma=1.0) > 70
-    assert o.iae_loads(0.4 * e, 1.0, 0.5, 50.0, 0.996) == 0.0
-    assert o.iae_loads(np.random.default_rng(0).standard_normal(2000), 1.0, 0.5, 50.0, 0.996) < 2.0
-
-
 def wandering_cycle(seed=0, swings=60):
     """Triangles of one height whose half periods lie between 8 and 160 samples."""
     lengths = np.exp(np.random.default_rng(seed).uniform(np.log(8), np.log(160), swings)).astype(

@@ -100,10 +100,6 @@ def test_a_half_that_would_change_the_unit_of_s_is_left_alone():
     assert prepare(LoopRecord(op=np.clip(op, 0.0, 100.0), pv=swing.pv, Ts=2.0)).part is None
 
 
-def test_hagglund_s_detector_sees_the_whole_record():
-    assert prepare(record(K >= 600), "hagglund").part is None
-
-
 @pytest.mark.parametrize("n", [3, 5, 9, 16])
 def test_a_record_too_short_to_be_halved_is_judged_as_it_is(n):
     ramp = np.arange(n) ** 2.0

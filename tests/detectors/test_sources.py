@@ -65,7 +65,7 @@ def test_arrays_tables_and_runs_are_judged_alike():
 @pytest.mark.parametrize("detector", [Level(), Cloned()])
 def test_a_detector_keeps_no_state_between_records(detector):
     for _ in range(2):
-        assert sb.detect(FRAME, detector, raw=True)[type(detector).__name__.lower()].score == 1.0
+        assert sb.detect(FRAME, detector)[type(detector).__name__.lower()].score == 1.0
     assert detector.seen == 0
 
 
@@ -90,14 +90,14 @@ def test_a_word_is_a_verdict(answer, verdict):
     def constant(record):
         return answer
 
-    assert sb.detect(FRAME, constant, raw=True)["constant"].verdict == verdict
+    assert sb.detect(FRAME, constant)["constant"].verdict == verdict
 
 
 def test_what_a_function_does_wrong_is_its_answer():
     def wrong(record):
         raise ValueError("perhaps")
 
-    report = sb.detect(FRAME, [wrong, "horch"], raw=True)
+    report = sb.detect(FRAME, [wrong, "horch"])
     assert "perhaps" in report["wrong"].reason
     assert report["horch"].verdict == "no_stiction"
 

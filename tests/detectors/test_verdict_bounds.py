@@ -226,26 +226,6 @@ T = np.arange(0, 400, 0.5)
 RECORD = LoopRecord(50 + np.arcsin(np.sin(T)), np.cos(T), 0.5, process="self-regulating")
 
 
-@pytest.mark.parametrize(
-    ("above", "below", "verdict"),
-    [
-        (-1e-9, None, "stiction"),
-        (0.0, None, "no_stiction"),
-        (1e-9, None, "no_stiction"),
-        (0.1, -0.1, "no_decision"),
-        (0.1, 0.0, "no_stiction"),
-        (0.1, -1e-9, "no_decision"),
-    ],
-)
-def test_a_score_on_a_calibrated_cut(above, below, verdict):
-    """A score on the upper cut is not above it; on the lower cut it is not between them."""
-    first = judge(RECORD, ["he"])[0]
-    cuts = {"stiction_above": first.score + above} | (
-        {} if below is None else {"no_stiction_below": first.score + below}
-    )
-    assert judge(RECORD, ["he"], thresholds={"he": cuts})[0].verdict == verdict
-
-
 def test_a_method_takes_a_record_of_just_its_least_number_of_samples():
     module = methods.load("bicoherence")
     for n, enough in ((255, False), (256, True)):

@@ -93,21 +93,18 @@ OPTIONS = {
     "valve": "--model --param -o",
     "predict": "--json",
     "detect": (
-        "--method --process --kind --op-span --pv-span --columns --ts --loop --labels --raw"
+        "--method --process --kind --op-span --pv-span --columns --ts --loop --labels"
         " --plugin --csv --html --json"
     ),
     "diagnose": "--json",
     "confirm gain-change": "--records --ratio --json",
     "confirm travel": "--record --json",
     "run": (
-        "-o -j --method --raw --plugin --backend --address --resume --until-width --set --axis"
-        " --fresh-seeds --json"
+        "-o -j --method --n --plugin --backend --address --resume --set --axis --fresh-seeds --json"
     ),
     "score": "--paired --report --json",
     "verify": "--share -j --plugin --json",
     "check": "--against",
-    "calibrate": "--false-alarm",
-    "worst": "",
     "figure": "-o --run --isdb",
     "gap diagnose": "--baseline --identify --test -j --no-bootstrap --json --html --write-loop",
     "gap plan": "--baseline --limits --json --html",
@@ -274,7 +271,6 @@ def test_score_and_the_run_tables(answer, place, capsys):
     assert set(rows) == {
         "method",
         "truth",
-        "front_end",
         "process",
         "n",
         "applicable",
@@ -297,7 +293,6 @@ def test_score_and_the_run_tables(answer, place, capsys):
     }
     assert set(rows.truth) == {"sticky", "predicted", "cycled"}
     assert set(rows.process) == {"all", "self-regulating", "integrating"}
-    assert set(rows.front_end) == {True, False}
     assert set(rows.method) == {
         "horch",
         "he",

@@ -19,7 +19,6 @@ from simbench.bench.store.checksums import file_digest
 from simbench.bench.store.manifest import code_hash
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError
-from simbench.detectors.judge import check_thresholds
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
@@ -153,7 +152,7 @@ def _answers(
 ) -> tuple[str, dict[str, int]]:
     """Return the lines of some records' answers, and on how many each method failed."""
     registry.add_hosted(*plugins, seconds=SECONDS)
-    chosen = {name: check_thresholds(name, registry.load(name).METHOD, {}) for name in names}
+    chosen = {name: registry.load(name).METHOD.defaults() for name in names}
     lines, failed = [], Counter()
     with one_thread():
         for ident, record in records.items():

@@ -85,7 +85,7 @@ def make_exam(
     # ids and order are published: they must not come from a generator whose state they tell
     chance = secrets.SystemRandom() if seed is None else random.Random(seed)
     plan = load_grid(grid, {"seed": chance.getrandbits(_BITS) if seed is None else seed})
-    refuse_too_large(size_of(plan, 0, 0), plan.name, False)
+    refuse_too_large(size_of(plan, 0, 0), plan.name)
     refuse_wrong_parts(plan)
     if n is not None and not 1 <= n <= len(plan):
         raise ParameterError(

@@ -36,7 +36,6 @@ from simbench.bench.store.manifest import describe, run_key
 from simbench.bench.store.place import place_of
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, UserError
-from simbench.detectors.judge import check_thresholds, known_front_end
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import prepare
 from simbench.detectors.record import LoopRecord
@@ -153,10 +152,7 @@ def opened_exam(
         **grid_settings(grid),
         "scenarios": len(rows),
         "methods": {**{name: _about(name) for name in given}, ORACLE: about_method(ORACLE)},
-        "thresholds": {},
         "plugins": {},
-        "until_width": None,
-        "front_end": known_front_end("acf"),
         "command": "simbench exam open",
         "exam": exam.about["commitment"],
     }
@@ -187,9 +183,7 @@ def _refuse_forged(given: Answers, records: Mapping[str, LoopRecord]) -> None:
     answers under their names are others: whoever wrote them has to choose a name of their own.
     """
     chosen = {
-        name: check_thresholds(name, registry.load(name).METHOD, {})
-        for name in given
-        if registry.built_in(name)
+        name: registry.load(name).METHOD.defaults() for name in given if registry.built_in(name)
     }
     drawn = np.random.default_rng().permutation([*records])[:_ASKED_AGAIN].tolist()
     if not chosen:

@@ -16,7 +16,6 @@ from simbench.bench.score.check import MARGIN, check_run
 from simbench.bench.score.check_result import Check
 from simbench.bench.store.manifest import code_hash, read_manifest
 from simbench.bench.store.reading import read_table
-from simbench.detectors.judge import check_thresholds
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -45,10 +44,7 @@ def differing(folder: str | Path) -> Iterator[str]:
     names = [
         m for m in manifest["methods"] if m in registry.names() and m not in manifest["plugins"]
     ]
-    chosen = {
-        m: check_thresholds(m, registry.load(m).METHOD, manifest["thresholds"].get(m, {}))
-        for m in names
-    }
+    chosen = {m: registry.load(m).METHOD.defaults() for m in names}
     rows = read_table(folder, "scenarios", ["scenario_id", "loop", "seed", "record_hash"])
     order = np.random.default_rng(0).permutation(rows.num_rows)[:_ASKED_AGAIN]
     columns = ["scenario_id", "method", "verdict", "score"]
@@ -60,7 +56,7 @@ def differing(folder: str | Path) -> Iterator[str]:
         if record_hash(record) != row["record_hash"]:  # another processor: another record
             continue
         asked += 1
-        for second, _, _, _ in judge_both(record, chosen, manifest.get("front_end", "acf"))[1]:
+        for second, _, _, _ in judge_both(record, chosen)[1]:
             before = first[row["scenario_id"], second.method]
             differ[second.method] += second.verdict != before["verdict"] or not np.allclose(
                 second.score, np.array(before["score"], float), 1e-6, 0, equal_nan=True

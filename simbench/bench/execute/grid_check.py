@@ -19,7 +19,7 @@ from simbench.scenarios.errors import suggestion
 from simbench.scenarios.grid import Grid, More
 from simbench.scenarios.grid_check import say
 
-MOST_SCENARIOS = 1_000_000  # scenarios without --large
+MOST_SCENARIOS = 1_000_000  # of one run
 # measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one
 # core); rows on disk (bytes)
 _SECONDS, _FAST_METHOD_SECONDS, _FULL_METHOD_SECONDS = 0.008, 0.0008, 0.05
@@ -60,13 +60,12 @@ def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
     )
 
 
-def refuse_too_large(size: GridSize, name: str, large: bool) -> None:
-    """Raise RunError when a run has more scenarios than anybody means by mistake, unless it is
-    asked for.
-    """
-    if size.scenarios > MOST_SCENARIOS and not large:
+def refuse_too_large(size: GridSize, name: str) -> None:
+    """Raise RunError when a run has more scenarios than its tables are made for."""
+    if size.scenarios > MOST_SCENARIOS:
         raise RunError(
-            f"{name}: {size}; above {MOST_SCENARIOS} scenarios a run must be asked for with --large"
+            f"{name}: {size}; at most {MOST_SCENARIOS} scenarios are run; --n 10000 draws so many"
+            " of them at random"
         )
 
 

@@ -26,10 +26,10 @@ from typing import Any, cast
 
 import cloudpickle
 
-from simbench.bench.execute import adaptive, pieces
+from simbench.bench.execute import pieces
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.pieces import Receipt
-from simbench.bench.execute.work import Thresholds, WorkSettings, work
+from simbench.bench.execute.work import WorkSettings, work
 from simbench.bench.execute.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.benchmark import grid_settings
@@ -37,13 +37,14 @@ from simbench.bench.store.checksums import RunError, check_tables, file_digest
 from simbench.bench.store.manifest import describe, read_manifest, run_key
 from simbench.bench.store.place import Place, place_of
 from simbench.detectors.errors import UserError, masked, nearest, printable
-from simbench.detectors.judge import check_thresholds, known_front_end, refuse_wrong_forms
+from simbench.detectors.judge import refuse_wrong_forms
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import as_plugin
 from simbench.loop.hosted import hosted_parts
 from simbench.scenarios.grid import Grid, chunks, load_grid
+from simbench.scenarios.grid_check import MOST_CELLS, MOST_DRAWN_FROM
 from simbench.scenarios.sample import Sample
 
 _BACKENDS = ("loky", "dask", "ray")
@@ -61,10 +62,6 @@ class RunOptions:
 
     Attributes
     ----------
-    raw : bool
-        Report only the verdicts without the common oscillation detection.
-    front_end : {"acf", "hagglund"}
-        Method that decides whether a loop oscillates.
     plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins : iterable of Path
         Files of detectors and of parts of loops that do not belong to the package.
     time_limit : float
@@ -75,35 +72,28 @@ class RunOptions:
         Library that distributes the pieces; `address` is the URL of a running scheduler.
     resume : bool
         Continue where an earlier run in the same folder stopped.
-    until_width : float, optional
-        Add seeds until the interval of the accuracy is this narrow.
     sets, axes : mapping, optional
         Changed settings of the grid, and other values of its axes.
     fresh_seeds : bool
         Draw the grid's seed instead of using the one in its file.
-    thresholds : mapping of method id to mapping, optional
-        Thresholds that replace the methods' defaults.
     keep : int
         Number of records that are stored with the run.
     progress : bool, optional
         Show progress on stderr; None shows it on a terminal.
-    large : bool
-        Allow more than a million scenarios.
+    n : int, optional
+        Number of scenarios that are drawn at random from the grid, which may be of any size; the
+        seed decides which. None simulates the whole grid.
     """
 
-    raw: bool = False
-    front_end: str = "acf"
     plugins: Iterable[str | Path] = ()
     backend: str = "loky"
     address: str | None = None
     resume: bool = False
-    until_width: float | None = None
     sets: Mapping[str, Any] | None = None
     axes: Mapping[str, Sequence[Any]] | None = None
-    thresholds: Thresholds | None = None
     keep: int = 0
     progress: bool | None = None
-    large: bool = False
+    n: int | None = None
     time_limit: float = SECONDS
     valve_plugins: Iterable[str | Path] = ()
     effect_plugins: Iterable[str | Path] = ()
@@ -133,9 +123,9 @@ def run_grid(
     jobs : int
         Worker processes; -1 uses all cores.
     **options
-        Fields of `RunOptions`: raw, front_end, plugins, valve_plugins, effect_plugins,
-        plant_plugins, controller_plugins, time_limit, own, backend, address, resume, until_width,
-        sets, axes, fresh_seeds, thresholds, keep, progress, large.
+        Fields of `RunOptions`: plugins, valve_plugins, effect_plugins,
+        plant_plugins, controller_plugins, time_limit, own, backend, address, resume, n, sets, axes,
+        fresh_seeds, keep, progress.
 
     Returns
     -------
@@ -182,16 +172,17 @@ def run_grid(
             settings = _work_settings(names, asked, files, parts)
             task = _Task(plan, place, run_key(manifest), settings)
             with _Bar(asked.progress, len(plan)) as bar, _stoppable(), _resumable(place):
-                receipts = _all_pieces(plan, place, task, run, bar, asked.until_width, names)
+                receipts = _worked(
+                    place, task, run, bar, dict(enumerate(range(*piece) for piece in chunks(plan)))
+                )
                 times = bar.times(time.perf_counter() - began)
-                pieces.finish(place, receipts, {**manifest, "times": times, **bar.extra})
+                pieces.finish(place, receipts, {**manifest, "times": times})
         return _path(place)
 
 
 def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
     if asked.backend not in _BACKENDS:
         raise RunError(f"unknown backend {asked.backend!r}: {nearest(asked.backend, _BACKENDS)}")
-    adaptive.check_width(asked.until_width)
     if asked.fresh_seeds and (
         asked.resume or isinstance(grid, Grid) or "seed" in (asked.sets or {})
     ):
@@ -204,9 +195,12 @@ def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
 
 def _read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
     if isinstance(grid, Grid):
-        return grid
-    drawn = {"seed": secrets.randbits(62)} if asked.fresh_seeds else {}
-    return load_grid(grid, {**(asked.sets or {}), **drawn}, asked.axes)
+        plan = grid
+    else:
+        drawn = {"seed": secrets.randbits(62)} if asked.fresh_seeds else {}
+        most = MOST_CELLS if asked.n is None else MOST_DRAWN_FROM
+        plan = load_grid(grid, {**(asked.sets or {}), **drawn}, asked.axes, most)
+    return plan if asked.n is None else Sample.of(plan, asked.n)
 
 
 def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
@@ -232,8 +226,7 @@ def choose_with_oracle(methods: Iterable[str], added: Sequence[str]) -> list[str
 def _refuse_wrong_run(plan: Grid, names: Sequence[str], asked: RunOptions) -> None:
     """Refuse, before anything is simulated, what would fail in every worker."""
     refuse_wrong_forms(names)
-    _refuse_wrong_thresholds(names, asked.thresholds or {})
-    refuse_too_large(size_of(plan, *_budgets(names)), plan.name, asked.large)
+    refuse_too_large(size_of(plan, *_budgets(names)), plan.name)
     refuse_wrong_parts(plan)
 
 
@@ -249,11 +242,7 @@ def _describe_run(
             **grid_settings(plan),
             "scenarios": len(plan),
             "methods": {n: about_method(n) for n in names},
-            "thresholds": {k: dict(v) for k, v in (asked.thresholds or {}).items()},
             "plugins": {**digests, **sources},
-            "until_width": asked.until_width,
-            "raw": asked.raw,
-            "front_end": known_front_end(asked.front_end),
             "command": printable(masked(" ".join(sys.argv))),
             **({"points": plan.points} if isinstance(plan, Sample) else {}),
         }
@@ -269,11 +258,9 @@ def _work_settings(
     return WorkSettings(
         methods=tuple(names),
         plugins=files,
-        thresholds={k: dict(v) for k, v in (asked.thresholds or {}).items()},
         keep=asked.keep,
         time_limit=asked.time_limit,
         parts=parts,
-        front_end=asked.front_end,
         own=asked.own or {},
     )
 
@@ -306,33 +293,6 @@ class _Task:
 @lru_cache(maxsize=2)
 def _unpacked(packed: bytes) -> tuple:
     return pickle.loads(packed)
-
-
-def _all_pieces(
-    plan: Grid,
-    place: Place,
-    task: _Task,
-    run: Runner,
-    bar: _Bar,
-    width: float | None,
-    methods: Sequence[str],
-) -> list[Receipt]:
-    """Work through the grid, then, where an accuracy is asked for, round by round through what it
-    lacks.
-    """
-    groups: Sequence[Sequence[int]] = [range(*piece) for piece in chunks(plan)]
-    receipts: list[Receipt] = []
-    while groups:
-        receipts += _worked(place, task, run, bar, dict(enumerate(groups, len(receipts))))
-        groups = (
-            []
-            if width is None
-            else adaptive.next_round(
-                plan, place, pieces.marks_of(receipts), width, methods, bar.extra
-            )
-        )
-        bar.more(sum(plan.size(i) for some in groups for i in some))
-    return receipts
 
 
 def _worked(
@@ -399,7 +359,6 @@ class _Bar:
         )
         self._failures = 0
         self._seconds = {"simulating": 0.0, "judging": 0.0, "working": 0.0}
-        self.extra: dict[str, Any] = {}
 
     def __enter__(self) -> _Bar:
         return self
@@ -417,10 +376,6 @@ class _Bar:
         else:
             self._bar.update(receipt.scenarios)
 
-    def more(self, scenarios: int) -> None:
-        if not self._bar.disable:
-            self._bar.total = (self._bar.total or 0) + scenarios
-
     def _skip(self, scenarios: int) -> None:
         """Count what is on disk already as done, without letting it flatter the rate."""
         if self._bar.disable:  # then it lacks even these fields
@@ -431,16 +386,6 @@ class _Bar:
 
     def times(self, wall: float) -> dict[str, float]:
         return {**{k: round(v, 3) for k, v in self._seconds.items()}, "wall": round(wall, 3)}
-
-
-def _refuse_wrong_thresholds(names: Sequence[str], thresholds: Thresholds) -> None:
-    for method, values in thresholds.items():
-        if method not in names:
-            raise RunError(
-                f"thresholds are given for {method!r}, which is not among the methods; known:"
-                f" {', '.join(names)}"
-            )
-        check_thresholds(method, registry.load(method).METHOD, values)
 
 
 def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:

@@ -86,7 +86,6 @@ class Sweep:
         self,
         detectors: Iterable[str] = ("fast",),
         jobs: int = 1,
-        raw: bool = False,
         out: str | Path | None = None,
         **settings: Any,
     ) -> pd.DataFrame:
@@ -97,14 +96,13 @@ class Sweep:
         import pandas as pd
 
         axes = list(self.grid.content.axes)
-        verdict, score = ("verdict_raw", "score_raw") if raw else ("verdict", "score")
         rows = []
-        read = {"scenarios": ["cell", "cycled", "tags"], "verdicts": ["method", verdict, score]}
+        read = {"scenarios": ["cell", "cycled", "tags"], "verdicts": ["method", "verdict", "score"]}
         frame = self._run(detectors, jobs, out, settings, read)
         for (_, method), part in frame.groupby(["cell", "method"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
             clear = part.cycled.isin(["yes", "no"])
-            right = (part[verdict] == STICTION) == (part.cycled == "yes")
-            right &= (part[verdict] != "no_decision") & clear
+            right = (part.verdict == STICTION) == (part.cycled == "yes")
+            right &= (part.verdict != "no_decision") & clear
             lo, hi = wilson(int(right.sum()), int(clear.sum()))
             rows.append(
                 {
@@ -112,12 +110,12 @@ class Sweep:
                     "method": method,
                     "n": len(part),
                     "cycling": float((part.cycled == "yes").mean()),
-                    "stiction": float((part[verdict] == STICTION).mean()),
-                    "no_decision": float((part[verdict] == "no_decision").mean()),
+                    "stiction": float((part.verdict == STICTION).mean()),
+                    "no_decision": float((part.verdict == "no_decision").mean()),
                     "accuracy": float(right.sum() / clear.sum()) if clear.any() else math.nan,
                     "accuracy_lo": float(lo),
                     "accuracy_hi": float(hi),
-                    "score": float(part[score].median()),
+                    "score": float(part.score.median()),
                 }
             )
         return pd.DataFrame(rows)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from simbench.bench.execute import adaptive
 from simbench.bench.execute.pieces import partition_file, records_hash
 from simbench.bench.execute.plugin_host import error_text, settled, truth
 from simbench.bench.execute.run import KINDS_OF_PART, about_method
@@ -38,8 +37,7 @@ from simbench.bench.store.checksums import (
 from simbench.bench.store.manifest import MANIFEST, describe, read_manifest
 from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.reading import read_scenario
-from simbench.detectors.errors import ParameterError, UnknownName
-from simbench.detectors.judge import check_thresholds
+from simbench.detectors.errors import UnknownName
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.files import csv_text, record_text
@@ -89,7 +87,7 @@ def verify_run(
             grid, book = grid_of(manifest), read_book(place)
             origin = _compare_stated(manifest, grid, asked, book, notes)
             _compare_scores(place, book, notes)
-            pieces = list(_pieces(place, manifest, grid))
+            pieces = [range(*piece) for piece in chunks(grid)]
         except (
             RunError,
             LookupError,
@@ -114,10 +112,8 @@ def verify_run(
         settings = WorkSettings(
             tuple(asked),
             tuple(files[""]),
-            manifest["thresholds"],
             time_limit=seconds,
             parts=stages,
-            front_end=manifest["front_end"],
         )
         task = _Verification(place.absolute(), marks, grid, tuple(fast), (wide, deep), settings)
         with on_processes(jobs) as run:
@@ -229,12 +225,8 @@ def _methods(manifest: Mapping[str, Any], notes: Notes) -> tuple[list[str], list
     for name in manifest["methods"]:
         try:
             if name != ORACLE:
-                check_thresholds(
-                    name, registry.load(name).METHOD, manifest["thresholds"].get(name, {})
-                )
+                registry.load(name)
             asked.append(name)
-        except ParameterError as error:
-            notes.add(f"thresholds of method {name}", "", "others", str(error))
         except UnknownName:
             unasked.append(name)
             if not {name, f"own {name}"} & set(manifest["plugins"]):
@@ -298,22 +290,6 @@ def _compare_scores(place: Place, book: Any, notes: Notes) -> None:
             )
             if not stated.equals(again):
                 notes.add(name, "", "other scores", "what the tables give")
-
-
-def _pieces(place: Place, manifest: Mapping[str, Any], grid: Grid) -> Iterator[Sequence[int]]:
-    """Yield the groups of every piece of a run, with the rounds that `until_width` adds, from the
-    grid alone.
-    """
-    adaptive.check_width(manifest["until_width"])
-    groups: list[Sequence[int]] = [range(*piece) for piece in chunks(grid)]
-    marks, done = manifest[TABLES], 0
-    while groups:
-        yield from groups
-        done += len(groups)
-        if (width := manifest["until_width"]) is None or done > len(marks["scenarios"]):
-            return
-        first = {kind: marks[kind][:done] for kind in TABLE_KINDS}
-        groups = list(adaptive.next_round(grid, place, first, width, list(manifest["methods"]), {}))
 
 
 def _compare_records(place: Place, notes: Notes) -> None:

@@ -30,7 +30,7 @@ from simbench.bench.scenario.truth import Cycled
 from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.store import tables
 from simbench.detectors.compiled import one_thread
-from simbench.detectors.judge import answers, check_thresholds
+from simbench.detectors.judge import answers
 from simbench.detectors.method import Method
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
@@ -117,11 +117,9 @@ class WorkSettings:
 
     methods: tuple[str, ...]
     plugins: tuple[str, ...] = ()
-    thresholds: Thresholds = field(default_factory=dict)
     keep: int = 0
     time_limit: float = SECONDS
     parts: tuple[tuple[str, ...], ...] = ()
-    front_end: str = "acf"
     own: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -134,11 +132,7 @@ def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings)
     add_parts(*settings.parts, seconds=seconds)
     registry.add_hosted(*settings.plugins, seconds=seconds)
     registry.adopt({name: as_plugin(name, detector) for name, detector in settings.own.items()})
-    chosen = {
-        m: check_thresholds(m, registry.load(m).METHOD, settings.thresholds.get(m, {}))
-        for m in methods
-        if m != ORACLE
-    }
+    chosen = {m: registry.load(m).METHOD.defaults() for m in methods if m != ORACLE}
     rng = np.random.default_rng([grid.content.seed, number])
     settling, finished, kept, held = 0.0, [], [], []
     # one thread per worker: with more, sums in linear algebra come out in another order
@@ -152,7 +146,7 @@ def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings)
                 # a sticky loop comes before its siblings in a grid: what is asked next must not
                 # follow from what was asked last
                 judged = {
-                    int(k): _judged(held[k], chosen, ORACLE in methods, settings.front_end)
+                    int(k): _judged(held[k], chosen, ORACLE in methods)
                     for k in rng.permutation(len(held))
                 }
                 for _, one in sorted(judged.items()):
@@ -180,7 +174,7 @@ def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings)
 
 
 def judge_both(
-    record: LoopRecord, chosen: Thresholds, front_end: str = "acf"
+    record: LoopRecord, chosen: Thresholds
 ) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
     """Judge a record by several methods, with and without the common oscillation front end.
 
@@ -189,7 +183,7 @@ def judge_both(
     declare that they need MV do not see it.
     """
     since = time.perf_counter()
-    unsighted, blind = record.without_mv(), prepare_once(record, front_end)
+    unsighted, blind = record.without_mv(), prepare_once(record)
     sustained = blind.oscillation.sustained
     blind.flags  # noqa: B018  computed once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
@@ -224,14 +218,14 @@ def simulated(scenario: Scenario, group: int, error: str | None) -> SimulatedSce
     )
 
 
-def _judged(it: SimulatedScenario, chosen: Thresholds, oracle: bool, front_end: str) -> _Judged:
+def _judged(it: SimulatedScenario, chosen: Thresholds, oracle: bool) -> _Judged:
     then = time.perf_counter()
     if it.run is None:
         methods = (*chosen, *[ORACLE] * oracle)
         failed = [Verdict(m, NO_DECISION, reason=f"failed: {it.error}") for m in methods]
         prepared, results = None, [(v, v, it.error, 0.0) for v in failed]
     else:
-        prepared, results = judge_both(it.run.record, chosen, front_end)
+        prepared, results = judge_both(it.run.record, chosen)
         if oracle:
             since = time.perf_counter()
             verdict, wrong = oracle_of(it.scenario, it.run)

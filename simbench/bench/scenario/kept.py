@@ -14,7 +14,7 @@ from simbench.scenarios.spec import Loop
 
 _MOST = 16  # loops of a group
 _runs: deque[tuple[Loop, int, Run]] = deque(maxlen=_MOST)
-_prepared: deque[tuple[LoopRecord, str, Prepared]] = deque(maxlen=_MOST)
+_prepared: deque[tuple[LoopRecord, Prepared]] = deque(maxlen=_MOST)
 
 
 def run_once(loop: Loop, seed: int) -> Run:
@@ -27,11 +27,11 @@ def run_once(loop: Loop, seed: int) -> Run:
     return run
 
 
-def prepare_once(record: LoopRecord, front_end: str = "acf") -> Prepared:
+def prepare_once(record: LoopRecord) -> Prepared:
     """Return a record without MV made ready for judging; that of a run just made is kept."""
-    for known, its, prepared in _prepared:
-        if known is record and its == front_end:
+    for known, prepared in _prepared:
+        if known is record:
             return prepared
-    prepared = prepare(record.without_mv(), front_end)
-    _prepared.append((record, front_end, prepared))
+    prepared = prepare(record.without_mv())
+    _prepared.append((record, prepared))
     return prepared

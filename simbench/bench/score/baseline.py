@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from simbench.bench.score.history import remember
-from simbench.bench.score.names import FRONT, OF_NOT_OSCILLATING
+from simbench.bench.score.names import OF_NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.checksums import RunError, digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
@@ -31,7 +30,6 @@ _KEPT = (
     "overrides",
     "scenarios",
     "methods",
-    "thresholds",
     "plugins",
     "command",
     "code",
@@ -71,8 +69,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
 
     The tables keep their columns, those that no check needs are empty; scores, S and J keep 24
     bits. The loops stay: every flip can be simulated again. scores.csv is there for the eye: its
-    difference in version control reads as accuracy gained and lost. history.csv grows by one row
-    per method.
+    difference in version control reads as accuracy gained and lost.
     """
     baseline = make_folder(baseline)
     whole = read_manifest(run)
@@ -109,11 +106,10 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
             f.write(out.getvalue())
     write_manifest(baseline, {**manifest, "tables": digests})
     table = score_run(baseline).table
-    shown = (table["mode"] == FRONT) & (table["population"] != OF_NOT_OSCILLATING)
+    shown = table["population"] != OF_NOT_OSCILLATING
     write_table(
         table.loc[shown, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f"
     )
-    remember(baseline, manifest, table)
 
 
 def read_book(folder: str | Path) -> RunArrays:

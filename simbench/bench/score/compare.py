@@ -113,7 +113,7 @@ class _Comparison:
 
 
 def compare(
-    folder: str | Path, other: str | Path | None = None, truth: str = "cycled", raw: bool = False
+    folder: str | Path, other: str | Path | None = None, truth: str = "cycled"
 ) -> _Comparison:
     """Compare the methods of a run with each other, or with themselves in another run.
 
@@ -124,16 +124,16 @@ def compare(
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
     book = read_book(folder)
     if other is None:
-        return between_methods(book, truth, raw)
+        return between_methods(book, truth)
     theirs = read_book(other)
     refuse_other_benchmark(book.manifest, theirs.manifest)
-    return between_runs(book, theirs, truth, raw)
+    return between_runs(book, theirs, truth)
 
 
-def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -> _Comparison:
+def between_methods(book: RunArrays, truth: str = "cycled") -> _Comparison:
     """Compare all methods of a run pairwise; see `compare`."""
     use = book.truth[truth] >= 0
-    right, applies = _right(book, truth, raw)[:, use], _applies(book)[:, use]
+    right, applies = _right(book, truth)[:, use], _applies(book)[:, use]
     names = np.array(book.methods)
     rows = []
     for i, j in combinations(range(len(names)), 2):
@@ -146,12 +146,10 @@ def between_methods(book: RunArrays, truth: str = "cycled", raw: bool = False) -
     if ranked.sum() >= 3 and right.shape[1] >= 2:
         found = mean_ranks(right[ranked].T, groups=book.groups[use])
         ranks[ranked], cd = found.mean_rank, found.critical_difference
-    return _comparison(book, truth, raw, right, applies, ranks, cd, rows)
+    return _comparison(book, truth, right, applies, ranks, cd, rows)
 
 
-def between_runs(
-    book: RunArrays, other: RunArrays, truth: str = "cycled", raw: bool = False
-) -> _Comparison:
+def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled") -> _Comparison:
     """Compare every method with itself in another run; see `compare`. `first` is this run, `second`
     the other.
     """
@@ -164,8 +162,8 @@ def between_runs(
         )
     use = (book.truth[truth][at] >= 0) & (other.truth[truth][other_at] >= 0)
     right, theirs = (
-        _right(book, truth, raw)[:, at][:, use],
-        _right(other, truth, raw)[:, other_at][:, use],
+        _right(book, truth)[:, at][:, use],
+        _right(other, truth)[:, other_at][:, use],
     )
     applies, apply = _applies(book)[:, at][:, use], _applies(other)[:, other_at][:, use]
     rows = []
@@ -176,7 +174,7 @@ def between_runs(
             (method, f"{method} (other run)", int((mine & ~its).sum()), int((~mine & its).sum()))
         )
     return _comparison(
-        book, truth, raw, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows
+        book, truth, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows
     )
 
 
@@ -195,8 +193,8 @@ def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return frame.astype(object).where(frame.notna(), None).to_dict("records")
 
 
-def _right(book: RunArrays, truth: str, raw: bool) -> np.ndarray:
-    return (book.verdict_raw if raw else book.verdict) == book.truth[truth]
+def _right(book: RunArrays, truth: str) -> np.ndarray:
+    return book.verdict == book.truth[truth]
 
 
 def _applies(book: RunArrays) -> np.ndarray:
@@ -206,7 +204,6 @@ def _applies(book: RunArrays) -> np.ndarray:
 def _comparison(
     book: RunArrays,
     truth: str,
-    raw: bool,
     right: np.ndarray,
     applies: np.ndarray,
     ranks: np.ndarray,
@@ -224,14 +221,14 @@ def _comparison(
     pairs["p"] = holm([mcnemar(lost, won) for _, _, lost, won in rows])
     pairs["differ"] = pairs["p"] < _LEVEL
     by_axis = pd.DataFrame(
-        _by_axis(book, truth, raw), columns=["method", "axis", "value", "n", "accuracy", "lo", "hi"]
+        _by_axis(book, truth), columns=["method", "axis", "value", "n", "accuracy", "lo", "hi"]
     )
     ranking = ranking.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)
     return _Comparison(truth, cases, ranking, cd, pairs, by_axis, _breakdowns(by_axis))
 
 
-def _by_axis(book: RunArrays, truth: str, raw: bool) -> Iterator[tuple]:
-    right, known = _right(book, truth, raw), _applies(book) & (book.truth[truth] >= 0)
+def _by_axis(book: RunArrays, truth: str) -> Iterator[tuple]:
+    right, known = _right(book, truth), _applies(book) & (book.truth[truth] >= 0)
     for axis in AXES:
         values, codes = axis_codes(book, axis)
         for k, value in enumerate(values):

@@ -1,10 +1,9 @@
-"""Names of what a score is of: modes, populations, reference rows, kinds of methods."""
+"""Names of what a score is of: populations, reference rows, kinds of methods."""
 
 from __future__ import annotations
 
 from typing import Any
 
-FRONT, RAW = "front end", "raw"
 ALL = "all"
 OF_OSCILLATING, OF_NOT_OSCILLATING = "oscillating", "not oscillating"
 SAMPLED = "sampled"  # scenarios of a large run on which orders and scatter are worked out

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from simbench.bench.score.names import ALL, FRONT, OF_OSCILLATING, SAMPLED, kind_of
+from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.table import full_text, headline
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-_PLACE = ("method", "truth", "front_end", "process", "population")
+_PLACE = ("method", "truth", "process", "population")
 _ROWS = (
     *_PLACE,
     "n",
@@ -68,31 +68,30 @@ class Scores:
     Parameters
     ----------
     table : DataFrame
-        One row per method, truth, mode ("front end" or "raw"), process ("all", "self-regulating",
-        "integrating") and population ("all", "oscillating", "not oscillating", by the common
-        oscillation detection): n scenarios with a truth, positives; applicable: on how many the
-        method's source covers the loop; over those, with Wilson intervals (NAME_lo, NAME_hi),
-        accuracy_applicable (no decision is wrong), accuracy_decided, no_decision, found (of
-        positives, no decision is not found), false_alarms (of negatives), auc over records with a
-        score, with DeLong's interval; cost (an error 1, no decision `undecided`) and rank by it
-        among its kind (none where it covers less than 95 % of the loops, failed too often, or fewer
-        than 30 loops have a label); found_at_5 (found at 5 % false alarms, threshold from other
-        groups); risk_coverage (area under the curve: mean error of the surest answers);
-        cost_over_no_waveform, the cost less that of the reference row `no_waveform` on the same
-        loops; accuracy_all over everything; home, where its constants were fitted; errors; median
-        runtime in ms.
+        One row per method, truth, process ("all", "self-regulating", "integrating") and population
+        ("all", "oscillating", "not oscillating", by the common oscillation detection): n scenarios
+        with a truth, positives; applicable: on how many the method's source covers the loop; over
+        those, with Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong),
+        accuracy_decided, no_decision, found (of positives, no decision is not found), false_alarms
+        (of negatives), auc over records with a score, with DeLong's interval; cost (an error 1, no
+        decision `undecided`) and rank by it among its kind (none where it covers less than 95 % of
+        the loops, failed too often, or fewer than 30 loops have a label); found_at_5 (found at 5 %
+        false alarms, threshold from other groups); risk_coverage (area under the curve: mean error
+        of the surest answers); cost_over_no_waveform, the cost less that of the reference row
+        `no_waveform` on the same loops; accuracy_all over everything; home, where its constants
+        were fitted; errors; median runtime in ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.
     disagreement : DataFrame
         How often sticky, predicted and cycled say what together.
     left_out : DataFrame
-        method, mode, of ("entrained", "unclear", "does not apply"), n, and the shares of the three
+        method, of ("entrained", "unclear", "does not apply"), n, and the shares of the three
         answers with intervals.
     quantification : DataFrame
         method, family of valves, parameter (S or J), n sticky loops for which the method gave it,
         median_error (from the middle of an interval) and width in shares of the valve's S, coverage
         of intervals that are said to hold nine in ten.
-    standing : dict of (truth, mode, process, population) to Ranks
+    standing : dict of (truth, process, population) to Ranks
         What the run can resolve, among methods that see OP and PV only.
     manifest : dict
         Of the run.
@@ -105,8 +104,6 @@ class Scores:
         How stable the ranking on oscillating loops is.
     failing : dict of method to int
         Methods without a rank because they failed on more records than allowed, and on how many.
-    first : str
-        The mode shown first.
     undecided : float
         Cost of no decision.
     """
@@ -116,25 +113,23 @@ class Scores:
     disagreement: pd.DataFrame
     left_out: pd.DataFrame
     quantification: pd.DataFrame
-    standing: dict[tuple[str, str, str, str], Ranks]
+    standing: dict[tuple[str, str, str], Ranks]
     manifest: dict[str, Any]
     counts: dict[str, int] = field(default_factory=dict)
     stability: dict[str, RankStability] = field(default_factory=dict)
     failing: dict[str, int] = field(default_factory=dict)
-    first: str = FRONT
     undecided: float = UNDECIDED
 
     @property
     def resolution(self) -> float:
-        """Smallest difference of cost against `cycled` that the run resolves on oscillating loops,
-        in the mode shown first.
+        """Smallest difference of cost against `cycled` that the run resolves on oscillating
+        loops.
         """
-        return self.standing["cycled", self.first, ALL, OF_OSCILLATING].resolution
+        return self.standing["cycled", ALL, OF_OSCILLATING].resolution
 
     def ranking(
         self,
         truth: str = "cycled",
-        mode: str | None = None,
         process: str = ALL,
         population: str = OF_OSCILLATING,
     ) -> pd.DataFrame:
@@ -142,7 +137,7 @@ class Scores:
         reference rows, other tests.
         """
         t = self.table
-        here = (t.truth == truth) & (t["mode"] == (mode or self.first)) & (t.process == process)
+        here = (t.truth == truth) & (t.process == process)
         rows = t[here & (t.population == population)]
         kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
         unranked = [k < 2 and math.isnan(rank) for k, rank in zip(kind, rows["rank"])]
@@ -199,7 +194,7 @@ class Scores:
         Returns
         -------
         DataFrame
-            One row per method, best first; `table` holds every truth, mode, process and population.
+            One row per method, best first; `table` holds every truth, process and population.
         """
         return self.ranking().reset_index(drop=True)
 

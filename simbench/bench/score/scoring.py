@@ -18,11 +18,9 @@ import numpy as np
 from simbench.bench.score.folds import folds_of, found_at, risk_coverage
 from simbench.bench.score.names import (
     ALL,
-    FRONT,
     NO_WAVEFORM,
     OF_NOT_OSCILLATING,
     OF_OSCILLATING,
-    RAW,
     ROLE_YARDSTICK,
     SAMPLED,
     kind_of,
@@ -76,104 +74,65 @@ class _Answers(NamedTuple):
 
 
 def score_run(
-    folder: str | Path, raw: bool = False, undecided: float = UNDECIDED, allow_failed: float = 0.0
+    folder: str | Path, undecided: float = UNDECIDED, allow_failed: float = 0.0
 ) -> Scores:
     """Score a finished run."""
-    return score_book(RunArrays.read(folder), raw, undecided, allow_failed)
+    return score_book(RunArrays.read(folder), undecided, allow_failed)
 
 
-def score_book(
-    book: RunArrays, raw: bool = False, undecided: float = UNDECIDED, allow_failed: float = 0.0
-) -> Scores:
+def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: float = 0.0) -> Scores:
     """Score a run that is in memory; see `score_run`.
 
     A method that raised an error on more than `allow_failed` of its records has no rank.
     """
-    rows, by_axis, left_out, first = [], [], [], RAW if raw else FRONT
+    rows, by_axis = [], []
     standing, stable = {}, {}
     blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
     some = np.flatnonzero(blind.applies)
-    alike = _same_where_oscillating(book, some)
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
     axes = {axis: axis_codes(book, axis) for axis in AXES}
-    kept: dict[tuple[str, str], tuple[list[dict[str, Any]], Ranks, list[int]]] = {}
-    # answers to an exam are scored as given
-    for mode in (FRONT,) if "exam" in book.manifest else (FRONT, RAW):
-        whole = [*answers_of(book, mode), blind]
-        codes = [((a.said & 3) * 2 + a.applies) * 2 + a.failed for a in whole]
-        # the order of the scores is all that counts, and found once
-        everyone = [
-            a._replace(score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH})
-            for a in whole
-        ]
-        left_out += _left_out(book, mode, whole, codes)
-        for truth in TRUTHS:
-            known = book.truth[truth].astype(int) + 1
-            counts = _counted(6 * known + 2 * process + book.oscillating, (3, 3, 2), codes)
-            for (kind, of), (population, going) in product(
-                _PROCESSES.items(), _POPULATIONS.items()
-            ):
-                place = {
-                    "truth": truth,
-                    "mode": mode,
-                    "front_end": mode == FRONT,
-                    "process": kind,
-                    "population": population,
-                }
-                if population == OF_OSCILLATING and (truth, kind) in kept and alike:
-                    found, ranks, ranked = kept[truth, kind]
-                    found = [{**row, **place} for row in found]
-                else:
-                    here = _chosen(process[some], of) & _chosen(book.oscillating[some], going)
-                    block = _block(book, truth, here, place, blind)
-                    # where nothing oscillates no score tells loops apart
-                    found = [
-                        _row(block, a, c[:, of, going].sum((1, 2)), undecided, going != slice(1))
-                        for a, c in zip(everyone, counts, strict=True)
-                    ]
-                    ranks, ranked = _rank(block, everyone, found, undecided, failing)
-                standing[truth, mode, kind, population] = ranks
-                rows += found
-                if population == OF_OSCILLATING:
-                    kept[truth, kind] = found, ranks, ranked
-                if (mode, kind, population) == (first, ALL, OF_OSCILLATING):
-                    stable[truth] = _stability(book, truth, [whole[k] for k in ranked], undecided)
-        known = book.truth["cycled"].astype(int) + 1
-        for axis, (values, code) in axes.items():
-            size = len(values) + 1
-            counts = _counted(size * known + code, (3, size), codes)
-            for k, value in enumerate(values):
-                place = {
-                    "axis": axis,
-                    "value": value,
-                    "truth": "cycled",
-                    "mode": mode,
-                    "front_end": mode == FRONT,
-                }
-                block = _block(book, "cycled", code[some] == k, place, blind)
-                by_axis += [
-                    _row(block, a, c[:, k], undecided, interval=False)
-                    for a, c in zip(everyone, counts, strict=True)
-                ]
+    whole = [*answers_of(book), blind]
+    codes = [((a.said & 3) * 2 + a.applies) * 2 + a.failed for a in whole]
+    # the order of the scores is all that counts, and found once
+    everyone = [
+        a._replace(score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH})
+        for a in whole
+    ]
+    for truth in TRUTHS:
+        known = book.truth[truth].astype(int) + 1
+        counts = _counted(6 * known + 2 * process + book.oscillating, (3, 3, 2), codes)
+        for (kind, of), (population, going) in product(_PROCESSES.items(), _POPULATIONS.items()):
+            place = {"truth": truth, "process": kind, "population": population}
+            here = _chosen(process[some], of) & _chosen(book.oscillating[some], going)
+            block = _block(book, truth, here, place, blind)
+            # where nothing oscillates no score tells loops apart
+            found = [
+                _row(block, a, c[:, of, going].sum((1, 2)), undecided, going != slice(1))
+                for a, c in zip(everyone, counts, strict=True)
+            ]
+            ranks, ranked = _rank(block, everyone, found, undecided, failing)
+            standing[truth, kind, population] = ranks
+            rows += found
+            if (kind, population) == (ALL, OF_OSCILLATING):
+                stable[truth] = _stability(book, truth, [whole[k] for k in ranked], undecided)
+    known = book.truth["cycled"].astype(int) + 1
+    for axis, (values, code) in axes.items():
+        size = len(values) + 1
+        counts = _counted(size * known + code, (3, size), codes)
+        for k, value in enumerate(values):
+            place = {"axis": axis, "value": value, "truth": "cycled"}
+            block = _block(book, "cycled", code[some] == k, place, blind)
+            by_axis += [
+                _row(block, a, c[:, k], undecided, interval=False)
+                for a, c in zip(everyone, counts, strict=True)
+            ]
+    left_out = _left_out(book, whole, codes)
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
     other = _disagreement(book), _frame(left_out, {}), quantification(book)
     sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int(book.oscillating.sum())}
     if some.size < book.ids.size:
         sizes[SAMPLED] = some.size
-    return Scores(
-        *frames, *other, standing, book.manifest, sizes, stable, failing, first, undecided
-    )
-
-
-def _same_where_oscillating(book: RunArrays, some: np.ndarray) -> bool:
-    """Whether all answers on loops that oscillate are the same with and without the common
-    oscillation detection; of a large run also the sample's scores.
-    """
-    some = some[book.oscillating[some]]
-    differ = (book.verdict != book.verdict_raw) & book.oscillating
-    return not differ.any() and np.array_equal(
-        book.score[:, some], book.score_raw[:, some], equal_nan=True
-    )
+    return Scores(*frames, *other, standing, book.manifest, sizes, stable, failing, undecided)
 
 
 def _chosen(numbers: np.ndarray, of: slice) -> np.ndarray:
@@ -214,11 +173,8 @@ def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
     )
 
 
-def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
+def answers_of(book: RunArrays) -> Iterator[_Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same."""
-    verdicts, scores = (
-        (book.verdict, book.score) if mode == FRONT else (book.verdict_raw, book.score_raw)
-    )
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]
         applies = book.applicable[i] != 0
@@ -226,8 +182,8 @@ def answers_of(book: RunArrays, mode: str = FRONT) -> Iterator[_Answers]:
             method,
             about["role"],
             about["needs_mv"],
-            verdicts[i],
-            scores[i],
+            book.verdict[i],
+            book.score[i],
             applies,
             book.failed[i],
             book.runtime[i],
@@ -425,7 +381,7 @@ def _mean_of_groups(
 
 
 def _left_out(
-    book: RunArrays, mode: str, everyone: list[_Answers], codes: list[np.ndarray]
+    book: RunArrays, everyone: list[_Answers], codes: list[np.ndarray]
 ) -> list[dict[str, Any]]:
     """Count what every method says of loops that no score against `cycled` holds, and of those it
     does not apply to.
@@ -437,13 +393,7 @@ def _left_out(
         by_kind = zip((*_LEFT_OUT, "does not apply"), c.sum(-1), (1, 1, 0), strict=False)
         for of, answers, applies in by_kind:
             n = int(answers[:, applies].sum())
-            row: dict[str, Any] = {
-                "method": a.method,
-                "mode": mode,
-                "role": a.role,
-                "of": of,
-                "n": n,
-            }
+            row: dict[str, Any] = {"method": a.method, "role": a.role, "of": of, "n": n}
             for word, code in CODES.items():
                 said = int(answers[code, applies])
                 row[word] = said / n if n else math.nan

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from simbench.bench.score.names import (
     ALL,
-    FRONT,
     HOME_MARKS,
     LEAST,
     NO_WAVEFORM,
     OF_NOT_OSCILLATING,
     OF_OSCILLATING,
-    RAW,
     ROLE_YARDSTICK,
     SAMPLED,
     benchmark_text,
@@ -47,10 +45,6 @@ _TRUTHS = {
     "cycled": "the valve makes the loop cycle",
     "predicted": "Table 11.3 predicts a limit cycle",
     "sticky": "the valve has friction",
-}
-_DETECTION = {
-    FRONT: "with the common oscillation detection",
-    RAW: "without the common oscillation detection",
 }
 _LEGEND = (
     "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this"
@@ -100,8 +94,7 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         "",
         *_over_no_waveform(scores, truth),
     ]
-    for mode in (scores.first, RAW if scores.first == FRONT else FRONT):
-        lines += ["", *_details(scores, truth, mode)]
+    lines += ["", *_details(scores, truth)]
     lines += ["", *_left_out(scores), "", *_dead_band(scores), "", *_quantified(scores)]
     lines += ["", "labels that disagree", *_plain(scores.disagreement)]
     return [*lines, *(["", *_wrapped(where)] if where else [])]
@@ -139,7 +132,7 @@ def _title(scores: Any) -> list[str]:
 def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     """Return which differences are resolved, how often the winner wins, and where the report is."""
     standing, stable = (
-        scores.standing[truth, scores.first, ALL, OF_OSCILLATING],
+        scores.standing[truth, ALL, OF_OSCILLATING],
         scores.stability[truth],
     )
     rows = scores.ranking(truth)
@@ -246,7 +239,7 @@ def _cells(rows: Sequence[Any]) -> list[str]:
 
 
 def _resolution(scores: Any, truth: str, process: str) -> str:
-    standing = scores.standing[truth, scores.first, process, OF_OSCILLATING]
+    standing = scores.standing[truth, process, OF_OSCILLATING]
     if math.isnan(standing.resolution):
         return f"There is no ranking: {_why_not(scores, scores.ranking(truth, process=process))}."
     more = " and ".join(f"{d:g} with {loops_needed(d, standing.spread)} loops" for d in _PLANNED)
@@ -258,35 +251,20 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
 
 def _still(scores: Any, truth: str) -> list[str]:
     """Return the second table: false alarms and no decision on loops that do not oscillate."""
-    rows, raw = (
-        scores.ranking(truth, mode, population=OF_NOT_OSCILLATING) for mode in (FRONT, RAW)
-    )
+    rows = scores.ranking(truth, population=OF_NOT_OSCILLATING)
     if rows.empty or rows.iloc[0].n < LEAST:
         return [
             f"{rows.n.max() if len(rows) else 0} loops with a clear label do not oscillate: too few"
             " for a table"
         ]
-    first, without = rows.iloc[0], raw.set_index("method")
-    lines = [
-        (
-            "method",
-            "n",
-            "false positives",
-            "no decision",
-            "without detection: false positives",
-            "no decision",
-        )
-    ]
+    first = rows.iloc[0]
+    lines = [("method", "n", "false positives", "no decision")]
     for r in rows[rows.role != ROLE_YARDSTICK].itertuples():
-        few, other = r.applicable < LEAST, without.loc[r.method]
-        rates = (r.false_alarms, r.no_decision, other.false_alarms, other.no_decision)
+        few, rates = r.applicable < LEAST, (r.false_alarms, r.no_decision)
         lines.append(
             (r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates))
         )
-    title = (
-        f"loops that do not oscillate ({first.n}, {first.positives} positive), {_DETECTION[FRONT]}"
-        " and without"
-    )
+    title = f"loops that do not oscillate ({first.n}, {first.positives} positive)"
     return [title, *columns(lines)]
 
 
@@ -332,9 +310,9 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     )
 
 
-def _details(scores: Any, truth: str, mode: str) -> list[str]:
+def _details(scores: Any, truth: str) -> list[str]:
     """Return what the headline leaves out, over all loops."""
-    rows = scores.ranking(truth, mode, population=ALL)
+    rows = scores.ranking(truth, population=ALL)
     if rows.empty:
         return [f"no loop has a clear label against {truth!r}"]
     lines = [
@@ -372,9 +350,7 @@ def _details(scores: Any, truth: str, mode: str) -> list[str]:
             )
         )
     first = rows.iloc[0]
-    title = (
-        f"all loops, truth {truth!r} ({first.n}, {first.positives} positive), {_DETECTION[mode]}"
-    )
+    title = f"all loops, truth {truth!r} ({first.n}, {first.positives} positive)"
     legend = (
         "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; risk: area"
         " under the risk-coverage curve; of all: accuracy, not-applicable counted as wrong"
@@ -391,11 +367,7 @@ def _marked(scores: Any) -> dict[str, str]:
 
 def _left_out(scores: Any) -> list[str]:
     rows, names = scores.left_out, _marked(scores)
-    rows = (
-        rows[(rows["mode"] == scores.first) & (rows.role != ROLE_YARDSTICK) & (rows.n > 0)]
-        if len(rows)
-        else rows
-    )
+    rows = rows[(rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
     lines = [("method", "loops", "n", "stiction", "no stiction", "no decision")]
     for r in rows.itertuples():
         few = r.n < LEAST
@@ -411,12 +383,7 @@ def _left_out(scores: Any) -> list[str]:
 
 def _dead_band(scores: Any) -> list[str]:
     rows = scores.by_axis
-    rows = rows[
-        (rows.axis == "S_over_2J")
-        & (rows["mode"] == scores.first)
-        & (rows.value == "inf")
-        & (rows.positives > 0)
-    ]
+    rows = rows[(rows.axis == "S_over_2J") & (rows.value == "inf") & (rows.positives > 0)]
     rows = rows[(rows.role != ROLE_YARDSTICK) & (rows.applicable > 0)]
     if rows.empty:
         return ["no dead-band cell cycles here"]

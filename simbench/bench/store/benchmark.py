@@ -30,7 +30,6 @@ _LEFT_OUT = (
     "check",
     "check_result",
     "compare",
-    "history",
     "hosted",
     "pairing",
     "result",

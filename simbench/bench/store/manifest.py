@@ -30,10 +30,7 @@ _BINDING = (
     "format",
     "grid_hash",
     "methods",
-    "front_end",
-    "thresholds",
     "plugins",
-    "until_width",
     "code",
     "versions",
 )
@@ -104,8 +101,7 @@ def unmatched(manifest: Mapping[str, Any]) -> int:
     sticky ones.
     """
     planned, done = manifest.get("scenarios"), manifest.get("counts", {}).get("scenarios")
-    adaptive = manifest.get("until_width") is not None
-    return planned - done if manifest.get("complete") and planned and done and not adaptive else 0
+    return planned - done if manifest.get("complete") and planned and done else 0
 
 
 def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:

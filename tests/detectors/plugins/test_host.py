@@ -245,7 +245,6 @@ def test_a_plug_in_that_writes_into_every_cache_that_it_finds_changes_no_later_v
             "detectors",
             str(tmp_path / "rec.csv"),
             "--json",
-            "--raw",
             *words,
         ]
         done = subprocess.run(command, cwd=tmp_path, env=known, capture_output=True, text=True)

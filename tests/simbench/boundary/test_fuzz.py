@@ -153,8 +153,7 @@ def test_records(tmp_path, cuts, raw, place):
     )
 )
 def test_bytes(tmp_path, content):
-    cuts = ["run", "smoke", "-o", tmp_path / "run", "--thresholds"]
-    for name, words in (("x.csv", ["detect"]), ("x.toml", ["predict"]), ("x.json", cuts)):
+    for name, words in (("x.csv", ["detect"]), ("x.toml", ["predict"])):
         (tmp_path / name).write_bytes(content)
         code, _, message = asked([*words, tmp_path / name])
         assert code == 2

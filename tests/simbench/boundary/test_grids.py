@@ -183,7 +183,7 @@ CHANGES = {
     "seed too large": ("seed = 1", "seed = 99999999999999999999999", "seed"),
     "no repeats": ("repeats = 1", "repeats = 0", "repeats"),
     "too many repeats": ("repeats = 1", "repeats = 1000000000000", "repeats"),
-    "many repeats": ("repeats = 1", "repeats = 900000", "--large"),
+    "many repeats": ("repeats = 1", "repeats = 900000", "--n 10000"),
     "no blocks": (HEAD[HEAD.index("[[block]]") :], "", "block"),
     "no members": (HEAD[HEAD.index("[[block.member]]") :], "", "member"),
     "title as number": ('title = "a grid"', "title = 3", "title"),
@@ -225,7 +225,7 @@ def refuse(folder, old: str, new: str, part: str, base: str = HEAD) -> None:
     """Have a grid with one change refused, with nothing written."""
     assert old in base
     put(base.replace(old, new, 1))
-    values = [v for v in new_tokens(old, new) if len(v) < 1000 and part != "--large"]
+    values = [v for v in new_tokens(old, new) if len(v) < 1000 and part != "--n 10000"]
     refused(RUN, "grid", part, values=values[:1])
     assert names_in(folder) == ["grid.toml"]
 
@@ -267,8 +267,8 @@ OPTIONS = [
     ("--axis x=1", "x"),
     ("--axis Td_over_T=1,1", "twice"),
     ("--axis disturbance=sinus", "sine"),
-    ("--until-width nan", "width"),
-    ("--until-width -1", "width"),
+    ("--n 0", "--n"),
+    ("--n 1e3", "--n"),
     ("-j 0", "-j"),
     ("-j 100000", "-j"),
     ("-j -7", "-j"),

@@ -241,7 +241,7 @@ SHAPES = {
 )
 def test_a_record_of_a_strange_shape_gets_json_or_a_sentence(here, verb, name):
     put(here, csv(**{"sp": 0 * PV + 50, **SHAPES[name]}))
-    words = "detect rec.csv --raw --json" if verb == "detect" else READERS[verb].format("rec.csv")
+    words = "detect rec.csv --json" if verb == "detect" else READERS[verb].format("rec.csv")
     code, answer, _ = asked(words)
     if verb == "detect" and code == 0:
         reasons = [verdict["reason"] for verdict in json.loads(answer)]

@@ -41,13 +41,11 @@ READ = {
     "rec.xlsx": "detect rec.xlsx",
     "rec.mat": "detect rec.mat",
     "loop.toml": "predict loop.toml",
-    "cuts.json": "detect rec.csv --thresholds cuts.json",
     "run/manifest.json": "score run",
     "run/verdicts.parquet/00000000.parquet": "score run",
     "run/scenarios.parquet/00000000.parquet": "score run",
     "baseline/manifest.json": "check run --against baseline",
     "baseline/verdicts.parquet": "check run --against baseline",
-    "baseline/history.csv": "history baseline",
     "grid.toml": "run grid.toml -o new",
     "labels.csv": "detect . --labels labels.csv",
 }

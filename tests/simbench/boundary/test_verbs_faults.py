@@ -48,8 +48,6 @@ HEAVY = {
     "trust": "trust ../rec.csv --html trust.html --method horch",
     "gap diagnose": "gap diagnose ../rec.csv --identify --html gap.html --write-loop fixed.toml",
     "withheld answer": "gap withheld answer held",
-    "calibrate": "calibrate smoke --method horch -o cal",
-    "map": "map smoke -o map --method horch_histogram --points 12 -j 1 --resume",
     "verify": "verify ../run --share 1 -j 1 --json",
     "check --update": "check ../run --against earlier --update",
     "exam open --report": "exam open ../exam --key ../exam.key ../answers.csv --report open.html",
@@ -73,7 +71,7 @@ def home(tmp_path_factory):
     run = "run smoke --method horch_histogram --set disturbance=none"
     for words in (
         f"{run} -o {home}/run",
-        f"{run} -o {home}/other --raw",
+        f"{run} -o {home}/other",
         f"check {home}/run --against {home}/baseline --update",
         f"check {home}/other --against {home}/earlier --update",
         f"exam make smoke -o {home}/exam --key {home}/exam.key --n 2 --seed 3",
@@ -257,7 +255,7 @@ def whole_exam(verb, folder, expected) -> bool:
     return verb in ("exam make", "withheld make") and contents(folder) == expected
 
 
-RESUMED = ["run", "map", "report", "exam answer", "calibrate", "detect"]
+RESUMED = ["run", "report", "exam answer", "detect"]
 
 
 @pytest.mark.slow
@@ -278,7 +276,7 @@ def test_two_processes_at_one_thing_leave_what_one_leaves(home, verb):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("verb", ["run", "map"])
+@pytest.mark.parametrize("verb", ["run"])
 @pytest.mark.parametrize("woken", ["afterwards", "meanwhile"])
 def test_a_process_that_was_stopped_and_goes_on_spoils_nothing(home, verb, woken):
     """As a laptop that sleeps, or a job that a batch system suspends and starts once more."""

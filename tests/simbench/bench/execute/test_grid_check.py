@@ -53,15 +53,10 @@ def test_the_estimated_time_is_that_of_a_run_within_a_factor(small):
     assert 2e6 < chapter.bytes < 40e6
 
 
-@pytest.mark.parametrize("large", [False, True])
-def test_a_run_that_must_be_asked_for(large):
-    refuse_too_large(GridSize(1, MOST_SCENARIOS, 1.0, 1.0, 1.0), "grid", large)
-    more = GridSize(1, MOST_SCENARIOS + 1, 1.0, 1.0, 1.0)
-    if large:
-        refuse_too_large(more, "grid", large)
-    else:
-        with pytest.raises(RunError, match=r"1000001 scenarios.*--large"):
-            refuse_too_large(more, "grid", large)
+def test_a_run_that_is_too_large_is_told_how_to_draw_from_its_grid():
+    refuse_too_large(GridSize(1, MOST_SCENARIOS, 1.0, 1.0, 1.0), "grid")
+    with pytest.raises(RunError, match=r"1000001 scenarios.*--n 10000"):
+        refuse_too_large(GridSize(1, MOST_SCENARIOS + 1, 1.0, 1.0, 1.0), "grid")
 
 
 def test_the_size_reads_in_usual_units():

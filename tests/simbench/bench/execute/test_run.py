@@ -470,7 +470,6 @@ def test_a_folder_with_something_else_in_it_is_left_alone(small, tmp_path):
             {"methods": ["he"]},
             "methods differ: the run has yamashita, which this command does not ask for$",
         ),
-        ({"thresholds": {"he": {"eta_high": 0.7}}}, "thresholds differ"),
         ({"code": "0" * 16}, "the code differs"),
         ({"numpy": "1.0"}, "versions differ: numpy was 1.0"),
     ],
@@ -492,7 +491,6 @@ def test_a_run_that_differs_is_not_mixed_with_the_old_one(
             grid,
             run,
             change.get("methods", METHODS),
-            thresholds=change.get("thresholds"),
             resume=True,
         )
 
@@ -544,9 +542,6 @@ def test_a_kill_between_the_last_steps_is_tidied_up(
         ({"backend": "dask"}, "needs --address"),
         ({"backend": "dask", "address": "tcp://127.0.0.1:1"}, "no dask scheduler"),
         ({"methods": ["hee"]}, "he"),
-        ({"until_width": 2.0}, r"between 0\.001 and 1"),
-        ({"thresholds": {"he": {"eta_hihg": 1}}}, "eta_high"),
-        ({"thresholds": {"yamashita": {"rho3_min": 1}}}, "not among the methods"),
         ({"plugins": ["absent.py"]}, "does not exist"),
     ],
 )
@@ -660,48 +655,6 @@ def test_the_manifest_states_what_was_run(finished):
         "command",
         "times",
     } <= set(content)
-
-
-@pytest.mark.usefixtures("unscored")
-def test_adaptive_runs_add_seeds_only_where_accuracy_is_vague(small, tmp_path):
-    once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
-    run = run_grid(once, tmp_path / "run", ["he"], until_width=0.45)
-    scenarios = pd.read_parquet(run / "scenarios.parquet")
-    seeds = scenarios.groupby("cell").repeat.nunique()
-    adaptive = read_manifest(run)["adaptive"]
-    assert seeds.min() < seeds.max()
-    assert adaptive["widest"] <= 0.45
-    assert adaptive["scenarios"] == len(scenarios) < adaptive["full_product"]
-    assert scenarios.scenario_id.is_unique
-
-
-@pytest.mark.usefixtures("unscored")
-def test_an_adaptive_run_is_resumed_to_the_same_end(small, tmp_path, monkeypatch):
-    once = make_grid(small.content.model_dump(), "small", {"repeats": 1})
-    undisturbed = run_grid(once, tmp_path / "a", ["yamashita"], until_width=0.45)
-    with monkeypatch.context() as patch:
-        raise_after(patch, pieces, "write_piece", 5, KeyboardInterrupt)
-        with pytest.raises(Interrupted):
-            run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.45)
-    assert_same(
-        run_grid(once, tmp_path / "b", ["yamashita"], until_width=0.45, resume=True), undisturbed
-    )
-
-
-@pytest.mark.usefixtures("unscored")
-def test_another_front_end_is_chosen_for_a_whole_run(finished, small, tmp_path):
-    run = run_grid(small, tmp_path / "loads", ["he", "yamashita"], front_end="hagglund")
-    assert read_manifest(run)["front_end"] == "hagglund"
-    assert read_manifest(finished)["front_end"] == "acf"
-    one, other = (RunArrays.read(folder) for folder in (finished, run))
-    assert (one.ids == other.ids).all()
-    assert (one.verdict_raw == other.verdict_raw).all()
-    assert (one.verdict != other.verdict).any()
-    with pytest.raises(UserError, match="front_end"):
-        run_grid(small, run, ["he", "yamashita"], resume=True)
-    with pytest.raises(UserError, match="unknown front end"):
-        run_grid(small, tmp_path / "none", ["he"], front_end="fourier")
-    assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.usefixtures("unscored")

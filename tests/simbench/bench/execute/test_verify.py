@@ -21,7 +21,7 @@ from simbench.bench.execute.verify_result import Notes
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import benchmark_of, grid_of
-from simbench.bench.store.checksums import RunError, digest, partition, with_checksum
+from simbench.bench.store.checksums import RunError, digest, partition
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.place import place_of
 from simbench.bench.store.reading import RunArrays
@@ -263,11 +263,8 @@ TAMPERINGS = {
     "a group removed": (without_failures, []),
     "half of the pieces removed": (half_the_pieces, []),
     "scenarios duplicated": (duplicated, []),
-    "thresholds": (of_manifest("thresholds", value={"he": {"stiction_above": 0.9}}), []),
-    "unknown thresholds": (of_manifest("thresholds", value={"he": {"stiction": 0.9}}), []),
     "grid's name": (of_manifest("grid", value="smoke"), []),
     "grid's version": (of_manifest("grid_content", "draw", "S", value=[3.0, 5.0]), []),
-    "oscillation detection": (of_manifest("front_end", value="hagglund"), []),
 }
 
 
@@ -385,27 +382,6 @@ def test_what_cannot_be_verified_is_refused(run, tmp_path):
         verify_run(tmp_path / "b")
     with pytest.raises(RunError, match="states no plug-in"):
         verify_run(run, plugins=["mine.py"])
-
-
-@pytest.mark.parametrize("width", [5, -1.0, 0, "wide", True])
-def test_a_width_that_no_run_can_have_is_named(run, tmp_path, width):
-    shutil.copytree(run, tmp_path / "run")
-    file = tmp_path / "run" / "manifest.json"
-    stated = json.loads(file.read_text()) | {"until_width": width}
-    file.write_text(json.dumps(with_checksum(stated)))
-    assert f"until_width = {width}; a number" in verify_run(tmp_path / "run").contradictions[0]
-
-
-def test_further_rounds_of_an_adaptive_run_follow_from_the_grid(tmp_path):
-    grid = make_grid(SMALL, "small", axes={"disturbance": ["none"], "Td_over_T": [0.3]})
-    folder = run_grid(grid, tmp_path / "r", ["he"], until_width=0.55)
-    assert not verify_run(folder).contradictions
-    forgery = Forgery(folder, tmp_path / "f")
-    assert max(row["repeat"] for row in forgery.all("scenarios")) > 0
-    for parts in forgery.rows.values():
-        parts.pop()
-    forgery.write()
-    assert verify_run(tmp_path / "f").contradictions
 
 
 def test_tables_are_compared_key_by_key_and_a_table_in_place_of_a_number_is_one_contradiction():

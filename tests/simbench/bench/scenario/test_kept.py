@@ -28,10 +28,9 @@ def test_a_run_is_kept_for_its_loop_and_seed_and_is_that_of_simulate():
     assert np.array_equal(again.record.pv, run.record.pv)
 
 
-def test_a_record_is_prepared_once_for_each_front_end_and_without_mv():
+def test_a_record_is_prepared_once_and_without_mv():
     record = simulate(Loop.from_table(TABLE), 3).record
     prepared = prepare_once(record)
     assert prepare_once(record) is prepared
     assert prepared.record.mv is None
     assert prepared.oscillation == prepare(record.without_mv()).oscillation
-    assert prepare_once(record, "hagglund").front_end == "hagglund"

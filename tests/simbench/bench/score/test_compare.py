@@ -123,17 +123,3 @@ def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
     blind = replace(run, manifest={**run.manifest, "methods": about})
     assert between_methods(run).ranking.mean_rank.notna().all()
     assert between_methods(blind).ranking.mean_rank.isna().all()
-
-
-def test_answers_with_the_front_end_are_compared_unless_raw_ones_are_asked_for(book):
-    """Raw answers are all right in one run and all wrong in the other, answers with the front end
-    the other way round.
-    """
-    right, wrong = [TRUTH, TRUTH], [1 - TRUTH, 1 - TRUTH]
-    one = replace(book(wrong, TRUTH), verdict_raw=np.array(right, dtype=np.int8))
-    other = replace(book(right, TRUTH), verdict_raw=np.array(wrong, dtype=np.int8))
-    for raw, only in ((None, (0, N)), (False, (0, N)), (True, (N, 0))):
-        comparison = between_runs(one, other, **({} if raw is None else {"raw": raw}))
-        assert {
-            (row["only_first"], row["only_second"]) for row in comparison.pairs.to_dict("records")
-        } == {only}

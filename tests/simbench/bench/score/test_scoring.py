@@ -1,25 +1,20 @@
 """Scores, calibration and sweeps against slow recounts and hand-made cases."""
 
 import json
-import math
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from simbench.bench.calibrate import abstention, calibrate, calibrate_books
-from simbench.bench.execute.adaptive import trials
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
 from simbench.bench.score import folds, no_waveform
 from simbench.bench.score.compare import between_methods
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
-from simbench.bench.score.scoring import FRONT, RAW, score_book, score_run
-from simbench.bench.statistics import wilson
+from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.reading import RunArrays
-from simbench.detectors.errors import ParameterError
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop
@@ -58,15 +53,14 @@ def scores(finished):
 
 @pytest.fixture(scope="module")
 def rows(scores):
-    return scores.table.set_index(["method", "truth", "mode", "process", "population"]).sort_index()
+    return scores.table.set_index(["method", "truth", "process", "population"]).sort_index()
 
 
 @pytest.mark.parametrize("population", [ALL, OF_OSCILLATING, OF_NOT_OSCILLATING])
 @pytest.mark.parametrize("process", ["all", "self-regulating", "integrating"])
-@pytest.mark.parametrize("mode", [FRONT, RAW])
 @pytest.mark.parametrize("truth", ["sticky", "predicted", "cycled"])
-def test_the_table_is_a_plain_count(rows, joined, mode, truth, process, population):
-    verdict = joined.verdict if mode == FRONT else joined.verdict_raw
+def test_the_table_is_a_plain_count(rows, joined, truth, process, population):
+    verdict = joined.verdict
     positive = joined.cycled == "yes" if truth == "cycled" else joined[truth].astype(bool)
     known = joined.cycled.isin(["yes", "no"]) if truth == "cycled" else joined[truth].notna()
     if population != ALL:
@@ -77,7 +71,7 @@ def test_the_table_is_a_plain_count(rows, joined, mode, truth, process, populati
         )
     for method in ("he", "horch", "yamashita"):
         use = known & (joined.method == method)
-        row = rows.loc[(method, truth, mode, process, population)]
+        row = rows.loc[(method, truth, process, population)]
         # horch is made for self-regulating loops alone
         covered = use & ((joined.process == "foptd") | (method != "horch"))
         answers, true = verdict[covered], positive[covered]
@@ -106,13 +100,12 @@ def test_auc_is_sklearns_on_the_very_scores_of_the_tables(rows, joined):
 
     use = (joined.method == "he") & joined.cycled.isin(["yes", "no"])
     assert (joined.score[use & ~joined.oscillating] == -np.inf).all()
-    for mode, score in ((FRONT, joined.score), (RAW, joined.score_raw)):
-        known = use & score.notna()
-        row = rows.loc[("he", "cycled", mode, "all", ALL)]
-        assert row.scored == known.sum()
-        assert row.auc == pytest.approx(
-            roc_auc_score(joined.cycled[known] == "yes", score[known].clip(-1e9))
-        )
+    known = use & joined.score.notna()
+    row = rows.loc[("he", "cycled", "all", ALL)]
+    assert row.scored == known.sum()
+    assert row.auc == pytest.approx(
+        roc_auc_score(joined.cycled[known] == "yes", joined.score[known].clip(-1e9))
+    )
 
 
 def test_yardsticks_answer_always_the_same(scores):
@@ -155,9 +148,7 @@ def test_a_method_that_does_not_apply_is_not_undecided(book):
 
 def test_axis_rows_add_up_to_the_whole(scores):
     for axis in ("disturbance", "S_over_2J", "noise_ratio"):
-        rows = scores.by_axis[scores.by_axis.axis == axis].query(
-            "method == 'he' and mode == 'front end'"
-        )
+        rows = scores.by_axis[scores.by_axis.axis == axis].query("method == 'he'")
         whole = scores.ranking(population=ALL).set_index("method").loc["he"]
         assert rows.n.sum() == whole.n
         assert (rows.accuracy_all * rows.n).sum() == pytest.approx(whole.accuracy_all * whole.n)
@@ -212,11 +203,8 @@ def test_a_table_of_many_methods_is_cut_where_the_screen_ends_and_keeps_the_refe
     assert cut == f"... and {45 - shown} more methods: --full"
 
 
-def test_everything_is_printed_on_request_and_raw_can_come_first(finished, scores):
+def test_everything_is_printed_on_request(scores):
     text = scores.as_text(full=True)
-    assert text.index("with the common oscillation") < text.index("without the common oscillation")
-    raw = score_run(finished, raw=True).as_text(full=True)
-    assert raw.rindex("without the common oscillation") < raw.rindex("with the common oscillation")
     for part in (
         "labels that disagree",
         "do not oscillate",
@@ -249,7 +237,6 @@ def test_loops_that_do_not_oscillate_have_another_table(book):
     run = replace(
         book(np.where(going, truth, 1), truth),
         oscillating=going,
-        verdict_raw=np.full((1, 200), 2, np.int8),
     )
     still = score_book(run).ranking(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
     assert (still.n, still.false_alarms, still.no_decision) == (100, 1.0, 0.0)
@@ -259,7 +246,7 @@ def test_loops_that_do_not_oscillate_have_another_table(book):
         for k, line in enumerate(lines)
         if line.startswith("loops that do not oscillate (100, 0 positive)")
     )
-    assert lines[at + 2].split() == ["m0", "100", "1.00", ".00", ".00", "1.00"]
+    assert lines[at + 2].split() == ["m0", "100", "1.00", ".00"]
 
 
 def test_where_no_ranking_is_possible_the_reason_is_printed(book):
@@ -325,7 +312,7 @@ def test_the_winner_of_random_halves_and_the_separated_pairs_are_counted(book):
 def test_json_is_the_contracts(scores):
     content = json.loads(json.dumps(scores.as_json(), allow_nan=False))
     keys = (
-        "method,truth,front_end,process,population,n,applicable,accuracy_applicable,"
+        "method,truth,process,population,n,applicable,accuracy_applicable,"
         "accuracy_decided,no_decision,found"
     )
     new = "found_at_5,cost,risk_coverage,home"
@@ -336,7 +323,7 @@ def test_json_is_the_contracts(scores):
     ends = "cost_lo,cost_hi,no_decision_lo,no_decision_hi,found_at_5_lo,found_at_5_hi,positives"
     over = "cost_over_no_waveform,cost_over_no_waveform_lo,cost_over_no_waveform_hi"
     assert within == {
-        f"method,truth,front_end,process,population,{ends},{over},risk_coverage_lo,risk_coverage_hi"
+        f"method,truth,process,population,{ends},{over},risk_coverage_lo,risk_coverage_hi"
     }
     assert {row["population"] for row in content["rows"]} == {
         "all",
@@ -347,7 +334,6 @@ def test_json_is_the_contracts(scores):
     assert set(content["stability"]["cycled"]) == {"winner", "wins", "halves", "pairs"}
     assert content["undecided"] == 0.5
     assert {row["process"] for row in content["rows"]} == {"all", "self-regulating", "integrating"}
-    assert {row["front_end"] for row in content["rows"]} == {True, False}
     assert 0 < content["resolution"] < 1
     place = ("horch", "integrating", "all")
     horch = next(
@@ -366,7 +352,7 @@ def test_the_csv_is_small_and_readable(finished, scores):
     assert file.stat().st_size < 180_000
     frame = pd.read_csv(file)
     # modes, truths, processes, populations; three methods and three reference rows
-    assert len(frame) == len(scores.table) == 2 * 3 * 3 * 3 * 6
+    assert len(frame) == len(scores.table) == 3 * 3 * 3 * 6
 
 
 def test_cost_counts_no_decision_as_half_an_error_or_as_asked(book):
@@ -428,7 +414,6 @@ def test_an_axis_of_many_values_has_a_row_for_each(book):
     run = book(truth, truth)
     run.axes["Td_over_T"][:] = value
     rows = score_book(run).by_axis.query("axis == 'Td_over_T' and method == 'm0'")
-    rows = rows[rows["mode"] == FRONT]
     assert rows.value.tolist() == [f"{v:g}" for v in range(200)]
     assert set(rows.n) == {3}
     assert (rows.accuracy_applicable == 1.0).all()
@@ -439,7 +424,7 @@ def test_the_classifier_without_waveform_is_trained_once_for_a_run(book, monkeyp
     monkeypatch.setattr(no_waveform, "out_of_fold", lambda *a: calls.append(1) or learn(*a))
     run = book(np.tile([1, 0], 100), np.tile([1, 0], 100))
     score_book(run)
-    score_book(run, raw=True)
+    score_book(run)
     assert len(calls) == 1
 
 
@@ -474,7 +459,7 @@ def test_answers_about_left_out_loops_are_counted(book):
     truth = np.r_[np.ones(30), np.zeros(30), np.full(25, -1)].astype(int)
     run = book(np.r_[np.zeros(60), np.ones(20), np.full(5, 2)], truth)
     left = score_book(run).left_out
-    row = left[(left.method == "m0") & (left["mode"] == FRONT) & (left.of == "unclear")].iloc[0]
+    row = left[(left.method == "m0") & (left.of == "unclear")].iloc[0]
     assert (row.n, row.stiction, row.no_decision) == (25, 0.8, 0.2)
     assert row.stiction_lo < 0.8 < row.stiction_hi
 
@@ -487,85 +472,6 @@ def test_a_rate_of_fewer_than_20_loops_is_not_printed(book):
 
 def test_median_runtimes_are_there(scores):
     assert (scores.table.query("role != 'yardstick'").median_ms > 0).all()
-
-
-def test_wilson_narrows_as_trials_predicts():
-    for share in (0.5, 0.8, 1.0):
-        n = trials(np.array([share]), 10_000, 0.1)
-        lo, hi = wilson(round(share * n), n)
-        assert 0.07 < hi - lo <= 0.101
-
-
-def test_abstention_is_the_best_of_all_bands():
-    rng = np.random.default_rng(2)
-    positive = rng.random(120) < 0.5
-    score = np.round(rng.normal(size=120) + 1.2 * positive, 1)
-    low, high = abstention(score, positive, 0.1)
-
-    def decided_and_wrong(low, high):
-        above, below = score > high, score <= low
-        return (above | below).sum(), (above & ~positive).sum() + (below & positive).sum()
-
-    cuts = [-math.inf, *np.unique(score)]
-    bands = [decided_and_wrong(a, b) for a in cuts for b in cuts if a <= b]
-    best = max(decided for decided, wrong in bands if wrong + 1 <= 0.1 * (decided + 1))
-    assert decided_and_wrong(low, high)[0] == best > 0
-
-
-SINE = {"disturbance": "sine"}
-
-
-@pytest.fixture(scope="module")
-def calibrated(tmp_path_factory):
-    """A calibration and its folder."""
-    folder = tmp_path_factory.mktemp("calibrated")
-    return calibrate("smoke", 0.2, ["he", "srinivasan"], out=folder, sets=SINE), folder
-
-
-def test_calibration_takes_cuts_from_other_seeds_than_it_measures_on(calibrated):
-    calibration, folder = calibrated
-    a, b = RunArrays.read(folder / "seeds-a"), RunArrays.read(folder / "seeds-b")
-    assert calibration.about["seed_a"] != calibration.about["seed_b"]
-    assert not set(a.ids) & set(b.ids)
-    again = calibrate_books(a, b, 0.2)
-    assert again.thresholds == calibration.thresholds
-    row = calibration.table.set_index("method").loc["he"]
-    negative = b.truth["cycled"] == 0
-    assert row.false_alarm == pytest.approx(
-        np.mean(b.score[list(b.methods).index("he"), negative] > row.cut)
-    )
-    assert {f.name for f in folder.iterdir()} >= {"thresholds.json", "calibration.csv", "roc.csv"}
-    assert "he" in calibration.as_text()
-    json.dumps(calibration.as_json(), allow_nan=False)
-
-
-def test_calibrated_cuts_do_in_a_run_what_the_calibration_measured(calibrated, tmp_path):
-    calibration, _ = calibrated
-    run = run_grid(
-        "smoke",
-        tmp_path / "cut",
-        ["he", "srinivasan"],
-        sets=SINE,
-        thresholds=calibration.thresholds,
-    )
-    table = score_run(run).ranking().set_index("method")
-    for row in calibration.table.itertuples():
-        assert table.loc[row.method].false_alarms == pytest.approx(row.false_alarm)
-    band = run_grid(
-        "smoke",
-        tmp_path / "band",
-        ["he"],
-        sets=SINE,
-        thresholds={"he": calibration.abstaining["he"]},
-    )
-    decided = 1 - score_run(band, raw=True).ranking().set_index("method").no_decision["he"]
-    assert decided == pytest.approx(calibration.table.set_index("method").loc["he"].coverage)
-
-
-@pytest.mark.parametrize("share", [0.0, 1.0, -0.1, math.nan])
-def test_an_impossible_false_alarm_rate_is_refused(share):
-    with pytest.raises(ParameterError, match="between 0 and 1"):
-        calibrate("smoke", share)
 
 
 def test_seeds_of_a_sweep_differ_and_are_the_same_again():
