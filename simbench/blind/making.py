@@ -19,13 +19,15 @@ from joblib import Parallel, delayed
 from simbench.blind import outcomes, seal
 from simbench.blind.menu import csv_of
 from simbench.blind.world import OWN, PLANNED, WORLDS
-from simbench.detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError, nearest
 from simbench.files import folder
 from simbench.handout import refuse_key_inside, refuse_unwritable_key
+from simbench.loop.effects import EFFECTS, UNKNOWN, block_of
 from simbench.progress import Progress
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
 
+WITHOUT = "without.txt"  # names the effect that the diagnosis is asked without
 PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"
 STRENGTHS = ("weak", "medium", "strong")
@@ -68,12 +70,18 @@ class Plan:
     # effects, strengths: restrict the cells
     effects: tuple[str, ...] = PLANNED
     strengths: tuple[str, ...] = STRENGTHS
+    without: str | None = None  # effect that the diagnosis is asked without
 
     @classmethod
-    def of(cls, n: int) -> Plan:
+    def of(cls, n: int, without: str | None = None) -> Plan:
         """Return the usual shares for about `n` records: 55 % single effects, 20 % none, the rest
-        two effects and foreign.
+        two effects and foreign; or that many records of one effect alone.
         """
+        if without is not None:
+            if without not in PLANNED:
+                raise ParameterError(f"withheld: effect {without!r}: {nearest(without, PLANNED)}")
+            each = max(1, round(n / len(STRENGTHS)))
+            return cls(each, 0, 0, 0, effects=(without,), without=without)
         if n < 100:
             raise ParameterError(
                 f"withheld: {n} records asked for; at least 100 are needed for one of each effect"
@@ -157,6 +165,8 @@ def make(
 ) -> str:
     """Write a withheld folder and, elsewhere, the key to its answers; `tests` adds the results of
     every available test.
+
+    Where the plan names an effect that the diagnosis is asked without, "unknown" is right.
     """
     out, key = Path(out), Path(key)
     refuse_key_inside("withheld", key, out)
@@ -173,7 +183,8 @@ def make(
         )
     refuse_unwritable_key(key)
     folder(out)
-    entries = (plan or Plan.of(n)).entries(list(drawn_by.FOREIGN))
+    plan = plan or Plan.of(n)
+    entries = plan.entries(list(drawn_by.FOREIGN))
     with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
         drawn = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
         items = list(Progress(drawn, total=len(entries), desc="records", delay=1.0))
@@ -181,7 +192,11 @@ def make(
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
     named = dict(zip(names, items, strict=True))
-    answers = [item.answer | {"id": name, "world": world} for name, item in named.items()]
+    about = {"world": world}
+    if plan.without is not None:
+        hidden = {"foreign": plan.without, "block": block_of(plan.without)}
+        about |= {"effect": UNKNOWN, **hidden}
+    answers = [item.answer | about | {"id": name} for name, item in named.items()]
     sealed = seal.seal(_answers_csv(answers))
     print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
     half = out / ".records"  # until all of it is written; a call that was killed begins anew
@@ -191,8 +206,23 @@ def make(
             write_item(item, folder(half), name)
         if tests:
             outcomes.write(out, drawn_by.test, named, jobs)
+        if plan.without is not None:
+            outcomes.write_whole(out / WITHOUT, f"{plan.without}\n")
         seal.write(sealed, out, key)
         half.rename(out / "records")
     finally:
         rmtree(half, ignore_errors=True)
     return sealed.commitment
+
+
+def without_of(folder: str | Path) -> str | None:
+    """Return the effect that the diagnosis of a withheld folder is asked without; None where it
+    keeps its library.
+    """
+    file = Path(folder) / WITHOUT
+    if not file.exists():
+        return None
+    effect = file.read_text(encoding="utf-8").strip()
+    if effect not in EFFECTS:
+        raise ParameterError(f"withheld: {file} names {effect[:60]!r}: {nearest(effect, EFFECTS)}")
+    return effect

@@ -29,7 +29,12 @@ def judge_record(
     strange = (_text(truth.get("foreign")) or effect) if foreign else ""
     # a foreign kind may have joined the library since its world was written: its name is as
     # right as `unknown`
-    group = frozenset({UNKNOWN, strange}) if foreign else indistinguishable(effect, here)
+    if foreign:
+        # where the diagnosis is asked without an effect, one that looks the same is as right
+        alike = indistinguishable(strange, here) if strange in EFFECTS else frozenset({strange})
+        group = alike | {UNKNOWN}
+    else:
+        group = indistinguishable(effect, here)
     right = group if foreign else {effect}
     probability = {str(r["effect"]): r.get("probability") or 0.0 for r in answer.get("ranking", [])}
     ratio = _number(truth.get("ratio"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -195,56 +195,6 @@ def gap_predict(
     show_result(prediction, as_json)
 
 
-@gap_app.command(
-    "discover",
-    epilog=examples(
-        "gap discover rec.csv --baseline loop.toml --write-effect my_law.py --html law.html"
-    ),
-)
-@reads()
-def gap_discover(
-    record: Annotated[Path, Argument(metavar="REC.csv", help="Read a record of the loop.")],
-    baseline: Baseline,
-    write_effect: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE.py", help="Write the empirical model as an effect plug-in to this file."
-        ),
-    ] = None,
-    html: Page = None,
-    as_json: Json = False,
-    *,
-    about: dict,
-) -> None:
-    """Fit an empirical model to a missing effect that the library does not contain."""
-    from simbench.gap.command import discover_file
-
-    discovery = discover_file(record, baseline, write_effect=write_effect, html=html, **about)
-    show_result(discovery, as_json)
-
-
-@gap_app.command("leave-out", epilog=examples("gap leave-out withheld -j 2"))
-def leave_out_(
-    out: Annotated[Path, Argument(metavar="DIR", help="Write records and table to this folder.")],
-    world: World = "own",
-    n: Annotated[
-        int, Option("-n", "--records", min=1, help="Simulate this many records per effect.")
-    ] = 4,
-    seed: Seed = 0,
-    tests: Annotated[
-        int, Option(min=0, metavar="N", help="Allow the diagnosis this many tests per record.")
-    ] = 0,
-    jobs: Jobs = 1,
-    as_json: Json = False,
-) -> None:
-    """Test the diagnosis while one effect at a time is missing from its library."""
-    from simbench.blind.leave_out import leave_out, summary
-
-    table = summary(leave_out(out, world, n, seed, jobs, tests))
-    text = table.to_string(index=False, float_format="%.2f", na_rep="-")
-    show(json.loads(table.to_json(orient="records")) if as_json else text, as_json)
-
-
 @withheld_app.command(epilog=examples("gap withheld make check --key check.key --seed 1"))
 def make(
     out: Check,
@@ -261,14 +211,24 @@ def make(
             "--tests", help="Also simulate what every available test would show of each record."
         ),
     ] = False,
+    without: Annotated[
+        str | None,
+        Option(
+            metavar="EFFECT",
+            help="Give every record this effect, and have them diagnosed without it in the"
+            " library.",
+        ),
+    ] = None,
 ) -> None:
     """Make a blind test of `gap diagnose`: records with hidden effects, and encrypted answers.
 
     Continue with `simbench gap withheld answer` and `open`.
     """
+    from simbench.blind.making import Plan
     from simbench.blind.making import make as write
 
-    print(write(out, key, seed, n=n, jobs=jobs, world=world, tests=tests))
+    plan = Plan.of(n, without)
+    print(write(out, key, seed, plan=plan, jobs=jobs, world=world, tests=tests))
 
 
 @withheld_app.command(epilog=examples("gap withheld answer check -j 2"))
@@ -286,9 +246,11 @@ def answer(
     An interrupted call is continued.
     """
     from simbench.blind.answering import answer as diagnose_all
+    from simbench.blind.making import without_of
     from simbench.gap.command import one_file
 
-    print(f"{diagnose_all(out, one_file, jobs, tests)} records diagnosed")
+    diagnose = partial(one_file, without=without_of(out))
+    print(f"{diagnose_all(out, diagnose, jobs, tests)} records diagnosed")
 
 
 @withheld_app.command("open", epilog=examples("gap withheld open check --key check.key"))

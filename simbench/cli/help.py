@@ -42,7 +42,6 @@ GROUPS = {
         "why",
         "full",
         "write_loop",
-        "write_effect",
     ),
 }
 

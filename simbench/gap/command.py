@@ -5,7 +5,8 @@ corrected loop file.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,16 +17,14 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.discover.discovery import Discovery, discover
-from simbench.gap.discover.effect_file import refuse_effect_file
-from simbench.gap.discover.effect_file import write_effect as write_law
-from simbench.gap.discover.recognise import effects_known
+from simbench.gap.effects import left_out
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
 from simbench.gap.plan.menu import Limits
 from simbench.gap.plan.order import PlannedTests, plan
 from simbench.gap.prediction import Prediction, predict, read_settings
 from simbench.gap.report.result import GapReport
+from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.scenarios.spec import checked, load_loop, read_toml
 
 
@@ -140,34 +139,6 @@ def diagnose_files(
     return report
 
 
-def discover_file(
-    record: str | Path,
-    baseline: str | Path,
-    *,
-    write_effect: str | Path | None = None,
-    html: str | Path | None = None,
-    **about: Any,
-) -> Discovery:
-    """Describe by a law what the simulation of a loop file lacks of a record's file."""
-    refuse_own_input([write_effect, html], [record, baseline])
-    if write_effect is not None:
-        refuse_effect_file(write_effect)
-    loop, read = load_loop(baseline), read_record(record, automatic=False, **about)
-    discovery = discover(read, loop)
-    if write_effect is not None and discovery.law is not None:
-        header = (
-            f"Found by `simbench gap discover` in {Path(record).name} beside {Path(baseline).name}:"
-            f" {discovery.law.text}; {discovery.law.nats:.0f} nats on samples that it was not"
-            " fitted to."
-        )
-        write_law(discovery.law, write_effect, header, f"fitted to {Path(record).name}")
-    if html is not None:
-        from simbench.gap.report.law_page import write_law_page
-
-        write_law_page(discovery, html)
-    return discovery
-
-
 def plan_files(
     record: str | Path,
     baseline: str | Path,
@@ -207,11 +178,28 @@ def predict_file(
         return predict(diagnose_files([record], baseline, tests=tests, **about), settings)
 
 
-def one_file(record: Path, baseline: Path, tests: Sequence[str] = ()) -> dict[str, Any]:
+def one_file(
+    record: Path, baseline: Path, tests: Sequence[str] = (), without: str | None = None
+) -> dict[str, Any]:
     """Return the JSON of `gap diagnose` for one record, its baseline and tests, as the blind
-    check's processes call it.
+    check's processes call it; `without` is an effect that the library then lacks.
     """
-    return diagnose_files([record], baseline, tests=tests).as_json()
+    with left_out(*([] if without is None else [without])):
+        return diagnose_files([record], baseline, tests=tests).as_json()
+
+
+@contextmanager
+def effects_known(files: Iterable[str | Path]) -> Iterator[None]:
+    """Make the effects in these files known while the block lasts, so that a loop file may name
+    them. They run in this process, as the user asked.
+    """
+    with ExitStack() as stack:
+        for file in files:
+            name = PLUGINS.add_file(file)
+            stack.callback(EFFECTS.forget_all)
+            stack.callback(PLUGINS.forget, name)
+        EFFECTS.forget_all()
+        yield
 
 
 def _read(path: str | Path, window: tuple[int, int] | None, about: Mapping[str, Any]) -> LoopRecord:

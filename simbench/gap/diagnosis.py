@@ -2,8 +2,7 @@
 gap diagnose`).
 
 The steps stand in `diagnose_all`: assess every record (`_assess_one`), simulate the closed loop
-with each effect (`ClosedLoops`), weigh the effects (`classify`), describe what stays unknown
-(`described`), and write the report (`report`).
+with each effect (`ClosedLoops`), weigh the effects (`classify`), and write the report (`report`).
 """
 
 from __future__ import annotations
@@ -27,7 +26,6 @@ from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.identified import plausible
-from simbench.gap.discover.discovery import described
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
@@ -127,23 +125,13 @@ def diagnose_all(
     tests: Sequence[RecordedTest] = (),
     jobs: int = 1,
     seed: int = 0,
-    *,
-    describe: bool = True,
 ) -> GapReport:
-    """Return the report of `diagnose`; `describe` looks for a law of what is unknown, which changes
-    no conclusion.
-    """
+    """Return the report of `diagnose`, its records and baseline read."""
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         assessment, loops = _assess_all(records, baseline, jobs, tests)
-        weights, like = classify(assessment), None
-        if describe and named_by(weights, assessment) == [UNKNOWN]:
-            # a law that pays on unseen samples, or the best of all explanations, locates what is
-            # unknown better than a test that fails
-            like = described(assessment.situation, assessment, seed)
-            weights = replace(weights, unknown_block=like.block or weights.unknown_block)
-        answer = report(assessment, weights, ClosedLoops(assessment, seed), loops)
-        return replace(answer, looks_like=like)
+        weights = classify(assessment)
+        return report(assessment, weights, ClosedLoops(assessment, seed), loops)
 
 
 def conclude(
@@ -186,7 +174,7 @@ def conclude(
     records = _records(record, signals)
     if loop is None and len(records) == 1:
         return judged(records[0])[0]
-    return diagnose_all(records, _read(loop), tests, describe=False).conclusion
+    return diagnose_all(records, _read(loop), tests).conclusion
 
 
 def _read(loop: Loop | Partial | str | Path | None) -> Loop | Partial | None:

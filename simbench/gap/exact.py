@@ -1,15 +1,16 @@
-"""Fit models that need no likelihood: controller laws from error to OP, and sensor models of single
-samples of PV.
+"""Show effects of controller and sensor without a likelihood, from OP or single samples of PV:
+derivative action, missed executions, a frozen sensor.
 
-A law is fitted to the first part of the record and judged by what it leaves on the rest, compared
-with the best law without it.
+A term of the controller is fitted to the first part of the record and judged by what it leaves on
+the rest, compared with the best law without it. Terms that no effect has are rivals: where one of
+them explains OP better, nothing is shown.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -19,9 +20,7 @@ from simbench.detectors.signal.holds import holds, runs_of
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.controller.examine import stated_controller
 from simbench.gap.controller.regression import FORMS
-from simbench.gap.law import FoundLaw
 from simbench.gap.situation import Situation
-from simbench.loop.laws import LAW_FORMS
 
 # share of what the law without the new term leaves, below which the term is the law
 _EXPLAINS = 0.6
@@ -36,71 +35,47 @@ _HELD = 0.02  # share of samples of PV that repeat the last one beyond chance
 _Numbers = dict[str, float]
 
 
-@lru_cache(maxsize=4)
-def controller_law(s: Situation, first: int) -> FoundLaw | None:
-    """Return the law between error and OP that the baseline's does not know; None where the
-    baseline's explains OP.
+class Term(NamedTuple):
+    """A term that explains a part of the record: its name, its numbers (units of the loop file),
+    and what it brings on samples that it was not fitted to (nats).
     """
-    from_op = _read_from_op(s, first)
+
+    name: str
+    numbers: _Numbers
+    nats: float
+
+
+@lru_cache(maxsize=4)
+def controller_term(s: Situation, first: int) -> Term | None:
+    """Return the term between error and OP that the baseline's law does not know; None where the
+    baseline's explains OP, or the examination of OP has shown what does.
+    """
+    law = s.law
+    if law.limits is not None or law.gap > 0.0 or law.step > 0.0 or law.tuning is not None:
+        return None
     if (
-        from_op
-        or (s.law.known and not s.law.averaged and not s.unexplained_law)
-        or s.baseline.controller.type == "PID"
-    ):
+        law.known and not law.averaged and not s.unexplained_law
+    ) or s.baseline.controller.type == "PID":
         # a PID's terms are in the baseline
-        return max(from_op, key=lambda one: one.nats, default=None)
+        return None
     # an archive may store PV before the controller ran; where no law is exact, nothing has shown
     # that yet
-    aligned = [_Controller(s, late) for late in sorted({s.law.late, 1})]
+    aligned = [_Controller(s, late) for late in sorted({law.late, 1})]
     plain = min((one.left({}, one.newest) for one in aligned), key=aligned[0].misfit)
-    laws = [one.idle(first, plain) for one in aligned]
-    laws += [one.fitted(*term, first, plain) for one in aligned for term in one.terms()]
-    best = max(filter(None, laws), key=lambda one: one.nats, default=None)
+    terms = [one.idle(first, plain) for one in aligned]
+    terms += [one.fitted(*term, first, plain) for one in aligned for term in one.terms()]
+    best = max(filter(None, terms), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
-    least = -np.log(_MEAN_EXPLAINS) * (s.record.n - first) if s.law.averaged else -np.inf
+    least = -np.log(_MEAN_EXPLAINS) * (s.record.n - first) if law.averaged else -np.inf
     return best if best is not None and best.nats >= least else None
 
 
-def _read_from_op(s: Situation, first: int) -> list[FoundLaw]:
-    """Return the laws whose form the examination of OP has shown already, each where it pays."""
-    law, op = s.law, s.op
-    unit = max(written_unit(op, np.asarray(s.record.pv)), 1e-6 * float(np.std(op)), 1e-9)
-    if law.limits is not None:
-        numbers = dict(zip(("low", "high"), law.limits))
-        return [
-            _read_off("limits", numbers, np.isin(op, law.limits), unit / float(np.ptp(op)), first)
-        ]
-    out = []
-    if law.gap > 0.0:
-        still, moves = np.append(False, np.diff(op) == 0.0), float(np.std(np.diff(op)))
-        out.append(_read_off("rest", {"width": law.gap}, still, unit / moves, first))
-    if law.step > 0.0:
-        on = _on_lattice(op, law.step, unit)
-        out.append(_read_off("rest", {"step": law.step}, on, unit / law.step, first))
-    if law.tuning is not None:
-        c, guess = _Controller(s, law.late), dict(zip(("gain", "integral"), law.tuning))
-        one = c.fitted("tuning", guess, first, c.left({}, c.newest))
-        out += [one] if one is not None else []
-    return out
+def read_off(event: np.ndarray, q: float, first: int) -> float:
+    """Return what an event in single samples (n,) brings (nats), whose numbers are not fitted.
 
-
-def _on_lattice(x: np.ndarray, step: float, unit: float) -> np.ndarray:
-    return np.abs(x - x[0] - step * np.round((x - x[0]) / step)) < 0.75 * unit
-
-
-def _read_off(
-    form: str,
-    numbers: _Numbers,
-    event: np.ndarray,
-    q: float,
-    first: int,
-    on: np.ndarray | None = None,
-) -> FoundLaw:
-    """Return a law that shows in single samples, whose numbers are read off, not fitted.
-
-    How often its `event` (n,) happens is learnt from one part of the record and judged on the other
-    against a chance `q` of it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020,
-    cross-fit), or of the longest run that chance brings.
+    How often it happens is learnt from one part of the record and judged on the other against a
+    chance `q` of it, the better of both ways (Wasserman, Ramdas & Balakrishnan 2020, cross-fit), or
+    of the longest run that chance brings.
     """
     q = float(np.clip(q, 1e-6, 0.5))
 
@@ -111,8 +86,7 @@ def _read_off(
 
     parts = event[:first], event[first:]
     longest = max((b - a for a, b in runs_of(event)), default=0) * -np.log(q) - np.log(event.size)
-    best = max(nats(*parts), nats(*parts[::-1]), longest) - np.log(3.0)
-    return FoundLaw(form, numbers, float(best), on=on)
+    return float(max(nats(*parts), nats(*parts[::-1]), longest) - np.log(3.0))
 
 
 class _Controller:
@@ -122,7 +96,7 @@ class _Controller:
 
     def __init__(self, s: Situation, late: int) -> None:
         pv, stated = np.asarray(s.record.pv), stated_controller(s.baseline, s.record.Ts)
-        self.late, self.Ts, self.moves = late, s.record.Ts, np.diff(s.sp)
+        self.Ts, self.moves = s.record.Ts, np.diff(s.sp)
         self.op, self.e = np.asarray(s.op), s.sp - (np.append(pv[0], pv[:-1]) if late else pv)
         self.Kc, self.Ki = stated.Kc, stated.Ki
         # digits of OP and PV as far as they reach OP, or what an archive by exception hides
@@ -138,10 +112,7 @@ class _Controller:
         ) * np.abs(e)
         change = np.diff(counts)
         adds = newest * counts[1:] + (1.0 - newest) * counts[:-1]
-        du = (
-            self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves)
-            + self.Ki / get("integral", 1.0) * adds
-        )
+        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki * adds
         du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
         if get("Td", 0.0):
             follow = 1.0 / (1.0 + get("filter", 0.0) / self.Ts)
@@ -154,8 +125,8 @@ class _Controller:
         """Return the mean size of what is left; digits bound it from below."""
         return float(np.mean(np.abs(left))) + self.unit
 
-    def fitted(self, form: str, guess: _Numbers, first: int, plain: np.ndarray) -> FoundLaw | None:
-        """Return a law with its numbers fitted robustly to the first part, from a guess.
+    def fitted(self, name: str, guess: _Numbers, first: int, plain: np.ndarray) -> Term | None:
+        """Return a term with its numbers fitted robustly to the first part, from a guess.
 
         How the integral counts the newest error is fitted too: under another form other numbers are
         the same law.
@@ -181,12 +152,7 @@ class _Controller:
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
         if ratio >= _EXPLAINS:
             return None
-        variance = np.maximum(np.diag(np.linalg.pinv(solution.jac.T @ solution.jac)), 0.0)
-        spread = 2.0 * np.sqrt(variance) * float(np.std(left[:first] / scale))
-        intervals = {m: (v - float(d), v + float(d)) for (m, v), d in zip(numbers.items(), spread)}
-        evidence = np.append(0.0, np.log((np.abs(plain) + self.unit) / (np.abs(left) + self.unit)))
-        nats = -float(np.log(ratio)) * left[first:].size
-        return FoundLaw(form, numbers, nats, evidence, intervals=intervals, late=self.late)
+        return Term(name, numbers, -float(np.log(ratio)) * left[first:].size)
 
     def terms(self) -> Iterator[tuple[str, _Numbers]]:
         """Yield form and first guess of each term that may be missing."""
@@ -203,8 +169,8 @@ class _Controller:
         for guess in ({"down": fall}, {"up": rise}, {"down": fall, "up": rise}):
             yield "ramps", guess
 
-    def idle(self, first: int, plain: np.ndarray) -> FoundLaw | None:
-        """Return the law of a controller that does not run in some samples, where OP rests though
+    def idle(self, first: int, plain: np.ndarray) -> Term | None:
+        """Return the term of a controller that does not run in some samples, where OP rests though
         it should move.
         """
         du = np.diff(self.op)
@@ -229,44 +195,45 @@ class _Controller:
         if not self.misfit(left) < _EXPLAINS * self.misfit(plain):
             return None
         length = float(idle.sum()) / len(runs) * self.Ts
-        law = _read_off("idle", {"share": share, "length": length}, idle, _REPEATS, first, idle)
-        return replace(law, late=self.late)
+        return Term("idle", {"share": share, "length": length}, read_off(idle, _REPEATS, first))
 
 
-_POSITIVE = ("gain", "integral", "Td", "filter", "down", "up")
+_POSITIVE = ("gain", "Td", "filter", "down", "up")
 
 
 @lru_cache(maxsize=4)
-def sensor_law(s: Situation, first: int) -> FoundLaw | None:
-    """Return what single samples of PV show: stairs, ends of a range, spells without change."""
+def frozen(s: Situation, first: int) -> Term | None:
+    """Return the spells in which PV repeats itself; None where there are none, or a rounding or the
+    ends of a range explain them better.
+    """
+    if s.archive.rounding is not None:
+        return None
     pv = np.asarray(s.record.pv)
     unit = max(s.samples.resolution, 2.0 * s.samples.band, 1e-9 * float(np.ptp(pv)))
-    if s.archive.rounding is not None:
-        step = s.archive.rounding[0]
-        return _read_off("stairs", {"step": step}, _on_lattice(pv, step, unit), unit / step, first)
     chance = unit / max(float(np.std(np.diff(pv))), unit)
     still = np.append(False, np.diff(pv) == 0.0)
-    laws = []
-    ends = {"low": float(pv.min()), "high": float(pv.max())}
-    ends = {name: end for name, end in ends.items() if np.mean(pv == end) > _ENDS}
-    at_end = np.isin(pv, [*ends.values()])
-    if ends:
-        laws.append(_read_off("clipped", ends, at_end, chance, first, at_end))
+    ends = [end for end in (float(pv.min()), float(pv.max())) if np.mean(pv == end) > _ENDS]
     long = still & (holds(pv)[np.cumsum(~still) - 1] >= 3)
     noisy = s.samples.band == 0.0 and s.baseline.noise.std > unit
-    if long.mean() > _HELD and (s.frozen or noisy):
-        length = float(long.sum()) / len(runs_of(long)) * s.record.Ts
-        numbers = {"share": float(long.mean()), "length": length}
-        laws.append(_read_off("held", numbers, long, chance, first, long))
-    return max(laws, key=lambda law: law.nats, default=None)
-
-
-def shown(s: Situation, form: str) -> dict[str, float | str] | None:
-    """Return the numbers of a form that controller or samples show without doubt, where nothing
-    known does; None otherwise.
-    """
-    if any(block == LAW_FORMS[form].block for block, _ in s.facts.values()) or not s.trusted:
+    if long.mean() <= _HELD or not (s.frozen or noisy):
         return None
-    find = controller_law if LAW_FORMS[form].block == "controller" else sensor_law
-    law = find(s, int(_LEARNT * s.record.n))
-    return dict(law.numbers) if law is not None and law.form == form and law.nats > _PROOF else None
+    nats = read_off(long, chance, first)
+    if ends and read_off(np.isin(pv, ends), chance, first) >= nats:
+        return None
+    length = float(long.sum()) / len(runs_of(long)) * s.record.Ts
+    return Term("held", {"share": float(long.mean()), "length": length}, nats)
+
+
+def shown(s: Situation, name: str) -> dict[str, float | str] | None:
+    """Return the numbers of a term ("derivative", "idle", "held") that controller or samples show
+    without doubt, where nothing known does; None otherwise.
+    """
+    find, block = (frozen, "sensor") if name == "held" else (controller_term, "controller")
+    if any(known == block for known, _ in s.facts.values()) or not s.trusted:
+        return None
+    term = find(s, int(_LEARNT * s.record.n))
+    return (
+        dict(term.numbers)
+        if term is not None and term.name == name and term.nats > _PROOF
+        else None
+    )

@@ -15,6 +15,7 @@ P = namedtuple("P", "Kc op0 lo hi")
 # schedule goes by
 PID = namedtuple("PID", "Kc Ki lo hi b c kd fade back velocity pv0 on at factor")
 SCHEDULED_ON = ("pv", "op", "sp")
+OtherPI = namedtuple("OtherPI", "Kc Ki Kd follow lo hi moves idle")
 NoGap = namedtuple("NoGap", "unused")
 Gap = namedtuple("Gap", "half_band step")
 
@@ -45,6 +46,26 @@ def p_start(op0, e0):
 def p_step(e, sp, state, p):
     """One sample of P: OP = op0 + Kc e, limited to lo..hi."""
     return min(max(p.op0 + p.Kc * e, p.lo), p.hi), e
+
+
+def other_start(op0, e0):
+    """Return (OP, (error, its filtered change, sample)) at rest."""
+    return op0, (e0, 0.0, 0.0)
+
+
+def other_step(e, sp, state, p):
+    """One sample of PI in velocity form with a derivative of PV, and samples in which it does not
+    run.
+
+    `p.idle` marks these: OP stands, and nothing is remembered of them.
+    """
+    before, slope, k = state[1]
+    if p.idle[int(k)] > 0.0:
+        return state[0], (before, slope, k + 1.0)
+    # the derivative is PV's: moves of the set point do not count
+    now = slope + p.follow * (e - before - p.moves[int(k)] - slope)
+    du = p.Kc * (e - before) + p.Ki * e + p.Kd * (now - slope)
+    return min(max(state[0] + du, p.lo), p.hi), (e, now, k + 1.0)
 
 
 def kicked(state, kick, p):

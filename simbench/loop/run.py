@@ -9,7 +9,6 @@ import numpy as np
 
 from simbench.detectors.record import LoopRecord
 from simbench.loop import kernel, sensor
-from simbench.loop.laws import swapped
 from simbench.loop.setup import (
     MV_NOISE,
     Parts,
@@ -143,8 +142,8 @@ def signals_of(
         c = start.control or (float(start.op), float(start.error))
         v = [tuple(float(x) for x in start.valve)]
     x = plant_start(setup, parts, pv, () if start is None else start.state)
-    if setup.sensor_law is not None:
-        s: Any = swapped.sensor_start(pv)
+    if setup.frozen is not None:
+        s: Any = sensor.freezing_start(pv)
     else:
         s = (
             sensor.full_start(pv)

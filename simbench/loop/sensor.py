@@ -8,6 +8,7 @@ from collections import namedtuple
 
 Bare = namedtuple("Bare", "unused")
 Transmitter = namedtuple("Transmitter", "follow step")
+Freezing = namedtuple("Freezing", "follow step frozen")
 
 
 def plain_start(pv0):
@@ -33,3 +34,17 @@ def full_step(y, noise, state, p):
     if p.step > 0.0:
         return p.step * float(round(z / p.step)), z
     return z, z
+
+
+def freezing_start(pv0):
+    """Return (measured PV, filtered PV, sample) at rest."""
+    return pv0, pv0, 0.0
+
+
+def freezing_step(y, noise, state, p):
+    """One sample of noise, filter and rounding; in frozen samples the reading stands."""
+    z = state[1] + p.follow * (y + noise - state[1])
+    if p.frozen[int(state[2])] > 0.0:
+        return state[0], z, state[2] + 1.0
+    x = p.step * float(round(z / p.step)) if p.step > 0.0 else z
+    return x, z, state[2] + 1.0

@@ -12,7 +12,6 @@ import numpy as np
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop import controller, plant, sensor
-from simbench.loop.laws import swapped
 from simbench.loop.parameters import (
     CONTROLLER_PLUGINS,
     PLANT_PLUGINS,
@@ -33,8 +32,8 @@ class Setup:
     Signals have end + tail samples, the warm-up included; loads are in % at the plant's input and
     in PV units at its output; `pv_add` is measured with PV (noise included). `valves` is the chain
     OP passes, each a plug-in with its resolved parameters. `recorders` turn the PV the controller
-    saw into the PV that is archived. A `controller_law` or `sensor_law` gives the numbers of the
-    laws' own step (`simbench.loop.laws.swapped`), which then takes the place of the loop's. `num`
+    saw into the PV that is archived. `derivative` (time and filter, s) and `idle` (1 where it does
+    not run) change a P or PI controller, `frozen` (1 where the reading stands) the sensor. `num`
     and `den` mean nothing where the plant is a plug-in without a transfer function.
     """
 
@@ -65,8 +64,9 @@ class Setup:
     outer_signals: tuple[np.ndarray, np.ndarray] | None = None
     plant_plugin: tuple[ModuleType, Any] | None = None
     control_plugin: tuple[ModuleType, Any] | None = None
-    controller_law: Callable[[Setup], Any] | None = None
-    sensor_law: Callable[[Setup], Any] | None = None
+    derivative: tuple[float, float] | None = None
+    idle: np.ndarray | None = None
+    frozen: np.ndarray | None = None
 
     @property
     def Ts(self) -> float:
@@ -324,7 +324,7 @@ def parts_of(setup: Setup) -> Parts:
         else controller.NoGap(0.0)
     )
     sensor_p = sensor.Transmitter(float(follow), setup.pv_step) if full_sensor else sensor.Bare(0.0)
-    if setup.controller_law is not None:
+    if setup.derivative is not None or setup.idle is not None:
         if steps["controller_kick"] is not controller.kicked:
             raise ParameterError(
                 f"an effect changes the law of controller {setup.loop.controller.type!r}, not of P"
@@ -335,12 +335,28 @@ def parts_of(setup: Setup) -> Parts:
                 "an effect changes the inner controller's law of a cascade, whose SP the outer OP"
                 " moves"
             )
-        steps["controller_step"], control_p = swapped.controller_step, setup.controller_law(setup)
-    if setup.sensor_law is not None:
-        steps["sensor_step"], sensor_p = swapped.sensor_step, setup.sensor_law(setup)
+        steps["controller_step"], control_p = controller.other_step, _other_pi(setup)
+    if setup.frozen is not None:
+        steps["sensor_step"] = sensor.freezing_step
+        sensor_p = sensor.Freezing(float(follow), setup.pv_step, setup.frozen)
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))
+
+
+def _other_pi(setup: Setup) -> controller.OtherPI:
+    """Return the numbers of a PI with a derivative, or with samples in which it does not run."""
+    gain, (Td, lag) = setup.sign * setup.Kc, setup.derivative or (0.0, 0.0)
+    return controller.OtherPI(
+        Kc=gain,
+        Ki=gain * setup.Ts / setup.Ti if setup.Ti else 0.0,
+        Kd=gain * Td / setup.Ts,
+        follow=1.0 / (1.0 + lag / setup.Ts),
+        lo=setup.op_lo,
+        hi=setup.op_hi,
+        moves=np.append(0.0, np.diff(setup.sp)),
+        idle=np.zeros(setup.sp.size) if setup.idle is None else setup.idle,
+    )
 
 
 def in_series(inner: Setup, outer: Setup) -> Parts:
@@ -420,8 +436,8 @@ def control_start(setup: Setup, p: Any) -> tuple[Any, ...]:
     """Return the controller's state at rest: there the error is 0, and a set point away from pv0 is
     a step at sample 0.
     """
-    if setup.controller_law is not None:
-        return swapped.controller_start(setup.op0, 0.0)
+    if setup.derivative is not None or setup.idle is not None:
+        return controller.other_start(setup.op0, 0.0)
     if setup.control_plugin is not None:
         return _numbers_in(setup.control_plugin[0].start(p))
     if setup.loop.controller.type == "PID" and setup.Ti is not None:

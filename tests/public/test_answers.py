@@ -112,7 +112,6 @@ OPTIONS = {
     "gap withheld make": "--world --tests",
     "gap withheld answer": "--tests",
     "gap withheld open": "",
-    "gap leave-out": "",
     "trust": "--loop --method --html --json",
     "report": "--labels -o",
     "contract": "",

@@ -11,7 +11,7 @@ from functools import cache
 from simbench.detectors.plugins.registry import PluginFolder
 from simbench.gap.effects._recogniser import NOT_TRIED, Parameters, Recogniser
 
-__all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "lent", "recogniser"]
+__all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "recogniser"]
 
 PLUGINS = PluginFolder(
     "recognised effect", "simbench.gap.effects", "simbench.recognised", ("RECOGNISER",)
@@ -19,7 +19,6 @@ PLUGINS = PluginFolder(
 
 
 _left_out: set[str] = set()
-_lent: dict[str, Recogniser] = {}
 
 
 @contextmanager
@@ -46,29 +45,6 @@ def left_out(*effects: str) -> Iterator[None]:
         _left_out.update(before)
 
 
-@contextmanager
-def lent(effect: str, how: Recogniser) -> Iterator[None]:
-    """State how an effect of a file is recognised while the block lasts.
-
-    Parameters
-    ----------
-    effect : str
-        Id of the effect.
-    how : Recogniser
-        How it is recognised.
-
-    Yields
-    ------
-    None
-        Nothing: recognition changes while the block lasts.
-    """
-    _lent[effect] = how
-    try:
-        yield
-    finally:
-        _lent.pop(effect, None)
-
-
 def recogniser(effect: str) -> Recogniser:
     """Return how an effect is recognised; one that is only simulated, as no file recognises it,
     is never recognised.
@@ -83,7 +59,7 @@ def recogniser(effect: str) -> Recogniser:
     Recogniser
         What its file states, or one that recognises nothing.
     """
-    return Recogniser() if effect in _left_out else _lent.get(effect) or _of(effect)
+    return Recogniser() if effect in _left_out else _of(effect)
 
 
 @cache

@@ -12,8 +12,6 @@ import pandas as pd
 from markupsafe import Markup
 
 from simbench.gap.report import pictures
-from simbench.gap.report.law_page import law_section
-from simbench.gap.report.law_pictures import draw_lacking
 from simbench.gap.report.parts import captioned, look, render, write
 from simbench.gap.report.result import GapReport, numbers, words
 from simbench.gap.report.traces import compared, gap_sizes
@@ -40,7 +38,7 @@ def write_page(
         ("story", "What the tests changed", account),
         ("where", "Where the gap lies", _where(report)),
         ("look", "Record and simulation", look(compared(report), situation)),
-        ("like", "What it looks like", _unnamed(report)),
+        ("lacking", "What the simulation lacks", _lacking(report)),
         ("which", "Which effect", _which(report)),
         ("shrinkage", "How far the gap shrinks", _shrinkage(report)),
         ("next", "What is open, and what to do next", _open(report)),
@@ -85,16 +83,14 @@ def _where(report: GapReport) -> Markup:
     return render("where.html", svg=svg, any=any(shares.values()))
 
 
-def _unnamed(report: GapReport) -> Markup:
-    """Return what an unknown effect looks like, and what of the record the simulation lacks."""
-    if report.looks_like is None:
+def _lacking(report: GapReport) -> Markup:
+    """Return in which features of the record the simulation differs, where no effect is named."""
+    lacks = report.behind.loops.lacking if report.effect == UNKNOWN else None
+    if lacks is None or not lacks.features:
         return Markup()
-    lacks, body = report.behind.loops.lacking, law_section(report.looks_like)
-    if lacks is not None and lacks.features:
-        caption = "features of the record that the simulation lacks: " + lacks.sentence
-        drawn = captioned([(draw_lacking(lacks), "lacking", caption)])
-        body += render("lacking.html", items=drawn)
-    return body
+    caption = "features of the record that the simulation lacks: " + lacks.sentence
+    drawn = captioned([(pictures.draw_lacking(lacks), "lacking", caption)])
+    return render("lacking.html", items=drawn)
 
 
 def _which(report: GapReport) -> Markup:

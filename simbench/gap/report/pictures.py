@@ -25,6 +25,7 @@ from simbench.figures._style import (
     panels,
     styled,
 )
+from simbench.gap.closed_loop.lacking import Lacking
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED
 
 Traces = Mapping[str, LoopRecord]  # the record and its simulations by name, the record first
@@ -195,3 +196,18 @@ def _mark_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> bool
         warning = f"runs beyond these axes,\nto {x.min() if x.mean() < limits[0] else x.max():.3g}"
         axes.text(0.5, 0.5, warning, transform=axes.transAxes, ha="center", va="center")
     return beyond
+
+
+@styled
+def draw_lacking(lacks: Lacking) -> Figure:
+    """Draw the features in which the record differs from its simulation in every stretch of it, as
+    bars.
+    """
+    shown = dict(lacks.features[:8])
+    figure, axes = panel(PHONE_WIDTH, 0.9 + 0.34 * len(shown))
+    fill_bars(axes, shown, [RED if z > 0 else BLUE for z in shown.values()])
+    axes.tick_params(axis="y", labelsize=6.5)
+    axes.margins(x=0.25)
+    axes.axvline(0.0, color=BLACK, linewidth=0.8)
+    axes.set_xlabel("record beside its simulation\n(seed-to-seed standard deviations)")
+    return figure

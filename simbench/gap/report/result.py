@@ -12,7 +12,6 @@ from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.gap_text import gap_sentences
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.discover.discovery import Discovery
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 from simbench.scenarios.spec import Loop
@@ -97,8 +96,6 @@ class GapReport:
         the records.
     behind : DiagnosisDetails
         Records, fits and loops from which the answer follows.
-    looks_like : Discovery or None
-        Of an unknown effect: the law that describes it, or why none does.
     op_unit : str
         Unit of S, J and other sizes on OP: "% of travel", or "OP units".
     """
@@ -115,7 +112,6 @@ class GapReport:
     notes: tuple[str, ...]
     conclusion: Conclusion
     behind: DiagnosisDetails = field(repr=False)
-    looks_like: Discovery | None = None
     op_unit: str = _PERCENT
 
     def as_json(self) -> dict[str, Any]:
@@ -136,15 +132,10 @@ class GapReport:
             "shrinkage": self.shrinkage,
             "blocks": self.blocks,
             "next_test": self.next_test,
-            "notes": [*self._likeness(), *self.notes],
+            "notes": list(self.notes),
             PROBABILITY: self.probability_of_stiction,
             "conclusion": self.conclusion.as_json(),
         }
-
-    def _likeness(self) -> list[str]:
-        return (
-            [] if self.looks_like is None else [f"what it looks like: {self.looks_like.one_line()}"]
-        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return the ranking.
@@ -256,7 +247,6 @@ class GapReport:
             "The valve:",
             *self.conclusion.as_lines(),
             "",
-            *self._likeness(),
         ]
         if len(self.group) > 1:
             names = ", ".join(words(e) for e in self.group)

@@ -173,7 +173,7 @@ def from_posterior(
     elif first == NONE:
         to_do = _NEXT[why.NO_CAUSE]
     elif first == UNKNOWN:
-        to_do = "describe what the simulation does not model with `simbench gap discover`"
+        to_do = "plan a test that shows what the simulation lacks with `simbench gap plan`"
     else:
         to_do = f"add {words} to the simulation (`--write-loop`)"
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do)

@@ -3,14 +3,18 @@
 When it is the answer: a PID where the documents know a PI.
 """
 
-from simbench.loop.laws import apply_law, law_parameters
+from simbench.loop.parameters import Number
 
-SOURCE = "definition: simbench.loop.laws, form 'derivative'"
+SOURCE = "definition: OP moves by Kc Td/Ts times the change of PV's filtered slope as well"
 BLOCK = "controller"
-PARAMETERS = law_parameters("derivative")
+PARAMETERS = {
+    "Td": Number("s", low=0.0, default=0.0, identity=0.0, says="derivative time"),
+    "filter": Number("s", low=0.0, default=0.0, identity=0.0, says="of the derivative"),
+}
 ACTS = "loop"
 
 
 def apply(setup, p, rng):
-    """Do what the law of this form does."""
-    apply_law("derivative", setup, p, rng)
+    """Add a derivative to the controller's law."""
+    if p.Td > 0.0:
+        setup.derivative = p.Td, p.filter

@@ -3,14 +3,15 @@
 When it is the answer: a plugged impulse line or a lost link: exact repeats while OP moves.
 """
 
-from simbench.loop.laws import apply_law, law_parameters
+from simbench.loop.spells import SPELLS, spells
 
-SOURCE = "definition: simbench.loop.laws, form 'held'"
+SOURCE = "definition: in spells the reading stands"
 BLOCK = "sensor"
-PARAMETERS = law_parameters("held")
+PARAMETERS = SPELLS
 ACTS = "loop"
 
 
 def apply(setup, p, rng):
-    """Do what the law of this form does."""
-    apply_law("held", setup, p, rng)
+    """Mark the samples in which the reading stands."""
+    if p.share > 0.0:
+        setup.frozen = spells(setup, p, rng)

@@ -4,14 +4,15 @@ When it is the answer: an overloaded processor, or a loop left in manual: OP sta
 law would move it.
 """
 
-from simbench.loop.laws import apply_law, law_parameters
+from simbench.loop.spells import SPELLS, spells
 
-SOURCE = "definition: simbench.loop.laws, form 'idle'"
+SOURCE = "definition: in spells the controller does not run, and remembers nothing of them"
 BLOCK = "controller"
-PARAMETERS = law_parameters("idle")
+PARAMETERS = SPELLS
 ACTS = "loop"
 
 
 def apply(setup, p, rng):
-    """Do what the law of this form does."""
-    apply_law("idle", setup, p, rng)
+    """Mark the samples in which the controller does not run."""
+    if p.share > 0.0:
+        setup.idle = spells(setup, p, rng)

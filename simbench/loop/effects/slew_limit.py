@@ -4,14 +4,19 @@ When it is the answer: starved air supply, an electric actuator, a large damper:
 moves of OP at once and large ones along a ramp.
 """
 
-from simbench.loop.laws import apply_law, law_parameters
+from simbench.loop.parameters import Number
 
-SOURCE = "definition: simbench.loop.laws, form 'rate'"
+SOURCE = "definition: MV moves by at most Ts/slowness a sample, and behind a lag tau"
 BLOCK = "valve"
-PARAMETERS = law_parameters("rate")
+PARAMETERS = {
+    "slowness": Number("s/%", low=0.0, default=0.0, identity=0.0, says="time for 1 % of travel"),
+    "tau": Number("s", low=0.0, default=0.0, identity=0.0, says="time constant"),
+}
 ACTS = "loop"
 
 
 def apply(setup, p, rng):
-    """Do what the law of this form does."""
-    apply_law("rate", setup, p, rng)
+    """Limit the speed of the valve, and let it lag."""
+    if p.slowness > 0.0 or p.tau > 0.0:
+        rate = {"rate": 1.0 / p.slowness} if p.slowness > 0.0 else {}
+        setup.add_valve("lag", {"T": p.tau, **rate})

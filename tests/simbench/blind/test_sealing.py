@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from simbench.blind import seal
 from simbench.blind.answering import answer
 from simbench.blind.making import Plan, make
 from simbench.blind.opening import open_
+from simbench.cli import main
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.spec import Loop
@@ -201,3 +203,26 @@ def test_a_record_without_baseline_is_refused(theirs):
     (theirs / "records" / "b.toml").unlink()
     with pytest.raises(ParameterError, match=r"b\.csv has no baseline"):
         answer(theirs, print)
+
+
+def test_an_effect_may_be_hidden_from_the_library_that_is_asked(tmp_path, capsys):
+    """Every record has it, nobody may name it, and "unknown" is right."""
+    words = ["gap", "withheld"]
+    place, key = str(tmp_path / "set"), str(tmp_path / "set.key")
+    plan = replace(Plan.of(3, "detuning"), strengths=("strong",))
+    make(place, key, seed=4, plan=plan)
+    (row,) = answers_of(Path(place), Path(key))
+    assert (row["effect"], row["foreign"], row["block"]) == ("unknown", "detuning", "controller")
+    assert main([*words, "answer", place]) == 0
+    said = json.loads((tmp_path / "set" / "answers" / "r0001.json").read_text())
+    assert said["effect"] != "detuning"
+    assert main([*words, "open", place, "--key", key, "--json"]) == 0
+    text = (tmp_path / "set" / "score" / "records.csv").read_text()
+    (judged,) = csv.DictReader(io.StringIO(text))
+    assert (judged["kind"], judged["foreign"]) == ("foreign", "detuning")
+    (tmp_path / "set" / "without.txt").write_text("detunign")
+    capsys.readouterr()
+    assert main([*words, "answer", place]) == 2
+    assert "detuning" in capsys.readouterr().err
+    with pytest.raises(ParameterError, match="did you mean 'detuning'"):
+        Plan.of(100, "detunning")

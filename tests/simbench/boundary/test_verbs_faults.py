@@ -21,7 +21,7 @@ import pandas as pd
 import pytest
 
 from simbench.bench.execute.lease import LEASE
-from simbench.blind import leave_out, seal
+from simbench.blind import seal
 from simbench.files import HOST
 from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
@@ -37,7 +37,6 @@ QUICK = {
     "figure": "figure table-11-4 -o .",
     "score": "score ../run --report report.html",
     "check": "check ../run --against ../baseline --junit j.xml --markdown m.md",
-    "leave-out": "gap leave-out left -n 1",
     "exam make": "exam make smoke -o exam --key exam.key --n 2 --seed 3",
     "exam answer": "exam answer ../exam -o answers.csv --method horch_histogram --resume",
     "exam open": "exam open ../exam --key ../exam.key ../answers.csv --labels labels.csv",
@@ -81,30 +80,6 @@ def home(tmp_path_factory):
     return home
 
 
-@pytest.fixture
-def cheap(monkeypatch):
-    """What leave-out finds, without a diagnosis: this is about files."""
-    row = dict.fromkeys(leave_out.LEAVE_OUT_COLUMNS, "") | {
-        "said": "unknown",
-        "block": "valve",
-        "before": 1 / 3,
-        "left": 0.1,
-        "back": "none",
-        "strength": "strong",
-        "resolvable": True,
-        "after": 0.1,
-        "nearest": "none",
-        "floor": 0.0,
-        "right": True,
-    }
-
-    def one(place, name, i, effect, draw_item, test, seed, tests):
-        return row | {"record": name, "effect": effect}
-
-    monkeypatch.setattr(leave_out, "_one", one)
-    monkeypatch.setattr(leave_out, "WORLD_EFFECTS", dict(list(leave_out.WORLD_EFFECTS.items())[:3]))
-
-
 def bits(folder) -> dict[str, bytes]:
     """All files below a folder; of parquet and of times nothing, which `test_file_faults`
     compares.
@@ -143,7 +118,7 @@ ALWAYS = [("simulate", "no space"), ("exam make", "kill after")]
 
 
 @pytest.mark.parametrize(("verb", "fault"), sampled(product(QUICK, FAULTS), 0, ALWAYS))
-def test_every_operation_of_a_verb_fails_once(home, cheap, monkeypatch, verb, fault):
+def test_every_operation_of_a_verb_fails_once(home, monkeypatch, verb, fault):
     words = QUICK[verb]
     # what is made once for all, such as compiled kernels, is made here
     monkeypatch.chdir(clean(home, "first"))
@@ -178,23 +153,12 @@ def test_every_operation_of_a_verb_fails_once(home, cheap, monkeypatch, verb, fa
             half = any(
                 part.startswith(".") or part.endswith(".partial") for part in name.split("/")
             )
-            if not half and name != "left/leave_out.csv":  # which grows row by row
+            if not half:
                 assert content == expected[name], (n, name)
         # a kill after the last operation left a whole exam, which is not made again
         whole = verb == "exam make" and bits(folder) == expected
         assert run_verb(words)[0] == (2 if whole else 0), n
         assert bits(folder) == expected, n
-
-
-def test_a_table_that_grows_keeps_its_digits(home, cheap, monkeypatch):
-    folder = clean(home, "grown")
-    monkeypatch.chdir(folder)
-    answer_to("gap leave-out left -n 1")
-    first = (folder / "left" / "leave_out.csv").read_text()
-    answer_to("gap leave-out left -n 2")
-    again = (folder / "left" / "leave_out.csv").read_text()
-    assert again.startswith(first)
-    assert set(pd.read_csv(folder / "left" / "leave_out.csv").before) == {1 / 3}
 
 
 def started(words, folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL):

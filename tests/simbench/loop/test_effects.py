@@ -99,12 +99,9 @@ def test_the_vocabulary_is_data_and_loads_no_model():
         )
     }
     # simbench.lazy: how the package finds its public names; it loads none of them
-    # simbench.loop.laws: forms that some effects share, their numbers with unit and bounds; their
-    # steps load when they act
-    laws = {"simbench.loop.laws", "simbench.loop.laws.forms"}
     # simbench.short_names: `detectors` for `simbench.detectors`
     start = {"simbench.lazy", "simbench.short_names"}
-    assert imported == {*start, "simbench.loop", "simbench.loop.parameters", *laws}
+    assert imported == {*start, "simbench.loop", "simbench.loop.parameters", "simbench.loop.spells"}
     assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
 
 

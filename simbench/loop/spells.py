@@ -1,0 +1,30 @@
+"""Spells that come and go: how much of the time they fill, and how long one lasts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from simbench.loop.parameters import Number
+
+SPELLS = {
+    "share": Number("-", low=0.0, high=0.95, default=0.0, identity=0.0, says="of the time"),
+    "length": Number(
+        "s", low=0.0, positive=True, default=10.0, identity=10.0, says="mean length of a spell"
+    ),
+}
+
+
+def spells(setup: Any, p: Any, rng: np.random.Generator) -> np.ndarray:
+    """Return 1.0 in spells of a mean length `p.length` (s) that fill a share of the run, 0.0
+    between them.
+    """
+    out, length = np.zeros(setup.sp.size), p.length / setup.Ts
+    k, on = 0, rng.random() < p.share
+    while k < out.size:
+        mean = length if on else length * (1.0 - p.share) / p.share
+        k_next = k + max(round(rng.exponential(max(mean, 1.0))), 1)
+        out[k:k_next], k, on = float(on), k_next, not on
+    out[0] = 0.0
+    return out
