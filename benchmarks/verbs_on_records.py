@@ -1,10 +1,10 @@
 """Ask every verb that concludes for its conclusion on labelled records.
 
-`python benchmarks/verbs_on_records.py FOLDER LABELS` runs `detect`, `diagnose`, `trust`,
-`gap diagnose` and `report` as a user would, with nothing but what the table of labels states of
-each loop. It prints one row per loop with the probability of stiction and the conclusion of each
-verb, then for each verb how many loops, and how many units, agree with their labels. A unit is a
-loop, or several that share an oscillation. All verbs should conclude the same.
+`python benchmarks/verbs_on_records.py FOLDER LABELS` runs `detect`, `diagnose`, `trust` and `gap
+diagnose`, and `detect` on the folder, as a user would, with nothing but what the table of labels
+states of each loop. It prints one row per loop with the probability of stiction and the conclusion
+of each verb, then for each verb how many loops, and how many units, agree with their labels. A unit
+is a loop, or several that share an oscillation. All verbs should conclude the same.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _VERBS = {
     "trust": "trust FILE --method horch_histogram",  # its conclusion does not depend on methods
     "gap diagnose": "gap diagnose FILE --identify",
 }
-_REPORT = "report"
+_FOLDER = "detect FOLDER"
 _ANSWER = re.compile(r"\(probability of stiction ([\d.]+|unknown)\)")
 
 
@@ -60,13 +60,14 @@ def ask_on_record(verb: str, file: Path, row: dict[str, str]) -> Concluded:
     return Concluded(float(answer[1]) if known else None)
 
 
-def ask_report(folder: Path, labels: Path) -> dict[str, Concluded]:
-    """Return what `report` writes of each record to its table."""
+def ask_on_folder(folder: Path, labels: Path) -> dict[str, Concluded]:
+    """Return what `detect` on the folder writes of each record to its table."""
     with tempfile.TemporaryDirectory() as place:
-        page = Path(place) / "page.html"
-        ask([_REPORT, str(folder), "--labels", str(labels), "-o", str(page), "-j", "1"])
-        with open(page.with_suffix(".csv"), newline="", encoding="utf-8") as f:
-            cells = {row["loop"]: row[PROBABILITY] for row in csv.DictReader(f)}
+        table = Path(place) / "table.csv"
+        words = ["--labels", str(labels), "--method", "likelihood", "--csv", str(table)]
+        ask(["detect", str(folder), *words])
+        with open(table, newline="", encoding="utf-8") as f:
+            cells = {row["record"]: row[PROBABILITY] for row in csv.DictReader(f)}
     return {name: Concluded(float(p) if p else None) for name, p in cells.items()}
 
 
@@ -78,10 +79,10 @@ def main(folder: Path, labels: Path) -> None:
         verb: {name: ask_on_record(verb, f, known[name]) for name, f in files.items()}
         for verb in _VERBS
     }
-    by_verb[_REPORT] = ask_report(folder, labels)
+    by_verb[_FOLDER] = ask_on_folder(folder, labels)
     loops = {verb: group_conclusions(c, known, "loop") for verb, c in by_verb.items()}
     rows = [("loop", "label", "records", *by_verb)]
-    for (name, label), (n, _, _) in loops[_REPORT].items():
+    for (name, label), (n, _, _) in loops[_FOLDER].items():
         answers = (loops[verb].get((name, label), (0, None, "no_decision")) for verb in by_verb)
         cells = [f"{'' if p is None else f'{p:.2f} '}{WORDS[answer]}" for _, p, answer in answers]
         rows.append((name, label, str(n), *cells))

@@ -24,6 +24,7 @@ from simbench.detectors.procedure import Diagnosis
 from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder, read_labels, read_records
+from simbench.detectors.report.events import event_numbers
 from simbench.detectors.report.report import Report, ShownConclusion, choose_methods, score_units
 from simbench.detectors.sources import (
     About,
@@ -37,7 +38,6 @@ from simbench.detectors.sources import (
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import Source
-_WEIGHED_BY = "likelihood"  # method whose evidence a conclusion weighs
 
 
 @overload
@@ -200,13 +200,10 @@ def _judge_files(
         records, refused, alone = _read(Path(path), known, labels, **about)
         # 3. judge each by every method, and weigh all evidence where that is asked for
         verdicts, conclusions = [], {}
-        # of a folder only where the method that costs as much was asked for: a report concludes of
-        # every record
-        weighed = settings.conclude is not None and (alone or _WEIGHED_BY in names)
         for name, record in records.items():
             try:
                 judged = judge(record, names)
-                if settings.conclude is not None and weighed:
+                if settings.conclude is not None:
                     conclusions[name] = settings.conclude(record)
             except Exception as error:
                 if name is None:
@@ -217,7 +214,8 @@ def _judge_files(
         records = {name: record for name, record in records.items() if name not in refused}
         # 4. score against the labels
         scores = score_units(verdicts, known) if known else []
-        return Report(verdicts, refused, scores, records, conclusions)
+        events = {} if alone else event_numbers(records)
+        return Report(verdicts, refused, scores, records, conclusions, events)
 
 
 def _read(

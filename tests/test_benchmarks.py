@@ -70,9 +70,9 @@ def test_every_verb_s_conclusion_on_labelled_records_is_printed_by_loop_and_by_u
     )
     verbs_on_records.main(tmp_path / "plant", labels)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["loop", "label", "records", "diagnose", "report"]
+    assert lines[0].split() == ["loop", "label", "records", "diagnose", "detect", "FOLDER"]
     for line in lines[1:3]:
         answers = line.split()[3:]
         assert answers[: len(answers) // 2] == answers[len(answers) // 2 :]
-    assert lines[-2].startswith("diagnose, report: Conclusion by loop: stiction in ")
-    assert lines[-1].startswith("diagnose, report: Conclusion by unit: stiction in ")
+    assert lines[-2].startswith("diagnose, detect FOLDER: Conclusion by loop: stiction in ")
+    assert lines[-1].startswith("diagnose, detect FOLDER: Conclusion by unit: stiction in ")

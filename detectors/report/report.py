@@ -15,7 +15,7 @@ from simbench.detectors.judge import FAILED
 from simbench.detectors.plugins.registry import PUBLISHED
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report import summary
-from simbench.detectors.verdict import NO_DECISION, STICTION, Verdict
+from simbench.detectors.verdict import NO_DECISION, PROBABILITY, STICTION, Verdict
 from simbench.detectors.views import page_part
 
 if TYPE_CHECKING:
@@ -54,16 +54,32 @@ class Report:
     records: dict[str | None, LoopRecord] = field(default_factory=dict, repr=False)
     # the conclusion of all evidence about each record, by name; the methods alone conclude nothing
     conclusions: dict[str | None, ShownConclusion] = field(default_factory=dict, repr=False)
+    # the number of the oscillation that a loop of a folder shares with others
+    events: dict[str, int] = field(default_factory=dict)
 
     def as_json(self) -> list[dict[str, Any]]:
-        """Return one object per verdict; `record` is its first key for a folder, and `conclusion`
-        its last where all evidence about the record was weighed.
+        """Return one object per verdict, those of a folder by the rank of the record; `conclusion`
+        is the last key where all evidence about the record was weighed.
+
+        Objects of a folder also have `record`, and `event`: the number of the oscillation that the
+        loop shares with others, else null. A file that is no record has one object, without a
+        method.
         """
         concluded = {n: {"conclusion": c.as_json()} for n, c in self.conclusions.items()}
-        return [
-            {**({} if name is None else {"record": name}), **v.as_json(), **concluded.get(name, {})}
-            for name, v in self.verdicts
+        place = {
+            n: {} if n is None else {"record": n, "event": self.events.get(n)} for n in self.records
+        }
+        answers = [
+            {**place[name], **v.as_json(), **concluded.get(name, {})}
+            for name, verdicts, _ in self.groups()
+            for v in verdicts
         ]
+        refused = [
+            {**Verdict("", NO_DECISION, reason=why).as_json(), "method": None, "applicable": None}
+            for why in self.refused.values()
+        ]
+        named = zip(self.refused, refused, strict=True)
+        return [*answers, *({"record": n, "event": None, **one} for n, one in named)]
 
     def __len__(self) -> int:
         """Number of verdicts."""
@@ -97,6 +113,8 @@ class Report:
         """
         concluded = {name: conclusion.as_lines() for name, conclusion in self.conclusions.items()}
         text = summary.as_text(self.groups(), concluded, why=why, colour=colour)
+        if len(self.records) > 1 and self.conclusions:
+            text = "\n".join([*self._ranked_lines(), "", text])
         if not self.scores:
             return text
         sticky, units = max(
@@ -123,6 +141,47 @@ class Report:
         """
         return summary.to_frame(self.verdicts)
 
+    def loops(self) -> pd.DataFrame:
+        """Return one row per loop of a folder.
+
+        Returns
+        -------
+        DataFrame
+            record, conclusion, probability_of_stiction, cause, event, reason, next, and the verdict
+            of each method; ranked by the conclusion, files that are no records last, with the
+            reason.
+        """
+        import pandas as pd
+
+        rows = []
+        for name, verdicts, _ in self.groups():
+            c = self.conclusions[name].as_json() if name in self.conclusions else {}
+            rows.append(
+                {
+                    "record": name,
+                    "conclusion": c.get("verdict"),
+                    PROBABILITY: c.get("probability"),
+                    "cause": c.get("cause"),
+                    "event": self.events.get(str(name)),
+                    "reason": c.get("reason"),
+                    "next": c.get("next"),
+                    **{v.method: v.verdict for v in verdicts},
+                }
+            )
+        rows += [
+            {"record": n, "conclusion": "no record", "reason": w} for n, w in self.refused.items()
+        ]
+        return pd.DataFrame(rows).astype({"event": "Int64"})
+
+    def _ranked_lines(self) -> list[str]:
+        rows = [("loop", "conclusion", "P(stiction)", "cause", "event")]
+        for name, _, _ in self.groups():
+            c, event = self.conclusions[name].as_json(), self.events.get(str(name), "")
+            p = "" if c["probability"] is None else f"{c['probability']:.2f}"
+            word = summary.CONCLUDED[c["verdict"]]
+            rows.append((str(name), word, p, c["cause"], str(event)))
+        return [*columns(rows), *(f"{name}: {why}" for name, why in self.refused.items())]
+
     def _repr_html_(self) -> str:
         frame = self.to_frame()
         keys = [
@@ -137,11 +196,21 @@ class Report:
         )
 
     def groups(self) -> list[tuple[str | None, list[Verdict], LoopRecord | None]]:
-        """Return the verdicts record by record: name, verdicts, record."""
+        """Return the verdicts record by record: name, verdicts, record; where records were weighed,
+        the most probable stiction first.
+        """
         groups: dict[str | None, list[Verdict]] = {}
         for name, verdict in self.verdicts:
             groups.setdefault(name, []).append(verdict)
-        return [(name, verdicts, self.records.get(name)) for name, verdicts in groups.items()]
+        found = [(name, verdicts, self.records.get(name)) for name, verdicts in groups.items()]
+        return sorted(found, key=lambda group: -self._probability(group[0]))
+
+    def _probability(self, name: str | None) -> float:
+        """Return the probability of stiction, below all others where there is none."""
+        known = (
+            self.conclusions[name].as_json()["probability"] if name in self.conclusions else None
+        )
+        return -1.0 if known is None else known
 
 
 def failed(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[str]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from simbench.detectors.record import LoopRecord
 
 VERDICT_WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
+CONCLUDED = {**VERDICT_WORDS, NO_DECISION: "cannot tell"}
 _COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}
 _SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
 _LEGEND = (
@@ -102,7 +103,6 @@ def as_text(
             *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)]),
         ]
     elif records:
-        lines += [f"{name}: {concluded[name][0]}" for name, _, _ in records if name in concluded]
         methods = [f"{i}={v.method}" for i, v in enumerate(records[0][1], 1)]
         sticky = [str(name) for name, verdicts, _ in records if _most_report_stiction(verdicts)]
         lines += [

@@ -82,8 +82,9 @@ def detect(
     threshold; more means that stiction is more likely), and the stick band S and slip-jump J that
     it estimates.
 
-    Of a folder every record is answered. One that cannot be is listed with its reason, and the exit
-    code is 1.
+    Of a folder the first table has one row per loop, ranked by the probability of stiction; loops
+    that share an oscillation have the same event number. A file that is no record is listed with
+    its reason, and the exit code is 1.
     """
     from simbench.detectors.detection import judge_files
     from simbench.detectors.report.report import failed, table
@@ -102,9 +103,10 @@ def detect(
         labels=labels,
         plugins=plugin or [],
         time_limit=time_limit,
-        conclude=_conclude if weighed else None,
+        conclude=_conclude if weighed or html is not None else None,
         **about,
     )
+    folder = len(report.records) + len(report.refused) > 1
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
     for sentence in failed(report.verdicts):
@@ -116,8 +118,6 @@ def detect(
         as_json,
         kept="\x1b",  # of the colours; names of records are escaped where they are read
     )
-    if not (as_json or report.conclusions) and len(report.groups()) > 1:
-        print("For a conclusion on each record, add --method all,likelihood.")
     if labels is not None and report.conclusions:
         from simbench.detectors.records.io import read_labels
         from simbench.gap.stiction.by_loop import as_lines
@@ -128,11 +128,11 @@ def detect(
     if csv is not None:
         from simbench.files import write_table
 
-        write_table(report.to_frame(), csv)
+        write_table(report.loops() if folder else report.to_frame(), csv)
     if html is not None:
         from simbench.plant.verdict_page import write_page
 
-        write_page(report, html, _conclude)
+        write_page(report, html)
         say(f"page: {html.resolve()}", as_json)
     if power:
         _print_power(path, asked, as_json, **about)

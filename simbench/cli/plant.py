@@ -1,4 +1,4 @@
-"""The verbs `trust` (which method to trust on one loop) and `report` (all loops of a plant)."""
+"""The verb `trust`: which method to trust on one loop."""
 
 from __future__ import annotations
 
@@ -8,15 +8,12 @@ from typing import Annotated
 from typer import Argument, Option
 
 from simbench.cli.common import (
-    Jobs,
     Json,
     Page,
     app,
     examples,
     reads,
-    say,
     say_assumed,
-    show,
     show_result,
 )
 
@@ -65,65 +62,3 @@ def trust_(
     trust = trust_file(path, loop, method or ["all"], html=html, **about)
     show_result(trust, as_json)
     say_assumed([trust.record], as_json)
-
-
-@app.command(
-    "report",
-    epilog=examples(
-        "report folder -o plant.html --orders orders.xlsx",
-        "report week2 -o w2/page.html --previous w1",
-    ),
-)
-@reads()
-def report_(
-    folder: Annotated[
-        Path,
-        Argument(
-            metavar="FOLDER",
-            help=(
-                "Read the records of a plant's loops from this folder, or from one file that holds"
-                " several."
-            ),
-        ),
-    ],
-    labels: Annotated[
-        Path | None, Option(help="Judge the records that this table lists (columns id and label).")
-    ] = None,
-    out: Annotated[
-        Path,
-        Option(
-            "-o",
-            "--out",
-            help="Write the HTML page to this file, and a CSV of the same name next to it.",
-        ),
-    ] = Path("report.html"),
-    orders: Annotated[
-        Path | None,
-        Option(metavar="FILE.xlsx|.csv", help="Write a table of work orders to this file."),
-    ] = None,
-    previous: Annotated[
-        Path | None,
-        Option(
-            metavar="FOLDER",
-            help="Compare with the earlier report in this folder, and mark the causes that return.",
-        ),
-    ] = None,
-    jobs: Jobs = 2,
-    *,
-    about: dict,
-) -> None:
-    """Rank the loops of a plant by what their cause costs, and list what to do next.
-
-    The table has one row per loop, the most urgent first: the probability that its valve has
-    stiction, the estimated stick band S (in % of travel if the span of OP is known), the most
-    likely cause, and what to work on (valve, tuning, upstream process, measurement or nothing). The
-    HTML page has the evidence for every loop.
-    """
-    from simbench.plant.command import report_folder
-
-    fleet, table = report_folder(
-        folder, out, labels, jobs=jobs, orders=orders, previous=previous, **about
-    )
-    show(fleet.as_text(), as_json=False)
-    say_assumed([m.trust.record for m in fleet.members], as_json=False)
-    say(f"page: {out.resolve()}\ntable: {table.resolve()}")

@@ -1,3 +1,1 @@
-"""Apply the benchmark to a plant: which detector to trust on a loop, and which loop to work on
-first.
-"""
+"""Apply the benchmark to one loop of a plant: which detector to trust on it."""

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from simbench.detectors.records.io import read_folder, read_labels, read_record
+from simbench.detectors.records.io import read_folder, read_record
 from simbench.files import refuse_own_input
-from simbench.plant.report.fleet import JUDGED, Fleet, survey
 from simbench.plant.trust.result import Trust
 from simbench.plant.trust.trust import trust
 from simbench.scenarios.spec import load_loop
@@ -32,26 +31,6 @@ def trust_file(
 
         write_page(trusted, html)
     return trusted
-
-
-def report_folder(
-    folder: str | Path, page: str | Path, labels: str | Path | None = None, *, jobs: int = 2,
-    orders: str | Path | None = None, previous: str | Path | None = None, **about: Any,
-) -> tuple[Fleet, Path]:  # fmt: skip
-    """Judge a plant's loops and write them on one page; answers are kept for the next call."""
-    from simbench.plant.report.page import write_fleet
-    from simbench.plant.report.work_orders import refuse_orders, write_orders
-
-    refuse_own_input([page, Path(page).with_suffix(".csv"), orders], [folder, labels])
-    refuse_orders(orders)
-    judged = Path(page).with_name(f"{Path(page).name}{JUDGED}")
-    fleet = survey(folder, labels, jobs=jobs, keep=judged, previous=previous, **about)
-    table_path = write_fleet(
-        fleet, page, None if labels is None else read_labels(labels), jobs=jobs, keep=judged
-    )
-    if orders is not None:
-        write_orders(fleet, orders)
-    return fleet, table_path
 
 
 def power_lines(path: str | Path, methods: Sequence[str] = ("all",), **about: Any) -> list[str]:

@@ -4,14 +4,14 @@ method with its reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
-from simbench.detectors.record import LoopRecord
 from simbench.detectors.report import summary
-from simbench.detectors.report.report import Report, ShownConclusion
+from simbench.detectors.report.report import Report
+from simbench.detectors.verdict import PROBABILITY
 from simbench.plant.page import SectionTable, section, write
 from simbench.plant.trust.pictures import draw_pv_op, draw_trend
 
@@ -25,24 +25,18 @@ _COLUMNS = (
 )
 
 
-def write_page(
-    report: Report, path: str | Path, conclude: Callable[[LoopRecord], ShownConclusion]
-) -> None:
-    """Write conclusions and verdicts as one self-contained HTML page; what was not concluded yet is
-    for the records drawn.
+def write_page(report: Report, path: str | Path) -> None:
+    """Write conclusions and verdicts as one self-contained HTML page; of a folder the first table
+    has one row per loop.
     """
     groups = report.groups()
-    sentences = []
-    for number, (name, verdicts, record) in enumerate(groups):
-        conclusion = report.conclusions.get(name)
-        if conclusion is None and record is not None and number < _SHOWN:
-            conclusion = conclude(record)
-        lines = [
-            *([] if conclusion is None else conclusion.as_lines()),
-            f"Methods: {summary.sentence(verdicts)}.",
-        ]
-        sentences += [f"{name + ': ' if name else ''}{line}" for line in lines]
-    parts = [section("answer", "The answer", sentences)]
+    if len(report.records) + len(report.refused) > 1:
+        parts = [_ranking(report)]
+    else:
+        (name, verdicts, _) = groups[0]
+        lines = report.conclusions[name].as_lines() if name in report.conclusions else []
+        answer = [*lines, f"Methods: {summary.sentence(verdicts)}."]
+        parts = [section("answer", "The answer", answer)]
     for number, (name, verdicts, record) in enumerate(groups[:_SHOWN]):
         if record is not None:
             title = name or record.tag or "The record"
@@ -66,19 +60,25 @@ def write_page(
             points=_COLUMNS,
         )
     )
-    if report.refused:
-        parts.append(
-            section(
-                "refused",
-                "Left out",
-                points=[f"{name}: {why}" for name, why in report.refused.items()],
-            )
-        )
     write(
         path,
         "Does the valve stick?",
         f"{len(groups)} record{'s' * (len(groups) != 1)} judged",
         parts,
+    )
+
+
+def _ranking(report: Report) -> dict[str, Any]:
+    frame = report.loops()
+    frame["conclusion"] = frame["conclusion"].replace(summary.CONCLUDED)
+    shown = ["record", "conclusion", PROBABILITY, "cause", "event", "reason", "next"]
+    frame = frame[shown].rename(columns=lambda name: name.replace("_", " "))
+    long, shares = ["cause", "reason", "next"], [PROBABILITY.replace("_", " ")]
+    return section(
+        "loops",
+        "The loops",
+        table=SectionTable(frame, long, shares=shares),
+        points=["Event: loops with the same number share one oscillation."],
     )
 
 

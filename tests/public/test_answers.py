@@ -113,7 +113,6 @@ OPTIONS = {
     "gap withheld answer": "--tests",
     "gap withheld open": "",
     "trust": "--loop --method --html --json",
-    "report": "--labels -o",
     "contract": "",
     "list": "--json",
 }

@@ -4,11 +4,13 @@ hides them from simbench.
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import simbench.detectors.verdict
 
+ROOT = Path(simbench.__file__).parents[1]
 PLUGIN = """
 from detectors.method import Method
 from detectors.verdict import Verdict
@@ -42,9 +44,10 @@ def test_under_both_names_a_class_is_one(tmp_path):
     from detectors.verdict import Verdict
 
     assert Verdict is simbench.detectors.verdict.Verdict
-    # where the short name comes first
+    # where the short name comes first, as in the repository itself
     done = script(
         tmp_path,
+        f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n"
         "import detectors.verdict, scenarios.spec\nimport simbench.detectors.verdict as v\n"
         "print(detectors.verdict is v, v.Verdict.__module__, scenarios.spec.__name__)\n",
     )

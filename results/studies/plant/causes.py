@@ -1,11 +1,9 @@
-"""Are the causes that `report` names those that were simulated, are its what-ifs those of the true
-loop, and do sizes hold?
+"""Are the causes named those that were simulated, and do sizes hold?
 
 `python -m results.studies.plant.causes` draws plants of loops with eight causes, stamped in weeks
 of their own, some of them upstream and downstream of each other, and loops of simulators that are
 not ours, and prints how often the cause named is the one simulated, how many events join loops of
-different weeks, how often the action ranked first is the best of the true loop, and how far S lies
-within its interval under six archives.
+different weeks, and how far S lies within its interval under six archives.
 """
 
 from __future__ import annotations
@@ -30,12 +28,11 @@ from simbench.detectors.judge import judge
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
+from simbench.detectors.report.events import shared_oscillations
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.margins import margins
 from simbench.loop.simulate import simulate
-from simbench.plant.report.events import shared_oscillations
-from simbench.plant.report.what_if import LEAVE, REPAIR, compare, retuned, what_if
 from simbench.scenarios.spec import Loop
 
 CAUSES = (
@@ -270,52 +267,6 @@ def summary_lines(
     return lines
 
 
-def helped(
-    loops: dict[str, Any], candidates: dict[str, CandidateLoops | None], second: str
-) -> list[str]:
-    """Return how often the action ranked first is the true loop's best, and how far its claims lie
-    from the true ones.
-    """
-    n = best = always = inside = claims = near = 0
-    sticky = [
-        (loop, candidates[name])
-        for name, (truth, _, loop) in loops.items()
-        if truth == "stiction" and loop is not None
-    ]
-    for loop, ranked in tqdm(sticky, file=sys.stderr, desc="what if"):
-        if ranked is None or ranked.probability <= 0.7:
-            continue
-        actions, table = what_if(ranked), loop.to_table()
-        if not actions:
-            continue
-        S, J = table["valve"]["S"], table["valve"]["J"]
-        # the settings claimed, on the true loop
-        settings = retuned(ranked.sticky or ranked.healthy[0])
-        table["valve"] = {"model": "ideal"}
-        true = {
-            a.name: a
-            for a in compare(Loop.from_table(table), S, J, spread=0.0, seed=5, settings=settings)
-        }
-        if not true:
-            continue
-        n += 1
-        least = min(a.variance for a in true.values())
-        best += true.get(actions[0].name, true[LEAVE]).variance <= least + 0.1
-        always += true[REPAIR].variance <= least + 0.1
-        claimed = {a.name: a for a in actions}
-        near += abs(claimed[REPAIR].variance - true[REPAIR].variance) <= 0.1
-        for a in actions:
-            if a.name in true and a.name != LEAVE:
-                claims, inside = claims + 1, inside + (a.lo <= true[a.name].variance <= a.hi)
-    share = max(n, 1)
-    return [
-        f"what if, {second or 'nothing'} beside, of {len(sticky)} sticky loops {n} told: first"
-        f" action best within 10 % of PV variance {best} ({best / share:.2f}; to repair always"
-        f" {always}); variance without friction within .1 {near} ({near / share:.2f}); {inside} of"
-        f" {claims} intervals hold ({inside / max(claims, 1):.2f})"
-    ]
-
-
 ARCHIVES = ("plain", "quantised OP", "quantised PV", "exceptions", "compressed", "every third")
 
 
@@ -409,9 +360,6 @@ def main() -> int:
     )
     parser.add_argument("--worlds", nargs="*", default=["mill", "refinery"], help="[mill refinery]")
     parser.add_argument("--blind", type=int, default=36, help="loops of each world [36]")
-    parser.add_argument(
-        "--more", type=int, default=60, help="more sticky loops that are asked what would help [60]"
-    )
     parser.add_argument("--archived", type=int, default=34, help="sticky loops per archive [34]")
     parser.add_argument(
         "--seed",
@@ -430,14 +378,8 @@ def main() -> int:
             flush=True,
         )
     loops = plant(given.n, given.seed)
-    causes, events, candidates = judged(loops)
+    causes, events, _ = judged(loops)
     print("\n".join(["own grids:", *summary_lines(loops, causes, events)]), flush=True)
-    for second in ("", "tuning", "outside"):
-        more = sticky(given.more // 3, given.seed, second)
-        every, known = ({}, {}) if second else (loops, candidates)
-        print(
-            "\n".join(helped({**every, **more}, {**known, **identified(more)}, second)), flush=True
-        )
     print("\n".join(sizes(given.archived, given.seed)))
     return 0
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import pandas as pd
 
 from simbench.detectors.report import summary
-from simbench.plant.episodes import marks
 from simbench.plant.page import SectionTable, section, write
 from simbench.plant.trust.pictures import draw_power, draw_pv_op, draw_trend
 from simbench.plant.trust.result import Trust
@@ -52,15 +51,8 @@ def write_page(trust: Trust, path: str | Path) -> None:
         )
     answer = [*trust.conclusion.as_lines(), *trust.advice()]
     parts = [section("answer", "The answer", answer, tiles=tiles)]
-    when = trust.over_time
-    shaded = (
-        ""
-        if when is None or not when.several
-        else f"; {when.sentence()} (orange: stiction, grey: undecided)"
-    )
-    trend = draw_trend(record, [] if when is None else marks(when))
     seen = [
-        (trend, f"PV (red), SP (grey), OP (blue){shaded}"),
+        (draw_trend(record), "PV (red), SP (grey), OP (blue)"),
         (draw_pv_op(record), "PV against OP"),
     ]
     parts.append(section("record", "The record", pictures=seen))

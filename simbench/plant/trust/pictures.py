@@ -27,10 +27,8 @@ _LINES = (BLACK, BLUE, ORANGE, RED, SKY)
 
 
 @styled
-def draw_trend(record: LoopRecord, marks: Sequence[tuple[float, float, str]] = ()) -> Figure:
-    """Draw PV (with SP) above OP over time; `marks` are windows (start s, end s, colour) shaded
-    in OP.
-    """
+def draw_trend(record: LoopRecord) -> Figure:
+    """Draw PV (with SP) above OP over time."""
     figure, axes = panels(2, 1, 5.0, 2.6, sharex=True)
     _place(figure, left=0.18, right=0.985, bottom=0.165, top=0.93, hspace=0.12)
     above, below = axes.ravel()
@@ -41,8 +39,6 @@ def draw_trend(record: LoopRecord, marks: Sequence[tuple[float, float, str]] = (
             if x is not None:
                 k = _thin(x)
                 ax.plot(record.t[k] / hours, x[k], color=SIGNAL[name.upper()], lw=0.8)
-    for start, end, colour in marks:
-        below.axvspan(start / hours, end / hours, color=colour, alpha=0.25, lw=0)
     label(above, "", "PV" if record.sp is None else "PV, SP")
     label(below, "time (h)" if hours == 3600.0 else "time (min)", _op(record))
     return figure

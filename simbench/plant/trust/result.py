@@ -12,7 +12,6 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import Conclusion
-from simbench.plant.episodes import OverTime
 from simbench.plant.trust.power import POWER, Cell, Rule
 from simbench.plant.trust.remedies import Remedy
 
@@ -56,7 +55,6 @@ class Trust:
     notes: tuple[str, ...]
     record: LoopRecord = field(repr=False)
     candidates: CandidateLoops | None = field(repr=False, default=None)
-    over_time: OverTime | None = field(repr=False, default=None)
     most_accurate: Rule | None = None
 
     @property
@@ -110,15 +108,9 @@ class Trust:
         )
 
     def _asides(self) -> list[str]:
-        """Return the most reliable method, and the verdicts over time, where there are any."""
-        sentences = (
-            [f"most reliable method here: {_reading(self.best.rule)}"]
-            if self.best is not None
-            else []
-        )
-        if self.over_time is not None and self.over_time.several:
-            sentences.append(f"over time: {self.over_time.sentence()}")
-        return sentences
+        """Return the most reliable method, where there is one."""
+        best = self.best
+        return [] if best is None else [f"most reliable method here: {_reading(best.rule)}"]
 
     def power_line(self) -> str:
         """Return in one line the smallest visible stiction, and the most reliable method."""

@@ -25,7 +25,6 @@ from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_record
 from simbench.gap.stiction.friction import in_percent, refuse_unweighable, with_sound_valve
-from simbench.plant.episodes import over_time
 from simbench.plant.trust.power import (
     Cell,
     Rule,
@@ -147,7 +146,7 @@ def _trust(
     try:
         if loop is not None:
             # with a loop file, friction is compared with every other effect
-            diagnosis = diagnose_all([in_percent(record)[0]], loop, describe=False)
+            diagnosis = diagnose_all([in_percent(record)[0]], loop)
             # replicates of a valve with friction begin from a sound one, which is fitted anew
             assessment = diagnosis.behind.found if with_sound_valve(loop) is loop else None
         candidates = candidate_loops(record, loop, assessment)
@@ -210,7 +209,6 @@ def _weighed(
         replace(m, power=tuple(_in_units(c, candidates.percent) for c in m.power)) for m in rows
     ]
     return Trust(
-        over_time=over_time(record),
         conclusion=conclusion,
         methods=tuple(rows),
         power=scaled,
@@ -260,5 +258,4 @@ def _without_replicates(
 ) -> Trust:
     rows = tuple(MethodTrust(v, Rule(v.method, None, 0.5), float("nan"), (), 1.0) for v in verdicts)
     notes = () if candidates is None else candidates.notes
-    when = None if candidates is None else over_time(record)
-    return Trust(conclusion, rows, None, (), (), (), (why, *notes), record, candidates, when)
+    return Trust(conclusion, rows, None, (), (), (), (why, *notes), record, candidates)

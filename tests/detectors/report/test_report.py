@@ -47,8 +47,13 @@ def test_single_file_gives_one_object_per_method_with_the_agreed_keys(folder):
 
 def test_folder_adds_the_record_and_names_what_it_left_out(folder):
     report = judge_files(folder, ["he"])
-    assert [d["record"] for d in report.as_json()] == ["healthy", "sticky"]
-    assert set(report.refused) == {"labels", "notes"}
+    answers = report.as_json()
+    assert [d["record"] for d in answers if d["method"]] == ["healthy", "sticky"]
+    refused = {d["record"]: d["reason"] for d in answers if d["method"] is None}
+    assert refused == report.refused
+    assert set(refused) == {"labels", "notes"}
+    assert all(d["event"] is None for d in answers)
+    assert report.loops().conclusion.tolist()[-2:] == ["no record"] * 2
     assert report.scores == []
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
+from tests.simbench.boundary.conftest import run_verb, sampled
 from tests.simbench.boundary.test_hostile import write
 
 ROOT = Path(__file__).parents[3]
@@ -49,8 +49,8 @@ def test_a_single_sample_of_1e59_warns_of_nothing(large, here, words, signal):
 
 
 @pytest.mark.slow
-def test_report_of_samples_of_1e59_warns_of_nothing(large, tmp_path, capfd):
-    answer_to(f"report {large} -o {tmp_path}/page.html -j 1")
+def test_a_folder_of_samples_of_1e59_warns_of_nothing(large, tmp_path, capfd):
+    run_verb(f"detect {large} --html {tmp_path}/page.html")
     assert "Warning" not in capfd.readouterr().err
 
 
@@ -96,7 +96,6 @@ def open_folder():
 VERBS_OF_A_STRANGER = [
     "figure table-11-4 -o .",
     "detect rec.csv --method horch --html v.html",
-    "report . -o page.html -j 2",
     "run smoke -o run --method horch_histogram -j 2 --set disturbance=none",
     "gap diagnose rec.csv --identify --html g.html",
     "trust rec.csv --method horch --html t.html",

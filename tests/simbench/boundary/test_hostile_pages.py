@@ -67,7 +67,6 @@ def assert_harmless(page):
 VERBS = [
     "detect plant --method horch_histogram,hostile --plugin hostile.py --html page.html",
     "trust IMAGE --method horch --html page.html",
-    "report plant -o page.html -j 1",
     "gap diagnose IMAGE --identify --html page.html",
 ]
 

@@ -17,7 +17,6 @@ ODD = os.fsdecode(b"n\xff\x1b")
 RAW = ("\udcff", "\x1b", "\u202e", "\nbreak")
 CHAINS = {
     "detect": ["detect plant --method horch_histogram --csv v.csv --html v.html"],
-    "report": ["report plant -o ODDpage.html -j 1"],
     "trust": ["trust ODD.csv --method horch --html ODD.html"],
     "diagnose": [
         "gap diagnose ODD.csv --identify --html g.html --write-loop ODD.toml",

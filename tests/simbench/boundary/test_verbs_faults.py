@@ -43,7 +43,6 @@ QUICK = {
 }
 HEAVY = {
     "run": "run smoke -o run --method horch_histogram --resume",
-    "report": "report ../plant -o plant.html -j 1",
     "trust": "trust ../rec.csv --html trust.html --method horch",
     "gap diagnose": "gap diagnose ../rec.csv --identify --html gap.html --write-loop fixed.toml",
     "withheld answer": "gap withheld answer held",
@@ -219,7 +218,7 @@ def whole_exam(verb, folder, expected) -> bool:
     return verb in ("exam make", "withheld make") and contents(folder) == expected
 
 
-RESUMED = ["run", "report", "exam answer", "detect"]
+RESUMED = ["run", "exam answer", "detect"]
 
 
 @pytest.mark.slow

@@ -21,7 +21,6 @@ COMMANDS = {
     "run": ["run", "smoke", "-o", "run", "--method", "horch,he"],
     "score": ["score", "run"],
     "exam open": ["exam", "open", "exam", "--key", "exam.key", "answers.csv"],
-    "report": ["report", "records", "-o", "page.html"],
 }
 BEFORE = {
     "score": [["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"]],
@@ -42,7 +41,7 @@ def records(tmp_path_factory):
     return place
 
 
-DEAR = ("trust", "report")  # seconds each
+DEAR = ("trust",)  # seconds
 
 
 @pytest.mark.parametrize(

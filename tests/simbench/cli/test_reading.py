@@ -17,7 +17,6 @@ from simbench.detectors.example_loop import example_loop
 from simbench.detectors.records.io import read_record
 from simbench.gap import command as gap_command
 from simbench.plant import command as plant_command
-from simbench.plant.report import fleet
 from tests.detectors.records import test_exports as exports
 
 
@@ -106,7 +105,7 @@ def test_what_is_known_of_a_record_is_given_by_the_same_options(export, caught, 
     )
 
 
-READERS = [*VERBS, "report"]
+READERS = [*VERBS]
 
 
 @pytest.mark.parametrize("step", [pytest.param(1, marks=pytest.mark.slow), 2 * len(READERS)])
@@ -114,14 +113,11 @@ READERS = [*VERBS, "report"]
 def test_every_export_reaches_every_verb_as_the_same_record(
     tmp_path, caught, monkeypatch, verb, step
 ):
-    monkeypatch.setattr(
-        fleet, "resumed", lambda _ask, about, **_: caught.extend(a[1] for a in about) or [][0]
-    )
     for name in list(exports.READ)[READERS.index(verb) % step :: step]:
         export = exports.READ[name]
         content, suffix, options = export if isinstance(export, tuple) else (export, "csv", {})
         file = exports.written(tmp_path, content, suffix)
-        words = VERBS.get(verb, f"report {{f}} -o {tmp_path / 'page.html'}").format(f=file).split()
+        words = VERBS[verb].format(f=file).split()
         asked = {"columns": "--columns", "tag": "--tag", "Ts": "--ts"}
         for key, value in options.items():
             words += [
@@ -133,7 +129,7 @@ def test_every_export_reaches_every_verb_as_the_same_record(
             assert typed(words) == 0, name
         one = read_record(
             file,
-            automatic=verb in ("diagnose", "trust", "report", "confirm gain-change"),
+            automatic=verb in ("diagnose", "trust", "confirm gain-change"),
             **options,
         )
         assert (caught[0].pv.tobytes(), caught[0].op.tobytes(), caught[0].Ts) == (

@@ -30,8 +30,6 @@ from simbench.gap.stiction.conclusion import WORDS, friction_share, from_posteri
 from simbench.gap.stiction.probability import STICKING_VALVES
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
-from simbench.plant.report.fleet import survey
-from simbench.plant.report.page import table
 from simbench.scenarios.spec import Loop, load_loop
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
@@ -106,17 +104,6 @@ def alone(file):
     gap = printed("gap", "diagnose", file, "--identify", "--json")
     if gap is not None:  # where the gap refuses a record it shows nothing
         out["gap diagnose"] = json.loads(gap)["conclusion"]
-    with contextlib.redirect_stderr(io.StringIO()):
-        row = table(survey(file.parent, jobs=1)).iloc[0]
-    p = None if pd.isna(row["probability_of_stiction"]) else row["probability_of_stiction"]
-    verdict = {word: verdict for verdict, word in WORDS.items()}[row["answer"]]
-    out["report"] = {
-        "verdict": verdict,
-        "probability": p,
-        "cause": row["cause"],
-        "reason": row["reason"],
-        "next": row["next"],
-    }
     return out
 
 
@@ -303,10 +290,6 @@ def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkey
     replicates change no conclusion.
     """
     monkeypatch.setattr("simbench.plant.trust.trust.draw_replicates", lambda *a, **k: [])
-    monkeypatch.setattr("simbench.plant.trust.trust.over_time", lambda *a: None)
-    monkeypatch.setattr("simbench.plant.report.fleet.what_if", lambda *a: ())
-    monkeypatch.setattr("simbench.plant.report.fleet.judge", lambda *a: [])
-    monkeypatch.setattr("simbench.plant.report.fleet.choose_methods", lambda names: ["bicoherence"])
     real = sorted(REAL.glob("*[0-9].csv"))[:: max(64 * 4 // COUNT, 1)] if REAL.is_dir() else []
     wrong, rows = [], []
     for number in range(COUNT - len(real)):

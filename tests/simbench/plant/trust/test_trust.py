@@ -15,7 +15,6 @@ from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.files import write_record
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.loop.simulate import simulate
-from simbench.plant.report.fleet import EACH, HEALTHY
 from simbench.plant.trust.trust import FEW as LEAST
 from simbench.plant.trust.trust import trust
 from simbench.scenarios.spec import Loop, load_loop
@@ -73,8 +72,8 @@ def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(
     sticky, monkeypatch
 ):
     monkeypatch.setattr("simbench.plant.trust.trust.LONG_RECORD", 100)
-    few = trust(sticky, methods=["he"], healthy=HEALTHY, each=EACH, help_wanted=False)
-    assert LEAST <= sum(S == 0 for S, _ in few.twins) <= HEALTHY
+    few = trust(sticky, methods=["he"], healthy=16, each=2, help_wanted=False)
+    assert LEAST <= sum(S == 0 for S, _ in few.twins) <= 16
     assert few.power
 
 

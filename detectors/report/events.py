@@ -4,7 +4,7 @@ whole record.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
@@ -15,12 +15,17 @@ from simbench.detectors.signal.phase import phase_locking
 
 _NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
 _LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one
-_FOLLOWS = 0.995  # correlation from which a set point is another loop's output
 _FEWEST, _FEWEST_PERIODS = (
     20,
     6,
 )  # samples, and periods, of common time below which nothing is concluded
-_LAGS = (0, 1)  # samples that may lie between an output and the set point that follows it
+
+
+def event_numbers(records: Mapping[str | None, LoopRecord]) -> dict[str, int]:
+    """Return a number for every loop that oscillates together with others, one a group, from 1."""
+    prepared = {str(name): Prepared(record.without_mv()) for name, record in records.items()}
+    groups = enumerate(shared_oscillations(prepared), 1)
+    return {name: number for number, group in groups for name in group}
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
@@ -71,71 +76,3 @@ def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | N
     first, second = max(late, 0), max(-late, 0)
     n = min(a.n - first, b.n - second)
     return (a.window(first, first + n), b.window(second, second + n)) if n >= _FEWEST else None
-
-
-def cascades(records: Mapping[str, LoopRecord]) -> list[tuple[str, str]]:
-    """Return the pairs of outer and inner loop: the set point of the inner is the output of the
-    outer.
-    """
-    pairs = []
-    stds = {name: [_std(r.op[: r.n - k]) for k in _LAGS] for name, r in records.items()}
-    for inner, slave in records.items():
-        moves = _set_point(slave)
-        if moves is None:
-            continue
-        match, outer = max(
-            (_follows(record, stds[name], slave, moves), name) for name, record in records.items()
-        )
-        if match > _FOLLOWS:
-            pairs.append((outer, inner))
-    return pairs
-
-
-def _set_point(slave: LoopRecord) -> list[np.ndarray] | None:
-    """Return the set point without its mean and divided by its length and standard deviation, as
-    it is and without its first sample; None where it hardly moves.
-    """
-    if slave.sp is None or np.count_nonzero(np.diff(slave.sp)) < _FEWEST:
-        return None
-    shifted = [slave.sp[k:] for k in _LAGS]
-    return [(x - x.mean()) / (x.size * _std(x)) for x in shifted]
-
-
-def _follows(
-    master: LoopRecord, stds: Sequence[float], slave: LoopRecord, moves: Sequence[np.ndarray]
-) -> float:
-    """Return how well the output of one loop explains the set point of another, 1 = wholly; a loop
-    does not follow itself.
-
-    Most loops of a plant have the same times: for these only two scalar products are left to do,
-    as there are as many pairs as loops squared.
-    """
-    if master is slave:
-        return 0.0
-    if (master.Ts, master.n, master.meta.get("start")) != (
-        slave.Ts, slave.n, slave.meta.get("start")
-    ):  # fmt: skip
-        both = same_time(master, slave)
-        again = None if both is None else _set_point(both[1])
-        if both is None or again is None:
-            return 0.0
-        master, moves = both[0], again
-        stds = [_std(master.op[: master.n - k]) for k in _LAGS]
-    return max(
-        abs(float(master.op[: master.n - k] @ moves[k])) / stds[k] if stds[k] else 0.0
-        for k in _LAGS
-    )
-
-
-def _std(x: np.ndarray) -> float:
-    """Return a standard deviation, exactly 0 for a constant."""
-    return float(np.std(x)) if x.size and np.ptp(x) else 0.0
-
-
-def likely_root(
-    group: Sequence[str], probability: Mapping[str, float], nonlinear: Mapping[str, float]
-) -> list[str]:
-    """Return the loops of one event, the likely root first."""
-    return sorted(
-        group, key=lambda name: (-round(probability.get(name, 0.0), 1), -nonlinear.get(name, 0.0))
-    )

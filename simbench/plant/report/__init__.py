@@ -1,1 +1,0 @@
-"""Rank the loops of a plant on one page (`simbench report`)."""
