@@ -4,18 +4,19 @@ out when they were fitted.
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from results.studies.procedure_weights import fit
-from simbench.bench.score.families import read
 from simbench.bench.score.quantification import estimates
 from simbench.bench.score.scoring import home_of
 from simbench.bench.statistics import wilson
-from simbench.bench.store.reading import RunArrays
+from simbench.bench.store.reading import RunArrays, read_table
 from simbench.detectors.evidence import EVIDENCE
 from simbench.detectors.procedure import ODDS_HIGH
 from simbench.detectors.report.report import table
@@ -27,6 +28,34 @@ if TYPE_CHECKING:
 LIKE = "choudhury"  # the family every other is compared with, in the same cells
 # cells are distinguished by their number: each part is judged with what was fitted on the others
 PARTS = 2
+
+
+def read(run: str | Path) -> pd.DataFrame:
+    """Read a run of grid families as one row per scenario and method."""
+    columns = [
+        "scenario_id",
+        "group",
+        "process",
+        "valve",
+        "disturbance",
+        "cycled",
+        "oscillating",
+        "tags",
+    ]
+    scenarios = read_table(run, "scenarios", columns).to_pandas()
+    scenarios = scenarios[scenarios.cycled.isin(["yes", "no"])]
+    scenarios = scenarios.assign(
+        cycled=scenarios.cycled == "yes", S=[json.loads(t).get("S") for t in scenarios.tags]
+    )
+    columns = ["scenario_id", "method", "verdict", "score", "indices", "S_lo", "S_hi"]
+    verdicts = read_table(run, "verdicts", columns).to_pandas()
+    given = zip(verdicts.indices, verdicts.score, strict=True)
+    verdicts = verdicts.assign(
+        indices=[{**json.loads(i or "{}"), "score": score} for i, score in given]
+    )
+    return scenarios.drop(columns="tags").merge(
+        verdicts.rename(columns={"verdict": "said"}), on="scenario_id"
+    )
 
 
 def left_out(rows: pd.DataFrame) -> Iterator[dict[str, object]]:

@@ -33,7 +33,7 @@ def needs(name: str) -> list[str]:
     return list(inspect.signature(FIGURES.load(name).data).parameters)
 
 
-DEAR = ("surrogate_index", "valve_signatures", "fig_11_9_integrating")
+DEAR = ("fig_11_9_integrating",)
 FREE = [
     pytest.param(name, marks=pytest.mark.slow if name in DEAR else ())
     for name in NAMES

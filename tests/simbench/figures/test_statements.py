@@ -383,38 +383,3 @@ def test_table_11_1_marks_what_is_wrong_with_each_valve(drawn):
     }
     assert d.loc["hysteresis (%)", "worn linkage"] == pytest.approx(4.5, abs=0.3)
     assert d.loc["noise band (%)", "good valve"] == pytest.approx(0.2, rel=0.3)
-
-
-# the method takes signals as they come, and harmonics of a sticky valve move its peak by a tenth
-@pytest.mark.parametrize(("valve", "near"), [("healthy", 0.1), ("sticky", 0.12)])
-def test_horchs_verdict_switches_at_the_same_w_Ti_with_and_without_stiction(drawn, valve, near):
-    d = drawn("horch_phase")
-    d = d[d.valve == valve].sort_values("w_Ti (-)")
-    x = np.log(d["w_Ti (-)"].to_numpy())
-
-    def crossing(index: str, level: float) -> float:
-        return float(np.exp(np.interp(-level, -d[index].to_numpy(), x)))
-
-    # stiction needs both indices, and so does no stiction
-    leaves = min(crossing("dtau (-)", 2 / 3), crossing("drho (-)", 1 / 3))
-    arrives = max(crossing("dtau (-)", 1 / 3), crossing("drho (-)", 0.0718))
-    assert leaves == pytest.approx(1 / np.sqrt(3), rel=near)
-    assert arrives == pytest.approx(np.sqrt(3), rel=near)
-    verdicts = d.verdict.to_numpy()
-    assert (verdicts[d["w_Ti (-)"] < leaves] == "stiction").all()
-    assert (verdicts[d["w_Ti (-)"] > arrives] == "no_stiction").all()
-    law = 2 / np.pi * np.arctan(1 / d["w_Ti (-)"])
-    assert np.abs(d["dtau (-)"] - law).max() < 0.03
-
-
-@pytest.mark.slow
-def test_no_bound_on_the_surrogate_index_finds_sticky_valves_alone(drawn):
-    d = drawn("surrogate_index")
-    npi = {kind: part["npi (-)"].to_numpy() for kind, part in d.groupby("kind")}
-    sticky, driven = npi["sticky valve"], npi["linear, driven by noise"]
-    assert (sticky > 1).mean() < 0.4
-    for kind in ("strict triangle", "healthy, sine from outside"):
-        assert npi[kind].max() < 0.5
-    # a bound that half of the sticky loops pass is passed by linear loops too
-    assert (driven > np.median(sticky)).mean() > 0.03
-    assert len(d) > 0.8 * 4 * 72
