@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from results.studies.asking import THREE, Mixture
+from results.studies.mixture import THREE, Mixture
 from results.studies.worlds import WORLDS
 from simbench.blind.levels import Share
 from simbench.blind.making import write_item

@@ -25,7 +25,7 @@ import numpy as np
 from tqdm import tqdm
 
 import simbench.gap
-from results.studies.asking import THREE, Mixture
+from results.studies.mixture import THREE, Mixture
 from results.studies.worlds import WORLDS
 from simbench.blind.making import write_item
 from simbench.detectors.errors import UserError
