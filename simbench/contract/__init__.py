@@ -1,23 +1,19 @@
-"""Check a plug-in against the contract for its kind: detector, valve, effect, recogniser, plant,
-controller, plant simulator or grid.
+"""Check a plug-in against the contract for its kind: detector, valve, effect, plant, controller or
+grid.
 """
 
 import ast
 from collections.abc import Callable
 from pathlib import Path
 
-from simbench.blind.world import WORLDS
 from simbench.contract.effect import check_effect
 from simbench.contract.grid import check_grid
 from simbench.contract.law import check_controller, check_plant
-from simbench.contract.recogniser import check_recogniser
 from simbench.contract.valve import check_valve
-from simbench.contract.world import check_world
 from simbench.detectors.contract.detector import Contract, check_added, check_detector
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.plugins.host import Host, PluginError
 from simbench.detectors.plugins.registry import PluginFolder, methods
-from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES
 
@@ -25,12 +21,10 @@ CONTRACT_SECONDS = 600.0  # for all that is asked of one plug-in
 # an effect may hold a valve's steps too: the kind of which most is there, the first of equals
 CONTRACTS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
     "detector": (methods, check_detector),
-    "recogniser": (RECOGNISERS, check_recogniser),
     "effect": (EFFECTS, check_effect),
     "valve": (VALVES, check_valve),
     "plant": (PLANT_PLUGINS, check_plant),
     "controller": (CONTROLLER_PLUGINS, check_controller),
-    "world": (WORLDS, check_world),
 }
 
 

@@ -572,10 +572,7 @@ def _curves() -> Iterator[Row]:
     alarms = [_count(f"he@{v}", still) for v in ("published", "chapter")]
     ours = f"found: He's {_share(free, len(records))}, two lines {_share(lines, len(records))}"
     ours += f"; false {alarms[0]} and {alarms[1]} of {len(still)}"
-    why = (
-        "he@published and he@chapter; noise of a fifth and a tenth; on real units and grids:"
-        " results/published.txt"
-    )
+    why = "he@published and he@chapter; noise of a fifth and a tenth"
     yield Row("Eq. 11.11", "two lines in place of He's triangle", "used", ours, lines >= free, why)
     level = [record_of(loop, NOISE) for loop in loops(process="integrating")]
     kept = 0

@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import signal
 import tomllib
 from dataclasses import replace
@@ -226,3 +227,15 @@ def test_an_effect_may_be_hidden_from_the_library_that_is_asked(tmp_path, capsys
     assert "detuning" in capsys.readouterr().err
     with pytest.raises(ParameterError, match="did you mean 'detuning'"):
         Plan.of(100, "detunning")
+
+
+def test_the_tutorial_s_world_draws_a_set_that_is_sealed(tmp_path, monkeypatch):
+    page = Path(__file__).parents[3] / "docs" / "site" / "tutorials" / "own_world.md"
+    (cell,) = re.findall(r"%%writefile (tank\.py)\n(.*?)```", page.read_text(), re.DOTALL)
+    (tmp_path / "worlds_of_mine").mkdir()
+    (tmp_path / "worlds_of_mine" / cell[0]).write_text(cell[1])
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    make("set", "set.key", seed=4, plan=PLAN, world="worlds_of_mine.tank")
+    rows = answers_of(Path("set"), Path("set.key"))
+    assert sorted(row["kind"] for row in rows) == ["foreign", "none", "none", "single", "single"]

@@ -11,7 +11,6 @@ import simbench.detectors as detectors
 import simbench.scenarios as scenarios
 from simbench.cli import main
 from simbench.contract import kind_of
-from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import VALVES
 
@@ -19,7 +18,6 @@ KINDS = {
     "detector": Path(detectors.__file__).parent / "methods" / "horch.py",
     "valve": Path(VALVES.load("kano").__file__),
     "effect": Path(PLUGINS.load("deadband").__file__),
-    "recogniser": Path(RECOGNISERS.load("deadband").__file__),
     "grid": Path(scenarios.__file__).parent / "grids" / "smoke.toml",
 }
 

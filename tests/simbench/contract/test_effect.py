@@ -1,12 +1,8 @@
 """An effect's contract: every built-in keeps it, and each way of breaking it is caught."""
 
-from dataclasses import replace
-
 import pytest
 
 from simbench.contract.effect import check_effect, no_strength, strengths
-from simbench.contract.recogniser import check_recogniser
-from simbench.gap.effects import PLUGINS as RECOGNISERS
 from simbench.loop.effects import PLUGINS
 
 BIAS = '''"""Bias: the transmitter reads too much."""
@@ -95,7 +91,7 @@ QUICK = ("stiction", "slew_limit", "valve_lag", "extra_lag", "noise")
         for name in PLUGINS.names()
     ],
 )
-def test_every_effect_and_its_recogniser_keep_their_contract(name):
+def test_every_effect_keeps_its_contract(name):
     contract = check_effect(name)
     assert (contract.broken, contract.notes) == ((), ())
 
@@ -120,66 +116,3 @@ def test_strengths_lead_from_nothing_to_the_ends_of_the_range():
     assert min(factors) < 0.06
     assert max(factors) > 19.9
     assert 1.0 not in factors
-
-
-RECOGNISED = '''"""Bias recognised: as noise is."""
-from simbench.gap.effects import Recogniser
-from simbench.gap.effects.noise import RECOGNISER as NOISE
-from dataclasses import replace
-
-RECOGNISER = NOISE
-'''
-UNRECOGNISED = [
-    ("RECOGNISER = NOISE", "RECOGNISER = None", "a simbench.gap.effects.Recogniser is needed"),
-    ("= NOISE\n", "= replace(NOISE, needs='valve')\n", "needs = 'valve', allowed"),
-    ("= NOISE\n", "= replace(NOISE, replaces='tau')\n", "replaces = 'tau', allowed"),
-    ("= NOISE\n", "= replace(NOISE, proven=lambda s: {'std': 1.0})\n", "in a record that has none"),
-    ("= NOISE\n", "= replace(NOISE, proven=lambda s: s.nothing)\n", "raises AttributeError"),
-    (
-        "= NOISE\n",
-        "= replace(NOISE, fit=lambda engine, base: base)\n",
-        "(Fit, count of numbers it pays for) is needed",
-    ),
-    (
-        "= NOISE\n",
-        "= replace(NOISE, fit=lambda engine, base: 1 / 0)\n",
-        "raises ZeroDivisionError (division by zero), in fit",
-    ),
-    (
-        "= NOISE\n",
-        "= replace(NOISE, fit=lambda e, b: (replace(b, loglik=b.loglik - 5.0), 1.0))\n",
-        "fits 5 nats worse than no effect",
-    ),
-    (
-        "= NOISE\n",
-        "= replace(NOISE, fit=lambda e, b: (NOISE.fit(e, b)[0], -1.0))\n",
-        "pays for -1.0 numbers",
-    ),
-    ("= NOISE\n", "= Recogniser(fit=NOISE.fit)\n", "has a fit, but its numbers are {}"),
-    ("= NOISE\n", "= replace(NOISE, numbers=lambda fit, s: 1 / 0)\n", "in numbers"),
-]
-
-
-def test_a_recogniser_of_its_own_is_checked_and_told_that_its_effect_is_unknown(contract_of):
-    contract = contract_of(RECOGNISED, "bias.py")
-    assert (contract.kind, contract.broken) == ("recogniser", ())
-    assert contract.notes == (
-        "no effect 'bias' is known, so its numbers were held against no range",
-    )
-
-
-@pytest.mark.parametrize(("old", "new", "words"), UNRECOGNISED)
-def test_each_way_of_breaking_a_recogniser_is_one_sentence(broken_by, old, new, words):
-    broken_by(RECOGNISED, old, new, words, "bias.py")
-
-
-def test_numbers_outside_the_effects_ranges_are_told(monkeypatch):
-    noise = RECOGNISERS.load("noise")
-    monkeypatch.setattr(
-        noise, "RECOGNISER", replace(noise.RECOGNISER, numbers=lambda fit, s: {"factor": -1.0})
-    )
-    assert (
-        "gives numbers that the effect refuses: effect 'noise': factor = -1"
-        in check_recogniser("noise").broken[0]
-    )
-    assert check_effect("noise").broken[0].startswith("its recogniser gives numbers")
