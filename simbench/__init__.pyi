@@ -11,8 +11,8 @@ from simbench.detectors.verdict import Verdict as Verdict
 from simbench.gap.diagnosis import conclude as conclude
 from simbench.loop.simulate import simulate as simulate
 from simbench.loop.simulate import simulate_batch as simulate_batch
-from simbench.plant.trust.trust import trust as trust
 from simbench.theory.predict import predict as predict
+from simbench.trust.trust import trust as trust
 from simbench.workbench import Loop as Loop
 from simbench.workbench import load_loop as load_loop
 from simbench.workbench import run as run

@@ -5,9 +5,11 @@ only list of them.
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 
@@ -47,6 +49,20 @@ def attach(
         lambda: [*names, "__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"],
         names,
     )
+
+
+def called_as(package: str, home: str) -> None:
+    """Let a package be called like the public function of the same name, which `home` holds:
+    `simbench.confirm(record)` is `simbench.confirm.recorded.confirm(record)`, whichever was
+    imported first.
+    """
+
+    class _Room(ModuleType):
+        def __call__(self, *arguments: Any, **settings: Any) -> Any:
+            function = getattr(import_module(home), package.rpartition(".")[2])
+            return function(*arguments, **settings)
+
+    sys.modules[package].__class__ = _Room
 
 
 def _unknown(package: str, name: str, names: list[str]) -> str:

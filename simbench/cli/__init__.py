@@ -24,7 +24,7 @@ from simbench.detectors.errors import ParameterError
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 # each registers its verbs, in the order of the help
-from simbench.cli import simulate, detect, plant, bench, exam, confirm, gap, catalogue  # isort: skip  # noqa: F401
+from simbench.cli import simulate, detect, trust, bench, exam, confirm, gap, catalogue  # isort: skip  # noqa: F401
 from simbench.cli.common import app
 from simbench.usage import exit_code
 

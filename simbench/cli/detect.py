@@ -130,7 +130,7 @@ def detect(
 
         write_table(report.loops() if folder else report.to_frame(), csv)
     if html is not None:
-        from simbench.plant.verdict_page import write_page
+        from simbench.trust.detect_page import write_page
 
         write_page(report, html)
         say(f"page: {html.resolve()}", as_json)
@@ -203,7 +203,7 @@ def _conclude(record: Any) -> Any:
 
 
 def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
-    from simbench.plant.command import power_lines
+    from simbench.trust.command import power_lines
 
     # nothing but JSON may be on stdout
     print(

@@ -2,20 +2,6 @@
 records.
 """
 
-import sys
-from types import ModuleType
-from typing import Any
+from simbench.lazy import called_as
 
-
-class _Room(ModuleType):
-    """This room, which a notebook calls: `simbench.confirm(record)` is
-    `simbench.confirm.recorded.confirm(record)`.
-    """
-
-    def __call__(self, *arguments: Any, **settings: Any) -> Any:
-        from simbench.confirm.recorded import confirm
-
-        return confirm(*arguments, **settings)
-
-
-sys.modules[__name__].__class__ = _Room
+called_as(__name__, "simbench.confirm.recorded")

@@ -52,7 +52,7 @@ def purposes() -> dict[str, str]:
     """Return the first sentence of the docstring of every part that the picture shows."""
     sentences = {}
     # the last are small helpers, and what stands in a row of its own
-    for part in (part for layer in layers()[:-3] for part in layer):
+    for part in (part for layer in layers()[:-4] for part in layer):
         text = (importlib.import_module(f"simbench.{part}").__doc__ or "").split("\n\n")[0]
         sentences[part] = " ".join(text.split()).partition(". ")[0].rstrip(".")
     return sentences

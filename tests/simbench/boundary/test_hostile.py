@@ -148,7 +148,7 @@ def test_a_folder_closed_to_its_reader_is_named(here):
     closed.mkdir(mode=0o555)
     root = os.geteuid() == 0
     here.chmod(0o777)
-    import simbench.plant.command  # noqa: F401  the other user could not read what is imported later
+    import simbench.trust.command  # noqa: F401  the other user could not read what is imported later
 
     if root:
         for above in (here, *list(here.parents)[:3]):

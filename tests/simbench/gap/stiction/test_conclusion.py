@@ -289,7 +289,7 @@ def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkey
     """Simulated loops of three simulators, with and without loop file, and recorded ones;
     replicates change no conclusion.
     """
-    monkeypatch.setattr("simbench.plant.trust.trust.draw_replicates", lambda *a, **k: [])
+    monkeypatch.setattr("simbench.trust.trust.draw_replicates", lambda *a, **k: [])
     real = sorted(REAL.glob("*[0-9].csv"))[:: max(64 * 4 // COUNT, 1)] if REAL.is_dir() else []
     wrong, rows = [], []
     for number in range(COUNT - len(real)):

@@ -19,7 +19,7 @@ from simbench.gap.intake.identify import exact_controller, identify
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.friction import ENOUGH, FRICTION, OUTSIDE, friction
 from simbench.gap.stiction.pace import at_its_pace
-from simbench.plant.trust.trust import trust
+from simbench.trust.trust import trust
 
 
 @pytest.mark.parametrize(

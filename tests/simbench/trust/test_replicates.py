@@ -10,8 +10,8 @@ from random_case import random_case
 
 from simbench.detectors.record import LoopRecord
 from simbench.gap.stiction.candidate_loops import candidate_loops, with_friction
-from simbench.plant.trust import replicates as twins
-from simbench.plant.trust.replicates import Change, draw_replicates, levels
+from simbench.trust import replicates as twins
+from simbench.trust.replicates import Change, draw_replicates, levels
 
 
 @pytest.fixture(scope="module")

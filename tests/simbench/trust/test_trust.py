@@ -15,9 +15,9 @@ from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.files import write_record
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.loop.simulate import simulate
-from simbench.plant.trust.trust import FEW as LEAST
-from simbench.plant.trust.trust import trust
 from simbench.scenarios.spec import Loop, load_loop
+from simbench.trust.trust import FEW as LEAST
+from simbench.trust.trust import trust
 
 FEW = {"methods": ["he,horch"], "healthy": 20, "each": 4}
 
@@ -48,7 +48,7 @@ def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
 
 
 def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, monkeypatch):
-    monkeypatch.setattr("simbench.plant.trust.trust.draw_replicates", lambda *a, **k: [])
+    monkeypatch.setattr("simbench.trust.trust.draw_replicates", lambda *a, **k: [])
     answer = trust(sticky, **FEW)
     assert answer.conclusion.verdict == STICTION
     assert answer.best is None
@@ -59,7 +59,7 @@ def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, mon
 def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
     """Ahead of the record the twins stand at the old set point, which is no motion of theirs."""
     record = (
-        simulate(load_loop(Path(__file__).parents[4] / "docs/example/loop.toml"), 1)
+        simulate(load_loop(Path(__file__).parents[3] / "docs/example/loop.toml"), 1)
         .record.without_mv()
         .window(0, 1500)
     )
@@ -71,7 +71,7 @@ def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
 def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(
     sticky, monkeypatch
 ):
-    monkeypatch.setattr("simbench.plant.trust.trust.LONG_RECORD", 100)
+    monkeypatch.setattr("simbench.trust.trust.LONG_RECORD", 100)
     few = trust(sticky, methods=["he"], healthy=16, each=2, help_wanted=False)
     assert LEAST <= sum(S == 0 for S, _ in few.twins) <= 16
     assert few.power
@@ -87,7 +87,7 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
     assert keenest.power[-1].S == trusted.power[-1].S
     if keenest.rule.cut is None:
         assert trusted.power == keenest.power
-    monkeypatch.setattr("simbench.plant.trust.trust.likely", lambda probability: NO_STICTION)
+    monkeypatch.setattr("simbench.trust.trust.likely", lambda probability: NO_STICTION)
     assert trust(sticky, **FEW, help_wanted=False).smallest_visible == trusted.smallest_visible
 
 
@@ -162,7 +162,7 @@ def test_the_verbs_answer_on_files(tmp_path, capsys, sticky):
 def test_the_loop_may_be_the_path_of_its_file(monkeypatch):
     asked = []
     # the package offers the function under the same name
-    home = import_module("simbench.plant.trust.trust")
+    home = import_module("simbench.trust.trust")
     monkeypatch.setattr(home, "_trust", lambda record, loop, *_: asked.append(loop))
     for path in ("docs/example/model.toml", Path("docs/example/model.toml")):
         home.trust(op=np.arange(60.0), pv=np.arange(60.0), Ts=1.0, loop=path)

@@ -4,7 +4,7 @@ import tracemalloc
 
 from markupsafe import Markup
 
-from simbench.plant.page import section, write
+from simbench.html.sections import section, write
 
 
 def test_a_page_of_a_large_plant_is_never_held_whole(tmp_path):

@@ -57,7 +57,7 @@ def trust_(
     As advised for this loop: the score above which the method should report stiction (empty: as
     published), and its accuracy on the replicates with that threshold.
     """
-    from simbench.plant.command import trust_file
+    from simbench.trust.command import trust_file
 
     trust = trust_file(path, loop, method or ["all"], html=html, **about)
     show_result(trust, as_json)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.verdict import Verdict
-from simbench.plant.trust.power import (
+from simbench.trust.power import (
     Cell,
     Rule,
     cells_of,

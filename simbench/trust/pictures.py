@@ -20,7 +20,7 @@ from simbench.figures._style import (
     panels,
     styled,
 )
-from simbench.plant.trust.power import POWER, Cell
+from simbench.trust.power import POWER, Cell
 
 _POINTS = 700  # drawn of a trend; a longer record is drawn by the extremes of its pieces
 _LINES = (BLACK, BLUE, ORANGE, RED, SKY)

@@ -25,7 +25,8 @@ from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_record
 from simbench.gap.stiction.friction import in_percent, refuse_unweighable, with_sound_valve
-from simbench.plant.trust.power import (
+from simbench.scenarios.spec import Loop, load_loop
+from simbench.trust.power import (
     Cell,
     Rule,
     cells_of,
@@ -33,10 +34,9 @@ from simbench.plant.trust.power import (
     readings,
     smallest_visible,
 )
-from simbench.plant.trust.remedies import Remedy, remedies
-from simbench.plant.trust.replicates import Replicate, draw_replicates
-from simbench.plant.trust.result import MethodTrust, Trust, likely
-from simbench.scenarios.spec import Loop, load_loop
+from simbench.trust.remedies import Remedy, remedies
+from simbench.trust.replicates import Replicate, draw_replicates
+from simbench.trust.result import MethodTrust, Trust, likely
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import Source

@@ -8,9 +8,9 @@ from typing import Any
 
 from simbench.detectors.records.io import read_folder, read_record
 from simbench.files import refuse_own_input
-from simbench.plant.trust.result import Trust
-from simbench.plant.trust.trust import trust
 from simbench.scenarios.spec import load_loop
+from simbench.trust.result import Trust
+from simbench.trust.trust import trust
 
 
 def trust_file(
@@ -27,7 +27,7 @@ def trust_file(
     refuse_own_input([html], [path, loop])
     trusted = trust(read_record(path, **about), None if loop is None else load_loop(loop), methods)
     if html is not None:
-        from simbench.plant.trust.page import write_page
+        from simbench.trust.page import write_page
 
         write_page(trusted, html)
     return trusted

@@ -12,8 +12,8 @@ import pandas as pd
 from simbench.detectors.report import summary
 from simbench.detectors.report.report import Report
 from simbench.detectors.verdict import PROBABILITY
-from simbench.plant.page import SectionTable, section, write
-from simbench.plant.trust.pictures import draw_pv_op, draw_trend
+from simbench.html.sections import SectionTable, section, write
+from simbench.trust.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
 _COLUMNS = (

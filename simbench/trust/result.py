@@ -12,8 +12,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import Conclusion
-from simbench.plant.trust.power import POWER, Cell, Rule
-from simbench.plant.trust.remedies import Remedy
+from simbench.trust.power import POWER, Cell, Rule
+from simbench.trust.remedies import Remedy
 
 
 @dataclass(frozen=True)

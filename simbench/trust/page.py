@@ -9,9 +9,9 @@ from pathlib import Path
 import pandas as pd
 
 from simbench.detectors.report import summary
-from simbench.plant.page import SectionTable, section, write
-from simbench.plant.trust.pictures import draw_power, draw_pv_op, draw_trend
-from simbench.plant.trust.result import Trust
+from simbench.html.sections import SectionTable, section, write
+from simbench.trust.pictures import draw_power, draw_pv_op, draw_trend
+from simbench.trust.result import Trust
 
 _SHOWN = 3  # detectors drawn with the best reading
 _SHARES = (

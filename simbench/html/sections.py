@@ -1,4 +1,4 @@
-"""What the HTML pages of this subpackage share: sections with sentences, tiles, pictures and
+"""What the pages about records share: sections with sentences, tiles, pictures and
 tables.
 """
 
@@ -19,7 +19,7 @@ from simbench.html.page import parts_of, render
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 
-ROOM = "simbench.plant"
+_ROOM = "simbench.html"
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def section(
             table.matrix,
         )
     body: Markup = render(
-        ROOM,
+        _ROOM,
         "section.html",
         paragraphs=paragraphs,
         tiles=tiles,
@@ -80,5 +80,5 @@ def write(path: str | Path, title: str, subtitle: str, sections: Sequence[dict[s
     about = {"title": title, "subtitle": subtitle, "sections": list(sections)}
     footer = f"simbench {version('stiction-simbench')}"
     with whole_file(path) as f:
-        for part in parts_of(ROOM, "page.html", **about, footer=footer):
+        for part in parts_of(_ROOM, "page.html", **about, footer=footer):
             f.write(part)

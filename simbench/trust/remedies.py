@@ -12,7 +12,7 @@ import numpy as np
 from simbench.detectors.judge import judge
 from simbench.detectors.verdict import STICTION
 from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archived, without
-from simbench.plant.trust.replicates import Change, draw_replicates
+from simbench.trust.replicates import Change, draw_replicates
 
 _REPLICATES = 24  # of each kind, per remedy
 _WORTH = 0.2  # by which a remedy must raise sensitivity minus false alarms to be named

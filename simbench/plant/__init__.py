@@ -1,1 +1,0 @@
-"""Apply the benchmark to one loop of a plant: which detector to trust on it."""
