@@ -96,6 +96,11 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
             }
     except RecordError:
         raise
+    except ImportError:
+        raise RecordError(
+            f"file {path} is a workbook, and openpyxl, which reads it, is not installed: pip"
+            " install 'stiction-simbench[excel]', or save it as CSV"
+        ) from None
     except Exception as error:  # pandas passes on whatever its engine raises
         message = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
         raise RecordError(

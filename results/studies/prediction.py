@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -20,7 +19,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from results.studies.mixture import THREE, Mixture
 from results.studies.worlds import WORLDS
@@ -34,6 +32,7 @@ from simbench.files import whole_file
 from simbench.gap.command import diagnose_files
 from simbench.gap.prediction import measure, predict, read_settings
 from simbench.loop.effects import NONE
+from simbench.progress import Progress
 from simbench.scenarios.spec import load_loop
 
 # of the first world, named before anything was predicted; the next worlds have the next numbers
@@ -179,7 +178,7 @@ def main() -> None:
         entries = mixture(seed, given.n).entries(list(WORLDS.load(world).FOREIGN))
         order = np.random.default_rng(seed).permutation(len(entries))
         todo += [(i, world, seed, entries[at]) for i, at in enumerate(order)]
-    for i, world, seed, entry in tqdm(todo, desc="records", file=sys.stderr, delay=1.0):
+    for i, world, seed, entry in Progress(todo, desc="records", delay=1.0):
         file = place / f"{world}-{seed}-{i}.json"
         if not file.exists():
             with whole_file(file) as f:

@@ -22,7 +22,6 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
 import simbench.gap
 from results.studies.mixture import THREE, Mixture
@@ -37,6 +36,7 @@ from simbench.gap.diagnosis import named_by
 from simbench.gap.intake.check import check
 from simbench.gap.situation import Situation
 from simbench.loop.effects import NONE, UNKNOWN
+from simbench.progress import Progress
 from simbench.scenarios.spec import Loop, load_loop
 
 SEED = 460201  # of the first world, named before anything was answered; the next ones' follow
@@ -176,7 +176,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", default=[], help="Texts in the names of changes.")
     asked = parser.parse_args(argv)
     cases = list(drawn(asked.n))
-    before = [answered(case) for case in tqdm(cases, file=sys.stderr, delay=1.0)]
+    before = [answered(case) for case in Progress(cases, delay=1.0)]
     print(f"{asked.n} records, seeds {SEED} to {SEED + 2}; changed effects and blocks, then right")
     print(f"              effect  block   first block none unknown\n{'':12s} ", end="")
     print(f"{line(cases, before, before)}  as it is")

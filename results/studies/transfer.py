@@ -15,7 +15,6 @@ Answers are kept in the folder; it goes on where it stopped.
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -25,7 +24,6 @@ from typing import Any
 
 import numpy as np
 from scipy import stats
-from tqdm import tqdm
 
 from results.studies.plant.answers import answered
 from results.studies.plant.recorded_loops import records
@@ -42,6 +40,7 @@ from simbench.detectors.report.report import columns
 from simbench.detectors.signal.oscillation import detrend, find_oscillation
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.files import folder, write_table
+from simbench.progress import Progress
 from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
@@ -333,7 +332,7 @@ def kept(out: Path, count: int, slow_count: int, real: Path) -> dict[str, Home]:
     fast = [m for m in names if m not in dear]
     jobs = [(h, i) for i in range(count) for h in (*GRIDS, *BLIND)]
     rows: dict[str, list[dict[str, Any]]] = {h: [] for h in (*GRIDS, *BLIND)}
-    for h, i in tqdm(jobs, file=sys.stderr, mininterval=30.0):
+    for h, i in Progress(jobs):
         row = answered(out / f"{h}-{i}.json", partial(asked, h, i, fast))
         if i < slow_count:
             row["said"] |= answered(out / f"{h}-{i}-slow.json", partial(asked, h, i, dear))["said"]
@@ -343,10 +342,7 @@ def kept(out: Path, count: int, slow_count: int, real: Path) -> dict[str, Home]:
             (m, partial(_judged, r.without_mv(), m.label == "stiction", m.unit_group, names))
             for m, r in records(real)
         ]
-        rows[REAL] = [
-            answered(out / f"{REAL}-{m.id}.json", one)
-            for m, one in tqdm(ask, file=sys.stderr, mininterval=30.0)
-        ]
+        rows[REAL] = [answered(out / f"{REAL}-{m.id}.json", one) for m, one in Progress(ask)]
     return {h: Home(homes) for h, homes in rows.items()}
 
 

@@ -9,7 +9,6 @@ different weeks, and how far S lies within its interval under six archives.
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from collections import Counter
 from dataclasses import replace
@@ -18,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
-from tqdm import tqdm
 
 from results.studies.plant.stiction_probability import PLANTS
 from results.studies.worlds import WORLDS
@@ -33,6 +31,7 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loop
 from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.margins import margins
 from simbench.loop.simulate import simulate
+from simbench.progress import Progress
 from simbench.scenarios.spec import Loop
 
 CAUSES = (
@@ -213,7 +212,7 @@ def identified(
 ) -> dict[str, CandidateLoops | None]:
     """Return the loops that may have made every record, None where none can be identified."""
     candidates: dict[str, CandidateLoops | None] = {}
-    for name, (_, record, _) in tqdm(loops.items(), file=sys.stderr, desc="loops"):
+    for name, (_, record, _) in Progress(loops.items(), desc="loops"):
         try:
             candidates[name] = candidate_loops(record)
         except UserError:
@@ -323,7 +322,7 @@ def sizes(n: int, seed: int) -> list[str]:
     with tempfile.TemporaryDirectory() as place:
         for how in ARCHIVES:
             stated = inside = refused = 0
-            for _, record, loop in tqdm(loops, file=sys.stderr, desc=how):
+            for _, record, loop in Progress(loops, desc=how):
                 S = loop.to_table()["valve"]["S"]
                 try:
                     level = judge(archived(record, how, Path(place) / "loop.csv"), ["procedure"])[

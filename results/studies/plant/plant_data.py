@@ -5,16 +5,15 @@ results.studies.plant.plant_data FOLDER`.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 import pandas as pd
-from tqdm import tqdm
 
 from simbench.detectors.errors import UserError
 from simbench.detectors.record import PROCESSES
 from simbench.detectors.records.io import read_record
 from simbench.gap.diagnosis import diagnose
+from simbench.progress import Progress
 from simbench.usage import exit_code
 
 FRICTION = {"stiction", "deadband"}
@@ -51,9 +50,8 @@ def diagnose_folder(folder: str | Path, blind: bool = False) -> pd.DataFrame:
     table = pd.read_csv(Path(folder) / "records.csv")
     table["sp_steps"] = table.sp_kind == "steps"
     rows = []
-    for m in tqdm(
+    for m in Progress(
         list(table[(table.usable == 1) & (table.primary == 1)].itertuples()),
-        file=sys.stderr,
         delay=1.0,
     ):
         process = str(m.dynamics).replace("_", "-")

@@ -5,7 +5,6 @@ KEPT` asks of every label.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -14,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from results.studies.plant.answers import answered
 from simbench.bench.statistics import wilson
@@ -27,6 +25,7 @@ from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.pace import resampled
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
+from simbench.progress import Progress
 from simbench.usage import exit_code
 
 
@@ -178,7 +177,7 @@ def main(arguments: list[str] | None = None) -> int:
     rows = pd.DataFrame(
         {"unit": m.unit_group, "loop": m.loop, "sticky": m.label == "stiction"}
         | answered(given.output / f"{m.id}.json", partial(weighed, r))
-        for m, r in tqdm(read, file=sys.stderr)
+        for m, r in Progress(read)
     )
     if given.doubted:
         print("\nwith loops whose label somebody doubts (--doubted)")
@@ -193,7 +192,7 @@ def panel(chosen: list[tuple[Any, LoopRecord]], out: Path) -> list[str]:
     """Return the confident verdicts of stiction that archives add to records and take from them."""
     added: list[str] = []
     sound = lost = silent = 0
-    for m, r in tqdm(chosen, file=sys.stderr):
+    for m, r in Progress(chosen):
         before = _sure(answered(out / f"{m.id}.json", partial(weighed, r)))
         for i, (name, change) in enumerate(PANEL.items()):
             row = answered(out / f"{m.id}-{i}.json", partial(weighed, change(r)))

@@ -10,7 +10,6 @@ kept in the folder; it goes on where it stopped.
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from results.studies.plant.answers import answered
 from results.studies.worlds import WORLDS
@@ -36,6 +34,7 @@ from simbench.gap.stiction.pace import resampled
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability, regressors
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
+from simbench.progress import Progress
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop
@@ -341,7 +340,7 @@ def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any
     folder(out)
     jobs = [(s, i) for i in range(count) for s in simulators]
     rows = []
-    for s, i in tqdm(jobs, file=sys.stderr, mininterval=30.0):
+    for s, i in Progress(jobs):
         rows.append(answered(out / f"{s}-{i}.json", partial(asked, s, i)))
     return rows
 

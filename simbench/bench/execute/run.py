@@ -354,9 +354,7 @@ class _Bar:
     def __init__(self, shown: bool | None, total: int) -> None:
         from simbench.progress import Progress
 
-        self._bar = Progress(
-            total=total, unit=" scenarios", desc="run", bar=bool(shown), disable=shown is False
-        )
+        self._bar = Progress(total=total, unit=" scenarios", desc="run", shown=shown)
         self._failures = 0
         self._seconds = {"simulating": 0.0, "judging": 0.0, "working": 0.0}
 
@@ -364,25 +362,15 @@ class _Bar:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._bar.close()
+        self._bar.__exit__()
 
     def add(self, receipt: Receipt) -> None:
         self._failures += receipt.failures
         for name in self._seconds:
             self._seconds[name] += getattr(receipt, name)
-        self._bar.set_postfix(failures=self._failures, refresh=False)
-        if receipt.reused:
-            self._skip(receipt.scenarios)
-        else:
-            self._bar.update(receipt.scenarios)
-
-    def _skip(self, scenarios: int) -> None:
-        """Count what is on disk already as done, without letting it flatter the rate."""
-        if self._bar.disable:  # then it lacks even these fields
-            return
-        self._bar.initial += scenarios
-        self._bar.n += scenarios
-        self._bar.refresh()
+        self._bar.note = f"failures={self._failures}"
+        count = self._bar.skip if receipt.reused else self._bar.update
+        count(receipt.scenarios)
 
     def times(self, wall: float) -> dict[str, float]:
         return {**{k: round(v, 3) for k, v in self._seconds.items()}, "wall": round(wall, 3)}

@@ -68,10 +68,15 @@ class _RemotePlace(Place):
     """
 
     def __init__(self, scheme: str, path: str) -> None:
-        import fsspec
-        from fsspec.registry import available_protocols
-
         self.url = f"{scheme}://{path.rstrip('/')}"
+        try:
+            import fsspec
+            from fsspec.registry import available_protocols
+        except ImportError:
+            raise FileError(
+                f"{self} is no folder of this machine, and fsspec, which reaches others, is not"
+                " installed: pip install 'stiction-simbench[remote]'"
+            ) from None
         if scheme not in available_protocols():
             raise FileError(
                 f"{self} cannot be written: scheme {scheme!r} is unknown:"

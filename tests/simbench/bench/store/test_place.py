@@ -2,6 +2,7 @@
 where nobody can write.
 """
 
+import sys
 import uuid
 
 import fsspec
@@ -194,3 +195,9 @@ def test_no_password_is_in_a_run_or_in_what_is_printed(small, url, monkeypatch, 
     printed = capsys.readouterr()
     assert "secret" not in printed.out + printed.err
     place.remove("")
+
+
+def test_a_url_without_the_package_that_reaches_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "fsspec", None)
+    with pytest.raises(FileError, match=r"fsspec.*stiction-simbench\[remote\]"):
+        place_of("s3://bucket/run")
