@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
 from simbench.cli.common import (
     EffectPlugin,
@@ -51,7 +51,9 @@ def gap_diagnose(
     records: Annotated[
         list[Path],
         Argument(
-            metavar="REC.csv ...", help="Read these records of one loop; they are judged together."
+            metavar="REC.csv ...|FOLDER",
+            help="Read these records of one loop, which are judged together; or a folder, each"
+            " record of which is judged by itself.",
         ),
     ],
     baseline: Annotated[
@@ -100,9 +102,26 @@ def gap_diagnose(
     the missing effect added. The repeatability floor is the distance between two simulations that
     differ only in their seeds; no model comes nearer. The table lists the effects with their
     probabilities and estimated parameters.
+
+    Of a folder every record is diagnosed by itself, and the effects are counted. Without --baseline
+    and --identify a record is compared with the loop file of its name beside it, and identified
+    where there is none. What cannot be diagnosed is listed with its reason, and the exit code is 1.
     """
     from simbench.gap.command import DiagnosisFiles, diagnose_files
 
+    if len(records) == 1 and records[0].is_dir():
+        for option, value in (
+            ("--html", html),
+            ("--write-loop", write_loop),
+            ("--picture", picture),
+            ("--test", test),
+            ("--window", window),
+            ("--effect-plugin", effect_plugin),
+        ):
+            if value:
+                raise ParameterError(f"{option} is for the records of one loop, not for a folder")
+        _diagnose_folder(records[0], baseline, identify, jobs, as_json, about)
+        return
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
     report = diagnose_files(
@@ -116,6 +135,19 @@ def gap_diagnose(
         **about,
     )
     show_result(report, as_json)
+
+
+def _diagnose_folder(
+    folder: Path, baseline: Path | None, identify: bool, jobs: int, as_json: bool, about: dict
+) -> None:
+    from simbench.gap.folder import diagnose_folder
+
+    if baseline is not None and identify:
+        raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
+    found = diagnose_folder(folder, baseline, jobs, identify=identify, **about)
+    show_result(found, as_json)
+    if found.refused:
+        raise Exit(1)
 
 
 @gap_app.command(

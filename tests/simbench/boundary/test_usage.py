@@ -156,7 +156,7 @@ WRONG = [
     ("trust REC --process gas", "process"),
     ("trust REC --kind smell", "kind"),
     ("trust REC --loop LOOP --html LOOP", "written over"),
-    ("gap stdy DIR --grid smoke", "study"),
+    ("gap plna REC", "plan"),
     ("gap plan REC", "--baseline"),
     ("gap plan REC --baseline LOOP --limits none.toml", "none.toml"),
     ("gap plan REC --baseline LOOP --html REC", "written over"),

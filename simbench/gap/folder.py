@@ -1,0 +1,170 @@
+"""Diagnose every record of a folder by itself (`simbench gap diagnose FOLDER`)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed
+
+from simbench.detectors.errors import UserError
+from simbench.detectors.faults import sentence_of
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import read_folder
+from simbench.detectors.report.report import columns
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.intake.partial import Partial, read_baseline
+from simbench.gap.report.result import words
+from simbench.gap.stiction.conclusion import WORDS
+from simbench.progress import Progress
+from simbench.safe_path import safe_path
+from simbench.scenarios.spec import Loop
+
+_HEAD = ("record", "effect", "block", "probability", "gap before", "gap after", "floor", "valve")
+
+
+@dataclass(frozen=True)
+class FolderDiagnosis:
+    """What `gap diagnose` answers of each record of a folder.
+
+    Parameters
+    ----------
+    answers : dict of str to dict
+        The JSON of a diagnosis by record.
+    refused : dict of str to str
+        Why a file is no record, or a record was not diagnosed, in a sentence each.
+    """
+
+    answers: dict[str, dict[str, Any]]
+    refused: dict[str, str]
+
+    def counts(self) -> dict[str, int]:
+        """Return how many records each effect was named in, the most frequent first.
+
+        Returns
+        -------
+        dict
+            Number of records by effect id, "none" and "unknown" among them.
+        """
+        return dict(Counter(a["effect"] for a in self.answers.values()).most_common())
+
+    def as_json(self) -> list[dict[str, Any]]:
+        """Return the diagnosis of every record, with its name; of one without, the reason.
+
+        Returns
+        -------
+        list of dict
+            One object per record: `record`, and the keys of a diagnosis; `effect` is None, and
+            `reason` says why, where there is none.
+        """
+        answers = [{"record": name, **answer} for name, answer in self.answers.items()]
+        return [
+            *answers,
+            *({"record": n, "effect": None, "reason": why} for n, why in self.refused.items()),
+        ]
+
+    def as_text(self) -> str:
+        """Return how often each effect was named, and a table of one row per record.
+
+        Returns
+        -------
+        str
+            Lines for a terminal.
+        """
+        named = ", ".join(f"{words(effect)} {n}" for effect, n in self.counts().items())
+        rows = []
+        for name, a in self.answers.items():
+            gap, valve = a["gap"], a["conclusion"]["verdict"]
+            sizes = (f"{gap[key]:.2f}" for key in ("before", "after", "floor"))
+            p = f"{a['effects'][0]['probability']:.2f}"
+            rows.append((name, words(a["effect"]), a["block"], p, *sizes, WORDS[valve]))
+        return "\n".join(
+            [
+                f"Records in which each effect was named: {named or 'none was diagnosed'}.",
+                *(["", *columns([_HEAD, *rows])] if rows else []),
+                *(f"{name}: {why}" for name, why in self.refused.items()),
+            ]
+        )
+
+
+def diagnose_folder(
+    folder: str | Path,
+    baseline: str | Path | None = None,
+    jobs: int = 1,
+    *,
+    identify: bool = False,
+    **about: Any,
+) -> FolderDiagnosis:
+    """Diagnose every record of a folder by itself.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of records.
+    baseline : str or Path, optional
+        Loop file of all records. Without it a record's baseline is the loop file of its name beside
+        it; where there is none, the loop is identified from the record.
+    jobs : int
+        Processes; -1 uses all cores.
+    identify : bool
+        Identify every loop, whatever lies beside its record.
+    **about
+        What is known of the records, as in `read_record`.
+
+    Returns
+    -------
+    FolderDiagnosis
+        One answer per record; what could not be diagnosed, with its reason.
+
+    Raises
+    ------
+    UserError
+        For a folder without records, or a loop file that cannot be read.
+
+    Notes
+    -----
+    Not for several records of one loop: `diagnose_files` judges these together.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from simbench.files import write_record
+    >>> from random_case import random_case
+    >>> case, place = random_case(3, ("detuning",)), Path(tempfile.mkdtemp())
+    >>> write_record(case.record, place / "FIC101.csv")
+    >>> _ = (place / "FIC101.toml").write_text(case.baseline.to_toml())
+    >>> diagnose_folder(place).counts()
+    {'detuning': 1}
+    """
+    records, refused = read_folder(folder, **about)
+    shared = None if baseline is None else read_baseline(baseline)
+    asked = {
+        name: shared or (None if identify else _beside(Path(folder), name)) for name in records
+    }
+    with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
+        found = parallel(delayed(_one)(records[name], loop) for name, loop in asked.items())
+        answers = dict(
+            zip(asked, Progress(found, total=len(asked), desc="diagnosed", delay=1.0), strict=True)
+        )
+    failed = {name: answer for name, answer in answers.items() if isinstance(answer, str)}
+    return FolderDiagnosis(
+        {name: answer for name, answer in answers.items() if not isinstance(answer, str)},
+        {**refused, **failed},
+    )
+
+
+def _beside(folder: Path, name: str) -> Loop | Partial | None:
+    file = folder / f"{name}.toml"
+    return read_baseline(file) if file.is_file() else None
+
+
+def _one(record: LoopRecord, loop: Loop | Partial | None) -> dict[str, Any] | str:
+    """Return the JSON of a diagnosis, or why there is none: the other records are answered."""
+    try:
+        return diagnose(record, loop).as_json()
+    except UserError as error:
+        return str(error)
+    except Exception as fault:
+        return sentence_of(fault)
