@@ -1,4 +1,4 @@
-"""A folder of records: each is diagnosed by itself, with the loop file beside it if there is one."""
+"""A folder of records: each is diagnosed by itself, with the loop file beside it if any."""
 
 import json
 
