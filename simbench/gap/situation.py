@@ -129,11 +129,6 @@ class Situation:
         return {name: (block, words) for name, (seen, block, words) in facts.items() if seen}
 
     @property
-    def expected_mv(self) -> np.ndarray:
-        """MV (%) as the baseline's valve makes it of the recorded OP."""
-        return np.clip(through_valve(self.op, self.baseline, self.record.Ts), 0.0, 100.0)
-
-    @property
     def expected_band(self) -> float:
         """Dead-band (%) of the baseline's valve, 0 of one that jumps or has none."""
         parameters = self.baseline.valve.parameters

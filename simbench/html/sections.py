@@ -24,15 +24,12 @@ _ROOM = "simbench.html"
 
 @dataclass(frozen=True)
 class SectionTable:
-    """A table of a section: which columns hold long text, the `cell_notes` (small text next to the
-    cells of a column, by its name), whether the cells form a matrix, and which columns hold shares
-    (written with two decimals).
+    """A table of a section: which columns hold long text, and which hold shares (written with two
+    decimals).
     """
 
     frame: pd.DataFrame
     long: Sequence[str] = ()
-    cell_notes: dict[str, Sequence[str]] | None = None
-    matrix: bool = False
     shares: Sequence[str] = ()
 
 
@@ -57,8 +54,6 @@ def section(
             table.frame,
             dict.fromkeys(table.shares, "{:.2f}".format),
             table.long,
-            table.cell_notes,
-            table.matrix,
         )
     body: Markup = render(
         _ROOM,

@@ -14,7 +14,6 @@ def sortable(
     formats: dict[str, _Format] | None = None,
     long: Collection[str] = (),
     beside: dict[str, Sequence[str]] | None = None,
-    matrix: bool = False,
 ) -> dict[str, Any]:
     """Return what the `sortable` macro of parts.html draws."""
     formats = formats or {}
@@ -45,7 +44,7 @@ def sortable(
                 }
             )
         rows.append(row)
-    return {"columns": columns, "rows": rows, "matrix": matrix}
+    return {"columns": columns, "rows": rows}
 
 
 def percent(value: float) -> str:

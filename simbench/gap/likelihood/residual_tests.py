@@ -36,20 +36,6 @@ def innovation_std(fit: Fit) -> float:
     return float(np.exp(0.5 * log_variance))
 
 
-def of_load(x: np.ndarray, at: np.ndarray, fit: Fit) -> bool:
-    """Return whether large innovations `at` some samples are shocks of the load, by the share that
-    the next one keeps.
-
-    A load of memory `a` in noise is an ARMA(1, 1) whose moving average `b` is `a` times the noise's
-    share of the innovations' variance: after a shock of the load the next innovation keeps the
-    share b, after one of the reading b - a.
-    """
-    at = at[at < x.size - 1]
-    a = float(np.exp(-1.0 / fit.theta["load_time"]))
-    b = a * min(fit.theta["noise_std"] / innovation_std(fit), 1.0) ** 2
-    return float(np.sum(x[at + 1] * x[at]) / np.sum(x[at] ** 2)) > b - 0.5 * a
-
-
 def generic_directions(engine: Engine, fit: Fit) -> dict[str, float]:
     """Return nats that generic directions, which no effect of the vocabulary owns, would still
     bring to a fit.

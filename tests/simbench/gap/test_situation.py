@@ -86,16 +86,10 @@ def test_every_fact_has_its_block_and_nothing_shows_where_there_is_none(archive,
 
 def test_a_baselines_valve_is_no_gap():
     held = situation(op=SWING, valve={"model": "deadband", "S": 1.6})
-    # the band of 1.6 lets 0.2 % of either swing through
-    assert held.expected_mv[6:10] == pytest.approx([49.8, 49.8, 50.2, 50.2])
-    assert np.ptp(held.expected_mv[10:]) == pytest.approx(0.4)
     assert held.expected_band == 1.6
     assert situation(valve={"model": "choudhury", "S": 1.6, "J": 0.5}).expected_band == 0.0
     assert situation(valve={"model": "choudhury", "S": 1.6, "J": 0.0}).expected_band == 1.6
     assert situation().expected_band == 0.0
-    assert np.array_equal(situation().expected_mv, OP)
-    beyond = situation(op=OP + np.linspace(-60.0, 60.0, N))
-    assert (beyond.expected_mv.min(), beyond.expected_mv.max()) == (0.0, 100.0)
 
 
 def test_stages_before_and_after_a_valve_act_in_their_order():
