@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -187,6 +188,14 @@ def score(
             help="Compare the methods of this run with each other, scenario by scenario.",
         ),
     ] = False,
+    by: Annotated[
+        str | None,
+        Option(
+            metavar="AXIS",
+            help="Print sensitivity and false positives over this axis of the grid, for example"
+            " S_over_2J.",
+        ),
+    ] = None,
     cost: Annotated[
         float,
         Option(
@@ -245,6 +254,15 @@ def score(
             {**content, "comparison": comparison.as_json()}
             if as_json
             else f"{content}\n\n{comparison.as_text()}"
+        )
+    if by is not None:
+        from simbench.bench.score.table import along_lines
+
+        rows = json.loads(scores.along(by).to_json(orient="records"))
+        content = (
+            {**content, "by": {"axis": by, "rows": rows}}
+            if as_json
+            else "\n".join([content, "", *along_lines(scores, by)])
         )
     show(content, as_json)
     if report is not None:

@@ -102,7 +102,7 @@ OPTIONS = {
     "run": (
         "-o -j --method --n --plugin --backend --address --resume --set --axis --fresh-seeds --json"
     ),
-    "score": "--paired --report --json",
+    "score": "--paired --report --by --json",
     "verify": "--share -j --plugin --json",
     "check": "--against",
     "figure": "-o --run --isdb",

@@ -9,12 +9,13 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, kind_of
+from simbench.bench.score.names import ALL, OF_OSCILLATING, ROLE_YARDSTICK, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.table import full_text, headline
 from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.place import Place, place_of
+from simbench.detectors.errors import ParameterError, nearest
 from simbench.detectors.views import page_part
 from simbench.files import csv_text
 
@@ -198,19 +199,67 @@ class Scores:
         """
         return self.ranking().reset_index(drop=True)
 
-    def plot(self, **options: Any) -> Any:
-        """Draw each method's accuracy on oscillating loops where it applies, with its interval.
+    def along(self, axis: str) -> pd.DataFrame:
+        """Return how sensitivity and false positives of each method depend on an axis of the grid.
 
         Parameters
         ----------
-        **options
-            As `pandas.DataFrame.plot.barh` takes them, such as figsize.
+        axis : str
+            Td_over_T, Td_over_Ti, S_over_2J, noise_ratio, disturbance, tuning or
+            samples_per_period.
 
         Returns
         -------
-        matplotlib.axes.Axes
-            Bars of accuracy (0 to 1), the best method on top.
+        DataFrame
+            method, value, n loops with a clear label to which the method applies, sensitivity and
+            false_positives with their 95 % intervals (_lo, _hi), no_decision; values in order.
+
+        Raises
+        ------
+        ParameterError
+            For what is no axis of this run.
         """
+        rows = self.by_axis[self.by_axis.role != ROLE_YARDSTICK]
+        known = list(dict.fromkeys(rows.axis))
+        if axis not in known:
+            raise ParameterError(f"no axis {axis!r} in this run: {nearest(axis, known)}")
+        names = {"applicable": "n", "found": "sensitivity", "false_alarms": "false_positives"}
+        for old, new in list(names.items())[1:]:
+            names |= {f"{old}{end}": f"{new}{end}" for end in ("_lo", "_hi")}
+        kept = ["method", "value", *names, "no_decision"]
+        return rows.loc[rows.axis == axis, kept].rename(columns=names).reset_index(drop=True)
+
+    def plot(self, by: str | None = None, **options: Any) -> Any:
+        """Draw each method's accuracy on oscillating loops where it applies, with its interval; or
+        sensitivity and false positives over an axis of the grid.
+
+        Parameters
+        ----------
+        by : str, optional
+            Axis, as in `along`.
+        **options
+            As `pandas.DataFrame.plot` takes them, such as figsize.
+
+        Returns
+        -------
+        matplotlib.axes.Axes or array of them
+            Bars of accuracy (0 to 1), the best method on top; with `by` a line per method in two
+            panels, sensitivity and false positives (0 to 1).
+        """
+        if by is not None:
+            rows = self.along(by)
+            values = list(dict.fromkeys(rows["value"]))
+            wide = rows.pivot(index="value", columns="method").loc[values]
+            panels = options.pop("ax", None)
+            if panels is None:
+                import matplotlib.pyplot as plt
+
+                _, panels = plt.subplots(1, 2, sharey=True, figsize=options.pop("figsize", (9, 4)))
+            for axes, name in zip(panels, ("sensitivity", "false_positives"), strict=True):
+                look = {"marker": "o", "ylim": (-0.02, 1.02), "legend": axes is panels[0]}
+                titles = {"xlabel": by, "title": name.replace("_", " ")}
+                wide[name].plot(ax=axes, **{**look, **titles, **options})
+            return panels
         rows = self.ranking().set_index("method")[::-1]
         value = rows.accuracy_applicable
         around = [

@@ -100,6 +100,24 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     return [*lines, *(["", *_wrapped(where)] if where else [])]
 
 
+def along_lines(scores: Any, axis: str) -> list[str]:
+    """Return how the methods depend on an axis of the grid, a line per value and method."""
+    lines = [(axis, "method", "n", "sensitivity", "false positives", "no decision")]
+    for r in scores.along(axis).itertuples():
+        few = r.n < LEAST
+        lines.append(
+            (
+                str(r.value),
+                r.method,
+                str(r.n),
+                _interval(r.sensitivity, r.sensitivity_lo, r.sensitivity_hi, few),
+                _interval(r.false_positives, r.false_positives_lo, r.false_positives_hi, few),
+                _rate(r.no_decision, few),
+            )
+        )
+    return columns(lines)
+
+
 def _title(scores: Any) -> list[str]:
     m, counts = scores.manifest, scores.counts
     about = (

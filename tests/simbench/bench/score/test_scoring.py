@@ -15,6 +15,7 @@ from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.reading import RunArrays
+from simbench.cli import main
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop
@@ -543,3 +544,26 @@ def test_a_method_fitted_on_this_grid_is_marked_in_the_tables(book):
         "m0": "no",
         "m1": "fitted here",
     }
+
+
+def test_rates_over_an_axis_are_printed_drawn_and_given_as_json(finished, joined, capsys):
+    scores = score_run(finished)
+    rows = scores.along("disturbance")
+    for row in rows[rows.method == "he"].to_dict("records"):
+        use = joined[(joined.method == "he") & joined.cycled.isin(["yes", "no"])]
+        use = use[use.disturbance == row["value"]]
+        hit, sticks = use.verdict == STICTION, use.cycled == "yes"
+        assert row["n"] == len(use)
+        assert row["sensitivity"] == pytest.approx(hit[sticks].mean(), nan_ok=True)
+        assert row["false_positives"] == pytest.approx(hit[~sticks].mean(), nan_ok=True)
+    assert set(rows.method) == {"he", "horch", "yamashita"}
+    sensitivity, alarms = scores.plot(by="disturbance")
+    assert [len(axes.get_lines()) for axes in (sensitivity, alarms)] == [3, 3]
+    assert main(["score", str(finished), "--by", "disturbance"]) == 0
+    assert "\ndisturbance  method" in capsys.readouterr().out
+    assert main(["score", str(finished), "--by", "disturbance", "--json"]) == 0
+    by = json.loads(capsys.readouterr().out)["by"]
+    assert by["axis"] == "disturbance"
+    assert len(by["rows"]) == len(rows)
+    assert main(["score", str(finished), "--by", "disturbanc"]) == 2
+    assert "did you mean 'disturbance'" in capsys.readouterr().err
