@@ -62,7 +62,9 @@ def called_as(package: str, home: str) -> None:
             function = getattr(import_module(home), package.rpartition(".")[2])
             return function(*arguments, **settings)
 
-    sys.modules[package].__class__ = _Room
+    room = sys.modules[package]
+    room.__class__ = _Room
+    vars(room)["ANSWERED_BY"] = home
 
 
 def _unknown(package: str, name: str, names: list[str]) -> str:

@@ -40,7 +40,7 @@ def api_pages() -> dict[str, str]:
             # a room that is called: its function of the same name answers
             if inspect.ismodule(thing):
                 thing = inspect.unwrap(
-                    getattr(importlib.import_module("simbench.confirm.recorded"), name)
+                    getattr(importlib.import_module(vars(thing)["ANSWERED_BY"]), name)
                 )
             full = f"{package}.{name}"
             first = seen.setdefault(id(thing), full)
@@ -66,7 +66,7 @@ def api_pages() -> dict[str, str]:
 def _page(package: str, name: str, thing: object) -> str:
     kind = "autoclass" if inspect.isclass(thing) else "autofunction"
     # the package of that name comes before it
-    home = thing.__module__ if name == "confirm" else package
+    home = thing.__module__ if name in ("confirm", "trust") else package
     lines = [*heading(f"{package}.{name}"), f".. currentmodule:: {home}", "", f".. {kind}:: {name}"]
     return "\n".join([*lines, *(["   :members:"] if kind == "autoclass" else []), ""])
 
