@@ -18,7 +18,7 @@ COMMANDS = {
     "trust": ["trust", "rec.csv"],
     "gap diagnose": ["gap", "diagnose", "rec.csv", "--baseline", MODEL],
     "gap plan": ["gap", "plan", "rec.csv", "--baseline", MODEL],
-    "run": ["run", "smoke", "-o", "run", "--method", "horch,he"],
+    "run": ["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"],
     "score": ["score", "run"],
     "exam open": ["exam", "open", "exam", "--key", "exam.key", "answers.csv"],
 }
