@@ -17,8 +17,8 @@ _BETWEEN_FRAMES = 0.1  # s, between two drawings of a bar
 class Progress:
     """How many of some items are done: over `items`, or told by `update`.
 
-    A bar appears after `delay` seconds. Where stderr is no terminal whole lines take its place,
-    unless a `bar` is asked for.
+    A bar appears after `delay` seconds. Where stderr is no terminal whole lines take its place.
+    `shown` asks for the bar wherever stderr leads, or for nothing.
     """
 
     def __init__(
@@ -52,6 +52,9 @@ class Progress:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
         """Leave the bar as it stands; a log keeps its lines."""
         if self._asked or self._bar is not None:
             self._draw()
@@ -94,7 +97,7 @@ class Progress:
         from rich.progress import Progress as Bar
 
         left = "" if self._left is None else f"{_clock(self._left)} left, "
-        words = f"{left}{self._pace:.3g}{self._unit or ' a'}/s {self.note}"
+        words = f"{left}{self._pace:.3g}{self._unit}/s {self.note}"
         if self._bar is None:
             columns = (
                 TextColumn("{task.description}"),

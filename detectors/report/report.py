@@ -27,6 +27,9 @@ _UNDECIDED = 0.5  # cost of no decision; an error costs 1
 _SETS = ("all", "fast", "full", PUBLISHED)
 
 
+_RANKED = ("record", "conclusion", PROBABILITY, "cause", "event", "reason", "next")
+
+
 class ShownConclusion(Protocol):
     """The conclusion of all evidence about one valve; whoever weighs it gives
     `simbench.detectors.detection.judge_files` the function."""
@@ -74,12 +77,21 @@ class Report:
             for name, verdicts, _ in self.groups()
             for v in verdicts
         ]
-        refused = [
-            {**Verdict("", NO_DECISION, reason=why).as_json(), "method": None, "applicable": None}
-            for why in self.refused.values()
+        unread = {"method": None, "applicable": None}
+        return answers + [
+            {
+                "record": name,
+                "event": None,
+                **Verdict("", NO_DECISION, reason=why).as_json(),
+                **unread,
+            }
+            for name, why in self.refused.items()
         ]
-        named = zip(self.refused, refused, strict=True)
-        return [*answers, *({"record": n, "event": None, **one} for n, one in named)]
+
+    @property
+    def of_folder(self) -> bool:
+        """Whether a folder was judged, or a file of several loops: its records have names."""
+        return None not in self.records
 
     def __len__(self) -> int:
         """Number of verdicts."""
@@ -153,34 +165,34 @@ class Report:
         """
         import pandas as pd
 
-        rows = []
-        for name, verdicts, _ in self.groups():
-            c = self.conclusions[name].as_json() if name in self.conclusions else {}
-            rows.append(
-                {
-                    "record": name,
-                    "conclusion": c.get("verdict"),
-                    PROBABILITY: c.get("probability"),
-                    "cause": c.get("cause"),
-                    "event": self.events.get(str(name)),
-                    "reason": c.get("reason"),
-                    "next": c.get("next"),
-                    **{v.method: v.verdict for v in verdicts},
-                }
-            )
-        rows += [
-            {"record": n, "conclusion": "no record", "reason": w} for n, w in self.refused.items()
-        ]
+        verdicts = {name: {v.method: v.verdict for v in said} for name, said, _ in self.groups()}
+        rows = [{**row, **verdicts.get(row["record"], {})} for row in self._ranking()]
         return pd.DataFrame(rows).astype({"event": "Int64"})
 
-    def _ranked_lines(self) -> list[str]:
-        rows = [("loop", "conclusion", "P(stiction)", "cause", "event")]
+    def _ranking(self) -> list[dict[str, Any]]:
+        """Return what was concluded of each loop, in the order of `groups`, then why files were
+        refused.
+        """
+        rows = []
         for name, _, _ in self.groups():
-            c, event = self.conclusions[name].as_json(), self.events.get(str(name), "")
-            p = "" if c["probability"] is None else f"{c['probability']:.2f}"
-            word = summary.CONCLUDED[c["verdict"]]
-            rows.append((str(name), word, p, c["cause"], str(event)))
-        return [*columns(rows), *(f"{name}: {why}" for name, why in self.refused.items())]
+            c = self.conclusions[name].as_json() if name in self.conclusions else {}
+            of_loop = {"record": name, "conclusion": c.get("verdict")}
+            told = {key: c.get(key) for key in ("cause", "reason", "next")}
+            event = self.events.get(str(name))
+            rows.append({**of_loop, PROBABILITY: c.get("probability"), "event": event, **told})
+        refused = [
+            {"record": name, "conclusion": "no record", "reason": why}
+            for name, why in self.refused.items()
+        ]
+        return [{**dict.fromkeys(_RANKED), **row} for row in (*rows, *refused)]
+
+    def _ranked_lines(self) -> list[str]:
+        lines = [("loop", "conclusion", "P(stiction)", "cause", "event")]
+        for row in self._ranking()[: len(self.conclusions)]:
+            p = "" if row[PROBABILITY] is None else f"{row[PROBABILITY]:.2f}"
+            word = summary.CONCLUDED[row["conclusion"]]
+            lines.append((row["record"], word, p, row["cause"], str(row["event"] or "")))
+        return [*columns(lines), *(f"{name}: {why}" for name, why in self.refused.items())]
 
     def _repr_html_(self) -> str:
         frame = self.to_frame()

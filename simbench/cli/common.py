@@ -291,6 +291,16 @@ def method_completion(incomplete: str) -> list[str]:
     ]
 
 
+MethodIds = Annotated[
+    list[str] | None,
+    Option(
+        metavar="ID",
+        help="Apply these methods: ids, or the groups all, fast or full; may be repeated [all].",
+        autocompletion=method_completion,
+    ),
+]
+
+
 def grid_completion(incomplete: str) -> list[str]:
     """Return the grids that begin so."""
     from simbench.scenarios.grid import grid_names

@@ -11,12 +11,12 @@ from typer import Argument, Exit, Option
 from simbench.cli.common import (
     Json,
     Limit,
+    MethodIds,
     Page,
     Plugin,
     Power,
     app,
     examples,
-    method_completion,
     reads,
     refuse_picture,
     say,
@@ -38,15 +38,7 @@ def detect(
         Path,
         Argument(metavar="REC.csv|DIR", help="Read this record, or every record of this folder."),
     ],
-    method: Annotated[
-        list[str] | None,
-        Option(
-            metavar="ID",
-            help="Apply these methods: ids, or the groups all, fast or full; may be repeated"
-            " [all].",
-            autocompletion=method_completion,
-        ),
-    ] = None,
+    method: MethodIds = None,
     labels: Annotated[
         Path | None,
         Option(
@@ -106,7 +98,6 @@ def detect(
         conclude=_conclude if weighed or html is not None else None,
         **about,
     )
-    folder = len(report.records) + len(report.refused) > 1
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
     for sentence in failed(report.verdicts):
@@ -128,7 +119,7 @@ def detect(
     if csv is not None:
         from simbench.files import write_table
 
-        write_table(report.loops() if folder else report.to_frame(), csv)
+        write_table(report.loops() if report.of_folder else report.to_frame(), csv)
     if html is not None:
         from simbench.trust.detect_page import write_page
 

@@ -9,6 +9,7 @@ from typer import Argument, Option
 
 from simbench.cli.common import (
     Json,
+    MethodIds,
     Page,
     app,
     examples,
@@ -32,14 +33,7 @@ def trust_(
             " identified from the record. In `simbench detect`, --loop chooses a tag instead.",
         ),
     ] = None,
-    method: Annotated[
-        list[str] | None,
-        Option(
-            metavar="ID",
-            help="Apply these methods: ids, or the groups all, fast or full; may be repeated"
-            " [all].",
-        ),
-    ] = None,
+    method: MethodIds = None,
     html: Page = None,
     as_json: Json = False,
     *,

@@ -30,7 +30,7 @@ def write_page(report: Report, path: str | Path) -> None:
     has one row per loop.
     """
     groups = report.groups()
-    if len(report.records) + len(report.refused) > 1:
+    if report.of_folder:
         parts = [_ranking(report)]
     else:
         (name, verdicts, _) = groups[0]

@@ -5,6 +5,7 @@ next to it; and every help.
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import shutil
@@ -235,6 +236,24 @@ def test_a_shell_completes_grids_and_methods(typed, at, expected):
         command, env={**os.environ, **asked}, capture_output=True, text=True
     ).stdout
     assert expected in out.split()
+
+
+def test_a_folder_of_one_record_is_a_row_a_loop_too(folder, capsys, tmp_path, monkeypatch):
+    (tmp_path / "one").mkdir()
+    shutil.copy(folder / "sticky.csv", tmp_path / "one")
+    table, page = tmp_path / "v.csv", tmp_path / "v.html"
+    printed(capsys, "detect", tmp_path / "one", *FAST, "--csv", table, "--html", page)
+    (row,) = csv.DictReader(io.StringIO(table.read_text()))
+    assert (row["record"], row["conclusion"]) == ("sticky", "stiction")
+    assert "The loops" in page.read_text()
+    # of which nothing could be answered
+    monkeypatch.delenv(faults.RAISED)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("simbench.gap.diagnosis.conclude", lambda record: 1 / 0)
+    words = ["--csv", str(table), "--html", str(page)]
+    assert cli.main(["detect", str(tmp_path / "one"), *FAST, *words]) == 1
+    (row,) = csv.DictReader(io.StringIO(table.read_text()))
+    assert (row["record"], row["conclusion"]) == ("sticky", "no record")
 
 
 def test_loops_that_share_an_oscillation_have_its_number(folder, capsys, tmp_path):

@@ -362,7 +362,7 @@ class _Bar:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._bar.__exit__()
+        self._bar.close()
 
     def add(self, receipt: Receipt) -> None:
         self._failures += receipt.failures

@@ -254,11 +254,14 @@ class Scores:
             if panels is None:
                 import matplotlib.pyplot as plt
 
-                _, panels = plt.subplots(1, 2, sharey=True, figsize=options.pop("figsize", (9, 4)))
+                size = options.pop("figsize", (9, 4))
+                _, panels = plt.subplots(1, 2, sharey=True, figsize=size, layout="constrained")
+            look = {"marker": "o", "ylim": (-0.02, 1.02), "xlabel": by, "ylabel": "share of loops"}
             for axes, name in zip(panels, ("sensitivity", "false_positives"), strict=True):
-                look = {"marker": "o", "ylim": (-0.02, 1.02), "legend": axes is panels[0]}
-                titles = {"xlabel": by, "title": name.replace("_", " ")}
-                wide[name].plot(ax=axes, **{**look, **titles, **options})
+                title = name.replace("_", " ")
+                wide[name].plot(ax=axes, **{**look, "title": title, "legend": False, **options})
+            # beside the curves, none of which it may hide
+            panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="method")
             return panels
         rows = self.ranking().set_index("method")[::-1]
         value = rows.accuracy_applicable

@@ -1,6 +1,4 @@
-"""Score a run: every detector where it applies, by truth, oscillation detection, process and
-population, and by axis.
-"""
+"""Score a run: every detector where it applies, by truth, process and population, and by axis."""
 
 from __future__ import annotations
 
