@@ -70,6 +70,7 @@ def answer_exam(
             _refuse_other_answers(out, names, exam.records)
             if files:
                 _refuse_other_settings(asked, settings)
+            rmtree(parts, ignore_errors=True)  # of a call that was killed as it ended
             return 0
         with lease(make_folder(parts)):
             if not (parts / _SETTINGS).exists():
