@@ -10,7 +10,6 @@ import numpy as np
 from simbench.blind.making import PLANTS
 from simbench.blind.world import PLANNED
 
-THREE = ("own", "mill", "refinery")
 _NEEDS_T = "time_constant_mismatch"
 
 

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from results.studies.mixture import THREE, Mixture
-from results.studies.worlds import WORLDS
+from results.studies.mixture import Mixture
+from results.studies.worlds import NAMES, WORLDS
 from simbench.blind.levels import Share
 from simbench.blind.making import write_item
 from simbench.blind.menu import TestPlan
@@ -170,11 +170,11 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("-n", type=int, default=N, help="Records of each world.")
     parser.add_argument(
-        "--seed", type=int, default=SEED, help=f"Of {THREE[0]}; the next worlds have the next."
+        "--seed", type=int, default=SEED, help=f"Of {NAMES[0]}; the next worlds have the next."
     )
     given = parser.parse_args()
     place, todo, done = make_folder(given.folder), [], []
-    for seed, world in enumerate(THREE, given.seed):
+    for seed, world in enumerate(NAMES, given.seed):
         entries = mixture(seed, given.n).entries(list(WORLDS.load(world).FOREIGN))
         order = np.random.default_rng(seed).permutation(len(entries))
         todo += [(i, world, seed, entries[at]) for i, at in enumerate(order)]
@@ -187,7 +187,7 @@ def main() -> None:
     rows = pd.DataFrame([judged(row) for row in done])
     valid, half = rows.valid.astype(bool), FRESH // 2
     print(
-        f"seeds from {given.seed} on: {', '.join(THREE)}; {len(todo)} records, three changes each\n"
+        f"seeds from {given.seed} on: {', '.join(NAMES)}; {len(todo)} records, three changes each\n"
         f"right: standard deviation of PV and period within {NEAR:.0%} of the mean of {half} fresh"
         " records of the true loop\n(period: none in both, or the median's); coverage: share of"
         " single fresh records inside the 90 % interval\n\n"

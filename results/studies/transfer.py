@@ -44,7 +44,7 @@ from simbench.progress import Progress
 from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
-GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "mill", "refinery"), "real"
+GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "refinery"), "real"
 SEED = 90210  # of no grid and no blind check
 LENGTH, CYCLES = 256, 8  # samples and cycles of a record that the convolutions see
 DILATIONS = (1, 2, 4, 8, 16)

@@ -357,7 +357,7 @@ def main() -> int:
         default=208,
         help="loops of own grids, each with another upstream joined by it [208]",
     )
-    parser.add_argument("--worlds", nargs="*", default=["mill", "refinery"], help="[mill refinery]")
+    parser.add_argument("--worlds", nargs="*", default=["refinery"], help="[refinery]")
     parser.add_argument("--blind", type=int, default=36, help="loops of each world [36]")
     parser.add_argument("--archived", type=int, default=34, help="sticky loops per archive [34]")
     parser.add_argument(

@@ -1,9 +1,9 @@
 """Learn the probability of stiction: `python -m results.studies.plant.stiction_probability FOLDER`,
-on four simulators.
+on three simulators.
 
 Half of the loops stick. Records are as plants write them: whole, windows of half a cycle to two,
 sampled too seldom, held, of an OP that hardly moves, with a drifting load, a set point that moves,
-retuned in the middle. Rules are learned on three simulators and scored on the fourth. Answers are
+retuned in the middle. Rules are learned on two simulators and scored on the third. Answers are
 kept in the folder; it goes on where it stopped.
 """
 
@@ -48,7 +48,7 @@ SOUND = (
     "detuning",
 )  # what a loop without friction has, in turn
 GRID = "plant"
-SIMULATORS = ("own", "mill", "refinery", GRID)
+SIMULATORS = ("own", "refinery", GRID)
 SEED = 79  # the product's numbers were learned, and its rule was chosen, on loops of seed 77
 LONGEST = 1000  # samples of a record that are looked at
 FORMS = (

@@ -1,15 +1,15 @@
-"""Development worlds: independent plant simulators on which the gap diagnosis was developed.
+"""Development worlds: the product's own, and a refinery that was written without sight of `simbench`.
 
-Each was written without sight of `simbench`. Since then the diagnosis has been calibrated on them,
-so they no longer count as unseen data. Importing this package makes them known by their short
-names; `simbench gap withheld make --world results.studies.worlds.mill` takes one by its module.
+Since then the diagnosis has been calibrated on both, so they no longer count as unseen data.
+Importing this package makes the second known by its short name; `simbench gap withheld make --world
+results.studies.worlds.refinery` takes it by its module.
 """
 
-from results.studies.worlds import mill, refinery
+from results.studies.worlds import refinery
 from simbench.blind.world import WORLDS
 
 __all__ = ["NAMES", "WORLDS"]
 
-NAMES = ("own", "mill", "refinery")
+NAMES = ("own", "refinery")
 
-WORLDS.adopt({"mill": mill, "refinery": refinery})
+WORLDS.adopt({"refinery": refinery})

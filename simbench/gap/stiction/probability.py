@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
-# learned by `python -m results.studies.plant.stiction_probability`, every simulator left out in
-# turn
+# learned by `python -m results.studies.plant.stiction_probability` on four simulators, one of which
+# left the repository since; every simulator left out in turn
 _OFFSET, _WEIGHT, _BAND = 0.65, 1.53, 0.50
 BOUNDS = (
     -1.0,

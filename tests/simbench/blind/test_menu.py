@@ -12,7 +12,7 @@ from simbench.blind.making import write_item
 from simbench.detectors.errors import UserError
 from simbench.files import folder
 
-WORLDS_RUN = ["own", *(pytest.param(w, marks=pytest.mark.slow) for w in ("mill", "refinery"))]
+WORLDS_RUN = ["own", pytest.param("refinery", marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module", params=WORLDS_RUN)

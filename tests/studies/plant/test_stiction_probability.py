@@ -34,7 +34,7 @@ def test_a_rule_is_scored_on_a_simulator_it_was_not_learned_on():
         evidence = [20.0 * sticky + rng.normal(), 0.0, 1.0]
         rows.append(
             {
-                "simulator": ("own", "mill")[i // 30],
+                "simulator": ("own", "refinery")[i // 30],
                 "sticky": sticky,
                 "form": "whole",
                 "evidence": evidence,
@@ -45,7 +45,7 @@ def test_a_rule_is_scored_on_a_simulator_it_was_not_learned_on():
     assert area == 1.0
     assert loss < 0.2
     # a simulator whose labels are turned misleads the other, not itself
-    turned = [r | {"sticky": not r["sticky"]} if r["simulator"] == "mill" else r for r in rows]
+    turned = [r | {"sticky": not r["sticky"]} if r["simulator"] == "refinery" else r for r in rows]
     p = study.left_out(turned, rule)
     assert p[:30][y[:30]].max() < p[:30][~y[:30]].min()
     assert p[30:][y[30:]].min() > p[30:][~y[30:]].max()

@@ -142,7 +142,7 @@ def differ(shown):
 def drawn(place, number):
     """Return the files of record and loop of a simulated loop: every other one sticks."""
     effect = FRICTION[0] if number % 2 else HEALTHY[number // 2 % len(HEALTHY)]
-    world = WORLD_NAMES[number // 2 % len(WORLD_NAMES)]
+    world = WORLD_NAMES[number // 2 // len(HEALTHY) % len(WORLD_NAMES)]
     strength = ("weak", "medium", "strong")[number // 6 % 3]
     about = (
         {"kind": "none"}
@@ -286,7 +286,7 @@ def test_what_cannot_be_judged_has_no_probability_and_a_reason():
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkeypatch):
-    """Simulated loops of three simulators, with and without loop file, and recorded ones;
+    """Simulated loops of two simulators, with and without loop file, and recorded ones;
     replicates change no conclusion.
     """
     monkeypatch.setattr("simbench.trust.trust.draw_replicates", lambda *a, **k: [])
