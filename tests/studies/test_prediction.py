@@ -7,9 +7,7 @@ from results.studies.prediction import changes, judged, truth
 from results.studies.worlds import WORLDS
 
 
-@pytest.mark.parametrize(
-    "world", ["own", pytest.param("refinery", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("world", ["own", pytest.param("refinery", marks=pytest.mark.slow)])
 def test_the_true_loop_runs_under_the_settings_that_are_predicted(world):
     item = WORLDS.load(world).draw(5, 0, {"kind": "none", "mv": False})
     tried = changes(item)
