@@ -1,6 +1,5 @@
 """Load the templates of HTML pages: those of one package, and those that all pages share."""
 
-from collections.abc import Iterator
 from functools import cache
 from pathlib import PurePath
 from typing import Any
@@ -38,8 +37,3 @@ def _shown(value: Any) -> Any:
 def render(room: str, template: str, **values: Any) -> Markup:
     """Fill one template."""
     return Markup(_environment(room).get_template(template).render(**values))
-
-
-def parts_of(room: str, template: str, **values: Any) -> Iterator[str]:
-    """Fill one template part by part, as a plant's page is too large to be held whole."""
-    return _environment(room).get_template(template).generate(**values)

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from simbench.files import whole_file
-from simbench.html.page import parts_of, render
+from simbench.html.page import render
 from simbench.html.svg import inline_svg
 from simbench.html.table import sortable
 
@@ -68,12 +68,8 @@ def section(
 
 
 def write(path: str | Path, title: str, subtitle: str, sections: Sequence[dict[str, Any]]) -> None:
-    """Write a self-contained page, readable in light and dark and on a phone.
-
-    A section has a `body`, or `parts` that are made one after the other as they are written.
-    """
+    """Write a self-contained page, readable in light and dark and on a phone."""
     about = {"title": title, "subtitle": subtitle, "sections": list(sections)}
     footer = f"simbench {version('stiction-simbench')}"
     with whole_file(path) as f:
-        for part in parts_of(_ROOM, "page.html", **about, footer=footer):
-            f.write(part)
+        f.write(render(_ROOM, "page.html", **about, footer=footer))

@@ -49,7 +49,7 @@ NAMES = {
     "dead-band": ("stiction",),
     "tuning": ("tuning",),
     "outside": ("disturbance from outside",),
-    "upstream": ("another loop",),
+    "upstream": ("disturbance from outside",),
     "sensor": ("sensor",),
     "saturation": ("saturation",),
     "healthy": ("none",),
@@ -225,17 +225,7 @@ def judged(loops: dict[str, tuple[str, LoopRecord, Loop | None]]):
     prepared = {name: Prepared(record) for name, (_, record, _) in loops.items()}
     candidates = identified(loops)
     events = shared_oscillations(prepared)
-    root: dict[str, str] = {}
-    sure = {name: 0.0 if named is None else named.probability for name, named in candidates.items()}
-    for event in events:
-        first = max(event, key=lambda name: sure[name])
-        root |= {name: first for name in event if name != first}
-    causes = {
-        n: find_causes(
-            prepared[n], candidates[n] or "no loop", root.get(n), sure.get(root.get(n, ""), 0.0)
-        )
-        for n in loops
-    }
+    causes = {n: find_causes(prepared[n], candidates[n] or "no loop") for n in loops}
     return causes, events, candidates
 
 

@@ -1,4 +1,4 @@
-"""Development worlds: the product's own, and a refinery that was written without sight of `simbench`.
+"""Development worlds: the product's own, and a refinery written without sight of `simbench`.
 
 Since then the diagnosis has been calibrated on both, so they no longer count as unseen data.
 Importing this package makes the second known by its short name; `simbench gap withheld make --world

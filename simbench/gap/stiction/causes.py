@@ -16,12 +16,7 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
 
-STICKING, TIGHT, FROM_OUTSIDE, NEIGHBOUR = (
-    "stiction",
-    "tuning",
-    "disturbance from outside",
-    "another loop",
-)
+STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
 _CAUSE_OF_FLAG = {
     "saturated": AT_LIMIT,
@@ -85,13 +80,9 @@ class Causes:
         return lines
 
 
-def find_causes(
-    prepared: Prepared, loops: CandidateLoops | str, root: str | None = None, sure: float = 0.0
-) -> Causes:
+def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
     """Weigh the causes of one loop's motion; `loops` are those that may have made the record, or
     why none can be identified.
-
-    `root` is the loop that drives it, `sure` that loop's probability of stiction.
     """
     flags, swing = prepared.flags, prepared.oscillation
     for flag, name in _CAUSE_OF_FLAG.items():
@@ -114,20 +105,11 @@ def find_causes(
             open_to = 0.3
         swung = [Cause(name, open_to, (), (why,)) for name in (TIGHT, FROM_OUTSIDE)]
     weighed = [_stiction(loops, keeps, prepared.record.S_unit), *swung, _sensor(prepared, loops)]
-    if root is not None:
-        why = (
-            f"shares period, phase and time with {root}, whose valve sticks with probability"
-            f" {sure:.2f}"
-        )
-        weighed.append(Cause(NEIGHBOUR, sure, (why,)))
     weighed.append(_nothing(loops, swing))
     weighed.sort(key=lambda c: -c.confidence)
     first = weighed[0]
     # friction of this valve is a separate cause, whatever else oscillates with it
-    by_name = {c.name: c for c in weighed}
-    sticking = by_name[STICKING]
-    if root is not None and sure > CLAIMED_FROM and sure >= sticking.confidence:
-        return Causes(by_name[NEIGHBOUR], tuple(weighed))
+    sticking = next(c for c in weighed if c.name == STICKING)
     if sticking.confidence > CLAIMED_FROM:
         return Causes(sticking, tuple(weighed))
     if loops.probability > CLAIMED_FROM:

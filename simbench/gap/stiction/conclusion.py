@@ -33,7 +33,6 @@ _NEXT = {
     why.STICKING: f"{_GAIN}, or do a valve travel test by hand; repair the valve if it sticks",
     why.TIGHT: "retune the controller",
     why.FROM_OUTSIDE: "look upstream for what oscillates with this period",
-    why.NEIGHBOUR: "see to the loop that drives this oscillation first, then record again",
     why.SENSOR: "check the transmitter",
     why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
     why.NO_CAUSE: "nothing to do",
@@ -95,13 +94,11 @@ def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     return from_record(Prepared(replace(record, mv=None)), loops)
 
 
-def from_record(
-    prepared: Prepared, loops: CandidateLoops | str, root: str | None = None, sure: float = 0.0
-) -> tuple[Conclusion, Causes]:
+def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed; parameters as in
     `find_causes`.
     """
-    causes = find_causes(prepared, loops, root, sure)
+    causes = find_causes(prepared, loops)
     cause, swings = causes.named.name, prepared.oscillation.sustained
     notes = prepared.record.notes
     if isinstance(loops, str):

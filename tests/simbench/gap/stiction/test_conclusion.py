@@ -24,7 +24,6 @@ from simbench.detectors.prepared import Prepared
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap import conclude, diagnose
 from simbench.gap.decide.classify import Classified
-from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import WORDS, friction_share, from_posterior, from_record
 from simbench.gap.stiction.probability import STICKING_VALVES
@@ -245,14 +244,6 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
     assert c.verdict == verdict
     assert contradictions(c.as_json()) == []
     assert verdict == STICTION or "would have shown in this record" in c.reason
-
-
-def test_a_loop_whose_neighbour_drives_it_is_not_claimed(monkeypatch):
-    record, loops = weighed(("stiction",))
-    monkeypatch.setattr(CandidateLoops, "probability", 0.8)
-    c, _ = from_record(Prepared(record), loops, "FIC101", 0.9)
-    assert (c.verdict, c.cause) == (NO_DECISION, causes.NEIGHBOUR)
-    assert "FIC101" in c.reason
 
 
 @pytest.mark.slow
