@@ -1,5 +1,5 @@
 """Loads from outside the loop: sine, steps, ramp, random walk, coloured noise, and the oscillation
-of another sticky loop.
+of another sticky loop; `echo` has a file of its own, as it needs the loop that it acts on.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.signal.filters import lfilter
+from simbench.loop import echo
 from simbench.loop.parameters import Choice, Number, resolve
 from simbench.loop.run import Start, run_setup
 from simbench.loop.setup import plain_setup
@@ -195,7 +196,7 @@ PARAMETERS = {
         **_MORE.get(kind, {}),
     }
     for kind in DISTURBANCES
-}
+} | {echo.NAME: echo.PARAMETERS}
 
 
 def disturbance_signal(
@@ -203,7 +204,7 @@ def disturbance_signal(
 ) -> tuple[str, np.ndarray]:
     """Return where a disturbance acts and its signal, drawn from a random stream (its seed)."""
     if part.name not in DISTURBANCES:
-        raise UnknownName("disturbance", part.name, DISTURBANCES)
+        raise UnknownName("disturbance", part.name, PARAMETERS)
     p = resolve(PARAMETERS[part.name], part.parameters, f"disturbance {part.name!r}")
     draw = _drawn if total <= _KEPT else _drawn.__wrapped__
     return _AT[int(p.at)], draw(part.name, p, total, Ts, stream)

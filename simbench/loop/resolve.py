@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from simbench.loop import echo
 from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import resolve
@@ -25,7 +26,12 @@ def resolve_loop(
     """Turn a loop into a setup: plug-ins looked up and checked, signals drawn, effects applied."""
     setup = plain_setup(loop, seed, tail, tf)
     for i, part in enumerate(loop.disturbance):
-        where, signal = disturbance_signal(part, setup.end, setup.Ts, (seed, _DISTURBANCE + i))
+        stream = seed, _DISTURBANCE + i
+        if part.name == echo.NAME:
+            donor = resolve_loop(echo.donor_of(loop, part), seed, 0, tf)
+            where, signal = "input", echo.echo_load(part, donor, setup, stream)
+        else:
+            where, signal = disturbance_signal(part, setup.end, setup.Ts, stream)
         load = setup.load_in if where == "input" else setup.load_out
         load[: setup.end] += signal
         load[setup.end :] += signal[-1]

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 from text import heading, plain, table
 
+from simbench.loop import echo
 from simbench.loop.disturbance import PARAMETERS as LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
@@ -50,7 +51,7 @@ def loop_page() -> str:
             {n: CONTROLLER_PLUGINS.load(n) for n in CONTROLLER_PLUGINS.names()},
         ),
         ("[valve]", "model", {n: VALVES.load(n) for n in VALVES.names()}),
-        ("[[disturbance]]", "type", dict.fromkeys(LOADS)),
+        ("[[disturbance]]", "type", {**dict.fromkeys(LOADS), echo.NAME: echo}),
         ("[[effect]]", "name", {n: EFFECTS.load(n) for n in EFFECTS.names()}),
     ):
         lines += [

@@ -1,0 +1,136 @@
+"""A load under which a loop with a sound valve moves like the same loop with a sticky one, but for
+the corners of the valve's motion; `valve` is the model of the sticky one, whose parameters stand
+beside it.
+
+Sample by sample, a loop whose valve sticks is the loop without friction under one load more at the
+plant's input, the valve's error MV - OP. The donor is the loop itself with a sticky valve and the
+same seed; its error with everything above `cut` times the cycle's frequency taken off is the load.
+Amplitude, period, wandering, growth and noise of the healthy record are then those of a sticky one,
+and only the shape of the waves differs.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.signal.autocorrelation import fast_size
+from simbench.detectors.signal.filters import lfilter
+from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.loop.parameters import Choice, Number, resolve
+from simbench.loop.response import stages_response
+from simbench.loop.run import signals_of
+from simbench.loop.setup import Setup
+from simbench.scenarios.spec import Loop, Part
+
+NAME = "echo"
+_KINDS = ("smooth", "harmonics", "propagated")
+PARAMETERS = {
+    "kind": Choice(
+        _KINDS,
+        default="smooth",
+        says="what takes the place of the corners: nothing; harmonics of a load that is no sine; or"
+        " the corners of another valve, behind a lag",
+    ),
+    "cut": Number(
+        "cycle's frequency",
+        low=0.0,
+        default=1.7,
+        positive=True,
+        says="frequency above which nothing of the valve's error is left",
+    ),
+}
+VALVE = "valve"
+_ORDER = 12  # of the fall of the amplitude: a Butterworth filter of order 6, forwards and backwards
+_FUNDAMENTAL = (0.6, 1.6)  # band about the cycle's frequency
+_HARMONICS = {2: 0.15, 3: 0.3, 5: 0.12}  # largest share of the fundamental that is drawn
+_LAG, _SIZE = (0.1, 0.3), (0.3, 1.0)  # of the other valve: in periods, over this valve's motion
+_SHORTEST = 4.0  # samples per period; a shorter cycle has no shape
+_PADDED = 3.0  # periods by which the error is continued at both ends, mirrored
+
+
+def donor_of(loop: Loop, echo: Part) -> Loop:
+    """Return the loop whose valve's error a load is: without the load, and with its valve."""
+    if loop.disturbance[-1] is not echo or any(d.name == NAME for d in loop.disturbance[:-1]):
+        raise ParameterError(
+            f"disturbance {NAME!r} is followed by another one; it must be the last, and the only"
+            " echo"
+        )
+    name = echo.parameters.get(VALVE)
+    if not isinstance(name, str):
+        raise ParameterError(
+            f"disturbance {NAME!r}: valve = {name!r}; the model of the sticky valve is needed, with"
+            " its parameters beside it"
+        )
+    numbers = {k: v for k, v in echo.parameters.items() if k not in (*PARAMETERS, VALVE)}
+    return loop.model_copy(
+        update={
+            "disturbance": loop.disturbance[:-1],
+            "valve": Part(name=name, parameters=numbers),
+        }
+    )
+
+
+def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> np.ndarray:
+    """Return the load (%) of shape (warm_up + n,): the donor's valve's error without its corners,
+    where `own` is the loop that it acts on.
+    """
+    given = {k: v for k, v in echo.parameters.items() if k in PARAMETERS}
+    p = resolve(PARAMETERS, given, f"disturbance {NAME!r}")
+    op, pv, mv = signals_of(donor)
+    error = mv - stages_response(tuple(own.valves), op, donor.op0)
+    swing = find_oscillation(op[donor.warm_up :], pv[donor.warm_up :], donor.Ts)
+    period = swing.period_s / donor.Ts
+    if not (swing.sustained and period >= _SHORTEST):
+        raise ParameterError(
+            f"disturbance {NAME!r}: the loop with valve {echo.parameters[VALVE]!r} has no sustained"
+            f" oscillation of at least {_SHORTEST:g} samples per period that could be echoed"
+        )
+    rng, kind = np.random.default_rng(stream), _KINDS[int(p.kind)]
+    load = _below(error, p.cut / period, period)
+    if kind == "harmonics":
+        load += _harmonics(error, period, rng)
+    elif kind == "propagated":
+        load += _other_corners(mv, p.cut / period, period, rng)
+    return load
+
+
+def _harmonics(error: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
+    """Return harmonics that follow the phase and the size of the error's fundamental."""
+    low, high = (share / period for share in _FUNDAMENTAL)
+    band = _below(error, high, period) - _below(error, low, period)
+    spectrum = np.fft.fft(band)
+    spectrum[1 : (band.size + 1) // 2] *= 2.0
+    spectrum[band.size // 2 + 1 :] = 0.0
+    analytic = np.fft.ifft(spectrum)
+    size, phase = np.abs(analytic), np.unwrap(np.angle(analytic))
+    total = np.zeros(error.size)
+    for times, most in _HARMONICS.items():
+        share, turned = rng.uniform(0.0, most), rng.uniform(0.0, 2.0 * math.pi)
+        if times / period < 0.5:  # above, it would be another frequency once sampled
+            total += share * size * np.cos(times * phase + turned)
+    return total
+
+
+def _other_corners(
+    mv: np.ndarray, cut: float, period: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Return what is fast in the motion of a valve elsewhere in the plant, behind a lag."""
+    lag = period * math.exp(rng.uniform(*np.log(_LAG)))
+    size = rng.uniform(*_SIZE) * rng.choice((-1.0, 1.0))
+    keep = math.exp(-1.0 / lag)
+    moved = np.asarray(lfilter([1.0 - keep], [1.0, -keep], mv - mv[0]))
+    return size * (moved - _below(moved, cut, period))
+
+
+def _below(x: np.ndarray, cut: float, period: float) -> np.ndarray:
+    """Return what of a signal is slower than `cut` (cycles per sample), without delay."""
+    more = min(math.ceil(_PADDED * period), x.size - 1)
+    ends = 2.0 * x[0] - x[more:0:-1], 2.0 * x[-1] - x[-2 : -more - 2 : -1]
+    size = fast_size(x.size + 2 * more)
+    padded = np.concatenate([ends[0], x, ends[1]])
+    padded = np.concatenate([padded, np.linspace(padded[-1], padded[0], size - padded.size)])
+    gain = 1.0 / (1.0 + (np.fft.rfftfreq(size) / cut) ** _ORDER)
+    return np.fft.irfft(gain * np.fft.rfft(padded), size)[more : more + x.size]
