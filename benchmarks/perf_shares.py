@@ -18,7 +18,7 @@ import simbench.bench.execute.work as work
 import simbench.loop.kernel
 import simbench.theory.cycle
 from simbench.bench.execute import pieces
-from simbench.bench.scenario import kept, resolve, swing
+from simbench.bench.scenario import kept, resolve
 from simbench.bench.store import tables
 from simbench.bench.store.place import place_of
 from simbench.detectors import prepared
@@ -78,7 +78,6 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
         (simbench.loop.kernel, "compiled", lambda *a: meter.wrap("loop kernel", compiled(*a))),
         (kept, "simulate", simulate),
         (resolve, "simulate", simulate),
-        (swing, "simulated_op", meter.wrap(alone, swing.simulated_op)),
         (work, "settled", meter.wrap("cell: sampling, noise, loads", work.settled)),
         (work, "truth", meter.wrap("truth labels", work.truth)),
         (work, "theory", meter.wrap("theory columns", work.theory)),

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from simbench.scenarios.errors import SpecError, suggestion
@@ -37,6 +37,7 @@ SETTINGS = {
     "mv_noise": "noise std on the recorded MV, in S",
     "moves": "set-point steps over the record, a number",
     "move": "largest level of these steps about the first, in PV std of the sticky twin",
+    "cut": "of an echo: where it ends, as a multiple of the frequency of the sticky loop's cycle",
 }
 # settings that are words; all others are numbers
 TAG_WORDS = ("process", "controller", "disturbance", "tuning", "excitation", "effect")
@@ -49,7 +50,7 @@ _P_SHARE = {"slow": 0.15, "medium": 0.35, "tight": 0.6}
 # loop
 ULTIMATE = {"aggressive": 0.9, "saturating": 1.5}
 SAME = "same"
-BY_TUNING = "tuning"  # of a healthy loop's oscillation: by the controller itself
+ECHOES = ("smooth", "harmonics", "propagated")
 EXCITATIONS = ("setpoint", "load", "both")
 _REST = 50.0  # SP, PV and OP before the excitation
 
@@ -90,26 +91,12 @@ class Scaled:
 
 
 @dataclass(frozen=True)
-class CycleScale:
-    """S, PV and time of a member over those of the sticky twin: in these units its loop is the
-    twin's.
-    """
+class Echo:
+    """The load that makes a healthy loop move as its sticky sibling does."""
 
-    S: float = 1.0
-    pv: float = 1.0
-    time: float = 1.0
-
-
-@dataclass(frozen=True)
-class WantedOscillation:
-    """What makes a healthy loop oscillate as large and as fast as a sticky valve would: a load, or
-    its own tuning.
-    """
-
-    period: float  # over that of the cycle that a sticky valve would cause in this loop
-    # table of the load without amplitude, times in periods of this oscillation
-    load: dict[str, Any] | None = None
-    wander: float = 0.0  # std of a slow load at the input over that of the oscillation in OP
+    of: Draft
+    kind: str  # one of `ECHOES`
+    cut: float | None  # the load's `cut`; None: its own default
 
 
 @dataclass(frozen=True)
@@ -129,8 +116,7 @@ class Draft:
     effects: tuple[Scaled, ...] = ()  # of the loop file
     mv_noise: float = 0.0  # std on the recorded MV, in S
     moves: tuple[tuple[float, float], ...] = ()  # set-point steps
-    oscillation: WantedOscillation | None = None  # of a healthy loop
-    scale: CycleScale = CycleScale()
+    echo: Echo | None = None  # of a healthy loop: loop, loads and noise are the sibling's
 
 
 def cell_group(
@@ -166,15 +152,14 @@ def cell_group(
                 f" {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}"
             )
         mine = {**settings, **own, "tuning": settings["tuning"]}
-        valve, swing, own_rules = (
-            _valve(own["valve"].name, mine, where),
-            own.get("oscillation"),
-            _rules(mine),
-        )
+        valve, echo = _valve(own["valve"].name, mine, where), None
+        if "echo" in own:
+            sibling = next(d for d in drafts if d.tags["member"] == own["of"])
+            cut = settings.get("cut")
+            echo = Echo(sibling, own["echo"], None if cut is None else float(cut))
         loop = overridden(
             Loop.from_table({**_loop_table(mine, where), "valve": valve}, where), overrides
         )
-        scale = CycleScale(*(float(mine[key]) / float(settings[key]) for key in ("S", "K", "T")))
         found = {key: own.get(key) for key in names}
         found.update(
             member=name,
@@ -183,39 +168,29 @@ def cell_group(
             valve=valve["model"],
             tuning=tuning,
             S_over_2J=0.0 if valve["model"] == "ideal" else settings["S_over_2J"],
+            cell_S_over_2J=settings["S_over_2J"],
+            echo="none" if echo is None else echo.kind,
+            cut=None if echo is None else echo.cut,
             disturbance=own.get("disturbance", "none"),
-            samples_per_period=10.0 * round(float(own_rules.samples_per_period or 0.0) / 10.0),
+            samples_per_period=10.0 * round(float(rules.samples_per_period) / 10.0),
             S=0.0 if valve["model"] == "ideal" else mine["S"],
         )
-        if "oscillation" in own:
-            cause = (
-                "none"
-                if swing is None
-                else BY_TUNING
-                if swing.load is None
-                else str(swing.load["type"])
-            )
-            found.update(oscillation=cause, tuning="marginal" if cause == BY_TUNING else tuning)
         told = {**tags, **found}
         more = (
             own["valve"],
             mine["effects"],
             float(mine.get("mv_noise", 0.0)),
             mine["sp_moves"],
-            swing,
-            scale,
+            echo,
         )
         drafts.append(
-            Draft(loop, told, own_rules, own["seed"], loads, ULTIMATE.get(tuning), overrides, *more)
+            Draft(loop, told, rules, own["seed"], loads, ULTIMATE.get(tuning), overrides, *more)
         )
     return twin, rules, tuple(drafts)
 
 
 def _rules(settings: Mapping[str, Any]) -> Rules:
-    rules = Rules(**{name: settings.get(name) for name in Rules.FIELDS})
-    if rules.noise_ratio is None:
-        return rules
-    return replace(rules, noise_ratio=float(rules.noise_ratio) * settings.get("noise_scatter", 1.0))
+    return Rules(**{name: settings.get(name) for name in Rules.FIELDS})
 
 
 def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
@@ -231,6 +206,11 @@ def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
         "Td_over_T": plant.Td / plant.T if plant.T else None,
         "Td_over_Ti": plant.Td / Ti if plant.integrating and Ti else None,
         "S_over_2J": ratio,
+        "cell_S_over_2J": ratio,
+        "echo": "+".join(
+            d.parameters.get("kind", ECHOES[0]) for d in loop.disturbance if d.name == "echo"
+        )
+        or "none",
         "disturbance": "+".join(d.name for d in loop.disturbance) or "none",
         "process": plant.type,
         "controller": loop.controller.type,

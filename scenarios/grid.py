@@ -17,12 +17,10 @@ import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
 from simbench.scenarios.cell import (
-    BY_TUNING,
     SETTINGS,
     Draft,
     Rules,
     Scaled,
-    WantedOscillation,
     cell_group,
     loop_axes,
 )
@@ -46,42 +44,6 @@ _GRID_KEYS = ("seed", "repeats")
 _UNHASHED = ("title", "source", "version", "expected")  # they change no scenario
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
-# How unsteadily a load makes a healthy loop oscillate, by the other loads of the loop: std of the
-# slow load that comes with it, over the oscillation's in OP, and std (rad) of the walk of its phase
-# over one period. Sticky loops wander so. Where no other load changes, noise alone makes them, and
-# these are multiples of powers of the noise ratio: of the cycling loops of grids own-ground and ci,
-# 10 to 90 % have means of OP that walk .03 to .1 of its std at .02, .08 to .25 at .1 and .16 to .41
-# at .3, and a phase that walks .04 to .18, .16 to .98 and .5 to 1.6
-_WANDER = {"none": (0.24, 1.2), "periodic": (0.12, 1.2), "changing": (0.15, 0.6)}
-_JITTER = {"none": (2.2, 11.0), "periodic": (0.8, 8.0), "changing": (1.0, 3.0)}
-_WANDER_POWER = 0.6  # of the noise ratio
-_FULL_NOISE = 0.2  # noise ratio above which more noise makes sticky loops hardly less steady
-# settings of each member by itself where healthy loops are matched with sticky ones; K and T are
-# its units of PV and time
-_OF_A_MEMBER = (
-    "K",
-    "T",
-    "pv_rest",
-    "op_rest",
-    "mv_noise",
-    "move",
-    "moves",
-    "periods",
-    "samples_per_period",
-    "warm_up",
-)
-_PERIODIC, _BEAT = (
-    ("sine", "propagated"),
-    0.3,
-)  # loads with a period; logarithm of two periods that are kept apart
-# std of the logarithm of a scenario's noise ratio over the one its cell asks for
-_NOISE_SCATTER = 0.35
-# Noise of a healthy loop over the noise of its cell: (noise ratio / _SAME_NOISE) to a power. Sticky
-# loops swing wider under much noise, and kinks of their waves pass for noise where there is little:
-# of a ratio of .02 .023 is seen, of .3 .26.
-_SAME_NOISE, _NOISE_POWER = 0.06, -0.12
-# std of the logarithm of a healthy oscillation's period over its sticky sibling's
-_PERIOD_SCATTER = 0.15
 
 
 class Disturbance(_Table):
@@ -124,32 +86,44 @@ class More(_Table):
         return Scaled(self.name or name, values, dict(self.scale))
 
 
+def _without_defaults(*keys: str) -> Any:
+    """Return how a table is written: keys that are younger than the first grids only where they are
+    used, as the others keep their hash.
+    """
+
+    def written(self: Any, handler: Any) -> dict[str, Any]:
+        default = {key: type(self).model_fields[key].default for key in keys}
+        return {k: v for k, v in handler(self).items() if k not in default or v != default[k]}
+
+    return written
+
+
 class Member(_Table):
     """One of the scenarios that share a cell: a valve, and what else sets it apart from its
     siblings.
 
-    `oscillation` makes a healthy loop oscillate as sticky ones do, so that period and amplitude do
-    not tell them apart: by "tuning" (a dead time at which it is at its limit of stability), by a
-    load named in [disturbances], or "none" (it stays quiet). Its OP has the std that the cycle of a
-    valve with another S would have, its period is near the cycle's; the load's own amplitude and
-    period are not used. A loop that cannot be matched is left out and counted.
+    `echo` makes a healthy loop move as a sticky one of its cell does, so that neither amplitude nor
+    period nor rhythm tells them apart: plant, controller, loads, noise and numbers are those of the
+    sibling `of` (by default the first sticky member), the seed is another, and a load of type
+    `echo` is added. A loop whose sibling does not cycle with this seed is left out and counted.
     """
 
     name: str
     valve: _Names
     tuning: _Names | None = None
     disturbance: _Names | None = None
-    oscillation: _Names | None = None
+    echo: _Names | None = None
+    of: str | None = None
     where: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
 
-    @model_serializer(mode="wrap")
-    def _written(self, handler: Any) -> dict[str, Any]:
-        # a grid that does not ask for it keeps its hash
-        return {k: v for k, v in handler(self).items() if k != "oscillation" or v is not None}
+    _written = model_serializer(mode="wrap")(_without_defaults("echo", "of"))
 
 
 class Block(_Table):
-    """A product of axes; `draw` ranges are drawn evenly in logarithm, once per group."""
+    """A product of axes; `draw` ranges are drawn evenly in logarithm, once per group.
+
+    Where `ranked` is false no ranking counts its loops: false positives by cause show them.
+    """
 
     name: str
     says: str = ""
@@ -158,6 +132,9 @@ class Block(_Table):
     axes: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
     draw: dict[str, _Range | _Names] = Field(default_factory=dict)
     member: tuple[Member, ...] = ()
+    ranked: bool = True
+
+    _written = model_serializer(mode="wrap")(_without_defaults("ranked"))
 
 
 class GridFile(_Table):
@@ -201,9 +178,7 @@ class GridFile(_Table):
 class Group:
     """The scenarios of one cell and one repeat.
 
-    They share plant, sampling, noise, set point and seed. In a grid that matches healthy loops with
-    sticky ones each has units, sampling, noise, set point and seed of its own, so that nothing but
-    the cell's settings makes them alike.
+    They share plant, sampling, noise, set point and seed; only an echo has another seed.
     """
 
     index: int  # place in the grid
@@ -211,11 +186,6 @@ class Group:
     twin: Loop
     rules: Rules  # what is settled by running the twin
     drafts: tuple[Draft, ...]  # the members
-
-    @property
-    def matched(self) -> bool:
-        """Whether a healthy member oscillates as the sticky ones do."""
-        return any(draft.oscillation is not None for draft in self.drafts)
 
 
 @dataclass(frozen=True)
@@ -323,10 +293,12 @@ class Grid:
         """Build one group."""
         repeat, cell = divmod(index, self.cells)
         number, values = self._place(cell)
-        # cells that differ in the disturbance alone share the plant: no setting of it tells them
-        # apart
+        # cells that differ in the disturbance alone share the plant, so that they can be compared;
+        # where echoes make the comparison, more plants are better
+        members = self._present(number, values)
+        without = "" if any(m.echo is not None for m in members) else "disturbance"
         shared = np.random.default_rng(
-            [self.content.seed, repeat, number, *self._without(number, values, "disturbance")]
+            [self.content.seed, repeat, number, *self._without(number, values, without)]
         )
         rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
         tags: dict[str, float | int | str | None] = {
@@ -355,77 +327,32 @@ class Grid:
         settings["effects"] = self._effects(settings.get("effect", "none"), shared)
         settings["sp_moves"] = _moves(settings, shared)
         settings["seed"] = int(rng.integers(2**63))
-        free = {key: ranges[key] for key in sorted(ranges) if key not in values}
-        # a plant or valve set as a whole is the same in all; S is one for all sticky members, and
-        # not in another cell
-        whole = any(
-            key.startswith(("plant", "controller.", "valve"))
-            for key in (*settings, *self.overrides)
-        )
-        S = settings["S"] if whole or "S" not in free else draw(free["S"], each)
-        members = []
-        for member in self._present(number, values):
+        made: list[tuple[str, dict[str, Any], tuple[dict[str, Any], ...]]] = []
+        for member in members:
             own = dict(settings, valve=_pick(member.valve, rng))
-            if self._matched:
-                own.update(
-                    self._apart(
-                        settings,
-                        {k: v for k, v in free.items() if not (whole and k in ("K", "T"))},
-                        rng,
-                    )
-                )
-                own["S"] = S
             for key in ("tuning", "disturbance"):
                 if getattr(member, key) is not None:
                     own[key] = _pick(getattr(member, key), rng)
             loads = self._disturbance(own.get("disturbance", "none"), rng)
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
-            if member.oscillation is not None:
-                own["noise_scatter"] *= (
-                    max(float(own.get("noise_ratio", 0.0)), 1e-6) / _SAME_NOISE
-                ) ** _NOISE_POWER
-                own["oscillation"] = self._oscillation(
-                    _pick(member.oscillation, rng), own, loads, rng
+            if member.echo is not None:
+                own.update(
+                    echo=_pick(member.echo, rng),
+                    of=member.of or made[0][0],
+                    seed=int(rng.integers(2**63)),
                 )
-                if own["oscillation"] is not None:
-                    own["S"] = draw(ranges.get("S", S), rng)
-            members.append((member.name, own, loads))
-        tags["block"] = block.name
+            made.append((member.name, own, loads))
+        tags.update(block=block.name, ranked=float(block.ranked))
         # keys of the loop file, as axis or draw: they have the last word, but for what was set from
         # outside
         keys = {key: settings.pop(key) for key in list(settings) if _of_loop(key)}
         overrides = {**keys, **self.overrides}
         tags.update({key: _told(value) for key, value in keys.items()})
         twin, rules, drafts = cell_group(
-            settings, members, tags, overrides, f"{self.name}, block {block.name!r}"
+            settings, made, tags, overrides, f"{self.name}, block {block.name!r}"
         )
         return Group(index, twin, rules, drafts)
-
-    @cached_property
-    def _matched(self) -> bool:
-        return any(
-            member.oscillation is not None
-            for block in self.content.block
-            for member in block.member
-        )
-
-    def _apart(
-        self, settings: Mapping[str, Any], free: Mapping[str, Any], rng: np.random.Generator
-    ) -> dict[str, Any]:
-        """Draw what one member has of its own, so that no number in a record tells which others are
-        of its cell.
-        """
-        own = {key: draw(free[key], rng) for key in _OF_A_MEMBER if key in free}
-        # two or three levels of noise, met exactly, would tell how much of PV is noise and how much
-        # a load's answer
-        own.update(
-            seed=int(rng.integers(2**63)),
-            noise_scatter=float(np.exp(_NOISE_SCATTER * rng.standard_normal())),
-        )
-        own["effects"] = self._effects(settings.get("effect", "none"), rng)
-        own["sp_moves"] = _moves({**settings, **own}, rng)
-        return own
 
     def _plain(
         self, index: int, values: Mapping[str, Value], rng: np.random.Generator, tags: dict
@@ -457,35 +384,6 @@ class Grid:
                 **more,
             },
         )
-
-    def _oscillation(
-        self,
-        name: str,
-        own: Mapping[str, Any],
-        loads: Sequence[Mapping[str, Any]],
-        rng: np.random.Generator,
-    ) -> WantedOscillation | None:
-        if name == "none":
-            return None
-        kinds = {load["type"] for load in loads}
-        others = "none" if not kinds else "periodic" if kinds <= set(_PERIODIC) else "changing"
-        noise = (
-            1.0
-            if others == "changing"
-            else min(float(own.get("noise_ratio", 0.0)) * own["noise_scatter"], _FULL_NOISE)
-        )
-        wander = noise**_WANDER_POWER * float(draw(_WANDER[others], rng))
-        period = float(np.exp(_PERIOD_SCATTER * rng.standard_normal()))
-        # no beat of two loads of nearly one period: a sticky loop follows such a load
-        for near in (load["period"] for load in loads if load["type"] in _PERIODIC):
-            if abs(math.log(period / near)) < _BEAT:
-                period = near * math.exp(math.copysign(_BEAT, math.log(period / near)))
-        if name == BY_TUNING:
-            return WantedOscillation(period, None, wander)
-        d = self._named("disturbance", self.content.disturbances, name)
-        more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
-        more["jitter"] = noise * float(draw(_JITTER[others], rng))
-        return WantedOscillation(period, {"type": d.type, "at": d.at, **more}, wander)
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         return (

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from simbench.scenarios.cell import (
-    BY_TUNING,
+    ECHOES,
     EXCITATIONS,
     FOPTD_LAG,
     SAME,
@@ -42,6 +42,7 @@ SETTING_LIMITS = {
     "op_rest": (0.0, 100.0),
     "moves": (0.0, 1e4),
     "move": (0.0, 1e3),
+    "cut": (0.1, 1e9),
 }
 # of a grid, in a mistake's sentence
 _PLACE = re.compile(r"\b(block|member) '[^']*': |\bcell \d+\b|(?<=\.)\d+(?=\.)")
@@ -118,14 +119,26 @@ def _mistakes(content: Any) -> Iterator[str]:
             words = {
                 "tuning": (SAME, *FOPTD_LAG, *ULTIMATE),
                 "disturbance": known["disturbance"],
-                "oscillation": (BY_TUNING, *known["disturbance"]),
+                "echo": ECHOES,
             }
             for key, names in words.items():
                 yield from _names(at + key, getattr(member, key), names)
             yield from _names(at + "valve", member.valve, None)
+            yield from _sibling(at, member, block)
             for key, values in member.where.items():
                 for value in values:  # none is left where an axis was replaced
                     yield from _value(f"{at}where {key}", key, value, known)
+
+
+def _sibling(at: str, member: Any, block: Any) -> Iterator[str]:
+    """Where a member is an echo, the sticky member that it is one of must come before it."""
+    if member.echo is None:
+        return
+    before = [m.name for m in block.member[: block.member.index(member)] if m.echo is None]
+    if not before:
+        yield f"{at}echo has no sibling; the sticky member must come first"
+    elif member.of is not None:
+        yield from _word(f"{at}of", member.of, tuple(before))
 
 
 def _counted(names: Iterable[str]) -> list[tuple[str, int]]:

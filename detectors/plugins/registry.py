@@ -309,7 +309,7 @@ def _elsewhere(*_: Any, **__: Any) -> None:
 
 
 PUBLISHED, _CHAPTER = "published", "chapter"
-_RESERVED = ("all", "fast", "full", "oracle", "always_no", "always_yes")
+_RESERVED = ("all", "fast", "full", "oracle", "rhythm", "always_no", "always_yes")
 
 
 class _Detectors(PluginFolder):

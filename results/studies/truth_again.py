@@ -8,8 +8,8 @@ import argparse
 import math
 
 from simbench.bench.execute.plugin_host import settled
-from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.truth import MIN_REVERSALS, YES, least_swing, simulate_with_truth
+from simbench.loop.motion import motion
 from simbench.loop.simulate import valve_tail
 from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code

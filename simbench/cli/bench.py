@@ -229,8 +229,9 @@ def score(
     verdict. Two numbers after a value are its 95 % interval.
 
     Methods that need the valve position (MV) are ranked among themselves. Reference rows are no
-    detectors: the oracle answers the label, and no_waveform is a classifier that sees period,
-    amplitude and noise but no waveform. A useful detector costs less than no_waveform.
+    detectors: the oracle knows the loop, no_waveform is a classifier that sees period, amplitude
+    and noise but no waveform, and rhythm one that also sees how regular the cycles are. A useful
+    detector costs less than both.
     """
     from simbench.bench.execute.failures import read_failures
     from simbench.bench.score.scoring import score_book

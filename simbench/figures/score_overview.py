@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from simbench.bench.score.names import ALL, HOME_MARKS, LEAST
 from simbench.bench.score.result import Scores
-from simbench.bench.score.scoring import answers_of, no_waveform_answers, score_book
+from simbench.bench.score.scoring import answers_of, reference_answers, score_book
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.detectors.verdict import NO_STICTION, STICTION
@@ -54,7 +54,7 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
         cycles & ~band,
         cycles & band,
     )
-    answers = {a.method: a for a in (*answers_of(book), no_waveform_answers(book))}
+    answers = {a.method: a for a in (*answers_of(book), *reference_answers(book))}
     rows = []
     for r in (scores or score_book(book)).ranking("cycled", population=ALL).itertuples():
         a = answers[str(r.method)]

@@ -196,7 +196,7 @@ PARAMETERS = {
         **_MORE.get(kind, {}),
     }
     for kind in DISTURBANCES
-} | {echo.NAME: echo.PARAMETERS}
+} | {echo.NAME: echo.SHAPES}
 
 
 def disturbance_signal(

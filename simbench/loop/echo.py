@@ -18,7 +18,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.autocorrelation import fast_size
 from simbench.detectors.signal.filters import lfilter
-from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.loop.motion import MIN_REVERSALS, least_swing, motion
 from simbench.loop.parameters import Choice, Number, resolve
 from simbench.loop.response import stages_response
 from simbench.loop.run import signals_of
@@ -27,7 +27,7 @@ from simbench.scenarios.spec import Loop, Part
 
 NAME = "echo"
 _KINDS = ("smooth", "harmonics", "propagated")
-PARAMETERS = {
+SHAPES = {
     "kind": Choice(
         _KINDS,
         default="smooth",
@@ -51,6 +51,10 @@ _SHORTEST = 4.0  # samples per period; a shorter cycle has no shape
 _PADDED = 3.0  # periods by which the error is continued at both ends, mirrored
 
 
+class NoCycleError(ParameterError):
+    """The loop with the sticky valve has no oscillation that could be echoed."""
+
+
 def donor_of(loop: Loop, echo: Part) -> Loop:
     """Return the loop whose valve's error a load is: without the load, and with its valve."""
     if loop.disturbance[-1] is not echo or any(d.name == NAME for d in loop.disturbance[:-1]):
@@ -64,7 +68,7 @@ def donor_of(loop: Loop, echo: Part) -> Loop:
             f"disturbance {NAME!r}: valve = {name!r}; the model of the sticky valve is needed, with"
             " its parameters beside it"
         )
-    numbers = {k: v for k, v in echo.parameters.items() if k not in (*PARAMETERS, VALVE)}
+    numbers = {k: v for k, v in echo.parameters.items() if k not in (*SHAPES, VALVE)}
     return loop.model_copy(
         update={
             "disturbance": loop.disturbance[:-1],
@@ -77,16 +81,16 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
     """Return the load (%) of shape (warm_up + n,): the donor's valve's error without its corners,
     where `own` is the loop that it acts on.
     """
-    given = {k: v for k, v in echo.parameters.items() if k in PARAMETERS}
-    p = resolve(PARAMETERS, given, f"disturbance {NAME!r}")
-    op, pv, mv = signals_of(donor)
+    given = {k: v for k, v in echo.parameters.items() if k in SHAPES}
+    p = resolve(SHAPES, given, f"disturbance {NAME!r}")
+    op, _, mv = signals_of(donor)
     error = mv - stages_response(tuple(own.valves), op, donor.op0)
-    swing = find_oscillation(op[donor.warm_up :], pv[donor.warm_up :], donor.Ts)
-    period = swing.period_s / donor.Ts
-    if not (swing.sustained and period >= _SHORTEST):
-        raise ParameterError(
-            f"disturbance {NAME!r}: the loop with valve {echo.parameters[VALVE]!r} has no sustained"
-            f" oscillation of at least {_SHORTEST:g} samples per period that could be echoed"
+    moved = motion(mv[donor.warm_up :], least_swing(donor.bands) / 4.0)
+    period = moved.period
+    if moved.reversals < MIN_REVERSALS or period < _SHORTEST:
+        raise NoCycleError(
+            f"disturbance {NAME!r}: the loop with valve {echo.parameters[VALVE]!r} does not cycle;"
+            f" three periods of at least {_SHORTEST:g} samples are needed"
         )
     rng, kind = np.random.default_rng(stream), _KINDS[int(p.kind)]
     load = _below(error, p.cut / period, period)

@@ -15,6 +15,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.plugins.host import SECONDS, Host, PluginError
 from simbench.detectors.plugins.registry import imported
+from simbench.loop import echo
 from simbench.loop.effects import BLOCKS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
@@ -136,6 +137,7 @@ def parts_of_loop(loop: Loop) -> set[tuple[str, str]]:
         s for place in ("before", "behind") for s in _listed(loop.valve.parameters.get(place))
     ]
     valves = {loop.valve.name, *(s.get("model") for s in stages if isinstance(s, dict))}
+    valves |= {str(d.parameters.get(echo.VALVE)) for d in loop.disturbance if d.name == echo.NAME}
     named = {("valve", name) for name in valves if isinstance(name, str)} | {
         ("effect", e.name) for e in loop.effect
     }

@@ -119,12 +119,6 @@ def simulate_batch(loops: Sequence[Loop], seeds: Sequence[int]) -> list[Run]:
     return [simulate(loop, seed) for loop, seed in zip(loops, seeds)]
 
 
-def simulated_op(loop: Loop, seed: int = 0) -> np.ndarray:
-    """Return OP of the record, `simulate(...).record.op`, without making a record of the rest."""
-    setup = resolve_loop(loop, seed)
-    return signals_of(setup)[0][setup.warm_up : setup.end]
-
-
 def valve_tail(loop: Loop, seed: int, tail: int, quiet: int | None) -> np.ndarray:
     """Return the valve's positions (%) behind the record, `simulate(...).mv[n:]`, without making a
     record of the rest.

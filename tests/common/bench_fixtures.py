@@ -95,11 +95,29 @@ def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, *
     truth = np.asarray(truth, dtype=np.int8)
     words = {
         w: np.full(n, "w")
-        for w in ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+        for w in (
+            "block",
+            "member",
+            "process",
+            "controller",
+            "valve",
+            "disturbance",
+            "tuning",
+            "echo",
+        )
     }
     empty = {
         a: np.full(n, np.nan)
-        for a in ("Td_over_T", "Td_over_Ti", "S_over_2J", "noise_ratio", "samples_per_period")
+        for a in (
+            "Td_over_T",
+            "Td_over_Ti",
+            "S_over_2J",
+            "cell_S_over_2J",
+            "noise_ratio",
+            "samples_per_period",
+            "cut",
+            "ranked",
+        )
     }
     score = (
         verdict.astype(np.float32)

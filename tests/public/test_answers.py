@@ -300,11 +300,14 @@ def test_score_and_the_run_tables(answer, place, capsys):
         "always no",
         "always yes",
         "no_waveform",
+        "rhythm",
     }
     assert (
-        rows[rows.method.isin(["oracle", "always no", "always yes", "no_waveform", "bicoherence"])][
-            "rank"
-        ]
+        rows[
+            rows.method.isin(
+                ["oracle", "always no", "always yes", "no_waveform", "rhythm", "bicoherence"]
+            )
+        ]["rank"]
         .isna()
         .all()
     )

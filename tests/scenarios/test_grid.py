@@ -76,8 +76,9 @@ def test_the_chapter_grid_has_every_kind_of_healthy_loop():
         "steps",
         "random_walk",
     }
-    assert {t["oscillation"] for t in healthy} == {"none", "tuning", "sine", "propagated"}
-    assert {t["oscillation"] for t in healthy if t["tuning"] == "marginal"} == {"tuning"}
+    assert {t["echo"] for t in healthy} == {"none", "smooth", "harmonics", "propagated"}
+    assert {t["tuning"] for t in healthy if t["echo"] == "none"} >= {"aggressive", "saturating"}
+    assert {t["cell_S_over_2J"] for t in healthy} == {0.5, 1.0, 2.5, math.inf}
     assert {(t["process"], t["controller"]) for t in healthy} >= {
         ("foptd", "PI"),
         ("integrating", "PI"),
@@ -106,27 +107,23 @@ def test_siblings_share_plant_sampling_set_point_and_seed():
 
 
 @pytest.mark.parametrize("name", ["chapter", "ci", "plant", "families", "own-ground"])
-def test_no_number_of_a_record_tells_which_other_loop_is_of_its_cell(name):
-    seen = {key: [] for key in ("seed", "K", "T or Ti", "Kc", "pv_rest", "n", "noise")}
-    drafts = [draft for group in load_grid(name).groups(0, 40) for draft in group.drafts]
-    for draft in drafts:
-        control, rules, plant = draft.loop.controller, draft.rules, draft.loop.plant
-        numbers = (
-            draft.seed,
-            plant.K,
-            plant.T or control.Ti,
-            control.Kc,
-            draft.loop.setpoint.value,
-            rules.samples_per_period * rules.periods,
-            rules.noise_ratio,
-        )
-        for key, number in zip(seen, numbers, strict=True):
-            seen[key].append(number)
-    assert {key: len(set(numbers)) for key, numbers in seen.items()} == dict.fromkeys(
-        seen, len(drafts)
-    )
-    moves = [draft.moves[0][0] for draft in drafts if draft.moves]
-    assert len(set(moves)) == len(moves)
+def test_a_pair_shares_every_number_but_the_seed_and_no_other_cell_has_them(name):
+    seen, groups = [], list(load_grid(name).groups(0, 40))
+    for group in groups:
+        echoes = [draft for draft in group.drafts if draft.echo is not None]
+        assert echoes
+        for draft in echoes:
+            of = draft.echo.of
+            assert of in group.drafts
+            assert of.echo is None
+            assert draft.seed != of.seed
+            assert draft.rules == of.rules
+            for part in ("plant", "controller", "setpoint", "operating_point", "disturbance"):
+                assert getattr(draft.loop, part) == getattr(of.loop, part)
+        twin = group.twin
+        seen.append((twin.plant.K, twin.controller.Kc, twin.setpoint.value))
+    for numbers in zip(*seen, strict=True):
+        assert len(set(numbers)) == len(groups)
 
 
 def test_cells_that_differ_in_the_disturbance_alone_share_their_draws():

@@ -17,7 +17,7 @@ from simbench.detectors.verdict import VERDICTS, Level, Verdict
 
 NEEDED, OPTIONAL = ("method", "record", "verdict", "score"), ("S", "J")
 _NAME = re.compile(r"[A-Za-z][\w.@-]{0,59}", re.ASCII)
-_TAKEN = ("all", "fast", "full", "oracle", "no_waveform", "always_no", "always_yes")
+_TAKEN = ("all", "fast", "full", "oracle", "no_waveform", "rhythm", "always_no", "always_yes")
 _LARGEST = 1e6  # of S and J; the travel of a valve is 100 %
 _BETWEEN = ".."  # the ends of an interval
 Answers = dict[str, dict[str, Verdict]]  # by method and record

@@ -36,7 +36,7 @@ def error_text(error: BaseException) -> str:
 def settled(group: Group) -> list[tuple[Scenario, str | None]]:
     """Return the scenarios of a group; a draft, with the error, where its rules cannot be settled.
 
-    A healthy loop that cannot be matched with its sticky siblings is left out.
+    An echo whose sibling does not cycle is left out.
     """
     results: dict[int, tuple[Scenario | None, str | None]] = {}
     parties: dict[Host | None, list[int]] = {}
@@ -114,4 +114,5 @@ def _theory(text: str) -> Theory:
 
 def _host_of_draft(twin: Loop, draft: Draft) -> Host | None:
     effects = {("effect", e.name) for e in draft.effects}
-    return host_of(parts_of_loop(twin) | parts_of_loop(draft.loop) | effects)
+    sibling = set() if draft.echo is None else parts_of_loop(draft.echo.of.loop)
+    return host_of(parts_of_loop(twin) | parts_of_loop(draft.loop) | effects | sibling)

@@ -28,6 +28,7 @@ from simbench.bench.scenario.kept import prepare_once
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.scenario.truth import Cycled
 from simbench.bench.score.no_waveform import features_without_waveform
+from simbench.bench.score.rhythm import rhythm_features
 from simbench.bench.store import tables
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.judge import answers
@@ -269,8 +270,9 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
     )
     if it.run is not None and prepared is not None:
         oscillation = prepared.oscillation
-        without = features_without_waveform(
-            it.run.record, oscillation.period_s if oscillation.sustained else math.nan
+        period_s = oscillation.period_s if oscillation.sustained else math.nan
+        without = np.concatenate(
+            [f(it.run.record, period_s) for f in (features_without_waveform, rhythm_features)]
         )
         row.update(
             sticky=it.run.sticky,

@@ -6,30 +6,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from simbench.bench.scenario.kept import prepare_once, run_once
-from simbench.bench.scenario.motion import motion
-from simbench.bench.scenario.swing import (
-    Cycle,
-    UnmatchedError,
-    absolute_load,
-    add_load,
-    at_its_limit,
-    scaled_cycle,
-    significant,
-    steadied,
-)
-from simbench.bench.scenario.truth import least_swing
+from simbench.bench.scenario.truth import YES, least_swing, simulate_with_truth
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.oscillation import oscillation_of
-from simbench.loop import plant
+from simbench.loop import echo, plant
+from simbench.loop.motion import motion
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.setup import plain_setup, resting_mv, stages_of
+from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.scenarios.cell import Draft, Scaled, overridden
 from simbench.scenarios.grid import Group
@@ -41,37 +31,82 @@ _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
 _PASSES = 3  # of a record's period and its sampling: a new sampling moves the period a little
 _LONGEST_WARM_UP = 4.0  # over what is asked for in periods of the record
-# two periods as near as this (in logarithm) are one; _NEAR where healthy loops are matched with
-# sticky ones
-_SETTLED, _NEAR = 0.1, 0.03
-_FAR = math.log(8.0)  # beyond the periods of all loads of the grids
+_SETTLED = 0.1  # two periods as near as this (in logarithm) are one
+_SEEDS = 4  # with which a sibling's cycle is looked for: under noise it comes and goes
+_DIGITS = 3  # ids must not hang on the last bits of a simulation
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """How the sticky twin of a cell moves."""
+
+    period: float  # of MV (s)
+    pv_std: float  # of PV over the run but its first period (PV units)
+    op_std: float  # of OP there (%)
+    exists: bool  # False when no start set it going; then the other numbers are guesses
+
+
+def significant(x: float, digits: int = _DIGITS) -> float:
+    """Return a number that a simulation gave, rounded to a few digits."""
+    return float(f"{x:.{digits}g}")
 
 
 def resolve(group: Group) -> list[Scenario]:
-    """Settle the rules of one group; a healthy loop that cannot be matched with the sticky ones is
-    left out.
-    """
+    """Settle the rules of one group; an echo whose sibling does not cycle is left out."""
     return [scenario for scenario in settle(group) if scenario is not None]
 
 
 def settle(group: Group) -> list[Scenario | None]:
-    """Settle the rules of one group: a scenario for each draft, or None for a healthy loop that
-    cannot be matched.
+    """Settle the rules of one group: a scenario for each draft, or None for an echo whose sibling
+    does not cycle with the echo's seed.
     """
     if group.rules.empty:
         return [Scenario(loop=d.loop, seed=d.seed, tags=d.tags) for d in group.drafts]
     twin, cycle = group.twin, measure_cycle(group.twin)
     if group.rules.w_Ti is not None:
         twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
+    loops: dict[int, Loop] = {}
     found: list[Scenario | None] = []
     for draft in group.drafts:
-        try:
-            loop, seed = _own_sampling(draft, group, twin, cycle)
-        except UnmatchedError:
-            found.append(None)
-        else:
-            found.append(Scenario(loop=loop, seed=seed, tags=_tags(draft, loop)))
+        own = draft if draft.echo is None else draft.echo.of
+        if id(own) not in loops:
+            loops[id(own)] = _own_sampling(own, twin, cycle)
+        loop: Loop | None = loops[id(own)]
+        seed = draft.seed
+        if draft.echo is not None:
+            loop, seed = _echo(loop, draft, twin, cycle)
+        found.append(
+            None if loop is None else Scenario(loop=loop, seed=seed, tags=_tags(draft, loop))
+        )
     return found
+
+
+def _echo(sibling: Loop, draft: Draft, twin: Loop, cycle: Cycle) -> tuple[Loop | None, int]:
+    """Return the healthy loop that moves as its sibling does, and its seed; None where the sibling
+    does not cycle, or with no seed but its own.
+    """
+    assert draft.echo is not None
+    if simulate_with_truth(sibling, draft.echo.of.seed)[1].answer != YES:
+        return None, draft.seed
+    cut = {} if draft.echo.cut is None else {"cut": draft.echo.cut}
+    own = {"valve": sibling.valve.name, **sibling.valve.parameters, "kind": draft.echo.kind, **cut}
+    load = Part(name=echo.NAME, parameters=own)
+    valve = draft.loop.valve
+    if valve.name != "ideal":
+        S, J = band(twin)
+        more = _scaled(draft.valve, {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std})
+        table = valve_table(valve.name, {"S": S, "J": J}, cycle.period, more)
+        valve = Part(name=valve.name, parameters={k: v for k, v in table.items() if k != "model"})
+    loop = sibling.model_copy(update={"disturbance": (*sibling.disturbance, load), "valve": valve})
+    donor = echo.donor_of(loop, load)
+    for seed in range(draft.seed, draft.seed + _SEEDS):
+        if simulate_with_truth(donor, seed)[1].answer == YES:
+            try:
+                run_once(loop, seed)
+            except echo.NoCycleError:
+                continue
+            return loop, seed
+    return None, draft.seed
 
 
 def measure_cycle(twin: Loop) -> Cycle:
@@ -208,56 +243,37 @@ def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
     return twin, cycle
 
 
-def _own_sampling(draft: Draft, group: Group, twin: Loop, cycle: Cycle) -> tuple[Loop, int]:
-    """Settle a draft by the period of its own oscillation, by its sticky twin's where it has none;
-    return its seed, too.
+def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
+    """Settle a draft by the period of its own oscillation, by its sticky twin's where it has
+    none.
     """
-    swing, per = draft.oscillation, draft.rules.samples_per_period
-    cycle = scaled_cycle(cycle, draft.scale)
-    if swing is not None:
-        cycle = replace(cycle, period=cycle.period * swing.period)
-    own = cycle.period
-    if swing is not None and swing.load is None:
-        # the sampling period moves the limit of stability a little, and this the period
-        loop = draft.loop.model_copy(update={"valve": Part(name="ideal")})
-        for _ in range(_PASSES):
-            loop = loop.with_("sampling.Ts", own / float(per or _FIRST))
-            own = at_its_limit(loop, cycle)[1].period
-        loop, cycle = _settled(draft, group, twin, cycle, own)
-        return steadied(loop, swing, cycle, draft.seed)
-    loop, _ = _settled(draft, group, twin, cycle, own)
+    own, per = cycle.period, draft.rules.samples_per_period
+    loop = _settled(draft, twin, cycle, own)
     # what stands still but for the twin's own valve has the twin's period, but for what the noise
     # does to it
     same = draft.loop.valve.name == twin.valve.name
-    undriven = cycle.exists and same and not draft.loads and not draft.moves and not group.matched
+    undriven = cycle.exists and same and not draft.loads and not draft.moves
     for _ in range(0 if undriven or per is None else _PASSES):
         record = run_once(loop, draft.seed).record
         # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and
         # costs a third
         found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None
-        if found is None or (group.matched and not found.sustained):
+        if found is None:
             found = prepare_once(record).oscillation
-        if not found.sustained or abs(math.log(found.period_s / own)) < (
-            _NEAR if group.matched else _SETTLED
-        ):
-            break
-        # of noise, and no oscillation
-        if group.matched and abs(math.log(found.period_s / cycle.period)) > _FAR:
+        if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:
             break
         own = found.period_s
-        loop, _ = _settled(draft, group, twin, cycle, own)
-    return loop, draft.seed
+        loop = _settled(draft, twin, cycle, own)
+    return loop
 
 
-def _settled(
-    draft: Draft, group: Group, twin: Loop, cycle: Cycle, own: float
-) -> tuple[Loop, Cycle]:
-    """Return a draft's loop for the period of its record, and the cycle that it is matched with."""
-    table, rules, swing, scale = draft.loop.to_table(), draft.rules, draft.oscillation, draft.scale
-    tuned = swing is not None and swing.load is None
+def _settled(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
+    """Return a draft's loop for the period of its record."""
+    table, rules = draft.loop.to_table(), draft.rules
     if rules.w_Ti is not None:
-        Ti, Kc = (twin.controller.Ti or 1.0) * scale.time, twin.controller.Kc / scale.pv
-        table["controller"].update(Ti=significant(Ti), Kc=significant(Kc))
+        table["controller"].update(
+            Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc)
+        )
     if rules.samples_per_period is not None:
         per = float(rules.samples_per_period)
         table["sampling"] = {
@@ -268,12 +284,7 @@ def _settled(
             # of its own periods, or of the sticky sibling's where these are longer
             longer = min(max(cycle.period / own, 1.0), _LONGEST_WARM_UP)
             table["sampling"]["warm_up"] = round(per * rules.warm_up * longer)
-    if tuned:
-        found, cycle = at_its_limit(
-            Loop.from_table({**table, "valve": {"model": "ideal"}}, "cell"), cycle
-        )
-        table["plant"] = found.to_table()["plant"]
-    S, J = (x * scale.S for x in band(twin))
+    S, J = band(twin)
     unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
     if "ideal" not in (
         draft.loop.valve.name,
@@ -281,16 +292,6 @@ def _settled(
     ):  # a whole loop's valve stands as its grid says
         more = _scaled(draft.valve, unit)
         table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
-    if group.matched and not VALVES.load(draft.loop.valve.name).FRICTION:
-        # where MV is not OP the loop comes to rest with another OP: with this one it is the OP that
-        # was drawn
-        numbers = {k: v for k, v in table["valve"].items() if k != "model"}
-        valve = Part(name=table["valve"]["model"], parameters=numbers)
-        stages = stages_of(valve, table["sampling"]["Ts"])
-        op0 = table["operating_point"]["op0"]
-        table["operating_point"]["op0"] = significant(resting_mv(stages, op0))
-    if swing is not None and not tuned:
-        add_load(table, swing, cycle)
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
     table.setdefault("effect", []).extend(
@@ -307,10 +308,16 @@ def _settled(
         table.setdefault("disturbance", []).append(absolute_load(load, size, cycle.period))
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
-        loop = loop.with_(
-            "controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop))
-        )
-    return overridden(loop, draft.overrides or {}), cycle
+        loop = loop.with_("controller.Kc", draft.ultimate * sampled_ultimate_gain(loop))
+    return overridden(loop, draft.overrides or {})
+
+
+def absolute_load(load: Mapping[str, Any], size: float, period: float) -> dict[str, Any]:
+    """Return the table of a load whose amplitude is given in units of `size` and whose times in
+    units of `period`.
+    """
+    scale = {"amplitude": size, "period": period, "lag": period, "start": period}
+    return {k: significant(v * scale[k]) if k in scale else v for k, v in load.items()}
 
 
 def valve_table(

@@ -5,19 +5,20 @@ mixed.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from simbench.bench.scenario.kept import run_once
-from simbench.bench.scenario.motion import Motion, largest_sine, motion
+from simbench.loop.motion import MIN_REVERSALS, Motion, largest_sine, motion
+from simbench.loop.motion import least_swing as least_swing_of
 from simbench.loop.resolve import friction, undisturbed
 from simbench.loop.run import Run
 from simbench.loop.simulate import valve_tail
 from simbench.scenarios.spec import Loop, Part
 
 _TAIL_PERIODS = 20
-MIN_REVERSALS = 6
 _LASTING = 0.8  # last third of the tail over the first
 _TWIN = 0.5  # a twin with an ideal valve that moves this much of it moves for another reason
 _MOMENTS = (
@@ -30,6 +31,8 @@ _FADING = 0.5  # below this the motion dies out; between this and LASTING it is 
 _MAX_TAIL = 20_000  # samples
 YES, NO, _ENTRAINED, _UNCLEAR = "yes", "no", "entrained", "unclear"
 CYCLED = (YES, NO, _ENTRAINED, _UNCLEAR)
+_MOST = 16  # loops of a group
+_known: deque[tuple[Loop, int, Cycled]] = deque(maxlen=_MOST)
 
 
 @dataclass(frozen=True)
@@ -49,11 +52,23 @@ def simulate_with_truth(
     """Run a loop, let it go on without noise under frozen disturbances and set point, and say
     whether it cycles.
 
-    A valve without friction is its own twin: never "yes".
+    A valve without friction is its own twin: never "yes". The answer about a loop that was just
+    asked about is kept.
     """
     run = run_once(loop, seed)
     if not run.sticky:
         return run, Cycled(NO)
+    for known, its, cycled in _known:
+        if known is loop and its == seed and period is None:
+            return run, cycled
+    cycled = _cycled(run, loop, seed, period)
+    if period is None:
+        _known.append((loop, seed, cycled))
+    return run, cycled
+
+
+def _cycled(run: Run, loop: Loop, seed: int, period: float | None) -> Cycled:
+    """Say whether a sticky loop cycles."""
     Ts, bar = loop.sampling.Ts, least_swing(loop)
     late = motion(run.mv[run.record.n // 2 :], bar / 4)
     if period is None:
@@ -64,7 +79,7 @@ def simulate_with_truth(
         tail, moved = _tail(loop, seed, period / Ts, bar, quiet)
         said = _alone(loop, seed, tail, moved, bar, quiet)
         if said == YES:
-            return run, Cycled(YES, moved.period * Ts, moved.swing)
+            return Cycled(YES, moved.period * Ts, moved.swing)
         # what the loop does from the record's end on counts first; earlier ends only make it
         # unclear
         found = found or (said, moved)
@@ -76,16 +91,14 @@ def simulate_with_truth(
         said = _UNCLEAR
     if said == NO and _driven(run) and np.ptp(run.mv[run.record.n // 2 :]) >= bar:
         said = _ENTRAINED
-    return run, Cycled(said, moved.period * Ts, moved.swing)
+    return Cycled(said, moved.period * Ts, moved.swing)
 
 
 def least_swing(loop: Loop) -> float:
     """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 of a valve without
     slip jump.
     """
-    bands = friction(loop)
-    S, J = (max((band[i] for band in bands), default=0.0) for i in (0, 1))
-    return max(J / 2 if J > 0 else S / 20, 1e-6)
+    return least_swing_of(friction(loop))
 
 
 def healthy_twin(loop: Loop) -> Loop:

@@ -9,7 +9,8 @@ OF_OSCILLATING, OF_NOT_OSCILLATING = "oscillating", "not oscillating"
 SAMPLED = "sampled"  # scenarios of a large run on which orders and scatter are worked out
 LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
-NO_WAVEFORM = "no_waveform"  # the reference row that knows everything but the waveform
+# reference rows that know everything but the waveform; the second also how regular the cycles are
+NO_WAVEFORM, WITH_RHYTHM = "no_waveform", "rhythm"
 # after a method's name, by where its constants were fitted: on loops of this grid, of one with the
 # same blocks, of neither
 HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}

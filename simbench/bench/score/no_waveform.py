@@ -98,9 +98,9 @@ def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
     }
 
 
-def no_waveform(book: RunArrays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def no_waveform(book: RunArrays, rhythm: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the probability of a cycle and the verdict (1 stiction) of a classifier on `FEATURES`,
-    for every scenario, and which scenarios it knows.
+    with `rhythm` on `RHYTHM` as well, for every scenario, and which scenarios it knows.
 
     It is asked about loops that oscillate: of others the probability is -inf and the verdict 0, as
     of every method after the oscillation detection. It learns from the loops of other groups; where
@@ -108,9 +108,12 @@ def no_waveform(book: RunArrays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     asked = np.zeros(book.groups.size, dtype=bool)
     asked[sample_of(book.groups)] = True
-    known = asked & book.oscillating & (book.truth["cycled"] >= 0)
+    known = asked & book.oscillating & ~book.apart & (book.truth["cycled"] >= 0)
     chance = np.where(book.oscillating, 0.5, -np.inf)
     features = book.design[:, : len(FEATURES)]
+    if rhythm:
+        more = book.design[:, len(FEATURES) + len(EXTREMES) :]
+        features = np.concatenate([features, more], axis=1)
     chance[known] = out_of_fold(
         features[known], book.truth["cycled"][known] == 1, book.groups[known]
     )

@@ -70,7 +70,8 @@ class Scores:
     ----------
     table : DataFrame
         One row per method, truth, process ("all", "self-regulating", "integrating") and population
-        ("all", "oscillating", "not oscillating", by the common oscillation detection): n scenarios
+        ("all", "oscillating", "not oscillating", by the common oscillation detection; loops of
+        blocks that are not ranked are in "all" alone): n scenarios
         with a truth, positives; applicable: on how many the method's source covers the loop; over
         those, with Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong),
         accuracy_decided, no_decision, found (of positives, no decision is not found), false_alarms
@@ -88,6 +89,10 @@ class Scores:
     left_out : DataFrame
         method, of ("entrained", "unclear", "does not apply"), n, and the shares of the three
         answers with intervals.
+    by_cause : DataFrame
+        Of loops that the valve does not make cycle: method, cause (the kind of the echo, "own
+        tuning", "no oscillation", "other"), n, false_positives with their 95 % interval (_lo, _hi),
+        and no_decision.
     quantification : DataFrame
         method, family of valves, parameter (S or J), n sticky loops for which the method gave it,
         median_error (from the middle of an interval) and width in shares of the valve's S, coverage
@@ -99,8 +104,8 @@ class Scores:
     counts : dict
         How many scenarios the run has, how many of them oscillate and, of a run of more than
         20 000, how many were drawn at random (whole groups) for what needs an order or a scatter:
-        AUC, found_at_5, risk_coverage, cost_over_no_waveform, median_ms, the row `no_waveform`, and
-        the width of the cost's interval. Every other number counts all.
+        AUC, found_at_5, risk_coverage, cost_over_no_waveform, median_ms, the rows `no_waveform` and
+        `rhythm`, and the width of the cost's interval. Every other number counts all.
     stability : dict of truth to RankStability
         How stable the ranking on oscillating loops is.
     failing : dict of method to int
@@ -113,6 +118,7 @@ class Scores:
     by_axis: pd.DataFrame
     disagreement: pd.DataFrame
     left_out: pd.DataFrame
+    by_cause: pd.DataFrame
     quantification: pd.DataFrame
     standing: dict[tuple[str, str, str], Ranks]
     manifest: dict[str, Any]
@@ -186,6 +192,7 @@ class Scores:
             "by_axis": _records(self.by_axis),
             "disagreement": _records(self.disagreement),
             "left_out": _records(self.left_out),
+            "by_cause": _records(self.by_cause),
             "quantification": _records(self.quantification),
         }
 

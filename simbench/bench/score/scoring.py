@@ -21,6 +21,7 @@ from simbench.bench.score.names import (
     OF_OSCILLATING,
     ROLE_YARDSTICK,
     SAMPLED,
+    WITH_RHYTHM,
     kind_of,
 )
 from simbench.bench.score.no_waveform import no_waveform
@@ -30,9 +31,10 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.stability import RankStability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
-from simbench.bench.store.tables import AXES
+from simbench.bench.store.tables import AXES, CELL_S_OVER_2J
 from simbench.detectors.signal.conditioning import median
-from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.scenarios.cell import ULTIMATE
 from simbench.scenarios.grid import grid_names
 from simbench.scenarios.spec import read_toml
 
@@ -41,7 +43,13 @@ if TYPE_CHECKING:
 
 # where each stands among the counts of answers
 _PROCESSES = {ALL: slice(None), "self-regulating": slice(1), "integrating": slice(1, 2)}
-_POPULATIONS = {ALL: slice(None), OF_OSCILLATING: slice(1, None), OF_NOT_OSCILLATING: slice(1)}
+_POPULATIONS = {
+    ALL: slice(None),
+    OF_OSCILLATING: slice(1, 2),
+    OF_NOT_OSCILLATING: slice(1),
+}
+# of a healthy loop the cell's place on the axis, so that false positives have one
+_AXIS_OF_CELL = {"S_over_2J": CELL_S_OVER_2J}
 # rates with Wilson intervals, in the order they are shown
 _RATES = (
     "accuracy_applicable",
@@ -85,11 +93,14 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     """
     rows, by_axis = [], []
     standing, stable = {}, {}
-    blind, failing = no_waveform_answers(book), _failing(book, allow_failed)
+    reference, failing = reference_answers(book), _failing(book, allow_failed)
+    blind = reference[0]
     some = np.flatnonzero(blind.applies)
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
+    # 0 does not oscillate, 1 does, 2 is not ranked
+    going_on = np.where(book.apart, 2, book.oscillating)
     axes = {axis: axis_codes(book, axis) for axis in AXES}
-    whole = [*answers_of(book), blind]
+    whole = [*answers_of(book), *reference]
     codes = [((a.said & 3) * 2 + a.applies) * 2 + a.failed for a in whole]
     # the order of the scores is all that counts, and found once
     everyone = [
@@ -98,10 +109,10 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     ]
     for truth in TRUTHS:
         known = book.truth[truth].astype(int) + 1
-        counts = _counted(6 * known + 2 * process + book.oscillating, (3, 3, 2), codes)
+        counts = _counted(9 * known + 3 * process + going_on, (3, 3, 3), codes)
         for (kind, of), (population, going) in product(_PROCESSES.items(), _POPULATIONS.items()):
             place = {"truth": truth, "process": kind, "population": population}
-            here = _chosen(process[some], of) & _chosen(book.oscillating[some], going)
+            here = _chosen(process[some], of) & _chosen(going_on[some], going)
             block = _block(book, truth, here, place, blind)
             # where nothing oscillates no score tells loops apart
             found = [
@@ -126,8 +137,9 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
             ]
     left_out = _left_out(book, whole, codes)
     frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
-    other = _disagreement(book), _frame(left_out, {}), quantification(book)
-    sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int(book.oscillating.sum())}
+    by_cause = _frame([*_by_cause(book, whole, codes)], {})
+    other = _disagreement(book), _frame(left_out, {}), by_cause, quantification(book)
+    sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int((going_on == 1).sum())}
     if some.size < book.ids.size:
         sizes[SAMPLED] = some.size
     return Scores(*frames, *other, standing, book.manifest, sizes, stable, failing, undecided)
@@ -216,27 +228,22 @@ def _blocks(grid: str) -> frozenset[str]:
     return frozenset(block["name"] for block in table.get("block", ()))
 
 
-_classified: WeakKeyDictionary[RunArrays, _Answers] = WeakKeyDictionary()
+_classified: WeakKeyDictionary[RunArrays, list[_Answers]] = WeakKeyDictionary()
 
 
-def no_waveform_answers(book: RunArrays) -> _Answers:
-    """Return what a classifier answers of an oscillating loop from everything but its waveform,
-    learned on other groups.
+def reference_answers(book: RunArrays) -> list[_Answers]:
+    """Return what classifiers answer of an oscillating loop from everything but its waveform,
+    learned on other groups: `no_waveform`, and `rhythm`.
 
-    It is trained once for a run in memory.
+    They are trained once for a run in memory.
     """
     if book not in _classified:
-        (chance, verdicts, asked), nothing = no_waveform(book), np.zeros(book.ids.size)
-        _classified[book] = _Answers(
-            NO_WAVEFORM,
-            ROLE_YARDSTICK,
-            False,
-            verdicts,
-            chance,
-            asked,
-            nothing != 0,
-            nothing,
-        )
+        nothing, rows = np.zeros(book.ids.size), []
+        for name in (NO_WAVEFORM, WITH_RHYTHM):
+            chance, verdicts, asked = no_waveform(book, rhythm=name == WITH_RHYTHM)
+            told = verdicts, chance, asked, nothing != 0, nothing
+            rows.append(_Answers(name, ROLE_YARDSTICK, False, *told))
+        _classified[book] = rows
     return _classified[book]
 
 
@@ -246,7 +253,7 @@ def axis_codes(book: RunArrays, axis: str) -> tuple[list[str], np.ndarray]:
     """
     import pandas as pd
 
-    codes, values = pd.factorize(book.axes[axis], sort=True)
+    codes, values = pd.factorize(book.axes[_AXIS_OF_CELL.get(axis, axis)], sort=True)
     texts = [v if isinstance(v, str) else f"{v:g}" for v in values]
     if texts[:1] == [""]:
         codes, texts = codes - 1, texts[1:]
@@ -400,6 +407,36 @@ def _left_out(
     return rows
 
 
+def _by_cause(
+    book: RunArrays, everyone: list[_Answers], codes: list[np.ndarray]
+) -> Iterator[dict[str, Any]]:
+    """Yield how often every method calls loops sticky that the valve does not make cycle, by what
+    makes them oscillate.
+    """
+    texts, places = axis_codes(book, "echo")
+    kinds = np.array([*texts, ""])[places]
+    echoes = [kind for kind in dict.fromkeys(kinds) if kind not in ("", "none")]
+    causes = (*(f"echo, {kind}" for kind in echoes), "own tuning", "no oscillation", "other")
+    place = np.select(
+        [
+            book.truth["cycled"] != 0,
+            *(kinds == kind for kind in echoes),
+            np.isin(book.axes["tuning"].astype(str), list(ULTIMATE)),
+            ~book.oscillating,
+        ],
+        [len(causes), *range(len(causes) - 1)],
+        len(causes) - 1,
+    )
+    for a, c in zip(everyone, _counted(place, (len(causes) + 1,), codes), strict=True):
+        for cause, answers in zip(causes, c.sum(-1), strict=False):
+            n = int(answers[:, 1].sum())
+            said, undecided = (int(answers[CODES[w], 1]) for w in (STICTION, NO_DECISION))
+            share, lo, hi = rate(said, n)
+            row: dict[str, Any] = {"method": a.method, "role": a.role, "cause": cause, "n": n}
+            row |= {"false_positives": share, "false_positives_lo": lo, "false_positives_hi": hi}
+            yield row | {"no_decision": undecided / n if n else math.nan}
+
+
 def _rank(
     block: _Block,
     everyone: list[_Answers],
@@ -444,7 +481,7 @@ def _stability(
     """Return how stable the order of the ranked methods is on loops that oscillate, with halves
     drawn from the run's seed.
     """
-    use = np.flatnonzero(book.oscillating & (book.truth[truth] >= 0))
+    use = np.flatnonzero(book.oscillating & ~book.apart & (book.truth[truth] >= 0))
     positive = book.truth[truth][use] == 1
     earned = {a.method: _earned(a.said[use], positive, cost) * a.applies[use] for a in ranked}
     right = {a.method: a.said[use] == positive for a in ranked}

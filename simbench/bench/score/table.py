@@ -49,7 +49,7 @@ _TRUTHS = {
 _LEGEND = (
     "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this"
     " grid, + on a related grid. no_waveform: a classifier that sees period, amplitude and noise,"
-    " but no waveform."
+    " but no waveform; rhythm: and how regular the cycles are."
 )
 
 
@@ -89,6 +89,8 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     lines += [
         "",
         *_still(scores, truth),
+        "",
+        *_causes(scores),
         "",
         *_neighbours(scores, truth),
         "",
@@ -142,7 +144,7 @@ def _title(scores: Any) -> list[str]:
         )
     if left_out := unmatched(m):
         lines += _wrapped(
-            f"{left_out} scenarios were left out, as no matching healthy oscillation was found."
+            f"{left_out} echoes were left out, as their sticky sibling does not cycle."
         )
     return lines
 
@@ -284,6 +286,19 @@ def _still(scores: Any, truth: str) -> list[str]:
         )
     title = f"loops that do not oscillate ({first.n}, {first.positives} positive)"
     return [title, *columns(lines)]
+
+
+def _causes(scores: Any) -> list[str]:
+    """Return false positives by what makes a loop oscillate whose valve does not."""
+    rows, names = scores.by_cause, _marked(scores)
+    rows = rows[rows.role != ROLE_YARDSTICK] if len(rows) else rows
+    causes = list(dict.fromkeys(rows.cause)) if len(rows) else []
+    lines = [("method", *(f"{c} ({rows[rows.cause == c].n.max()})" for c in causes))]
+    for method, of in rows.groupby("method", sort=False) if causes else ():
+        known = {r.cause: _rate(r.false_positives, r.n < LEAST) for r in of.itertuples()}
+        lines.append((names.get(method, method), *(known.get(c, "") for c in causes)))
+    title = "false positives by cause, loops that the valve does not make cycle"
+    return [title, *columns(lines)] if causes else ["the valve makes every loop cycle"]
 
 
 def _neighbours(scores: Any, truth: str) -> list[str]:

@@ -22,19 +22,19 @@ from simbench.bench.store.checksums import (
 )
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import Place, place_of
-from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA
+from simbench.bench.store.tables import AXES, CELL_S_OVER_2J, RANKED, SCENARIOS, VERDICT_SCHEMA
 from simbench.detectors.errors import nearest
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.scenarios.spec import Loop, Scenario
 
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
-_WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+_WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning", "echo")
 _CODED = {
     "scenarios": (*_WORDS, "cycled"),
     "verdicts": ("scenario_id", "method", "verdict", "verdict_raw"),
 }
-_NUMBERS = tuple(axis for axis in AXES if axis not in _WORDS)
+_NUMBERS = (*(axis for axis in AXES if axis not in _WORDS), CELL_S_OVER_2J, RANKED)
 ID = np.dtype("S16")
 _ENDS = ("S_lo", "S_hi", "J_lo", "J_hi")
 # as baselines keep them
@@ -146,6 +146,11 @@ class RunArrays:
     # (k,) every S and J that a method gave, with the numbers of loop and method; the ends of an
     # interval, or twice a number
     levels: np.ndarray = field(default_factory=lambda: np.empty(0, LEVELS))
+
+    @property
+    def apart(self) -> np.ndarray:
+        """Which loops no ranking counts."""
+        return self.axes[RANKED] == 0.0
 
     @classmethod
     def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> RunArrays:

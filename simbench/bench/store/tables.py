@@ -11,7 +11,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-FORMAT = 1
+FORMAT = 2
 _TEXT = pa.string()
 _NUMBER = pa.float64()
 AXES = (
@@ -22,10 +22,24 @@ AXES = (
     "disturbance",
     "tuning",
     "samples_per_period",
+    "echo",
+    "cut",
 )
-_WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning")
+_WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning", "echo")
 _COUNTS = ("cell", "repeat")
-TAG_KEYS = (*_COUNTS, "block", "member", "process", "controller", "valve", *AXES)
+RANKED = "ranked"  # 0: no ranking counts this loop
+CELL_S_OVER_2J = "cell_S_over_2J"  # also of a healthy loop, whose own S_over_2J is 0
+TAG_KEYS = (
+    *_COUNTS,
+    "block",
+    "member",
+    "process",
+    "controller",
+    "valve",
+    *AXES,
+    CELL_S_OVER_2J,
+    RANKED,
+)
 
 _TYPES = {
     "text": _TEXT,
@@ -43,7 +57,7 @@ def _columns(table: str) -> list[tuple[str, pa.DataType]]:
 
 
 # S and J: mapped, % of travel; theory_reason: why theory has nothing to say of this loop;
-# no_waveform: as `simbench.bench.score.no_waveform` names them
+# no_waveform: as `simbench.bench.score.no_waveform` and `rhythm` name them
 SCENARIOS = pa.schema(
     [
         ("scenario_id", _TEXT),

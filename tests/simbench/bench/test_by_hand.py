@@ -16,7 +16,6 @@ from simbench.bench.execute import work
 from simbench.bench.execute.failures import Failures
 from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario import truth
-from simbench.bench.scenario.motion import Motion, largest_sine, motion
 from simbench.bench.score.check_result import Check
 from simbench.bench.score.names import kind_of
 from simbench.bench.score.pairing import pair
@@ -26,6 +25,7 @@ from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA, encode
 from simbench.detectors.contract.detector import LoopRecord
 from simbench.detectors.report.summary import level_ends
 from simbench.detectors.verdict import Verdict
+from simbench.loop.motion import Motion, largest_sine, motion
 from simbench.scenarios.spec import Loop
 
 SHOWN = 20  # flipped scenarios that a check shows
@@ -110,7 +110,7 @@ def test_a_piece_of_a_table_keeps_its_types_and_its_number():
     )
     read = pq.read_table(io.BytesIO(encode(columns, VERDICT_SCHEMA, 7)))
     assert read.schema.metadata[b"piece"] == b"7"
-    assert read.schema.metadata[b"format"] == b"1"
+    assert read.schema.metadata[b"format"] == b"2"
     assert read["score"].to_pylist() == [None, 1.5]
     assert read["runtime_s"].to_pylist() == [0.0, -math.inf]
     assert read["applicable"].to_pylist() == [True, None]

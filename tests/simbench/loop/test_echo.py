@@ -119,7 +119,7 @@ def test_a_tail_goes_on_under_the_last_load():
 
 @pytest.mark.parametrize(("load", "error", "words"), [
     ({"S": 5.0, "J": 2.0}, ParameterError, "valve = None; the model of the sticky valve"),
-    ({"valve": "choudhury", "S": 0.01, "J": 0.001}, ParameterError, "no sustained oscillation"),
+    ({"valve": "choudhury", "S": 0.01, "J": 0.001}, ParameterError, "does not cycle"),
     ({"valve": "choudhury", "S": 5.0, "J": 2.0, "kind": "flat"}, ParameterError, "flat"),
     ({"valve": "choudhury", "S": 5.0, "J": 2.0, "cut": 0.0}, ParameterError, "cut = 0"),
     ({"valve": "chouhdury", "S": 5.0, "J": 2.0}, UnknownName, "choudhury"),

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from simbench.bench.scenario.motion import motion
 from simbench.bench.scenario.truth import (
     MIN_REVERSALS,
     healthy_twin,
     least_swing,
     simulate_with_truth,
 )
+from simbench.loop.motion import motion
 from simbench.loop.simulate import simulate, valve_tail
 from simbench.scenarios.spec import Loop
 

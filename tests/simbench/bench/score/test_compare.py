@@ -56,7 +56,7 @@ def test_no_decision_is_never_right(book):
 def test_breakdown_is_the_first_value_below_four_fifths(book):
     axis = np.repeat([0.5, 1.0, 1.5, 10.0], N // 4)
     right = np.where(axis < 1.2, True, np.arange(N) % 3 > 0)
-    run = book([np.where(right, TRUTH, 1 - TRUTH), TRUTH], TRUTH, axes={"S_over_2J": axis})
+    run = book([np.where(right, TRUTH, 1 - TRUTH), TRUTH], TRUTH, axes={"cell_S_over_2J": axis})
     comparison = between_methods(run)
     (row,) = comparison.breakdown.to_dict("records")
     assert (row["method"], row["axis"], row["value"]) == ("m0", "S_over_2J", "1.5")

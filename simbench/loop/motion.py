@@ -8,6 +8,8 @@ import numpy as np
 
 from simbench.detectors.signal.conditioning import median
 
+MIN_REVERSALS = 6  # of a valve that cycles
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -50,6 +52,14 @@ class Motion:
         if last.size == 0:
             return 0.0
         return median(last) / median(first) if first.size else float("inf")
+
+
+def least_swing(bands: list[tuple[float, float]]) -> float:
+    """Return the smallest swing of MV (%) that counts as a cycle: J/2, or S/20 without slip jump;
+    `bands` are the (S, J) of the valve's stages.
+    """
+    S, J = (max((band[i] for band in bands), default=0.0) for i in (0, 1))
+    return max(J / 2 if J > 0 else S / 20, 1e-6)
 
 
 def motion(mv: np.ndarray, least: float) -> Motion:
