@@ -56,6 +56,8 @@ class Method:
     exempt: dict[str, str] = field(default_factory=dict)
     # grids whose loops, of other seeds, the method's constants were fitted to
     fitted_on: tuple[str, ...] = ()
+    # whether its numbers are weights that a classifier or a regression learned from such loops
+    learned: bool = False
     # which of S and J come as intervals that should hold the truth in nine cases of ten; any
     # other interval is what fits the record, without a level
     stated: tuple[str, ...] = ()
@@ -64,6 +66,11 @@ class Method:
     published: dict[str, float] = field(default_factory=dict)
     # the same where Jelali's chapter differs from the method's source; `NAME@chapter`
     chapter: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def division(self) -> str:
+        """Whose numbers it has: "published", "tuned" here to simulated loops, or "learned"."""
+        return "learned" if self.learned else "tuned" if self.fitted_on else "published"
 
     def defaults(self) -> dict[str, float]:
         """Return the default of every threshold."""

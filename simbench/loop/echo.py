@@ -48,6 +48,7 @@ _FUNDAMENTAL = (0.6, 1.6)  # band about the cycle's frequency
 _HARMONICS = {2: 0.15, 3: 0.3, 5: 0.12}  # largest share of the fundamental that is drawn
 _LAG, _SIZE = (0.1, 0.3), (0.3, 1.0)  # of the other valve: in periods, over this valve's motion
 _SHORTEST = 4.0  # samples per period; a shorter cycle has no shape
+_SETTLING = 3  # the first of so many parts of a run is left out, where its period is measured
 _PADDED = 3.0  # periods by which the error is continued at both ends, mirrored
 
 
@@ -85,7 +86,8 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
     p = resolve(SHAPES, given, f"disturbance {NAME!r}")
     op, _, mv = signals_of(donor)
     error = mv - stages_response(tuple(own.valves), op, donor.op0)
-    moved = motion(mv[donor.warm_up :], least_swing(donor.bands) / 4.0)
+    # of warm-up and record together: a record that begins earlier must have the same load
+    moved = motion(mv[mv.size // _SETTLING :], least_swing(donor.bands) / 4.0)
     period = moved.period
     if moved.reversals < MIN_REVERSALS or period < _SHORTEST:
         raise NoCycleError(

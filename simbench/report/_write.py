@@ -14,11 +14,23 @@ from simbench.report import (
     roc,
     slowest,
     summary,
+    tradeoff,
 )
 from simbench.report.data import RunData
 from simbench.report.page import render
 
-_SECTIONS = (summary, overview, maps, roc, axes, disagreement, slowest, failures, provenance)
+_SECTIONS = (
+    summary,
+    overview,
+    tradeoff,
+    maps,
+    roc,
+    axes,
+    disagreement,
+    slowest,
+    failures,
+    provenance,
+)
 
 
 def write_report(run_folder: str | Path, path: str | Path, run: RunData | None = None) -> None:

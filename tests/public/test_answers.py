@@ -287,6 +287,8 @@ def test_score_and_the_run_tables(answer, place, capsys):
         "cost",
         "risk_coverage",
         "home",
+        "division",
+        "name",
         "population",
     }
     assert set(rows.truth) == {"sticky", "predicted", "cycled"}
@@ -297,15 +299,15 @@ def test_score_and_the_run_tables(answer, place, capsys):
         "yamashita",
         "bicoherence",
         "oracle",
-        "always no",
-        "always yes",
+        "always_no",
+        "always_yes",
         "no_waveform",
         "rhythm",
     }
     assert (
         rows[
             rows.method.isin(
-                ["oracle", "always no", "always yes", "no_waveform", "rhythm", "bicoherence"]
+                ["oracle", "always_no", "always_yes", "no_waveform", "rhythm", "bicoherence"]
             )
         ]["rank"]
         .isna()

@@ -38,6 +38,7 @@ from simbench.bench.store.manifest import describe, read_manifest, run_key
 from simbench.bench.store.place import Place, place_of
 from simbench.detectors.errors import UserError, masked, nearest, printable
 from simbench.detectors.judge import refuse_wrong_forms
+from simbench.detectors.method import Method
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
@@ -416,8 +417,20 @@ def about_method(name: str) -> dict[str, Any]:
         "budget": "full",
         "fitted_on": [],
         "stated": [],
+        "division": "reference",
     }
     if name == ORACLE:
         return oracle
-    about = {key: getattr(registry.load(name).METHOD, key) for key in oracle}
-    return {key: list(v) if oracle[key] == [] else v for key, v in about.items()}
+    method = registry.load(name).METHOD
+    about = {key: getattr(method, key) for key in oracle}
+    about = {key: list(v) if oracle[key] == [] else v for key, v in about.items()}
+    return about | {"changed": _changed(name, method)}
+
+
+def _changed(name: str, method: Method) -> dict[str, float]:
+    """Return the thresholds in which a variant, such as NAME@published, differs from NAME."""
+    base = name.partition("@")[0]
+    if base == name or base not in registry.names():
+        return {}
+    before = registry.load(base).METHOD.defaults()
+    return {k: v for k, v in method.defaults().items() if before.get(k) != v}

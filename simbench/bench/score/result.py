@@ -13,6 +13,7 @@ from simbench.bench.score.names import ALL, OF_OSCILLATING, ROLE_YARDSTICK, SAMP
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.table import full_text, headline
+from simbench.bench.score.tradeoff import as_rows
 from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.place import Place, place_of
 from simbench.detectors.errors import ParameterError, nearest
@@ -44,6 +45,8 @@ _ROWS = (
     "cost",
     "risk_coverage",
     "home",
+    "division",
+    "name",
 )
 _INTERVALS = (
     *_PLACE,
@@ -81,7 +84,10 @@ class Scores:
         false alarms, threshold from other groups); risk_coverage (area under the curve: mean error
         of the surest answers); cost_over_no_waveform, the cost less that of the reference row
         `no_waveform` on the same loops; accuracy_all over everything; home, where its constants
-        were fitted; errors; median runtime in ms.
+        were fitted; division ("published", "tuned" here, "learned", "reference", None where not
+        stated), name with every changed threshold; missed, undecided_positives and
+        undecided_negatives (no decision of positives and of negatives); errors; median runtime in
+        ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.
     disagreement : DataFrame
@@ -170,6 +176,11 @@ class Scores:
         """
         return "\n".join(full_text(self, truth, where) if full else headline(self, truth, where))
 
+    def ranked_methods(self, truth: str = "cycled") -> pd.DataFrame:
+        """Return the ranking without methods that see MV, reference rows and other tests."""
+        rows = self.ranking(truth)
+        return rows.query("kind == 0") if len(rows) else rows
+
     def as_json(self) -> dict[str, Any]:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity
         become null.
@@ -193,6 +204,7 @@ class Scores:
             "disagreement": _records(self.disagreement),
             "left_out": _records(self.left_out),
             "by_cause": _records(self.by_cause),
+            "tradeoff": as_rows(self.ranked_methods(), self.undecided),
             "quantification": _records(self.quantification),
         }
 

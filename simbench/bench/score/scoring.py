@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from itertools import product
@@ -60,7 +60,7 @@ _RATES = (
     "accuracy_all",
 )
 _LEFT_OUT = ("entrained", "unclear")
-_YARDSTICKS = {"always no": CODES[NO_STICTION], "always yes": CODES[STICTION]}
+_YARDSTICKS = {"always_no": CODES[NO_STICTION], "always_yes": CODES[STICTION]}
 _EACH = ("said", "applies", "failed", "runtime")
 _COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
@@ -77,6 +77,9 @@ class _Answers(NamedTuple):
     failed: np.ndarray
     runtime: np.ndarray
     home: str = "no"
+    # "published", "tuned" (here, to simulated loops), "learned" or "reference"; None: not stated
+    division: str | None = "reference"
+    name: str = ""  # with every threshold that is not the method's default
 
 
 def score_run(
@@ -198,13 +201,28 @@ def answers_of(book: RunArrays) -> Iterator[_Answers]:
             book.failed[i],
             book.runtime[i],
             home_of(method, book),
+            about.get("division"),
+            _full_name(method, about.get("changed", {})),
         )
     nothing = np.zeros(book.ids.size)
     for name, code in _YARDSTICKS.items():
         said = np.full(book.ids.size, code)
         yield _Answers(
-            name, ROLE_YARDSTICK, False, said, nothing, nothing == 0, nothing != 0, nothing
+            name,
+            ROLE_YARDSTICK,
+            False,
+            said,
+            nothing,
+            nothing == 0,
+            nothing != 0,
+            nothing,
+            name=name,
         )
+
+
+def _full_name(method: str, changed: Mapping[str, float]) -> str:
+    stated = ", ".join(f"{name} = {value:g}" for name, value in changed.items())
+    return f"{method} ({stated})" if stated else method
 
 
 def home_of(method: str, book: RunArrays) -> str:
@@ -242,7 +260,7 @@ def reference_answers(book: RunArrays) -> list[_Answers]:
         for name in (NO_WAVEFORM, WITH_RHYTHM):
             chance, verdicts, asked = no_waveform(book, rhythm=name == WITH_RHYTHM)
             told = verdicts, chance, asked, nothing != 0, nothing
-            rows.append(_Answers(name, ROLE_YARDSTICK, False, *told))
+            rows.append(_Answers(name, ROLE_YARDSTICK, False, *told, name=name))
         _classified[book] = rows
     return _classified[book]
 
@@ -318,12 +336,19 @@ def _row(
         "role": a.role,
         "sees_mv": a.sees_mv,
         "home": a.home,
+        "division": a.division,
+        "name": a.name,
     }
     row.update(n=n, n_all=int(counts.sum()), positives=int(counts[2].sum()), applicable=m)
     lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
     for name, (hits, trials), *ends in zip(_RATES, of, lo, hi, strict=True):
         row[name] = hits / trials if trials else math.nan
         row[f"{name}_lo"], row[f"{name}_hi"] = ends
+    row |= {
+        "missed": yes[0] / p if p else math.nan,
+        "undecided_positives": yes[2] / p if p else math.nan,
+        "undecided_negatives": no[2] / (m - p) if m > p else math.nan,
+    }
     earned = _earned(said, positive, cost)
     mean = (m - right - (1.0 - cost) * undecided) / m if m else math.nan
     ranges = {"cost": _mean_of_groups(1.0 - earned, groups, 0.0, mean, m)}
@@ -419,7 +444,8 @@ def _by_cause(
     causes = (*(f"echo, {kind}" for kind in echoes), "own tuning", "no oscillation", "other")
     place = np.select(
         [
-            book.truth["cycled"] != 0,
+            # echoes of several cuts have a table of their own
+            (book.truth["cycled"] != 0) | (book.apart & ~np.isnan(book.axes["cut"])),
             *(kinds == kind for kind in echoes),
             np.isin(book.axes["tuning"].astype(str), list(ULTIMATE)),
             ~book.oscillating,

@@ -11,6 +11,9 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from simbench.bench.score import tradeoff
 from simbench.bench.score.names import (
     ALL,
     HOME_MARKS,
@@ -92,6 +95,10 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         "",
         *_causes(scores),
         "",
+        *_tradeoffs(scores, truth),
+        "",
+        *_resolved_corners(scores),
+        "",
         *_neighbours(scores, truth),
         "",
         *_over_no_waveform(scores, truth),
@@ -172,6 +179,16 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
             f" {apart} of {len(stable.pairs)} adjacent pairs differ in accuracy (exact McNemar"
             " test, Holm)."
         )
+        ranked = scores.ranked_methods(truth)
+        ranked = ranked[ranked["rank"].notna()]
+        least = tradeoff.worth_from(ranked, scores.undecided)
+        if not np.isnan(least).all():
+            first = int(np.nanargmin(least))
+            said.append(
+                f"Where fewer than {_rate(least[first])} of the loops stick, never to claim"
+                " stiction (always_no) costs less than any ranked method;"
+                f" {ranked.method.iloc[first]} is the first that is worth asking."
+            )
         said.append(
             f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the"
             " loops."
@@ -202,7 +219,7 @@ def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
         if group != before and (group[0] or r.partial):
             body.append(("title", _group(r, scores)))
         body.append(
-            ("always" if r.method.startswith("always ") else "fixed" if r.kind == 2 else "row", r)
+            ("always" if r.method.startswith("always_") else "fixed" if r.kind == 2 else "row", r)
         )
         before = group
     if len(body) > room:
@@ -299,6 +316,51 @@ def _causes(scores: Any) -> list[str]:
         lines.append((names.get(method, method), *(known.get(c, "") for c in causes)))
     title = "false positives by cause, loops that the valve does not make cycle"
     return [title, *columns(lines)] if causes else ["the valve makes every loop cycle"]
+
+
+def _tradeoffs(scores: Any, truth: str) -> list[str]:
+    """Return the cost over the weight of no decision, and over the prevalence of sticky loops."""
+    rows, names = scores.ranked_methods(truth), _marked(scores)
+    rows = rows[rows.applicable >= LEAST] if len(rows) else rows
+    if rows.empty:
+        return ["too few loops oscillate for costs over weight and prevalence"]
+    lines = [
+        (
+            "method",
+            *(f"w {w:g}" for w in tradeoff.WEIGHTS),
+            *(f"p {p:g}" for p in tradeoff.PREVALENCES),
+            "worth from",
+        )
+    ]
+    for of in tradeoff.as_rows(rows, scores.undecided):
+        told = [cost for _, cost in (*of["over_weight"], *of["over_prevalence"])]
+        cells = ("-" if x is None else _rate(x, False) for x in (*told, of["worth_from"]))
+        lines.append((names.get(of["method"], of["method"]), *cells))
+    shares = [("always_no", *[""] * len(tradeoff.WEIGHTS), *map(_rate, tradeoff.PREVALENCES), "")]
+    title = _wrapped(
+        f"cost where no decision costs w and half of the loops stick; cost where it costs"
+        f" {scores.undecided:g} and a share p of the loops sticks; worth from: the least p at which"
+        " a method costs less than always_no"
+    )
+    return [*title, *columns([*lines, *shares])]
+
+
+def _resolved_corners(scores: Any) -> list[str]:
+    """Return which share of the echoes is called sticky, over the frequency at which they end."""
+    rows, names = scores.by_axis, _marked(scores)
+    rows = rows[(rows.axis == "cut") & (rows.role != ROLE_YARDSTICK)] if len(rows) else rows
+    cuts = list(dict.fromkeys(rows.value)) if len(rows) else []
+    if not cuts:
+        return ["no block has echoes of several cuts"]
+    lines = [("method", *cuts)]
+    for method, of in rows.groupby("method", sort=False):
+        known = {r.value: _rate(r.false_alarms, r.applicable < LEAST) for r in of.itertuples()}
+        lines.append((names.get(method, method), *(known.get(c, "") for c in cuts)))
+    title = _wrapped(
+        "resolution: share of echoes called sticky, over the multiple of the cycle's frequency"
+        " above which nothing of the valve's error is left"
+    )
+    return [*title, *columns(lines)]
 
 
 def _neighbours(scores: Any, truth: str) -> list[str]:

@@ -36,6 +36,7 @@ METHOD = Method(
     whole=True,
     takes_mv=True,
     fitted_on=("plant", "own", "mill", "refinery"),
+    learned=True,
     thresholds={
         "yes": Threshold(CLAIMED_FROM, "-", 0.0, 1.0, "own, simulated loops", "above: stiction"),
         "no": Threshold(DENIED_BELOW, "-", 0.0, 1.0, "own, simulated loops", "below: no stiction"),

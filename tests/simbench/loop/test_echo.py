@@ -111,6 +111,11 @@ def test_an_echo_is_a_function_of_loop_and_seed(tmp_path):
     assert np.array_equal(a.pv, simulate(again, 3).record.pv)
 
 
+def test_the_load_does_not_hang_on_where_the_record_begins():
+    whole = simulate(echo(changes={"sampling": {"Ts": 1.0, "n": 1800}}), 3).record
+    assert np.array_equal(whole.pv[300:], simulate(echo(), 3).record.pv)
+
+
 def test_a_tail_goes_on_under_the_last_load():
     run = simulate(echo(), 3, tail=100)
     assert np.array_equal(run.record.pv, simulate(echo(), 3).record.pv)

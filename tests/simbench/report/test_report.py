@@ -85,6 +85,7 @@ def test_sections_come_summary_first_and_provenance_last(report):
     assert titles == [
         "Summary",
         "Overview",
+        "What the order rests on",
         "Maps",
         "ROC",
         "By axis",
@@ -191,7 +192,7 @@ def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_se
         assert page.requests == [report.resolve().as_uri()]
     assert over <= 0, "the page itself never scrolls sideways"
     # the overview, a bar of colours and a map per detector, the ROC curves
-    assert len(pictures) == 1 + 1 + 4 + 1
+    assert len(pictures) == 1 + 1 + 1 + 4 + 1
     for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
         assert w > 100
         assert h > 50

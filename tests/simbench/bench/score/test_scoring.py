@@ -9,13 +9,14 @@ import pytest
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
-from simbench.bench.score import folds, no_waveform
+from simbench.bench.score import folds, no_waveform, tradeoff
 from simbench.bench.score.compare import between_methods
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.reading import RunArrays
 from simbench.cli import main
+from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop
@@ -111,11 +112,11 @@ def test_auc_is_sklearns_on_the_very_scores_of_the_tables(rows, joined):
 
 def test_yardsticks_answer_always_the_same(scores):
     block = scores.ranking().set_index("method")
-    no, yes = block.loc["always no"], block.loc["always yes"]
+    no, yes = block.loc["always_no"], block.loc["always_yes"]
     assert (no.found, no.false_alarms, yes.found, yes.false_alarms) == (0.0, 0.0, 1.0, 1.0)
     assert no.accuracy_all + yes.accuracy_all == pytest.approx(1.0)
     assert no.auc == yes.auc == 0.5
-    assert block.loc[["always no", "always yes"], "rank"].isna().all()
+    assert block.loc[["always_no", "always_yes"], "rank"].isna().all()
 
 
 def test_methods_that_see_mv_are_ranked_apart_and_partial_ones_where_they_apply(scores):
@@ -180,7 +181,7 @@ def test_the_default_output_is_one_table_of_one_screen(scores):
         "no decision",
     ]
     text = "\n".join(lines)
-    for reference in ("no_waveform", "always yes", "always no"):
+    for reference in ("no_waveform", "always_yes", "always_no"):
         assert reference in text
     assert text.index("he ") < text.index("with MV") < text.index("yamashita")
     assert "Only one method covers these loops" in text
@@ -316,7 +317,7 @@ def test_json_is_the_contracts(scores):
         "method,truth,process,population,n,applicable,accuracy_applicable,"
         "accuracy_decided,no_decision,found"
     )
-    new = "found_at_5,cost,risk_coverage,home"
+    new = "found_at_5,cost,risk_coverage,home,division,name"
     assert {",".join(row) for row in content["rows"]} == {
         f"{keys},false_alarms,accuracy_all,auc,lo,hi,sees_mv,rank,{new}"
     }
@@ -571,3 +572,44 @@ def test_rates_over_an_axis_are_printed_drawn_and_given_as_json(finished, joined
     assert len(by["rows"]) == len(rows)
     assert main(["score", str(finished), "--by", "disturbanc"]) == 2
     assert "did you mean 'disturbance'" in capsys.readouterr().err
+
+
+def test_costs_over_weight_and_prevalence_follow_from_the_rates(book):
+    truth = np.repeat([1, 0], 100)
+    said = np.concatenate([np.repeat([1, 0, 2], [60, 20, 20]), np.repeat([1, 0, 2], [10, 60, 30])])
+    rows = score_book(book(said, truth)).ranked_methods()
+    assert tradeoff.costs(rows, 0.0, 0.5)[0] == pytest.approx(0.5 * 0.2 + 0.5 * 0.1)
+    assert tradeoff.costs(rows, 1.0, 0.2)[0] == pytest.approx(0.2 * 0.4 + 0.8 * 0.4)
+    from_ = tradeoff.worth_from(rows, 0.5)[0]
+    # never to claim stiction costs the prevalence itself
+    assert tradeoff.costs(rows, 0.5, from_)[0] == pytest.approx(from_)
+    assert rows.cost.iloc[0] == pytest.approx(tradeoff.costs(rows, 0.5, 0.5)[0])
+    (row,) = tradeoff.as_rows(rows, 0.5)
+    assert [w for w, _ in row["over_weight"]] == list(tradeoff.WEIGHTS)
+    nothing = score_book(book(np.zeros(200), truth)).ranked_methods()
+    assert np.isnan(tradeoff.worth_from(nothing, 0.5)).all()
+
+
+def test_loops_apart_are_in_no_ranking_and_false_positives_have_a_cause(book):
+    truth = np.repeat([1, 0], 120)
+    run = book(np.ones(240), truth)
+    run.axes["echo"] = np.where(truth == 1, "none", np.tile(["smooth", "harmonics"], 120))
+    run.axes["ranked"][200:] = 0.0
+    run.axes["tuning"] = np.where(np.arange(240) < 200, "slow", "aggressive")
+    run.axes["echo"][200:] = "none"
+    scores = score_book(run)
+    assert scores.ranking().n.iloc[0] == 200
+    assert scores.ranking(population=ALL).n.iloc[0] == 240
+    causes = scores.by_cause.query("method == 'm0'").set_index("cause")
+    assert causes.n.to_dict() == {"echo, smooth": 40, "echo, harmonics": 40, "own tuning": 40}
+    assert (causes.false_positives == 1.0).all()
+    assert "own tuning (40)" in scores.as_text(full=True)
+
+
+def test_a_division_says_whose_numbers_a_method_has(scores):
+    division = scores.table.drop_duplicates("method").set_index("method").division
+    assert division["he"] == "published"
+    assert division["no_waveform"] == division["rhythm"] == division["always_no"] == "reference"
+    assert registry.load("procedure").METHOD.division == "tuned"
+    assert registry.load("likelihood").METHOD.division == "learned"
+    assert set(scores.table.name) == set(scores.table.method)
