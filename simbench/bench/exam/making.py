@@ -25,7 +25,7 @@ from simbench.files import remove_stale_temporaries
 from simbench.handout import commitment_of, refuse_key_inside, refuse_unwritable_key, write_key
 from simbench.scenarios.grid import load_grid
 
-_UNMATCHED = "no tuning makes the healthy loop oscillate as its sticky siblings do"
+_UNMATCHED = "the sticky sibling of an echo does not cycle"
 _BITS = 62  # of a grid's seed: nobody finds it by trying
 
 
@@ -47,7 +47,8 @@ def make_exam(
         Folder of the exam, which must be new, and file of the key, which must lie outside.
     n : int, optional
         Number of records, drawn at random; at most one of each group of the grid as long as there
-        are others, because siblings share noise and sampling. All scenarios by default.
+        are others, because siblings share noise and sampling. All scenarios by default: then
+        every echo lies beside its sticky sibling, and who knows that can compare the two.
     jobs : int
         Worker processes; they change nothing in the files.
     seed : int, optional
