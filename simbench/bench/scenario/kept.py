@@ -12,7 +12,7 @@ from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
-_MOST = 16  # loops of a group
+_MOST = 32  # loops of a group
 _runs: deque[tuple[Loop, int, Run]] = deque(maxlen=_MOST)
 _prepared: deque[tuple[LoopRecord, Prepared]] = deque(maxlen=_MOST)
 

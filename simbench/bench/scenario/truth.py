@@ -31,7 +31,7 @@ _FADING = 0.5  # below this the motion dies out; between this and LASTING it is 
 _MAX_TAIL = 20_000  # samples
 YES, NO, _ENTRAINED, _UNCLEAR = "yes", "no", "entrained", "unclear"
 CYCLED = (YES, NO, _ENTRAINED, _UNCLEAR)
-_MOST = 16  # loops of a group
+_MOST = 32  # loops of a group
 _known: deque[tuple[Loop, int, Cycled]] = deque(maxlen=_MOST)
 
 
