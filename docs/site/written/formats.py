@@ -65,7 +65,7 @@ def loop_page() -> str:
                 plain((module.__doc__ or "").strip().split("\n\n")[0]) if module else "",
                 "",
             ]
-            lines += _parameters(getattr(module, "PARAMETERS", None) or LOADS[part])
+            lines += _parameters(LOADS[part] if module in (None, echo) else module.PARAMETERS)
     return "\n".join(lines)
 
 
