@@ -45,7 +45,8 @@ def data(run: str | Path) -> pd.DataFrame:
 def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
     """Count for a run in memory, whose scores may be known already; see `data`."""
     healthy, still = book.truth["sticky"] == 0, book.axes["disturbance"] == "none"
-    cycles, rests = book.truth["cycled"] == 1, book.truth["cycled"] == 0
+    # of echoes that end high nobody can tell that they are healthy: no ranking counts them
+    cycles, rests = (~book.apart & (book.truth["cycled"] == label) for label in (1, 0))
     band = np.isinf(book.axes["S_over_2J"])
     parts = (
         healthy & rests & still,
@@ -58,13 +59,15 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
     rows = []
     for r in (scores or score_book(book)).ranking("cycled", population=ALL).itertuples():
         a = answers[str(r.method)]
+        judged = (cycles | rests) & a.applies
+        accuracy = float((a.said == cycles)[judged].mean()) if judged.any() else np.nan
         for process, name in PROCESSES.items():
             for loops, part in zip(LOOP_KINDS, parts, strict=True):
                 here = part & (book.axes["process"] == name)
                 given = a.said[here & a.applies]
                 wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
                 share = float((given == wanted).mean()) if given.size else np.nan
-                place = r.method, r.home, ROW_GROUPS[int(r.kind)], r.rank, r.accuracy_applicable
+                place = r.method, r.home, ROW_GROUPS[int(r.kind)], r.rank, accuracy
                 rows.append((*place, process, loops, int(here.sum()), given.size, share))
     columns = "method home kind rank accuracy process loops n applicable right"
     return pd.DataFrame(rows, columns=columns.split())
