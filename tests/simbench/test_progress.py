@@ -27,8 +27,10 @@ def test_work_shorter_than_a_minute_writes_nothing_to_a_log(capsys):
 
 
 def test_a_command_stopped_by_sigterm_prints_that():
-    code = "import time\nfrom simbench.detectors.usage import exit_code\n"
-    code += "exit(exit_code(lambda: print('on', flush=True) or time.sleep(60)))"
+    # in many naps: a signal between the print and one long sleep would wait for its end
+    code = "import time\ndef nap():\n for _ in range(600): time.sleep(0.1)\n"
+    code += "from simbench.detectors.usage import exit_code\n"
+    code += "exit(exit_code(lambda: print('on', flush=True) or nap()))"
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as work:
