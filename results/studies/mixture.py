@@ -1,4 +1,4 @@
-"""Records of a world in fixed numbers of kinds, as several studies draw them."""
+"""Records of a world in fixed numbers of kinds, as the study of predictions draws them."""
 
 from __future__ import annotations
 
