@@ -50,7 +50,7 @@ _P_SHARE = {"slow": 0.15, "medium": 0.35, "tight": 0.6}
 # loop
 ULTIMATE = {"aggressive": 0.9, "saturating": 1.5}
 SAME = "same"
-ECHOES = ("smooth", "harmonics", "propagated")
+ECHOES = ("smooth", "harmonics", "propagated")  # kinds of the load `echo`
 EXCITATIONS = ("setpoint", "load", "both")
 _REST = 50.0  # SP, PV and OP before the excitation
 

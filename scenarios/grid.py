@@ -337,11 +337,14 @@ class Grid:
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             if member.echo is not None:
-                own.update(
-                    echo=_pick(member.echo, rng),
-                    of=member.of or made[0][0],
-                    seed=int(rng.integers(2**63)),
-                )
+                present = [name for name, one, _ in made if "echo" not in one]
+                of = member.of or next(iter(present), None)
+                if of not in present:
+                    raise SpecError(
+                        f"{self.name}: block {block.name!r}: member {member.name!r}: echo has no"
+                        f" sibling {of or ''} in cell {cell}; one that is there too is needed"
+                    )
+                own.update(echo=_pick(member.echo, rng), of=of, seed=int(rng.integers(2**63)))
             made.append((member.name, own, loads))
         tags.update(block=block.name, ranked=float(block.ranked))
         # keys of the loop file, as axis or draw: they have the last word, but for what was set from

@@ -309,7 +309,8 @@ def _elsewhere(*_: Any, **__: Any) -> None:
 
 
 PUBLISHED, _CHAPTER = "published", "chapter"
-_RESERVED = ("all", "fast", "full", "oracle", "rhythm", "always_no", "always_yes")
+# sets of methods, and reference rows of a score
+RESERVED = ("all", "fast", "full", "oracle", "no_waveform", "rhythm", "always_no", "always_yes")
 
 
 class _Detectors(PluginFolder):
@@ -360,7 +361,7 @@ def _describe_detector(sources: list[tuple[str, str]]) -> list[dict[str, Any]]:
 
 
 methods = _Detectors(
-    "detector", "simbench.detectors.methods", "simbench.detectors", ("METHOD", "detect"), _RESERVED
+    "detector", "simbench.detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED
 )
 methods.describe, methods.host_entries = _describe_detector, True
 # belongs to a higher package; this one may be used alone

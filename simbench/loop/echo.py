@@ -15,21 +15,21 @@ import math
 
 import numpy as np
 
-from simbench.detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError, UserError
 from simbench.detectors.signal.autocorrelation import fast_size
 from simbench.detectors.signal.filters import lfilter
 from simbench.loop.motion import MIN_REVERSALS, least_swing, motion
-from simbench.loop.parameters import Choice, Number, resolve
+from simbench.loop.parameters import VALVES, Choice, Number, resolve
 from simbench.loop.response import stages_response
 from simbench.loop.run import signals_of
-from simbench.loop.setup import Setup
+from simbench.loop.setup import Setup, stages_of
+from simbench.scenarios.cell import ECHOES
 from simbench.scenarios.spec import Loop, Part
 
 NAME = "echo"
-_KINDS = ("smooth", "harmonics", "propagated")
 SHAPES = {
     "kind": Choice(
-        _KINDS,
+        ECHOES,
         default="smooth",
         says="what takes the place of the corners: nothing; harmonics of a load that is no sine; or"
         " the corners of another valve, behind a lag",
@@ -70,12 +70,13 @@ def donor_of(loop: Loop, echo: Part) -> Loop:
             " its parameters beside it"
         )
     numbers = {k: v for k, v in echo.parameters.items() if k not in (*SHAPES, VALVE)}
-    return loop.model_copy(
-        update={
-            "disturbance": loop.disturbance[:-1],
-            "valve": Part(name=name, parameters=numbers),
-        }
-    )
+    valve = Part(name=name, parameters=numbers)
+    VALVES.load(name)
+    try:
+        stages_of(valve, loop.sampling.Ts)
+    except UserError as error:
+        raise ParameterError(f"disturbance {NAME!r}: {error}") from None
+    return loop.model_copy(update={"disturbance": loop.disturbance[:-1], "valve": valve})
 
 
 def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> np.ndarray:
@@ -94,7 +95,7 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
             f"disturbance {NAME!r}: the loop with valve {echo.parameters[VALVE]!r} does not cycle;"
             f" three periods of at least {_SHORTEST:g} samples are needed"
         )
-    rng, kind = np.random.default_rng(stream), _KINDS[int(p.kind)]
+    rng, kind = np.random.default_rng(stream), ECHOES[int(p.kind)]
     load = _below(error, p.cut / period, period)
     if kind == "harmonics":
         load += _harmonics(error, period, rng)

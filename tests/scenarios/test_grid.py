@@ -126,6 +126,22 @@ def test_a_pair_shares_every_number_but_the_seed_and_no_other_cell_has_them(name
         assert len(set(numbers)) == len(groups)
 
 
+@pytest.mark.parametrize(("where", "of", "message"), [
+    ([0.5], None, "echo has no sibling"),
+    ([0.5, 1.0], "nobody", "of 'nobody' is unknown, known: sticky"),
+])  # fmt: skip
+def test_an_echo_without_its_sticky_sibling_is_one_sentence(where, of, message):
+    sticky = {"name": "sticky", "valve": "choudhury", "where": {"S_over_2J": where}}
+    echo = {"name": "healthy", "valve": "ideal", "echo": "smooth", **({"of": of} if of else {})}
+    table = ruled()
+    (block,) = table["block"]
+    block = block | {"axes": block["axes"] | {"S_over_2J": [0.5, 1.0]}, "member": [sticky, echo]}
+    with pytest.raises(SpecError, match=message):
+        make_grid({**table, "block": [block]})
+    with pytest.raises(SpecError, match="the sticky member must come first"):
+        make_grid({**table, "block": [block | {"member": [echo, sticky]}]})
+
+
 def test_cells_that_differ_in_the_disturbance_alone_share_their_draws():
     calm, driven = make_grid(ruled()).groups(0, 2)
     assert calm.twin == driven.twin

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from simbench.bench.exam.folder import table_rows
 from simbench.detectors.errors import ParameterError, nearest
+from simbench.detectors.plugins.registry import RESERVED
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.summary import level_ends
 from simbench.detectors.verdict import VERDICTS, Level, Verdict
 
 NEEDED, OPTIONAL = ("method", "record", "verdict", "score"), ("S", "J")
 _NAME = re.compile(r"[A-Za-z][\w.@-]{0,59}", re.ASCII)
-_TAKEN = ("all", "fast", "full", "oracle", "no_waveform", "rhythm", "always_no", "always_yes")
 _LARGEST = 1e6  # of S and J; the travel of a valve is 100 %
 _BETWEEN = ".."  # the ends of an interval
 Answers = dict[str, dict[str, Verdict]]  # by method and record
@@ -54,7 +54,7 @@ def read_answers(files: Iterable[Path], records: Collection[str]) -> Answers:
             )
         for line, row in rows:
             where, method, record = f"{file}, line {line}", row["method"], row["record"]
-            if not _NAME.fullmatch(method) or method in _TAKEN:
+            if not _NAME.fullmatch(method) or method in RESERVED:
                 allowed = (
                     "a letter of a to z, then such letters, digits, _ . @ or -, and no name of a"
                     " reference row"

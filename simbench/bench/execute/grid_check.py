@@ -101,11 +101,15 @@ def _wrong(plan: Grid) -> Iterator[str]:
         )
     known = VALVES.names()
     for block in content.block:
+        first = next((m.name for m in block.member if m.echo is None), None)
+        echoed = {m.of or first for m in block.member if m.echo is not None}
         for member in block.member:
             where = f"block {block.name!r}: member {member.name!r}"
             for valve in (member.valve,) if isinstance(member.valve, str) else member.valve:
                 if valve not in known:
                     yield f"{where}: valve {valve!r} is unknown, {suggestion(valve, known)}"
+                elif member.name in echoed and not VALVES.load(valve).FRICTION:
+                    yield f"{where}: valve {valve!r} has no friction that could be echoed"
     for kind, folder, parts in (
         ("valve", VALVES, content.valves),
         ("effect", EFFECTS, content.effects),

@@ -21,7 +21,7 @@ from simbench.loop.motion import motion
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
-from simbench.scenarios.cell import Draft, Scaled, overridden
+from simbench.scenarios.cell import Draft, Echo, Scaled, overridden
 from simbench.scenarios.grid import Group
 from simbench.scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
 from simbench.theory.cycle import cycle_start
@@ -42,7 +42,6 @@ class Cycle:
 
     period: float  # of MV (s)
     pv_std: float  # of PV over the run but its first period (PV units)
-    op_std: float  # of OP there (%)
     exists: bool  # False when no start set it going; then the other numbers are guesses
 
 
@@ -71,40 +70,53 @@ def settle(group: Group) -> list[Scenario | None]:
         own = draft if draft.echo is None else draft.echo.of
         if id(own) not in loops:
             loops[id(own)] = _own_sampling(own, twin, cycle)
-        loop: Loop | None = loops[id(own)]
-        seed = draft.seed
-        if draft.echo is not None:
-            loop, seed = _echo(loop, draft, twin, cycle)
+        loop = loops[id(own)]
         found.append(
-            None if loop is None else Scenario(loop=loop, seed=seed, tags=_tags(draft, loop))
+            Scenario(loop=loop, seed=draft.seed, tags=_tags(draft, loop))
+            if draft.echo is None
+            else _echo(draft, draft.echo, loop, _units(twin, cycle))
         )
     return found
 
 
-def _echo(sibling: Loop, draft: Draft, twin: Loop, cycle: Cycle) -> tuple[Loop | None, int]:
-    """Return the healthy loop that moves as its sibling does, and its seed; None where the sibling
-    does not cycle, or with no seed but its own.
+def _units(twin: Loop, cycle: Cycle) -> dict[str, float]:
+    """Return what the parameters of a cell are measured in."""
+    S, J = band(twin)
+    return {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
+
+
+def _echo(draft: Draft, wanted: Echo, sibling: Loop, unit: Mapping[str, float]) -> Scenario | None:
+    """Return the healthy loop that moves as its sibling does; None where the sibling does not
+    cycle, or with no seed but its own.
     """
-    assert draft.echo is not None
-    if simulate_with_truth(sibling, draft.echo.of.seed)[1].answer != YES:
-        return None, draft.seed
-    cut = {} if draft.echo.cut is None else {"cut": draft.echo.cut}
-    own = {"valve": sibling.valve.name, **sibling.valve.parameters, "kind": draft.echo.kind, **cut}
+    if simulate_with_truth(sibling, wanted.of.seed)[1].answer != YES:
+        return None
+    cut = {} if wanted.cut is None else {"cut": wanted.cut}
+    own = {echo.VALVE: sibling.valve.name, **sibling.valve.parameters, "kind": wanted.kind, **cut}
     load = Part(name=echo.NAME, parameters=own)
-    valve = draft.loop.valve
-    if valve.name != "ideal":
-        S, J = band(twin)
-        more = _scaled(draft.valve, {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std})
-        table = valve_table(valve.name, {"S": S, "J": J}, cycle.period, more)
-        valve = Part(name=valve.name, parameters={k: v for k, v in table.items() if k != "model"})
-    loop = sibling.model_copy(update={"disturbance": (*sibling.disturbance, load), "valve": valve})
+    table = _valve_of(draft, unit)
+    loop = sibling.model_copy(
+        update={
+            "disturbance": (*sibling.disturbance, load),
+            "valve": Part(name=table.pop("model"), parameters=table),
+        }
+    )
     for seed in range(draft.seed, draft.seed + _SEEDS):
         try:
             run_once(loop, seed)
         except echo.NoCycleError:
             continue
-        return loop, seed
-    return None, draft.seed
+        return Scenario(loop=loop, seed=seed, tags=_tags(draft, loop))
+    return None
+
+
+def _valve_of(draft: Draft, unit: Mapping[str, float]) -> dict[str, Any]:
+    """Return the table of a draft's valve: one of a whole loop stands as its grid says."""
+    table = draft.loop.to_table()["valve"]
+    if "ideal" in (draft.loop.valve.name, draft.valve.name):
+        return table
+    more = _scaled(draft.valve, unit)
+    return valve_table(draft.loop.valve.name, table, unit["period"], more)
 
 
 def measure_cycle(twin: Loop) -> Cycle:
@@ -133,12 +145,7 @@ def _measured(text: str) -> Cycle:
                 break
             period = moved.period * loop.sampling.Ts
             if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
-                return Cycle(
-                    period,
-                    float(np.std(run.record.pv[_FIRST:])),
-                    float(np.std(run.record.op[_FIRST:])),
-                    True,
-                )
+                return Cycle(period, float(np.std(run.record.pv[_FIRST:])), True)
     except ParameterError:  # no cycle to start on, or none that theory can find
         if (found := _kicked(twin, guess)) is not None:
             return found
@@ -146,7 +153,7 @@ def _measured(text: str) -> Cycle:
     size = (
         0.25 * S * abs(twin.plant.K) if not twin.plant.integrating else 0.3 * S / twin.controller.Kc
     )
-    return Cycle(guess, size, 0.25 * S, False)
+    return Cycle(guess, size, False)
 
 
 def _kicked(twin: Loop, period: float) -> Cycle | None:
@@ -166,10 +173,7 @@ def _kicked(twin: Loop, period: float) -> Cycle | None:
             return None
         period = moved.period * loop.sampling.Ts
         if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
-            late = slice(_FIRST * _PERIODS, None)
-            return Cycle(
-                period, float(np.std(run.record.pv[late])), float(np.std(run.record.op[late])), True
-            )
+            return Cycle(period, float(np.std(run.record.pv[_FIRST * _PERIODS :])), True)
     return None
 
 
@@ -255,9 +259,11 @@ def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
         record = run_once(loop, draft.seed).record
         # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and
         # costs a third
-        found = oscillation_of(record.op, record.Ts) if draft.ultimate is None else None
-        if found is None:
-            found = prepare_once(record).oscillation
+        found = (
+            oscillation_of(record.op, record.Ts)
+            if draft.ultimate is None
+            else prepare_once(record).oscillation
+        )
         if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:
             break
         own = found.period_s
@@ -282,27 +288,21 @@ def _settled(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
             # of its own periods, or of the sticky sibling's where these are longer
             longer = min(max(cycle.period / own, 1.0), _LONGEST_WARM_UP)
             table["sampling"]["warm_up"] = round(per * rules.warm_up * longer)
-    S, J = band(twin)
-    unit = {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
-    if "ideal" not in (
-        draft.loop.valve.name,
-        draft.valve.name,
-    ):  # a whole loop's valve stands as its grid says
-        more = _scaled(draft.valve, unit)
-        table["valve"] = valve_table(draft.loop.valve.name, table["valve"], cycle.period, more)
+    unit = _units(twin, cycle)
+    table["valve"] = _valve_of(draft, unit)
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
     table.setdefault("effect", []).extend(
         {"name": e.name, **_scaled(e, unit)} for e in draft.effects
     )
     if draft.mv_noise > 0:
-        table["noise"]["mv_std"] = significant(draft.mv_noise * S)
+        table["noise"]["mv_std"] = significant(draft.mv_noise * unit["S"])
     if draft.moves:
         _move_setpoint(
             table["setpoint"], draft.moves, {**unit, "period": own}, own * (rules.warm_up or 0.0)
         )
     for load in draft.loads:
-        size = cycle.pv_std if load["at"] == "output" else S
+        size = unit["pv" if load["at"] == "output" else "S"]
         table.setdefault("disturbance", []).append(absolute_load(load, size, cycle.period))
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:

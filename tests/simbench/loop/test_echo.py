@@ -127,6 +127,11 @@ def test_a_tail_goes_on_under_the_last_load():
     ({"valve": "choudhury", "S": 0.01, "J": 0.001}, ParameterError, "does not cycle"),
     ({"valve": "choudhury", "S": 5.0, "J": 2.0, "kind": "flat"}, ParameterError, "flat"),
     ({"valve": "choudhury", "S": 5.0, "J": 2.0, "cut": 0.0}, ParameterError, "cut = 0"),
+    (
+        {"valve": "choudhury", "S": 5.0, "J": 2.0, "amplitude": 3.0},
+        ParameterError,
+        "disturbance 'echo': unknown parameter 'amplitude' in valve 'choudhury'",
+    ),
     ({"valve": "chouhdury", "S": 5.0, "J": 2.0}, UnknownName, "choudhury"),
 ])  # fmt: skip
 def test_a_load_that_is_no_echo_gets_one_sentence(load, error, words):

@@ -99,3 +99,19 @@ def test_a_number_that_waits_for_its_scale_must_have_the_right_sign():
     table["valves"]["lag"]["parameters"]["T"] = 0.05
     refuse_wrong_parts(make_grid(table, "scaled"))
     assert np.isfinite(size_of(make_grid(table, "scaled"), 1, 1).seconds)
+
+
+def test_an_echo_of_a_valve_without_friction_is_refused():
+    from simbench.bench.execute.grid_check import refuse_wrong_parts
+
+    draw = {"K": 1.0, "T": 10.0, "S": 3.0, "samples_per_period": 20, "periods": 18}
+    axes = {"Td_over_T": [0.3], "S_over_2J": [0.5], "noise_ratio": [0.1]}
+    echo = {"name": "healthy", "valve": "ideal", "echo": "smooth"}
+    for valve, right in (("choudhury", True), ("ideal", False), (["choudhury", "lag"], False)):
+        block = {"name": "a", "axes": axes, "member": [{"name": "first", "valve": valve}, echo]}
+        grid = make_grid({"title": "echoes", "draw": draw, "block": [block]}, "echoes")
+        if right:
+            refuse_wrong_parts(grid)
+        else:
+            with pytest.raises(Exception, match="has no friction that could be echoed"):
+                refuse_wrong_parts(grid)
