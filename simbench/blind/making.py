@@ -8,7 +8,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
@@ -57,6 +57,9 @@ _ANSWER_COLUMNS = (
 )
 
 
+_ALL_KINDS = 100  # records, from which every effect comes in every strength
+
+
 @dataclass(frozen=True)
 class Plan:
     """Numbers of records of each kind in a blind test."""
@@ -71,6 +74,7 @@ class Plan:
     effects: tuple[str, ...] = PLANNED
     strengths: tuple[str, ...] = STRENGTHS
     without: str | None = None  # effect that the diagnosis is asked without
+    most: int | None = None  # of these records, spread evenly over all kinds
 
     @classmethod
     def of(cls, n: int, without: str | None = None) -> Plan:
@@ -82,11 +86,10 @@ class Plan:
                 raise ParameterError(f"withheld: effect {without!r}: {nearest(without, PLANNED)}")
             each = max(1, round(n / len(STRENGTHS)))
             return cls(each, 0, 0, 0, effects=(without,), without=without)
-        if n < 100:
-            raise ParameterError(
-                f"withheld: {n} records asked for; at least 100 are needed for one of each effect"
-                " and strength"
-            )
+        if n < 1:
+            raise ParameterError(f"withheld: {n} records asked for; at least 1 is needed")
+        if n < _ALL_KINDS:
+            return replace(cls.of(_ALL_KINDS), most=n)
         per_cell = max(1, round(0.55 * n / (len(PLANNED) * len(STRENGTHS))))
         rest = n - per_cell * len(PLANNED) * len(STRENGTHS)
         none = round(rest * 0.45)
@@ -123,7 +126,9 @@ class Plan:
             for kind in ("none", "two")
             for i in range(getattr(self, kind))
         ]
-        return single + others + unexplained
+        every = single + others + unexplained
+        count = len(every) if self.most is None else self.most
+        return [every[i * len(every) // count] for i in range(count)]
 
 
 def _plant(effect: str, turn: int) -> str:

@@ -233,7 +233,7 @@ def make(
     key: Annotated[Path, Option(help="Write the key to the answers to this file, outside DIR.")],
     seed: Seed,
     n: Annotated[
-        int, Option("-n", "--records", min=100, help="Draw about this many records.")
+        int, Option("-n", "--records", min=1, help="Draw about this many records.")
     ] = 600,
     jobs: Jobs = 1,
     world: World = "own",

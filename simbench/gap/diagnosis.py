@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from joblib import Parallel, delayed
 
 from simbench.detectors.compiled import one_thread
-from simbench.detectors.errors import RecordError, UserError
+from simbench.detectors.errors import ParameterError, RecordError, UserError
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.sources import RecordSignals, as_record
@@ -57,6 +57,7 @@ def diagnose(
     record: Source | Sequence[Source] | None = None,
     baseline: Loop | Partial | str | Path | None = None,
     *,
+    identify: bool = False,
     tests: Sequence[RecordedTest] = (),
     jobs: int = 1,
     seed: int = 0,
@@ -73,6 +74,8 @@ def diagnose(
     baseline : Loop, Partial, str, Path or None
         The simulation, or its loop file; None identifies plant and tuning from the record, a
         partial one what it does not say.
+    identify : bool
+        Says so; no baseline can be given then.
     tests : sequence of RecordedTest
         Tests of the same loop in other operation, judged with the (longest) record as one model.
     jobs : int
@@ -106,6 +109,8 @@ def diagnose(
     >>> diagnose(loop.with_("controller.Kc", 1.6).simulate(1).record, loop).effect
     'detuning'
     """
+    if identify and baseline is not None:
+        raise ParameterError("gap diagnose: a baseline and identify given; one of both is needed")
     records = _records(record, signals)
     if not records:
         raise RecordError("no record to diagnose")

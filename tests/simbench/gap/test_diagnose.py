@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from simbench.detectors.errors import ParameterError
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
@@ -312,3 +313,10 @@ def test_without_a_baseline_friction_is_named_with_its_size_though_the_plant_ben
     assert report.effect == "stiction"
     # the gain's scale is the record's, S is OP's
     assert report.effects[0]["parameters"]["S"] == pytest.approx(6.0, rel=0.05)
+
+
+def test_identify_says_what_no_baseline_says():
+    shown = record(("stiction", {"S": 4.0, "J": 1.0}))
+    assert diagnose(shown, identify=True).as_json() == diagnose(shown).as_json()
+    with pytest.raises(ParameterError, match="one of both is needed"):
+        diagnose(shown, BASE, identify=True)

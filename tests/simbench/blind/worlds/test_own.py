@@ -202,5 +202,16 @@ def test_the_usual_plan_holds_what_the_levels_need():
     assert sum(e["kind"] == "none" for e in entries) >= 100
     assert 0.4 < np.mean([e["mv"] for e in entries]) < 0.6
     assert {e["plant"] for e in single} == {"foptd", "integrating"}
-    with pytest.raises(ParameterError, match="at least 100"):
-        Plan.of(20)
+    with pytest.raises(ParameterError, match="at least 1 is needed"):
+        Plan.of(0)
+
+
+@pytest.mark.parametrize("n", [1, 5, 24, 99])
+def test_a_small_plan_is_spread_over_all_kinds(n):
+    entries = Plan.of(n).entries(list(faults.FOREIGN))
+    assert len(entries) == n
+    whole = Plan.of(100).entries(list(faults.FOREIGN))
+    assert all(e in whole for e in entries)
+    if n >= 24:
+        assert {e["kind"] for e in entries} == {"single", "none", "two", "foreign"}
+        assert len({e.get("effect") for e in entries if e["kind"] == "single"}) >= min(n // 3, 20)
