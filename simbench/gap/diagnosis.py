@@ -357,7 +357,12 @@ def report(
         and (not situation.trusted or main.recalibrated > RESOLVED_FROM * main.floor)
     )
     gap = Gap(
-        main.before, main.recalibrated, main.after, main.floor, main.resolvable and not by_load
+        main.before,
+        main.recalibrated,
+        main.after,
+        main.floor,
+        main.resolvable and not by_load,
+        main.plant_floor,
     )
     shrinkage = None
     if main.value is not None and effects:

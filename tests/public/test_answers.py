@@ -377,7 +377,14 @@ def test_gap_diagnose(answer, place):
             assert row["effect"] in EFFECTS[row["block"]]
     assert {r["block"] for r in answered["ranking"] if r["effect"] == "none"} == {"none"}
     assert sum(r["probability"] for r in answered["ranking"]) == pytest.approx(1.0)
-    assert set(answered["gap"]) == {"before", "recalibrated", "after", "floor", "resolvable"}
+    assert set(answered["gap"]) == {
+        "before",
+        "recalibrated",
+        "after",
+        "floor",
+        "resolvable",
+        "plant_floor",
+    }
     assert set(answered["shrinkage"]) == {"value", "lo", "hi"}
     assert set(answered["blocks"]) == set(EFFECTS)
     assert sum(answered["blocks"].values()) == pytest.approx(1.0)

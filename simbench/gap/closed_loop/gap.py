@@ -17,6 +17,7 @@ from simbench.gap.closed_loop.summary_features import (
     features,
     floor_of,
     seed_spread,
+    unsteadiness,
 )
 from simbench.gap.situation import Situation
 from simbench.scenarios.spec import Loop
@@ -69,8 +70,8 @@ def held_out(situation: Situation) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Shrinkage:
-    """Distances of three sets of runs from the record, their floor, and the share of the gap that
-    closes, with an interval.
+    """Distances of three sets of runs from the record, their floor, that of the plant, and the
+    share of the gap that closes, with an interval.
     """
 
     before: float
@@ -82,6 +83,7 @@ class Shrinkage:
     lo: float
     hi: float
     per_feature: dict[str, tuple[float, float]]
+    plant_floor: float
 
 
 def measure(
@@ -100,8 +102,9 @@ def measure(
     resolvable = b >= RESOLVED_FROM * f
     off = [np.abs(real - x.mean(axis=0)) / spread for x in (runs[0], runs[2])]
     per = {name: (float(first), float(last)) for name, first, last in zip(named, *off)}
+    at_plant = f * unsteadiness(_stretches(situation, start), runs[2], spread)
     if not resolvable:
-        return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per)
+        return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per, at_plant)
     rng = np.random.default_rng([seed, 41])
     draws = []
     # features move together from record to record, which drawing them one by one would average away
@@ -119,7 +122,22 @@ def measure(
         draws.append(closed(before_d, after_d, f))
     value = closed(b, a, f)
     lo, hi = np.clip(value + _WIDER * (np.quantile(draws, [0.05, 0.95]) - value), -1.0, 1.0)
-    return Shrinkage(b, r, a, f, True, value, float(min(lo, value)), float(max(hi, value)), per)
+    lo, hi = float(min(lo, value)), float(max(hi, value))
+    return Shrinkage(b, r, a, f, True, value, lo, hi, per, at_plant)
+
+
+def _stretches(situation: Situation, start: int) -> np.ndarray:
+    """Return the features of the held-out part and of as many stretches of its length before it as
+    fit, shape (k, m).
+    """
+    length = situation.record.n - start
+    first = [start, max(start - length, 0), max(start - 2 * length, 0)]
+    parts = [slice(i, i + length) for i in first]
+    found = [
+        features(situation.op[part], situation.record.pv[part], situation.sp[part])
+        for part in parts
+    ]
+    return np.array([list(one.values()) for one in found], dtype=float)
 
 
 def _ruler(runs: list[np.ndarray]) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
-from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.gap import RESOLVED_FROM, Shrinkage
 from simbench.gap.closed_loop.gap_text import gap_sentences
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
@@ -37,7 +37,8 @@ class Ranked:
 @dataclass(frozen=True)
 class Gap:
     """Mean distance of the held-out part's features from the simulation's, in seed-to-seed standard
-    deviations.
+    deviations; `plant_floor` is `floor` times how much less the record repeats itself than the
+    simulation does.
     """
 
     before: float
@@ -45,6 +46,7 @@ class Gap:
     after: float
     floor: float
     resolvable: bool
+    plant_floor: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,15 +207,15 @@ class GapReport:
             Effect, block, parameters with units, probability and share of the gap.
         """
         if self.effect == NONE:
-            if self.gap.resolvable and self.gap.recalibrated > 1.5 * self.gap.floor:
+            if self.gap.recalibrated > RESOLVED_FROM * self.gap.plant_floor:
                 return (
                     "No known effect is needed, but the simulation still differs from the record:"
-                    f" gap {self.gap.recalibrated:.2f}, two simulations differ by"
-                    f" {self.gap.floor:.2f}."
+                    f" gap {self.gap.recalibrated:.2f}, parts of the record differ by"
+                    f" {self.gap.plant_floor:.2f}."
                 )
             return (
-                "No unmodelled effect is needed: the simulation explains the record within its"
-                " seed-to-seed spread."
+                "No unmodelled effect is needed: the simulation is as near to the record as parts"
+                " of the record are to each other."
             )
         p = self.effects[0]["probability"]
         if self.effect == UNKNOWN:
@@ -284,7 +286,9 @@ class GapReport:
             g.floor,
             shrinkage=self.shrinkage,
         )
-        if not g.resolvable:
+        if g.plant_floor > g.floor:
+            lines.append(f"Parts of the record are {g.plant_floor:.2f} apart in the same measure.")
+        if g.before < RESOLVED_FROM * g.floor:
             lines.append("The gap does not stand out of the floor, so no reduction is claimed.")
         return lines
 

@@ -88,7 +88,14 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "gap_after",
         "parameters",
     }
-    assert set(report["gap"]) == {"before", "recalibrated", "after", "floor", "resolvable"}
+    assert set(report["gap"]) == {
+        "before",
+        "recalibrated",
+        "after",
+        "floor",
+        "resolvable",
+        "plant_floor",
+    }
     assert set(report["blocks"]) == set(BLOCKS)
 
 

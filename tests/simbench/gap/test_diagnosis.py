@@ -44,7 +44,7 @@ def weighed(**p):
 
 
 def gap(before=4.0, after=1.0, *, value=0.9, lo=0.7, hi=0.95, resolvable=True):
-    return Shrinkage(before, 3.0, after, 0.8, resolvable, value, lo, hi, {})
+    return Shrinkage(before, 3.0, after, 0.8, resolvable, value, lo, hi, {}, 1.1)
 
 
 def situation(
@@ -177,6 +177,7 @@ def test_the_answer_is_put_together(stubs):
         "after": 1.0,
         "floor": 0.8,
         "resolvable": True,
+        "plant_floor": 1.1,
     }
     assert answer.shrinkage == {"value": 0.9, "lo": 0.7, "hi": 0.95}
     assert answer.notes == ("noted", "valve: MV strays")

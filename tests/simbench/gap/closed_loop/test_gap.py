@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.closed_loop.gap import closed, held_out, measure
-from simbench.gap.closed_loop.summary_features import features
+from simbench.gap.closed_loop.summary_features import features, unsteadiness
 
 N = 4000
 WHITE = np.random.default_rng(0).standard_normal((2, N))
@@ -40,6 +40,8 @@ def test_a_gap_is_resolvable_from_one_and_a_half_floors(off, resolvable):
     # eight seeds: each lies sqrt(8/7) from the mean of the others, at sqrt(2/pi) on average
     assert shrinkage.floor == pytest.approx(np.sqrt(8 / 7 * 2 / np.pi), abs=0.1)
     assert shrinkage.after < 0.5
+    # white noise repeats itself better than these runs do
+    assert shrinkage.plant_floor == shrinkage.floor
     if resolvable:
         assert shrinkage.before == pytest.approx(off, rel=0.1)
         assert shrinkage.recalibrated == pytest.approx(off / 2, rel=0.15)
@@ -53,3 +55,11 @@ def test_a_gap_is_resolvable_from_one_and_a_half_floors(off, resolvable):
     assert np.mean([a for _, a in shrinkage.per_feature.values()]) == pytest.approx(
         shrinkage.after, rel=0.02
     )
+
+
+@pytest.mark.parametrize(("moved", "times"), [(0.0, 1.0), (1.0, 1.0), (6.0, 5.3)])
+def test_a_record_that_does_not_repeat_itself_has_a_wider_floor(moved, times):
+    # two runs of unit spread are 2/sqrt(pi) = 1.13 apart on average; so far off is `moved`
+    sims = np.random.default_rng(3).standard_normal((8, 4000))
+    stretches = np.array([np.zeros(4000), np.full(4000, moved), np.full(4000, -moved)])
+    assert unsteadiness(stretches, sims, np.ones(4000)) == pytest.approx(times, rel=0.02)
