@@ -79,7 +79,8 @@ class Plan:
     @classmethod
     def of(cls, n: int, without: str | None = None) -> Plan:
         """Return the usual shares for about `n` records: 55 % single effects, 20 % none, the rest
-        two effects and foreign; or that many records of one effect alone.
+        two effects and foreign, of fewer than 100 a selection; or that many records of one effect
+        alone.
         """
         if without is not None:
             if without not in PLANNED:
