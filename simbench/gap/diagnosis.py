@@ -75,7 +75,8 @@ def diagnose(
         The simulation, or its loop file; None identifies plant and tuning from the record, a
         partial one what it does not say.
     identify : bool
-        Says so; no baseline can be given then.
+        Identify plant and tuning from the record, as without a baseline; none can be given beside
+        it.
     tests : sequence of RecordedTest
         Tests of the same loop in other operation, judged with the (longest) record as one model.
     jobs : int

@@ -17,7 +17,6 @@ from simbench.gap.closed_loop.summary_features import (
     features,
     floor_of,
     seed_spread,
-    unsteadiness,
 )
 from simbench.gap.situation import Situation
 from simbench.scenarios.spec import Loop
@@ -31,12 +30,13 @@ _WIDER = 1.6
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """One loop, simulated with several seeds: features of the held-out part, and one run to
-    draw.
+    """One loop, simulated with several seeds: features of the held-out part, OP and PV as archived,
+    shape (seeds, 2, n), and one run to draw.
     """
 
     loop: Loop
     features: np.ndarray
+    archived: np.ndarray
     op: np.ndarray
     pv: np.ndarray
 
@@ -58,9 +58,10 @@ def simulate_runs(
     if records is None:
         return None
     part = part or slice(held_out(situation), None)
-    kept = np.array([as_archived(situation, r.op, r.pv) for r in records])[..., part]
-    values = features(kept[:, 0], kept[:, 1], situation.sp[part])
-    return Runs(loop, np.array(list(values.values())).T, records[0].op, records[0].pv)
+    archived = np.array([as_archived(situation, r.op, r.pv) for r in records])
+    values = features(archived[:, 0, part], archived[:, 1, part], situation.sp[part])
+    first = records[0]
+    return Runs(loop, np.array(list(values.values())).T, archived, first.op, first.pv)
 
 
 def held_out(situation: Situation) -> int:
@@ -102,7 +103,7 @@ def measure(
     resolvable = b >= RESOLVED_FROM * f
     off = [np.abs(real - x.mean(axis=0)) / spread for x in (runs[0], runs[2])]
     per = {name: (float(first), float(last)) for name, first, last in zip(named, *off)}
-    at_plant = f * unsteadiness(_stretches(situation, start), runs[2], spread)
+    at_plant = f * _unsteadiness(situation, after, spread)
     if not resolvable:
         return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per, at_plant)
     rng = np.random.default_rng([seed, 41])
@@ -126,18 +127,31 @@ def measure(
     return Shrinkage(b, r, a, f, True, value, lo, hi, per, at_plant)
 
 
-def _stretches(situation: Situation, start: int) -> np.ndarray:
-    """Return the features of the held-out part and of as many stretches of its length before it as
-    fit, shape (k, m).
+def _unsteadiness(situation: Situation, runs: Runs, spread: np.ndarray) -> float:
+    """Return how many times as far a record's features change along it otherwise than the mean of
+    its simulations as those of one simulation do, at least 1.
+
+    What the set point does to a stretch, it does to the simulated one as well.
     """
-    length = situation.record.n - start
-    first = [start, max(start - length, 0), max(start - 2 * length, 0)]
-    parts = [slice(i, i + length) for i in first]
-    found = [
-        features(situation.op[part], situation.record.pv[part], situation.sp[part])
-        for part in parts
-    ]
-    return np.array([list(one.values()) for one in found], dtype=float)
+    start, sp = held_out(situation), situation.sp
+    real = _changes(situation.op, situation.record.pv, sp, start)
+    simulated = _changes(runs.archived[:, 0], runs.archived[:, 1], sp, start)
+    away = sum(distance(r, x, spread) for r, x in zip(real, simulated))
+    chance = sum(floor_of(x, spread) for x in simulated)
+    return max(1.0, away / max(chance, 1e-9))
+
+
+def _changes(op: np.ndarray, pv: np.ndarray, sp: np.ndarray, start: int) -> np.ndarray:
+    """Return how far the features of two earlier stretches are off those of the held-out part, as
+    long and from sample `start` on, shape (2, ..., m).
+    """
+    length = sp.size - start
+
+    def at(first: int) -> np.ndarray:
+        part = slice(first, first + length)
+        return np.array(list(features(op[..., part], pv[..., part], sp[part]).values())).T
+
+    return np.array([at(first) - at(start) for first in (start - length, 0)])
 
 
 def _ruler(runs: list[np.ndarray]) -> np.ndarray:

@@ -83,16 +83,6 @@ def chance_of(sims: np.ndarray, spread: np.ndarray) -> np.ndarray:
     return alone - alone.mean()
 
 
-def unsteadiness(stretches: np.ndarray, sims: np.ndarray, spread: np.ndarray) -> float:
-    """Return how many times as far the first stretch of a record is from the others as two
-    simulated runs are from each other, at least 1.
-    """
-    between = np.abs(sims[:, None] - sims[None]) / spread
-    pairs = np.minimum(between, CAP)[np.triu_indices(len(sims), 1)].mean()
-    apart = np.minimum(np.abs(stretches[1:] - stretches[0]) / spread, CAP).mean()
-    return max(1.0, float(apart / max(pairs, 1e-9)))
-
-
 def _apart(sims: np.ndarray, spread: np.ndarray) -> np.ndarray:
     others = (sims.sum(axis=0) - sims) / (len(sims) - 1)
     return np.minimum(np.abs(sims - others) / spread, CAP)

@@ -37,8 +37,8 @@ class Ranked:
 @dataclass(frozen=True)
 class Gap:
     """Mean distance of the held-out part's features from the simulation's, in seed-to-seed standard
-    deviations; `plant_floor` is `floor` times how much less the record repeats itself than the
-    simulation does.
+    deviations; `plant_floor` is `floor` times how much less the record repeats itself, set-point
+    moves apart, than a simulation does.
     """
 
     before: float
@@ -287,7 +287,10 @@ class GapReport:
             shrinkage=self.shrinkage,
         )
         if g.plant_floor > g.floor:
-            lines.append(f"Parts of the record are {g.plant_floor:.2f} apart in the same measure.")
+            lines.append(
+                f"Plant floor: parts of the record are {g.plant_floor:.2f} apart in the same"
+                " measure, set-point moves left out."
+            )
         if g.before < RESOLVED_FROM * g.floor:
             lines.append("The gap does not stand out of the floor, so no reduction is claimed.")
         return lines

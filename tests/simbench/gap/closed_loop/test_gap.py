@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.closed_loop.gap import closed, held_out, measure
-from simbench.gap.closed_loop.summary_features import features, unsteadiness
+from simbench.gap.closed_loop.summary_features import features
 
 N = 4000
 WHITE = np.random.default_rng(0).standard_normal((2, N))
@@ -32,7 +32,10 @@ def test_a_gap_is_resolvable_from_one_and_a_half_floors(off, resolvable):
     real = np.array(list(features(WHITE[1][2600:], WHITE[0][2600:], np.zeros(1400)).values()))
     rng = np.random.default_rng(1)
     runs = [
-        SimpleNamespace(features=real + o + rng.standard_normal((8, real.size)))
+        SimpleNamespace(
+            features=real + o + rng.standard_normal((8, real.size)),
+            archived=rng.standard_normal((8, 2, N)),
+        )
         for o in (off, off / 2, 0.0)
     ]
     shrinkage = measure(s, *runs)
@@ -57,9 +60,38 @@ def test_a_gap_is_resolvable_from_one_and_a_half_floors(off, resolvable):
     )
 
 
-@pytest.mark.parametrize(("moved", "times"), [(0.0, 1.0), (1.0, 1.0), (6.0, 5.3)])
-def test_a_record_that_does_not_repeat_itself_has_a_wider_floor(moved, times):
-    # two runs of unit spread are 2/sqrt(pi) = 1.13 apart on average; so far off is `moved`
-    sims = np.random.default_rng(3).standard_normal((8, 4000))
-    stretches = np.array([np.zeros(4000), np.full(4000, moved), np.full(4000, -moved)])
-    assert unsteadiness(stretches, sims, np.ones(4000)) == pytest.approx(times, rel=0.02)
+def measured(*, pv=0.0, sims=0.0, sp=0.0):
+    """Return the measure of white noise with something added along the record, the simulations or
+    the set point.
+    """
+    rng = np.random.default_rng(3)
+    white = rng.standard_normal((9, 2, N))
+    white[0, 1] += pv
+    white[1:, 1] += sims
+    level = np.full(N, 0.0) + sp
+    s = SimpleNamespace(record=SimpleNamespace(pv=white[0, 1], n=N), op=white[0, 0], sp=level)
+    late = white[1:, :, held_out(s) :]
+    found = features(late[:, 0], late[:, 1], level[held_out(s) :])
+    runs = SimpleNamespace(features=np.array(list(found.values())).T, archived=white[1:])
+    return measure(s, runs, runs, runs)
+
+
+SLOW = 3.0 * np.sin(np.arange(N) / 40.0) * (np.arange(N) < N // 2)
+
+
+def test_a_record_that_repeats_itself_as_its_simulations_do_has_their_floor():
+    found = measured()
+    assert found.floor <= found.plant_floor < 1.25 * found.floor
+
+
+def test_a_record_that_does_not_repeat_itself_has_a_wider_floor():
+    found = measured(pv=SLOW)
+    assert found.plant_floor > 2.0 * found.floor
+    # what the simulation does as well is no lack of repetition
+    found = measured(pv=SLOW, sims=SLOW)
+    assert found.plant_floor < 1.25 * found.floor
+
+
+def test_a_set_point_that_moves_in_one_part_only_widens_no_floor():
+    found = measured(sp=5.0 * (np.arange(N) > 3000))
+    assert found.plant_floor < 1.25 * found.floor
