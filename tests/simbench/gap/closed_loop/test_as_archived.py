@@ -53,6 +53,41 @@ def test_a_faithful_archive_changes_nothing(record):
     assert np.array_equal(pv, record.pv)
 
 
+def repeated(r, every=4):
+    """The record as an archive keeps it that writes OP and PV in one sample of `every` only."""
+    last = np.arange(r.n) // every * every
+    return replace(r, op=r.op[last], pv=r.pv[last])
+
+
+def test_a_simulated_record_repeats_its_samples_where_the_real_one_does(record):
+    other = recorded(SHORT, seed=9)
+    op, pv = as_archived(check(repeated(record), LOOP, trusted=False), other.op, other.pv)
+    wanted = repeated(other)
+    assert np.diff(op)[np.diff(wanted.op) == 0.0] == pytest.approx(0.0, abs=0.0)
+    assert np.abs(op - wanted.op).max() < 1e-3 * np.std(other.op)
+    assert np.abs(pv - wanted.pv).max() < 1e-3 * np.std(other.pv)
+
+
+def test_what_rests_by_its_rounding_alone_is_not_held_as_well(record):
+    coarse = 0.5 * np.std(np.diff(record.pv))
+    rounded = replace(record, pv=coarse * np.round(record.pv / coarse))
+    s = check(rounded, LOOP, trusted=False)
+    other = recorded(SHORT, seed=9)
+    pv = as_archived(s, other.op, coarse * np.round(other.pv / coarse))[1]
+    rests = np.mean(np.diff(rounded.pv) == 0.0)
+    assert rests > 0.1
+    assert np.mean(np.diff(pv) == 0.0) == pytest.approx(rests, rel=0.2)
+
+
+def test_what_an_effect_explains_is_left_to_the_effect(record):
+    stuck = record.op.copy()
+    stuck[stuck > np.quantile(stuck, 0.7)] = np.quantile(stuck, 0.7)
+    s = check(replace(record, op=stuck), LOOP)
+    assert "limits" in s.facts
+    other = recorded(SHORT, seed=9)
+    assert np.array_equal(as_archived(s, other.op, other.pv)[0], other.op)
+
+
 @pytest.fixture(scope="module")
 def bare(record):
     return diagnose(record, LOOP)
