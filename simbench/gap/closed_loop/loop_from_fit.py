@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from simbench.gap.closed_loop.level import WITHIN
+from simbench.gap.closed_loop.stable import stable
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.effects._recogniser import clip
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, valve_of
+from simbench.gap.likelihood.model import Data, Fit, delay_of, input_gain, lag_of, valve_of
 from simbench.gap.situation import Situation
 from simbench.loop.plant import first_order_like, stretched
 from simbench.scenarios.spec import Loop, Plant
@@ -62,7 +63,7 @@ def fixed_loop(
         "steps": [[float(k * Ts), float(sp[k])] for k in np.flatnonzero(np.diff(sp)) + 1],
     }
     table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
-    noise = d.noise if situation.trusted else fit.theta["noise_std"]
+    noise = d.noise if _as_stated(situation, fit, plant) else _unrounded_noise(fit, d)
     source = load or fit
     # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the
     # same in every arm
@@ -99,7 +100,20 @@ def fixed_loop(
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
     if jumps and source.spec.jumps:
         table["effect"].append({"name": "load_steps", **load_steps.numbers(source, situation)})
-    return Loop.from_table(table, "fixed loop")
+    loop = Loop.from_table(table, "fixed loop")
+    return loop if situation.trusted else stable(loop)
+
+
+def _as_stated(situation: Situation, fit: Fit, plant: str) -> bool:
+    """Return whether the noise is the stated one: in the baseline itself, and where an effect says
+    how much more there is.
+    """
+    return situation.trusted and (plant == "baseline" or "noise_std" in fit.spec.free)
+
+
+def _unrounded_noise(fit: Fit, d: Data) -> float:
+    """Return the fitted noise without what rounding adds to it, which a simulation does again."""
+    return float(np.sqrt(max(fit.theta["noise_std"] ** 2 - d.resolution**2 / 12.0, 0.0)))
 
 
 def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:

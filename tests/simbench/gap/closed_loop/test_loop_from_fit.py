@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.closed_loop.loop_from_fit import fixed_loop, load_parts
+from simbench.gap.closed_loop.loop_from_fit import _unrounded_noise, fixed_loop, load_parts
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Moves, Spec
 from simbench.loop.disturbance import disturbance_signal
@@ -167,7 +167,8 @@ def test_a_load_is_as_large_at_the_input_as_it_is_on_pv_through_the_gain_it_was_
 )
 def test_noise_that_remembers_is_a_load_on_pv(colour, free, coloured):
     loop = built(fitted_as(spec=Spec(free=frozenset(free)), colour=colour))
-    assert loop.noise.std == (0.0 if coloured else 0.1)
+    # an effect of the noise multiplies what is stated
+    assert loop.noise.std == (0.0 if coloured else 0.1 if free else 0.2)
     extra = [d.parameters for d in loop.disturbance[1:]]
     assert extra == (
         [{"amplitude": 0.2, "period": pytest.approx(-2.0 / np.log(colour)), "at": "output"}]
@@ -191,8 +192,16 @@ def test_a_slow_load_on_pv_stays_where_the_fit_has_it_apart_from_the_load(spec, 
     assert ("output" in [d.parameters.get("at") for d in loop.disturbance]) == kept
 
 
-def test_without_a_trusted_baseline_the_noise_is_the_fitted_one():
-    assert (built().noise.std, built(trusted=False).noise.std) == (0.1, 0.2)
+def test_the_noise_is_the_fitted_one_and_the_stated_one_in_the_baseline_itself():
+    assert (built().noise.std, built(plant="baseline").noise.std) == (0.2, 0.1)
+    assert built(trusted=False, plant="baseline").noise.std == 0.2
+
+
+def test_rounding_is_not_counted_as_noise_as_well():
+    x, step = np.zeros(N), 0.12 * np.sqrt(12.0)
+    for size, noise in ((step, 0.16), (10.0 * step, 0.0)):
+        data = Data(x, x, 2.0, 20.0, 4.0, 0.1, resolution=size)
+        assert _unrounded_noise(fitted_as(), data) == pytest.approx(noise)
 
 
 HALF, HELD = Moves(lambda u, theta: 0.5 * u, ()), Moves(lambda u, theta: np.full(u.shape, 40.0), ())
