@@ -20,11 +20,13 @@ from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.sources import RecordSignals, as_record
 from simbench.gap.candidates import alike, smallest_detectable
-from simbench.gap.closed_loop.gap import RESOLVED_FROM
+from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.remaining import remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
+from simbench.gap.decide.closure import misfit, with_closure
 from simbench.gap.decide.identified import plausible
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
@@ -319,6 +321,24 @@ def named_by(weights: Classified, assessment: Assessment) -> list[str]:
     return [first, *[e for e in assessment.chosen if block_of(e) != block_of(first)][:1]]
 
 
+def _closed(
+    assessment: Assessment, weights: Classified, runs: ClosedLoops
+) -> tuple[Classified, list[str], Shrinkage]:
+    """Return probabilities, answer and gap after simulations with the answer: one that leaves them
+    far from the record gives way to `unknown`.
+    """
+    named = named_by(weights, assessment)
+    effects = [e for e in named if e in EFFECTS]
+    closed = runs.shrink(effects)
+    ratio = misfit(assessment, effects, closed)
+    if named[0] == UNKNOWN or not ratio:
+        return weights, named, closed
+    bare = runs.shrink([]) if effects else closed
+    left = remaining(assessment.situation, bare.features)
+    block = left[0].block if left else "disturbance"
+    return with_closure(weights, ratio, block), [UNKNOWN], bare
+
+
 def report(
     assessment: Assessment,
     weights: Classified,
@@ -327,11 +347,10 @@ def report(
 ) -> GapReport:
     """Turn scores and probabilities into the answer."""
     situation = assessment.situation
+    weights, named, main = _closed(assessment, weights, runs)
+    first, effects = named[0], [e for e in named if e in EFFECTS]
+    left = remaining(situation, main.features)
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
-    named = named_by(weights, assessment)
-    first = named[0]
-    effects = [e for e in named if e in EFFECTS]
-    main = runs.shrink(effects)
     # gap before and after, of what was simulated
     sizes = {NONE: (main.before, main.before)}
     if len(effects) == 1:
@@ -351,18 +370,12 @@ def report(
         )
         for e, p in ranking
     }
-    # a wide gap that needs no effect; an identified baseline is recalibrated already
-    by_load = (
-        first == NONE
-        and main.resolvable
-        and (not situation.trusted or main.recalibrated > RESOLVED_FROM * main.floor)
-    )
     gap = Gap(
         main.before,
         main.recalibrated,
         main.after,
         main.floor,
-        main.resolvable and not by_load,
+        main.resolvable,
         main.plant_floor,
     )
     shrinkage = None
@@ -385,13 +398,6 @@ def report(
     ]
     if advice is None:
         notes.append(f"next test: none, {planned.why}")
-    if by_load:
-        notes.append(
-            f"the gap ({main.recalibrated:.2f}, floor {main.floor:.2f}) comes and goes along the"
-            " record: a draw of the load"
-        )
-    if first == UNKNOWN and runs.lacking is not None and runs.lacking.features:
-        notes.append(f"the simulation lacks: in the record {runs.lacking.sentence}")
     if not main.resolvable:
         notes.append(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
@@ -419,6 +425,7 @@ def report(
         ranking=tuple(lines.values()),
         gap=gap,
         shrinkage=shrinkage,
+        remaining=left,
         blocks=weights.shares,
         next_test=advice,
         notes=tuple(notes),

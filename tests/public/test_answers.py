@@ -352,6 +352,7 @@ def test_gap_diagnose(answer, place):
         "ranking",
         "gap",
         "shrinkage",
+        "remaining",
         "blocks",
         "next_test",
         "notes",

@@ -5,6 +5,7 @@ that was not used for fitting.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from simbench.scenarios.spec import Loop
 
 _FITTED = 0.65  # first share of the record; on the rest nothing is fitted
 RESOLVED_FROM = 1.5  # gap before over floor from which there is something to close
+# without noise all simulations are the same, and what is left of a distance is rounding
+_LEAST_FLOOR = 0.01
 # times the interval that seeds alone give: the simulated load is not quite the plant's (116
 # records, seed 303)
 _WIDER = 1.6
@@ -69,6 +72,18 @@ def held_out(situation: Situation) -> int:
     return int(_FITTED * situation.record.n)
 
 
+class Compared(NamedTuple):
+    """One feature of the held-out part: recorded, its range over the last set of runs, and how far
+    off the mean of the first and of the last set it is.
+    """
+
+    recorded: float
+    lo: float
+    hi: float
+    before: float
+    distance: float
+
+
 @dataclass(frozen=True, eq=False)
 class Shrinkage:
     """Distances of three sets of runs from the record, their floor, that of the plant, and the
@@ -83,7 +98,7 @@ class Shrinkage:
     value: float | None
     lo: float
     hi: float
-    per_feature: dict[str, tuple[float, float]]
+    features: dict[str, Compared]
     plant_floor: float
 
 
@@ -99,10 +114,11 @@ def measure(
     # one ruler for all, or a noisier loop would look nearer
     spread = _ruler(runs)
     b, r, a = (distance(real, x, spread) for x in runs)
-    f = floor_of(runs[2], spread)
+    f = max(floor_of(runs[2], spread), _LEAST_FLOOR)
     resolvable = b >= RESOLVED_FROM * f
     off = [np.abs(real - x.mean(axis=0)) / spread for x in (runs[0], runs[2])]
-    per = {name: (float(first), float(last)) for name, first, last in zip(named, *off)}
+    ends = runs[2].min(axis=0), runs[2].max(axis=0)
+    per = {name: Compared(*map(float, numbers)) for name, *numbers in zip(named, real, *ends, *off)}
     at_plant = f * _unsteadiness(situation, after, spread)
     if not resolvable:
         return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per, at_plant)

@@ -14,13 +14,15 @@ from simbench.gap.closed_loop.stable import stable
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.effects._recogniser import clip
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Data, Fit, delay_of, input_gain, lag_of, valve_of
+from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, valve_of
 from simbench.gap.situation import Situation
 from simbench.loop.plant import first_order_like, stretched
 from simbench.scenarios.spec import Loop, Plant
 
 # correlation of the noise from sample to sample, below which it is as good as white
 _COLOURED = 0.15
+_NIL = 1e-6  # of PV's standard deviation, up to which a fitted load is none
+_LEAST = 1.01  # of the smallest noise that a fit believes, below which it found none
 
 
 def fixed_loop(
@@ -63,31 +65,18 @@ def fixed_loop(
         "steps": [[float(k * Ts), float(sp[k])] for k in np.flatnonzero(np.diff(sp)) + 1],
     }
     table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
-    noise = d.noise if _as_stated(situation, fit, plant) else _unrounded_noise(fit, d)
     source = load or fit
-    # a load was fitted as what it does to PV, through the gain of that fit; at the input it is the
-    # same in every arm
-    K = abs(input_gain(source, d))
-    table["disturbance"] = [
-        {"type": "coloured", "amplitude": std / K, "period": period * Ts}
-        | ({"lag": lag * Ts} if lag > 0.0 else {})
-        for std, period, lag in load_parts(source.theta)
-    ]
-    wanders = source.spec.walk or "noise_std" in source.spec.free
-    if wanders and not any(recogniser(e).is_load_on_pv for e in effects):
-        table["disturbance"] += situation.loads_on_pv
-    colour = source.theta["colour"]
-    if colour > _COLOURED and "noise_std" not in source.spec.free:
-        # noise that remembers is a load on PV itself
-        coloured = {
-            "type": "coloured",
-            "amplitude": source.theta["noise_std"],
-            "period": -Ts / float(np.log(colour)),
-            "at": "output",
-        }
-        table["disturbance"].append(coloured)
-        noise = 0.0
-    table["noise"] = table.get("noise", {}) | {"std": noise}
+    as_stated = situation.trusted and plant == "baseline"
+    if not (as_stated and base.disturbance):
+        noise = d.noise if as_stated else _noise(situation, fit)
+        table["disturbance"] = _loads(situation, source, effects)
+        if fit.theta["noise_std"] < _LEAST * d.floor:
+            noise = 0.0
+        elif _remembers(source):
+            # noise that remembers is a load on PV itself
+            table["disturbance"].append(_coloured_noise(source, Ts))
+            noise = 0.0
+        table["noise"] = table.get("noise", {}) | {"std": noise}
     # a ramp begins at 0: OP's mean lies half of it away from where the record began
     half = 0.5 * n * Ts
     # on an integrating plant a ramp of the measurement is a load
@@ -104,16 +93,51 @@ def fixed_loop(
     return loop if situation.trusted else stable(loop)
 
 
-def _as_stated(situation: Situation, fit: Fit, plant: str) -> bool:
-    """Return whether the noise is the stated one: in the baseline itself, and where an effect says
-    how much more there is.
+def _loads(
+    situation: Situation, source: Fit, effects: dict[str, dict[str, float | str]]
+) -> list[dict[str, Any]]:
+    """Return the fitted load as the disturbances of a loop file.
+
+    It was fitted as what it does to PV, through the gain of that fit; at the input it is the same
+    in every arm.
     """
-    return situation.trusted and (plant == "baseline" or "noise_std" in fit.spec.free)
+    Ts, d = situation.record.Ts, situation.data
+    K = abs(input_gain(source, d))
+    loads = [
+        {"type": "coloured", "amplitude": std / K, "period": period * Ts}
+        | ({"lag": lag * Ts} if lag > 0.0 else {})
+        for std, period, lag in load_parts(source.theta)
+        if std > _NIL * d.size
+    ]
+    wanders = source.spec.walk or "noise_std" in source.spec.free
+    if wanders and not any(recogniser(e).is_load_on_pv for e in effects):
+        loads += situation.loads_on_pv
+    return loads
 
 
-def _unrounded_noise(fit: Fit, d: Data) -> float:
-    """Return the fitted noise without what rounding adds to it, which a simulation does again."""
-    return float(np.sqrt(max(fit.theta["noise_std"] ** 2 - d.resolution**2 / 12.0, 0.0)))
+def _remembers(source: Fit) -> bool:
+    """Return whether the fitted noise is correlated from sample to sample."""
+    return source.theta["colour"] > _COLOURED and "noise_std" not in source.spec.free
+
+
+def _coloured_noise(source: Fit, Ts: float) -> dict[str, Any]:
+    """Return the fitted noise as a load on PV."""
+    return {
+        "type": "coloured",
+        "amplitude": source.theta["noise_std"],
+        "period": -Ts / float(np.log(source.theta["colour"])),
+        "at": "output",
+    }
+
+
+def _noise(situation: Situation, fit: Fit) -> float:
+    """Return the fitted noise without what rounding adds to it, which a simulation does again; the
+    stated one where an effect says how much more there is.
+    """
+    if situation.trusted and "noise_std" in fit.spec.free:
+        return situation.data.noise
+    resolution = situation.data.resolution
+    return float(np.sqrt(max(fit.theta["noise_std"] ** 2 - resolution**2 / 12.0, 0.0)))
 
 
 def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:

@@ -5,12 +5,10 @@ computed once.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
-from simbench.gap.closed_loop.lacking import Lacking, lacking
 from simbench.gap.closed_loop.level import level
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.effects import recogniser
@@ -89,15 +87,14 @@ class ClosedLoops:
         return self.arms[key]
 
     def shrink(self, effects: Sequence[str]) -> Shrinkage:
-        """Return gap before, recalibrated, after and floor for some effects."""
-        return measure(self.fitted.situation, *self.runs_with(effects), seed=self.seed)
-
-    @cached_property
-    def lacking(self) -> Lacking | None:
-        """What the record has and the recalibrated loop has not; None where that cannot be
-        simulated.
+        """Return gap before, recalibrated, after and floor for some effects; without any, after is
+        the nearer of the two others.
         """
-        return lacking(self.fitted.situation, self.loop([]), self.seed)
+        runs = self.runs_with(effects)
+        closed = measure(self.fitted.situation, *runs, seed=self.seed)
+        if effects or closed.before >= closed.recalibrated:
+            return closed
+        return measure(self.fitted.situation, *runs[:2], runs[0], seed=self.seed)
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
         """Return what other effects close under the load of the named ones; None where that loop

@@ -11,6 +11,9 @@ import numpy as np
 
 BANDS = 6  # octave-like bands of the spectra
 _LAGS = (1, 3, 10, 30)  # samples
+# added to shares whose logarithm is a feature: of samples, and of the power
+REST, PEAK = 0.01, 0.001
+HANN = 0.375  # mean square of the window of the spectra
 
 
 def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
@@ -27,10 +30,10 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
         out[f"{name} kurtosis"] = np.log1p(np.mean((x * x) ** 2, axis=-1) / size**4)
         out[f"{name} change kurtosis"] = np.log1p(np.mean((d * d) ** 2, axis=-1) / step**4)
         near = size[..., None]
-        out[f"{name} at rest"] = np.log(0.01 + np.mean(np.abs(d) < 1e-9 * near, axis=-1))
-        out[f"{name} straight"] = np.log(0.01 + np.mean(np.abs(np.diff(d)) < 1e-6 * near, axis=-1))
+        out[f"{name} at rest"] = np.log(REST + np.mean(np.abs(d) < 1e-9 * near, axis=-1))
+        out[f"{name} straight"] = np.log(REST + np.mean(np.abs(np.diff(d)) < 1e-6 * near, axis=-1))
         ends = (x == x.max(axis=-1, keepdims=True)) | (x == x.min(axis=-1, keepdims=True))
-        out[f"{name} at limit"] = np.log(0.01 + np.mean(ends, axis=-1))
+        out[f"{name} at limit"] = np.log(REST + np.mean(ends, axis=-1))
         n = x.shape[-1]
         power = np.abs(np.fft.rfft(x * np.hanning(n))) ** 2
         edges = np.unique(np.geomspace(2, power.shape[-1], BANDS + 1).astype(int))
@@ -39,7 +42,7 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
         top = np.sort(power[..., 2:], axis=-1)[..., -3:].sum(axis=-1) / (
             power[..., 2:].sum(axis=-1) + 1e-12
         )
-        out[f"{name} sharpness"] = np.log(0.001 + top)
+        out[f"{name} sharpness"] = np.log(PEAK + top)
         for lag in _LAGS:
             out[f"{name} memory {lag}"] = np.mean(x[..., lag:] * x[..., :-lag], axis=-1) / size**2
         slow = np.array([part.mean(axis=-1) for part in np.array_split(x, 5, axis=-1)])

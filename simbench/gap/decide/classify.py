@@ -46,6 +46,11 @@ class Classified:
         return self.unknown_block if answer == UNKNOWN else block_of(answer)
 
 
+def doubt(ratio: float) -> float:
+    """Return the share of `unknown` where a test is at so many times its limit: a half at it."""
+    return float(expit(_SHARPNESS * np.log(max(ratio, 1e-3))))
+
+
 def classify(assessment: Assessment) -> Classified:
     """Turn one record's scores into probabilities.
 
@@ -69,7 +74,7 @@ def classify(assessment: Assessment) -> Classified:
             gains[effect] = max(gains[effect], gains[first] - SECOND_EFFECT_NATS - (most - gain))
     known = softmax(TEMPERATURE * np.array([*gains.values(), LEAST_NATS]))
     ratio, block = assessment.worst_test
-    q = float(expit(_SHARPNESS * np.log(max(ratio, 1e-3))))
+    q = doubt(ratio)
     if ratio < 1.0 or set(assessment.chosen[:1]) & set(assessment.situation.proven):
         # while no test fails, or where an effect is proven, "unknown" is never the first
         # answer

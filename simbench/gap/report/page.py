@@ -38,7 +38,7 @@ def write_page(
         ("story", "What the tests changed", account),
         ("where", "Where the gap lies", _where(report)),
         ("look", "Record and simulation", look(compared(report), situation)),
-        ("lacking", "What the simulation lacks", _lacking(report)),
+        ("remaining", "What remains", _remaining(report)),
         ("which", "Which effect", _which(report)),
         ("shrinkage", "How far the gap shrinks", _shrinkage(report)),
         ("next", "What is open, and what to do next", _open(report)),
@@ -58,6 +58,7 @@ def _answer(report: GapReport) -> Markup:
         (f"{g.before:.2f}", "gap between record and simulation"),
         *([(f"{g.after:.2f}", "gap with the effect added")] if report.named else []),
         (f"{g.floor:.2f}", "gap between two simulations of one loop (repeatability floor)"),
+        (f"{g.plant_floor:.2f}", "gap between parts of the record (plant floor)"),
     ]
     if s is not None:
         value, lo, hi = (round(100 * s[k]) for k in ("value", "lo", "hi"))
@@ -83,14 +84,15 @@ def _where(report: GapReport) -> Markup:
     return render("where.html", svg=svg, any=any(shares.values()))
 
 
-def _lacking(report: GapReport) -> Markup:
-    """Return in which features of the record the simulation differs, where no effect is named."""
-    lacks = report.behind.loops.lacking if report.effect == UNKNOWN else None
-    if lacks is None or not lacks.features:
+def _remaining(report: GapReport) -> Markup:
+    """Return in which features the record differs from its simulations, the answer in them."""
+    if not report.remaining:
         return Markup()
-    caption = "features of the record that the simulation lacks: " + lacks.sentence
-    drawn = captioned([(pictures.draw_lacking(lacks), "lacking", caption)])
-    return render("lacking.html", items=drawn)
+    caption = "Recorded values beside the range of the simulations: "
+    caption += "; ".join(report.remaining_lines())
+    drawn = captioned([(pictures.draw_remaining(report.remaining), "remaining", caption)])
+    table = pd.DataFrame([one.as_json() for one in report.remaining])
+    return render("remaining.html", items=drawn, table=sortable(table, long=("feature",)))
 
 
 def _which(report: GapReport) -> Markup:
@@ -109,7 +111,8 @@ def _shrinkage(report: GapReport) -> Markup:
     sizes = gap_sizes(report)
     caption = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
     columns = ["feature", "before", "after" if report.named else "recalibrated"]
-    rows = [(k, *pair) for k, pair in report.behind.shrinkage.per_feature.items()]
+    compared = report.behind.shrinkage.features.items()
+    rows = [(name, one.before, one.distance) for name, one in compared]
     features = pd.DataFrame(rows, columns=columns).sort_values("before", ascending=False)
     return render(
         "shrinkage.html",

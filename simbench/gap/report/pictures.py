@@ -25,7 +25,7 @@ from simbench.figures._style import (
     panels,
     styled,
 )
-from simbench.gap.closed_loop.lacking import Lacking
+from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED
 
 Traces = Mapping[str, LoopRecord]  # the record and its simulations by name, the record first
@@ -44,6 +44,13 @@ _OF_GAP = {
     "after": RED,
     "nearest effect": ORANGE,
     "floor": GREY,
+}
+_OF_BLOCK = {
+    "controller": GREEN,
+    "valve": RED,
+    "process": BLUE,
+    "disturbance": ORANGE,
+    "sensor": BLACK,
 }
 _BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
 
@@ -199,15 +206,18 @@ def _mark_beyond(axes: Axes, x: np.ndarray, limits: tuple[float, float]) -> bool
 
 
 @styled
-def draw_lacking(lacks: Lacking) -> Figure:
-    """Draw the features in which the record differs from its simulation in every stretch of it, as
-    bars.
+def draw_remaining(left: Sequence[Remaining], most: int = 8) -> Figure:
+    """Draw recorded values as dots beside the range of the simulations, the farthest on top, in
+    the colours of their blocks.
     """
-    shown = dict(lacks.features[:8])
-    figure, axes = panel(PHONE_WIDTH, 0.9 + 0.34 * len(shown))
-    fill_bars(axes, shown, [RED if z > 0 else BLUE for z in shown.values()])
-    axes.tick_params(axis="y", labelsize=6.5)
-    axes.margins(x=0.25)
-    axes.axvline(0.0, color=BLACK, linewidth=0.8)
-    axes.set_xlabel("record beside its simulation\n(seed-to-seed standard deviations)")
+    shown = left[:most]
+    figure, grid = panels(len(shown), 1, PHONE_WIDTH, 0.3 + 0.62 * len(shown))
+    for axes, one in zip(grid[:, 0], shown):
+        lo, hi = one.simulated
+        axes.plot([lo, hi], [0, 0], color=GREY, linewidth=6, solid_capstyle="butt", alpha=0.6)
+        axes.plot(one.recorded, 0, "o", color=_OF_BLOCK[one.block], markersize=5)
+        axes.set_title(f"{one.block}: {one.feature}", fontsize=7, loc="left", pad=2)
+        axes.set(yticks=[], ylim=(-1, 1))
+        axes.margins(x=0.1)
+        axes.tick_params(axis="x", labelsize=6.5)
     return figure

@@ -10,6 +10,7 @@ from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
 from simbench.gap.closed_loop.gap import RESOLVED_FROM, Shrinkage
 from simbench.gap.closed_loop.gap_text import gap_sentences
+from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.stiction.conclusion import Conclusion
@@ -62,6 +63,7 @@ class DiagnosisDetails:
     detectable: dict[str, tuple[float, str]]
 
 
+_MOST_LINES = 5  # differences that are put into words
 _PERCENT = "% of travel"  # unit of S and J where OP is a percentage
 
 
@@ -86,6 +88,10 @@ class GapReport:
         Distance of record and simulation before and after each correction (-).
     shrinkage : dict or None
         value, lo, hi; None without a resolvable gap.
+    remaining : tuple of Remaining
+        What the record has and the simulations with the answer in them have not, the farthest
+        first: feature with its unit, block in which to look first, recorded value, range of the
+        simulations, distance (standard deviations between simulations).
     blocks : dict
         Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
     next_test : dict or None
@@ -109,6 +115,7 @@ class GapReport:
     ranking: tuple[Ranked, ...]
     gap: Gap
     shrinkage: dict[str, float] | None
+    remaining: tuple[Remaining, ...]
     blocks: dict[str, float]
     next_test: dict[str, Any] | None
     notes: tuple[str, ...]
@@ -132,6 +139,7 @@ class GapReport:
             "ranking": [asdict(r) for r in self.ranking],
             "gap": asdict(self.gap),
             "shrinkage": self.shrinkage,
+            "remaining": [one.as_json() for one in self.remaining],
             "blocks": self.blocks,
             "next_test": self.next_test,
             "notes": list(self.notes),
@@ -207,12 +215,6 @@ class GapReport:
             Effect, block, parameters with units, probability and share of the gap.
         """
         if self.effect == NONE:
-            if self.gap.recalibrated > RESOLVED_FROM * self.gap.plant_floor:
-                return (
-                    "No known effect is needed, but the simulation still differs from the record:"
-                    f" gap {self.gap.recalibrated:.2f}, parts of the record differ by"
-                    f" {self.gap.plant_floor:.2f}."
-                )
             return (
                 "No unmodelled effect is needed: the simulation is as near to the record as parts"
                 " of the record are to each other."
@@ -258,7 +260,11 @@ class GapReport:
                 f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= LEAST_SHOWN
             ]
             lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
-        lines += [*self.gap_lines(), "", "probability  effect"]
+        lines += self.gap_lines()
+        if self.remaining:
+            lines += ["What remains between record and simulations:"]
+            lines += [f"  {line}" for line in self.remaining_lines()]
+        lines += ["", "probability  effect"]
         lines += [
             f"{r.probability:11.3f}  {r.effect:24s}{self._sizes(r.effect, r.parameters)}".rstrip()
             for r in self.ranking[:6]
@@ -294,6 +300,16 @@ class GapReport:
         if g.before < RESOLVED_FROM * g.floor:
             lines.append("The gap does not stand out of the floor, so no reduction is claimed.")
         return lines
+
+    def remaining_lines(self) -> list[str]:
+        """Return the largest differences that remain, in numbers of the plant.
+
+        Returns
+        -------
+        list of str
+            At most five differences, a line each; none where nothing is plain.
+        """
+        return [one.sentence() for one in self.remaining[:_MOST_LINES]]
 
     def next_line(self) -> list[str]:
         """Return the next test in a sentence, in a list; empty where none is recommended.

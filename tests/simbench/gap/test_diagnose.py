@@ -73,6 +73,7 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "ranking",
         "gap",
         "shrinkage",
+        "remaining",
         "blocks",
         "next_test",
         "notes",

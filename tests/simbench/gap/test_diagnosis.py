@@ -2,7 +2,7 @@
 on stand-ins.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +12,7 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnosis
-from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.gap import Compared, Shrinkage
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.classify import Classified
 from simbench.gap.diagnosis import diagnose, named_by, report
@@ -56,7 +56,7 @@ def situation(
         data=SimpleNamespace(K=K),
         baseline=None,
         integrating=integrating,
-        record=SimpleNamespace(pv=pv, mv=mv, notes=(), S_unit="%"),
+        record=SimpleNamespace(pv=pv, mv=mv, notes=(), S_unit="%", n=100, Ts=1.0),
         law=SimpleNamespace(known=known),
         archive=SimpleNamespace(faithful=faithful),
         notes=["noted"],
@@ -86,14 +86,8 @@ class Loops:
 
     seed = 7
 
-    def __init__(self, main=None, rivals=(), lacking=None):
-        self.main, self.rivals, self.shrunk, self.built, self.lacking = (
-            main or gap(),
-            dict(rivals),
-            [],
-            [],
-            lacking,
-        )
+    def __init__(self, main=None, rivals=()):
+        self.main, self.rivals, self.shrunk, self.built = main or gap(), dict(rivals), [], []
 
     def shrink(self, effects):
         self.shrunk.append(list(effects))
@@ -183,6 +177,23 @@ def test_the_answer_is_put_together(stubs):
     assert answer.notes == ("noted", "valve: MV strays")
     assert answer.next_test == {"test": "bump", "says": "bump it"}
     assert answer.behind.detectable == {"deadband": (60.0, "%")}
+
+
+def test_an_answer_that_stays_far_from_the_record_is_unknown_where_the_record_differs_most(stubs):
+    left = {"op at rest": Compared(np.log(0.31), np.log(0.01), np.log(0.02), 9.0, 9.0)}
+    far = replace(gap(after=3.0, lo=-0.1), features=left)
+    loops = Loops(far)
+    answer = report(assessed("stiction"), weighed(), loops)
+    assert (answer.effect, answer.block, answer.named) == ("unknown", "controller", [])
+    # the gap shown is that of the loop without the effect
+    assert loops.shrunk == [["stiction"], []]
+    assert answer.shrinkage is None
+    assert answer.ranking[1].effect == "stiction"
+    assert answer.remaining[0].recorded == pytest.approx(30.0)
+    # an answer that is unknown already asks for no more runs
+    loops = Loops(far)
+    assert report(assessed(), weighed(unknown=1.0), loops).block == "process"
+    assert loops.shrunk == [[]]
 
 
 def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):

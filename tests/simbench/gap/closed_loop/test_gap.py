@@ -52,12 +52,12 @@ def test_a_gap_is_resolvable_from_one_and_a_half_floors(off, resolvable):
         assert 0.6 < shrinkage.lo <= shrinkage.hi == 1.0
     else:
         assert (shrinkage.value, shrinkage.lo, shrinkage.hi) == (None, 0.0, 0.0)
-    assert np.mean([b for b, _ in shrinkage.per_feature.values()]) == pytest.approx(
-        shrinkage.before, rel=0.02
-    )
-    assert np.mean([a for _, a in shrinkage.per_feature.values()]) == pytest.approx(
-        shrinkage.after, rel=0.02
-    )
+    each = shrinkage.features.values()
+    assert np.mean([one.before for one in each]) == pytest.approx(shrinkage.before, rel=0.02)
+    assert np.mean([one.distance for one in each]) == pytest.approx(shrinkage.after, rel=0.02)
+    assert [one.recorded for one in each] == pytest.approx(list(real))
+    last = runs[2].features
+    assert [(one.lo, one.hi) for one in each] == list(zip(last.min(axis=0), last.max(axis=0)))
 
 
 def measured(*, pv=0.0, sims=0.0, sp=0.0):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.closed_loop.loop_from_fit import _unrounded_noise, fixed_loop, load_parts
+from simbench.gap.closed_loop.loop_from_fit import _noise, fixed_loop, load_parts
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Moves, Spec
 from simbench.loop.disturbance import disturbance_signal
@@ -105,6 +105,7 @@ def built(
         "sampling": {"Ts": 2.02},
         "noise": {"std": 0.1},
         "effect": list(had),
+        "disturbance": more.pop("loads", []),
     }
     op, y = 50.0 + np.resize([1.0, -1.0], N), np.broadcast_to(np.asarray(pv, dtype=float), N)
     data = Data(op, y, stated["K"] * (2.0 if vessel else 1.0), 0.0 if vessel else 20.0, 4.0, 0.1)
@@ -198,10 +199,22 @@ def test_the_noise_is_the_fitted_one_and_the_stated_one_in_the_baseline_itself()
 
 
 def test_rounding_is_not_counted_as_noise_as_well():
-    x, step = np.zeros(N), 0.12 * np.sqrt(12.0)
-    for size, noise in ((step, 0.16), (10.0 * step, 0.0)):
-        data = Data(x, x, 2.0, 20.0, 4.0, 0.1, resolution=size)
-        assert _unrounded_noise(fitted_as(), data) == pytest.approx(noise)
+    for step, noise in ((0.12 * np.sqrt(12.0), 0.16), (2.0, 0.0)):
+        s = SimpleNamespace(trusted=True, data=SimpleNamespace(resolution=step))
+        assert _noise(s, fitted_as()) == pytest.approx(noise)
+
+
+def test_loads_and_noise_that_a_fit_did_not_find_are_left_out():
+    loop = built(fitted_as(load=0.0, noise_std=1e-9, colour=0.5))
+    assert (loop.disturbance, loop.noise.std) == ((), 0.0)
+
+
+def test_a_loop_file_that_states_its_loads_is_simulated_with_them():
+    load = {"type": "sine", "amplitude": 1.0, "period": 60.0}
+    given, fitted = (built(loads=[load], plant=plant) for plant in ("baseline", "fitted"))
+    assert [d.name for d in given.disturbance] == ["sine"]
+    assert [d.name for d in fitted.disturbance] == ["coloured"]
+    assert given.noise.std == 0.1
 
 
 HALF, HELD = Moves(lambda u, theta: 0.5 * u, ()), Moves(lambda u, theta: np.full(u.shape, 40.0), ())

@@ -26,7 +26,7 @@ def made(monkeypatch):
     """Return the loops of a diagnosis that names stiction and a gain, and what was built, simulated
     and compared.
     """
-    seen = SimpleNamespace(simulated=[], compared=[], away=set(), jumps=[])
+    seen = SimpleNamespace(simulated=[], compared=[], away=set(), jumps=[], first=2.0)
 
     def fixed_loop(situation, fit, effects, *, plant, load, jumps):
         seen.jumps.append(jumps)
@@ -38,7 +38,7 @@ def made(monkeypatch):
 
     def measure(situation, before, again, after, seed):
         seen.compared.append((before, again, after, seed))
-        return len(seen.compared)
+        return SimpleNamespace(before=seen.first, recalibrated=1.0, number=len(seen.compared))
 
     for name, stub in (
         ("fixed_loop", fixed_loop),
@@ -60,7 +60,7 @@ BARE, TUNED = ("base", (), "baseline"), ("base", (), "fitted")
 
 def test_an_effect_is_compared_with_the_bare_and_the_recalibrated_loop_under_one_load(made):
     loops, seen = made
-    assert loops.shrink(["stiction"]) == 1
+    assert loops.shrink(["stiction"]).number == 1
     # the loop with friction is kicked by its band
     assert seen.simulated == [
         (*BARE, "stuck", 0.0),
@@ -90,6 +90,16 @@ def test_of_no_effect_the_recalibrated_loop_is_the_last(made):
     assert len(seen.simulated) == 2
 
 
+def test_of_no_effect_the_loop_as_given_is_the_last_where_it_is_the_nearer(made):
+    loops, seen = made
+    seen.first = 0.5
+    assert loops.shrink([]).number == 2
+    assert seen.compared[1] == ((*BARE, "base"), (*TUNED, "base"), (*BARE, "base"), 7)
+    seen.compared.clear()
+    loops.shrink(["stiction"])
+    assert len(seen.compared) == 1
+
+
 def test_effects_share_the_fit_in_which_they_were_chosen_or_the_first_ones(made):
     loops, _ = made
     assert loops.loop(["stiction", "gain_mismatch"])[0] == "both"
@@ -102,7 +112,7 @@ def test_effects_share_the_fit_in_which_they_were_chosen_or_the_first_ones(made)
 
 def test_a_rival_is_run_under_the_load_of_the_answer(made):
     loops, seen = made
-    assert loops.rival(["gain_mismatch"], ["stiction"]) == len(seen.compared)
+    assert loops.rival(["gain_mismatch"], ["stiction"]).number == len(seen.compared)
     assert seen.simulated[-1] == ("slack", ("gain_mismatch",), "fitted", "stuck", 0.0)
     assert seen.compared[-1] == (
         (*BARE, "stuck"),

@@ -30,7 +30,7 @@ HEALTHY = {
     "noise": {"std": 0.1},
     "setpoint": {"value": 50.0, "steps": [[600.0, 55.0], [1100.0, 50.0]]},
 }
-STICKY = {**HEALTHY, "valve": {"model": "choudhury", "S": 6.0, "J": 2.0}}
+STICKY = {**HEALTHY, "valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
 TAG = "FIC <101> & co"
 COMMAND = ["simbench gap diagnose a.csv --baseline b.toml"]
 

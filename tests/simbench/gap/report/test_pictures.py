@@ -89,7 +89,7 @@ def test_the_share_of_the_gap_that_is_removed_is_written_in_percent(
     }
     page._answer(
         SimpleNamespace(
-            gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, resolvable=True),
+            gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, plant_floor=1.0),
             shrinkage={"value": value, "lo": lo, "hi": hi},
             effect="stiction",
             effects=(first,),
@@ -98,9 +98,9 @@ def test_the_share_of_the_gap_that_is_removed_is_written_in_percent(
             op_unit="% of travel",
         )
     )
-    assert [t[0] for t in seen["tiles"][:4]] == ["0.91", "4.00", "1.25", "0.80"]
+    assert [t[0] for t in seen["tiles"][:5]] == ["0.91", "4.00", "1.25", "0.80", "1.00"]
     assert seen["tiles"][0] == ("0.91", "probability of stiction")
-    assert seen["tiles"][4] == (tile[0], f"of the gap above the floor is removed {tile[1]}")
+    assert seen["tiles"][5] == (tile[0], f"of the gap above the floor is removed {tile[1]}")
 
 
 DRAWN = {

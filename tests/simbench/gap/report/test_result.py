@@ -2,8 +2,7 @@
 
 from types import SimpleNamespace
 
-import pytest
-
+from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
 from simbench.gap.stiction.conclusion import Conclusion
 
@@ -49,6 +48,7 @@ def report(
     given = {
         "group": ("stiction",),
         "ranking": RANKING,
+        "remaining": (),
         "blocks": SHARES,
         "next_test": {"test": "bump", "says": "bump it"},
         "notes": ("one", "two"),
@@ -61,6 +61,7 @@ def report(
         given["ranking"],
         Gap(*gap),
         shrinkage,
+        given["remaining"],
         given["blocks"],
         given["next_test"],
         given["notes"],
@@ -93,29 +94,28 @@ def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
     )
 
 
-@pytest.mark.parametrize(("recalibrated", "plant_floor", "differs"), [
-    (1.19, 0.8, False), (1.21, 0.8, True), (1.79, 1.2, False), (1.81, 1.2, True), (9.0, 1.2, True),
-])  # fmt: skip
-@pytest.mark.parametrize("resolvable", [True, False])
-def test_none_is_an_answer_and_a_gap_that_stays_is_reported(
-    recalibrated, plant_floor, differs, resolvable
-):
+def test_none_is_an_answer():
     nothing = {"block": "none", "effect": "none", "parameters": {}, "probability": 0.9}
-    sentence = report(
-        "none",
-        "none",
-        (nothing,),
-        gap=(4.0, recalibrated, 1.2, 0.8, resolvable, plant_floor),
-        value=None,
-    ).sentence()
-    if differs:
-        assert (
-            sentence
-            == "No known effect is needed, but the simulation still differs from the record: "
-            f"gap {recalibrated:.2f}, parts of the record differ by {plant_floor:.2f}."
-        )
-    else:
-        assert sentence.startswith("No unmodelled effect is needed")
+    sentence = report("none", "none", (nothing,), value=None).sentence()
+    assert sentence.startswith("No unmodelled effect is needed")
+
+
+def test_five_of_the_differences_that_remain_are_put_into_words():
+    left = tuple(
+        Remaining(f"size {i} (PV units)", "sensor", 1.0 + i, (0.25, 0.5), 9.0 - i) for i in range(6)
+    )
+    text = report(remaining=left).as_text()
+    assert "  sensor: size 0 (PV units) is 1, simulated 0.25 to 0.5\n" in text
+    assert "size 4" in text
+    assert "size 5" not in text
+    assert "What remains" not in report().as_text()
+    assert report(remaining=left).as_json()["remaining"][5] == {
+        "feature": "size 5 (PV units)",
+        "block": "sensor",
+        "recorded": 6.0,
+        "simulated": [0.25, 0.5],
+        "distance": 4.0,
+    }
 
 
 def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more():

@@ -1,0 +1,37 @@
+"""Let the closed loop have its say: an answer whose simulations stay far from the record is not the
+whole answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from simbench.gap.closed_loop.gap import RESOLVED_FROM, Shrinkage
+from simbench.gap.decide.assess import Assessment
+from simbench.gap.decide.classify import Classified, doubt
+from simbench.loop.effects import UNKNOWN
+
+
+def misfit(assessment: Assessment, effects: Sequence[str], closed: Shrinkage) -> float:
+    """Return how many times the allowed distance simulations with the named effects are from the
+    record, 0 where nothing speaks against the answer.
+
+    An effect answers for the gap that it narrows, and one that single samples show beside a given
+    plant needs no simulation. That no effect is needed is said of simulations near the record
+    alone.
+    """
+    if effects and closed.lo > 0.0:
+        return 0.0
+    if effects and assessment.situation.trusted and assessment.shown(effects[0]):
+        return 0.0
+    ratio = closed.after / (RESOLVED_FROM * closed.plant_floor)
+    return ratio if ratio > 1.0 else 0.0
+
+
+def with_closure(weights: Classified, ratio: float, block: str) -> Classified:
+    """Return the probabilities after the test of the closed loop failed by a ratio: `unknown` takes
+    what a failed residual test gives it, all others keep their odds.
+    """
+    q = doubt(ratio)
+    p = {e: (1.0 - q) * v for e, v in weights.probability.items()}
+    return Classified({**p, UNKNOWN: p[UNKNOWN] + q}, block)
