@@ -14,6 +14,8 @@ from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
 from simbench.detectors.report.report import columns
+from simbench.gap.closed_loop.gap import RESOLVED_FROM
+from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.report.result import words
@@ -22,7 +24,8 @@ from simbench.progress import Progress
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
 
-_HEAD = ("record", "effect", "block", "probability", "gap before", "gap after", "floor", "valve")
+_HEAD = ("record", "effect", "block", "probability", "gap", "after", "floor", "plant", "valve")
+_FLOORS = {"floor": "the simulation", "plant_floor": "the plant"}
 
 
 @dataclass(frozen=True)
@@ -77,15 +80,47 @@ class FolderDiagnosis:
         rows = []
         for name, a in self.answers.items():
             gap, valve = a["gap"], a["conclusion"]["verdict"]
-            sizes = (f"{gap[key]:.2f}" for key in ("before", "after", "floor"))
+            sizes = (f"{gap[key]:.2f}" for key in ("before", "after", "floor", "plant_floor"))
             p = f"{a['effects'][0]['probability']:.2f}"
             rows.append((name, words(a["effect"]), a["block"], p, *sizes, WORDS[valve]))
         return "\n".join(
             [
                 f"Records in which each effect was named: {named or 'none was diagnosed'}.",
+                *self._nearness(),
                 *(["", *columns([_HEAD, *rows])] if rows else []),
+                *self._remains(),
                 *(f"{name}: {why}" for name, why in self.refused.items()),
             ]
+        )
+
+    def _nearness(self) -> list[str]:
+        """Return how many simulations come near their record, before and after the answer."""
+        gaps = [a["gap"] for a in self.answers.values()]
+        lines = []
+        for floor, of in _FLOORS.items():
+            shares = (
+                sum(gap[size] <= RESOLVED_FROM * gap[floor] for gap in gaps) / max(len(gaps), 1)
+                for size in ("before", "after")
+            )
+            before, after = (f"{share:.2f}" for share in shares)
+            lines.append(
+                f"Within {RESOLVED_FROM} floors of {of}: {before} of the records before, {after}"
+                " after."
+            )
+        return lines if gaps else []
+
+    def _remains(self) -> list[str]:
+        """Return what remains plainest in each record that the simulations do not come near."""
+        far = {
+            name: a["remaining"][0]
+            for name, a in self.answers.items()
+            if a["gap"]["after"] > RESOLVED_FROM * a["gap"]["plant_floor"] and a["remaining"]
+        }
+        lines = [f"{name}: {Remaining.from_json(one).sentence()}" for name, one in far.items()]
+        return (
+            ["", "The plainest difference that remains where the gap does:", *lines]
+            if lines
+            else []
         )
 
 

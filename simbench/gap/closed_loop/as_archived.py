@@ -55,13 +55,18 @@ def _held_like(x: np.ndarray, recorded: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def _resting_by_effect(s: Situation) -> tuple[bool, bool]:
-    """Return whether OP and PV rest as an effect makes them, which is not the archive's."""
-    return not _BY_CONTROLLER.isdisjoint(s.facts), s.frozen or not _BY_SENSOR.isdisjoint(s.facts)
+    """Return whether OP and PV rest as an effect makes them, which is not the archive's; the
+    lattice of PV is, where the loop is identified.
+    """
+    by_sensor = _BY_SENSOR if s.trusted else _BY_SENSOR - {"rounding"}
+    return not _BY_CONTROLLER.isdisjoint(s.facts), s.frozen or not by_sensor.isdisjoint(s.facts)
 
 
 @lru_cache(maxsize=4)
 def _digits_of(s: Situation) -> tuple[float, float]:
-    """Return the steps in which OP and PV are written, computed once per record because it is
-    simulated many times.
+    """Return the steps in which OP and PV are written, or PV of an identified loop is measured;
+    computed once per record because it is simulated many times.
     """
-    return written(s.op, s.record.pv).digits, written(s.record.pv, s.op).digits
+    op, pv = written(s.op, s.record.pv).digits, written(s.record.pv, s.op).digits
+    lattice = s.archive.rounding
+    return op, pv if lattice is None or s.trusted else lattice[0]

@@ -17,6 +17,7 @@ from simbench.gap.closed_loop.summary_features import (
     distance,
     features,
     floor_of,
+    least_spread,
     seed_spread,
 )
 from simbench.gap.situation import Situation
@@ -112,7 +113,8 @@ def measure(
     runs = [a.features for a in (before, recalibrated, after)]
 
     # one ruler for all, or a noisier loop would look nearer
-    spread = _ruler(runs)
+    least = least_spread(named, situation.record.n - start)
+    spread = _ruler(runs, least)
     b, r, a = (distance(real, x, spread) for x in runs)
     f = max(floor_of(runs[2], spread), _LEAST_FLOOR)
     resolvable = b >= RESOLVED_FROM * f
@@ -131,7 +133,7 @@ def measure(
             x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])
         )
         keep = rng.integers(0, real.size, real.size)
-        ruler = _ruler([before_, runs[1], after_])
+        ruler = _ruler([before_, runs[1], after_], least)
         far = np.minimum(
             np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP
         )[:, keep]
@@ -170,9 +172,9 @@ def _changes(op: np.ndarray, pv: np.ndarray, sp: np.ndarray, start: int) -> np.n
     return np.array([at(first) - at(start) for first in (start - length, 0)])
 
 
-def _ruler(runs: list[np.ndarray]) -> np.ndarray:
+def _ruler(runs: list[np.ndarray], least: np.ndarray) -> np.ndarray:
     """Return the standard deviation of each feature from seed to seed over several sets of runs."""
-    return np.sqrt(np.mean([seed_spread(x) ** 2 for x in runs], axis=0))
+    return np.sqrt(np.mean([seed_spread(x, least) ** 2 for x in runs], axis=0))
 
 
 def closed(before: float, after: float, floor: float) -> float:

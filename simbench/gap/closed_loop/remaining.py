@@ -42,9 +42,13 @@ _KINDS = {
     "change": _Kind("standard deviation of {} from sample to sample", "size", np.exp, _SAMPLES),
     "kurtosis": _Kind("kurtosis of {}", "", np.expm1),
     "change kurtosis": _Kind("kurtosis of the changes of {}", "", np.expm1, _SAMPLES),
-    "at rest": _Kind("samples in which {} repeats its last value", "%", _share, _SAMPLES),
-    "straight": _Kind("samples in which {} runs on in a straight line", "%", _share, _SAMPLES),
-    "at limit": _Kind("samples of {} at its largest or smallest value", "%", _share, _SAMPLES),
+    "at rest": _Kind("share of samples in which {} repeats its last value", "%", _share, _SAMPLES),
+    "straight": _Kind(
+        "share of samples in which {} runs on in a straight line", "%", _share, _SAMPLES
+    ),
+    "at limit": _Kind(
+        "share of samples of {} at its largest or smallest value", "%", _share, _SAMPLES
+    ),
     "band": _Kind("standard deviation of {} at periods of {}", "size", np.exp),
     "sharpness": _Kind("power of {} in its three strongest frequencies", "%", _percent(PEAK)),
     "wander": _Kind("wandering of the mean of {} over its standard deviation", "", float),
@@ -76,6 +80,12 @@ class Remaining:
         return (
             f"{self.block}: {self.feature} is {self.recorded:.3g}, simulated {lo:.3g} to {hi:.3g}"
         )
+
+    @classmethod
+    def from_json(cls, one: dict[str, Any]) -> Remaining:
+        """Return the difference that `as_json` gave."""
+        lo, hi = one["simulated"]
+        return cls(**{**one, "simulated": (lo, hi)})
 
     def as_json(self) -> dict[str, Any]:
         """Return the difference as the contract has it."""

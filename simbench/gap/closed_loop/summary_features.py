@@ -4,6 +4,7 @@ differ only by their seeds.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -68,9 +69,23 @@ def distance(real: np.ndarray, sims: np.ndarray, spread: np.ndarray) -> float:
     return float(np.minimum(np.abs(real - sims.mean(axis=0)) / spread, CAP).mean())
 
 
-def seed_spread(sims: np.ndarray) -> np.ndarray:
+_LEAST_SPREAD = 0.03  # of a feature from seed to seed, that differences are believed to
+_COUNTS = ("at rest", "straight", "at limit")
+
+
+def least_spread(named: Mapping[str, float], samples: int) -> np.ndarray:
+    """Return the smallest standard deviation that is believed of each feature of a record: of
+    counted samples, what one sample more changes.
+    """
+    one_more = {
+        name: 1.0 / (samples * np.exp(x)) for name, x in named.items() if name.endswith(_COUNTS)
+    }
+    return np.array([max(_LEAST_SPREAD, one_more.get(name, 0.0)) for name in named])
+
+
+def seed_spread(sims: np.ndarray, least: np.ndarray) -> np.ndarray:
     """Return the standard deviation of each feature from seed to seed, kept off 0."""
-    return np.maximum(sims.std(axis=0, ddof=1), 0.03)
+    return np.maximum(sims.std(axis=0, ddof=1), least)
 
 
 def floor_of(sims: np.ndarray, spread: np.ndarray) -> float:

@@ -29,6 +29,8 @@ def smallest(probe: Probe) -> tuple[float, str]:
 RECOGNISER = Recogniser(
     proven=proven,
     explains="rounding",
+    # an identified loop has the lattice of the record that it is identified from
+    needs="plant",
     remark=lambda s: levels_of(np.asarray(s.record.pv), np.asarray(s.record.op)),
     smallest=smallest,
 )

@@ -44,6 +44,7 @@ _OF_GAP = {
     "after": RED,
     "nearest effect": ORANGE,
     "floor": GREY,
+    "plant floor": GREY,
 }
 _OF_BLOCK = {
     "controller": GREEN,
@@ -158,8 +159,8 @@ def fill_ranking(axes: Axes, probabilities: Mapping[str, float]) -> None:
 
 @styled
 def draw_gap(sizes: Mapping[str, float]) -> Figure:
-    """Draw the gap of every simulation as a bar, with the floor that seed-to-seed variation alone
-    gives.
+    """Draw the gap of every simulation as a bar, beside what seed-to-seed variation alone gives
+    and how far parts of the record are apart.
     """
     figure, axes = panel(PHONE_WIDTH, 0.65 + 0.34 * len(sizes))
     fill_gap(axes, sizes)
@@ -169,7 +170,7 @@ def draw_gap(sizes: Mapping[str, float]) -> Figure:
 def fill_gap(axes: Axes, sizes: Mapping[str, float]) -> None:
     """Draw gaps as bars, as `draw_gap`."""
     fill_bars(axes, sizes, [_OF_GAP[name] for name in sizes])
-    axes.axvline(sizes["floor"], color=GREY, linestyle=":", linewidth=1.0)
+    axes.axvline(sizes["plant floor"], color=GREY, linestyle=":", linewidth=1.0)
     axes.set(
         xlim=(0, 1.15 * max(sizes.values())),
         xlabel="distance from the record (seed-to-seed standard deviations)",

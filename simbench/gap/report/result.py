@@ -221,12 +221,15 @@ class GapReport:
             )
         p = self.effects[0]["probability"]
         if self.effect == UNKNOWN:
-            near = next((r.effect for r in self.ranking if r.effect not in (NONE, UNKNOWN)), NONE)
+            near = next(r for r in self.ranking if r.effect not in (NONE, UNKNOWN))
             missing = (
                 f"Something is missing in the {self.block} block that no known effect explains"
                 f" (probability {p:.2f})"
             )
-            return f"{missing}; closest: {words(near)}."
+            closes = ""
+            if near.gap_before is not None and near.gap_after is not None:
+                closes = f", with which the gap is {near.gap_after:.2f} of {near.gap_before:.2f}"
+            return f"{missing}; closest: {words(near.effect)}{closes}."
         names = " and ".join(
             f"{words(e['effect'])} ({e['block']}{self._sizes(e['effect'], e['parameters'], ', ')})"
             for e in self.effects

@@ -29,14 +29,14 @@ def nearest(report: GapReport) -> Ranked | None:
 
 
 def gap_sizes(report: GapReport) -> dict[str, float]:
-    """Return the gap of every simulation, and its floor, in seed-to-seed standard deviations."""
+    """Return the gap of every simulation, and both floors, in seed-to-seed standard deviations."""
     g, near = report.gap, nearest(report)
     sizes = {"before": g.before, "recalibrated": g.recalibrated}
     if report.named:
         sizes["after"] = g.after
     if near is not None and near.gap_after is not None:
         sizes["nearest effect"] = near.gap_after
-    return sizes | {"floor": g.floor}
+    return sizes | {"floor": g.floor, "plant floor": g.plant_floor}
 
 
 def recorded(situation: Situation) -> LoopRecord:

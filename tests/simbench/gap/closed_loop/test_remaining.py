@@ -43,7 +43,7 @@ def test_samples_that_stand_are_counted_and_the_simulated_ones_beside_them():
     record = simulate(LOOP, 9).record
     high = np.minimum(record.op, np.quantile(record.op, 0.7))
     found = left(replace(record, op=high))
-    one = found["samples of OP at its largest or smallest value (%)"]
+    one = found["share of samples of OP at its largest or smallest value (%)"]
     assert one.recorded == pytest.approx(30.0, abs=6.0)
     assert one.simulated[1] < 1.0
     assert one.block == "controller"

@@ -10,6 +10,7 @@ from simbench.gap.closed_loop.summary_features import (
     distance,
     features,
     floor_of,
+    least_spread,
     seed_spread,
 )
 
@@ -145,8 +146,18 @@ SIMS = np.array([[0.0, 0.0], [1.0, 4.0], [2.0, 8.0]])
 
 
 def test_distances_are_in_spreads_and_capped_at_twelve():
-    assert seed_spread(SIMS).tolist() == [1.0, 4.0]
-    assert seed_spread(np.zeros((3, 2))).tolist() == [0.03, 0.03]
+    least = np.array([0.03, 2.0])
+    assert seed_spread(SIMS, least).tolist() == [1.0, 4.0]
+    assert seed_spread(np.zeros((3, 2)), least).tolist() == [0.03, 2.0]
+
+
+def test_a_share_of_counted_samples_is_known_to_one_of_them():
+    one, two, many = (np.log(0.01 + k / 200) for k in (1, 2, 100))
+    least = least_spread({"pv at limit": one, "op size": 0.0, "op at rest": many}, 200)
+    # from the first sample to the second in 200
+    assert least[0] == pytest.approx(two - one, rel=0.2)
+    # what is known better than that counts as all others do
+    assert list(least[1:]) == [0.03, 0.03]
     assert distance(np.array([3.0, 4.0]), SIMS, np.array([1.0, 4.0])) == pytest.approx(1.0)
     assert distance(np.array([1000.0, 4.0]), SIMS, np.array([1.0, 4.0])) == pytest.approx(6.0)
 

@@ -90,7 +90,7 @@ def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
     assert (
         sentence
         == "Something is missing in the process block that no known effect explains (probability"
-        " 0.62); closest: stiction."
+        " 0.62); closest: stiction, with which the gap is 1.25 of 4.00."
     )
 
 
