@@ -84,6 +84,12 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
     none, two = table[table.kind == "none"], table[(table.kind == "two")]
     foreign = table[(table.kind == "foreign") & table.resolvable]
     valve = single[(single.block == "valve") & single.mv]
+    named = table[~table.called_none & ~table.called_unknown & table.answered]
+    near = {
+        "all": table,
+        "the right effect named": named[named["first"]],
+        "a wrong one named": named[~named["first"]],
+    }
     direct = single[(single.block == "controller") | single.effect.isin(_SAMPLE_LEVEL)]
     return [
         share("first answer right", single["first"], 0.85),
@@ -109,6 +115,11 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
         share("known effect called unknown", single.called_unknown, 0.03, at_most=True),
         share("known effect called none", single.called_none),
         share("not answered", ~table.answered),
+        *(
+            share(f"within 1.5 plant floors {when}, {which}", part[f"near_{when}"].dropna())
+            for which, part in near.items()
+            for when in ("before", "after")
+        ),
         median("claimed shrinkage of the true group, median", single.claim_right, 0.7),
         median(
             "claimed shrinkage of the best wrong group, median",

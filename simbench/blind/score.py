@@ -69,6 +69,7 @@ def judge_record(
         "called_unknown": named == UNKNOWN,
         "called_none": named == NONE,
         "resolvable": ratio is None or ratio >= RESOLVABLE,
+        **{f"near_{when}": _near(answer, when) for when in ("before", "after")},
         "shrinkage_true": _number(truth.get("shrinkage")),
         "shrinkage_claimed": _number((answer.get("shrinkage") or {}).get("value")),
         **_claims(answer, group, kind),
@@ -105,6 +106,13 @@ def claimed_shrinkage(candidate: Mapping[str, Any], answer: Mapping[str, Any]) -
     ):
         return None
     return 1.0 - max(after - floor, 0.0) / (before - floor)
+
+
+def _near(answer: Mapping[str, Any], when: str) -> bool | None:
+    """Whether simulations come within so many floors of the plant; None where none is stated."""
+    gap = answer.get("gap") or {}
+    size, floor = _number(gap.get(when)), _number(gap.get("plant_floor"))
+    return None if size is None or floor is None else size <= RESOLVABLE * floor
 
 
 def _claims(answer: Mapping[str, Any], group: frozenset[str], kind: str) -> dict[str, float | None]:
