@@ -198,9 +198,16 @@ def gap_predict(
         Path, Argument(metavar="REC.csv", help="Read a record of the loop as it runs now.")
     ],
     baseline: Annotated[
-        Path,
+        Path | None,
         Option(metavar="LOOP.toml", help="Diagnose and correct the simulation in this loop file."),
-    ],
+    ] = None,
+    identify: Annotated[
+        bool,
+        Option(
+            "--identify",
+            help="Estimate the simulation from the record instead of reading a loop file.",
+        ),
+    ] = False,
     settings: Annotated[
         list[str] | None,
         Option(
@@ -217,10 +224,13 @@ def gap_predict(
     """Predict PV and OP under other settings of the controller or another set point.
 
     The loop file is first corrected by the effect that `simbench gap diagnose` names. Each value is
-    printed with its 90 % interval.
+    printed with its 90 % interval. With --identify a prediction is valid only where simulations
+    come as near to the record as its parts are to each other (1.5 plant floors).
     """
     from simbench.gap.command import predict_file
 
+    if (baseline is None) == (not identify):
+        raise ParameterError("gap predict needs either --baseline LOOP.toml or --identify")
     prediction = predict_file(
         record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about
     )
@@ -232,9 +242,7 @@ def make(
     out: Check,
     key: Annotated[Path, Option(help="Write the key to the answers to this file, outside DIR.")],
     seed: Seed,
-    n: Annotated[
-        int, Option("-n", "--records", min=1, help="Draw about this many records.")
-    ] = 600,
+    n: Annotated[int, Option("-n", "--records", min=1, help="Draw about this many records.")] = 600,
     jobs: Jobs = 1,
     world: World = "own",
     tests: Annotated[

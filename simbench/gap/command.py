@@ -164,18 +164,23 @@ def plan_files(
 
 def predict_file(
     record: str | Path,
-    baseline: str | Path,
+    baseline: str | Path | None,
     words: Mapping[str, str],
     *,
     tests: Sequence[str] = (),
     **about: Any,
 ) -> Prediction:
     """Predict what the loop of a record does under other settings, given as KEY=VALUE on the
-    command line.
+    command line; without a baseline the loop is identified from the record.
     """
-    settings = read_settings(words, load_loop(baseline))
+    known = None if baseline is None else load_loop(baseline)
+    # a setting that is none of the loop file's needs no diagnosis
+    settings = read_settings(words, known)
     with one_thread():
-        return predict(diagnose_files([record], baseline, tests=tests, **about), settings)
+        report = diagnose_files([record], baseline, tests=tests, **about)
+        if known is None:
+            report.behind.found.situation.baseline.with_all(settings)
+        return predict(report, settings)
 
 
 def one_file(

@@ -20,6 +20,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
+from simbench.gap.closed_loop.gap import RESOLVED_FROM
 from simbench.gap.closed_loop.level import WITHIN, run_with_seeds
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.closed_loop.runs import load_may_jump
@@ -157,8 +158,9 @@ class Prediction:
         )
 
 
-def read_settings(words: Mapping[str, str], baseline: Loop) -> dict[str, Any]:
-    """Return the settings of a command line, checked on the loop that they are to change.
+def read_settings(words: Mapping[str, str], baseline: Loop | None) -> dict[str, Any]:
+    """Return the settings of a command line, checked on the loop that they are to change where it
+    is known.
 
     Raises
     ------
@@ -179,7 +181,8 @@ def read_settings(words: Mapping[str, str], baseline: Loop) -> dict[str, Any]:
             settings[key] = tomllib.loads(f"x = {text}")["x"]
         except tomllib.TOMLDecodeError:
             settings[key] = text
-    baseline.with_all(settings)
+    if baseline is not None:
+        baseline.with_all(settings)
     return settings
 
 
@@ -242,6 +245,11 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
     if report.effect == UNKNOWN:
         # of 29 such answers 23 were right, but some of the others by a factor of twenty
         why = [f"something in the {report.block} block is missing that no known effect explains"]
+    elif not s.trusted and report.gap.after > RESOLVED_FROM * report.gap.plant_floor:
+        why = [
+            f"simulations of the identified loop are {report.gap.after:.2f} from the record, whose"
+            f" parts are {report.gap.plant_floor:.2f} apart"
+        ]
     elif len(pairs) < (1.0 - _SHARE) * len(drawn):
         why = [f"{len(drawn) - len(pairs)} of {len(drawn)} draws of the model run away"]
     else:
@@ -273,10 +281,13 @@ def _draws(report: GapReport, seed: int) -> list[tuple[Loop, float]]:
         raised = corrected.operating_point.op0 - loops.loop(effects).operating_point.op0
         numbers = {e: known[e] for e in effects if e in known}
         # what single samples, the controller's law or MV show does not scatter with the fit
+        # of two effects of an identified loop the fit holds the first alone
         fitted = [
             e
             for e in numbers
-            if e in assessment.candidates and recogniser(e).numbers(fit, s) == numbers[e]
+            if e in assessment.candidates
+            and assessment.candidates[e].fit.theta.keys() <= fit.theta.keys()
+            and recogniser(e).numbers(fit, s) == numbers[e]
         ]
         scattered = Engine(s.data, load_memory(s)).scattered(fit, count - 1, TEMPERATURE**-0.5, rng)
         for one in (fit, *scattered):

@@ -21,6 +21,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from simbench.detectors.verdict import STICTION, Verdict
+from simbench.gap.closed_loop.gap import RESOLVED_FROM
 from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_record
@@ -208,6 +209,7 @@ def _weighed(
     rows = [
         replace(m, power=tuple(_in_units(c, candidates.percent) for c in m.power)) for m in rows
     ]
+    near = candidates.nearness()
     return Trust(
         conclusion=conclusion,
         methods=tuple(rows),
@@ -217,10 +219,20 @@ def _weighed(
         smallest_visible=(
             None if seen is None else (seen[0] * candidates.percent, seen[1] * candidates.percent)
         ),
-        notes=candidates.notes,
+        notes=(*([] if near is None else [_nearness(*near)]), *candidates.notes),
         record=record,
         candidates=candidates,
         most_accurate=rules[keenest][0],
+    )
+
+
+def _nearness(gap: float, plant_floor: float) -> str:
+    """Return in words how near the replicates are to the record, and what follows."""
+    far = gap > RESOLVED_FROM * plant_floor
+    return (
+        f"simulations of this loop are {gap:.2f} from the record, whose parts are"
+        f" {plant_floor:.2f} apart"
+        + (": the numbers above are those of another loop" if far else "")
     )
 
 

@@ -42,7 +42,8 @@ class CandidateLoops:
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
     oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
     `percent` how many of the record's `S_unit` one % is; `visible` is the smallest S (%) that
-    the record would have shown, infinite where no size would.
+    the record would have shown, infinite where no size would. `likelier` are the
+    effects of the likelier loop, `closed` simulates it.
     """
 
     record: LoopRecord
@@ -57,6 +58,17 @@ class CandidateLoops:
     notes: tuple[str, ...]
     outside: float = 0.0
     visible: float = float("inf")
+    likelier: tuple[str, ...] = ()
+    closed: ClosedLoops | None = None
+
+    def nearness(self) -> tuple[float, float] | None:
+        """Return how far simulations of the likelier loop are from the record and how far parts of
+        the record are apart, by the measure of a diagnosis; None where nothing was identified.
+        """
+        if self.closed is None:
+            return None
+        shrinkage = self.closed.shrink(self.likelier)
+        return shrinkage.after, shrinkage.plant_floor
 
     @property
     def probability(self) -> float:
@@ -85,6 +97,9 @@ def candidate_loops(
         if outside:
             healthy.reverse()
     sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
+    likelier = [*archive, *([OUTSIDE] if outside and OUTSIDE in assessment.parameters else [])]
+    if sticky is not None and weighed.log_odds > 0.0:
+        likelier = [*archive, FRICTION]
     sizes = smallest_detectable(
         assessment.situation, assessment.base, load_memory(assessment.situation), (FRICTION,)
     )
@@ -102,6 +117,8 @@ def candidate_loops(
         (*notes, *assessment.situation.notes),
         outside,
         sizes.get(FRICTION, (float("inf"), ""))[0],
+        tuple(likelier),
+        loops,
     )
 
 

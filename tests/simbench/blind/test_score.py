@@ -91,6 +91,24 @@ def test_perfect_answers_hold_every_level():
     assert figures["foreign: unknown, of the resolvable"].n == 1  # the weak one is below 1.5
 
 
+def test_how_many_simulations_come_near_the_record_is_counted_by_right_and_wrong():
+    def half(row):
+        right = int(len(row["id"])) % 2 == 0
+        after = 1.4 if right else 1.6
+        said = answering(row["effect"] if right else "unknown")
+        return said | {"gap": GAP | {"before": 3.0, "after": after, "plant_floor": 1.0}}
+
+    figures = figures_of(table_of(half))
+    assert figures["within 1.5 plant floors before, all"].value == 0.0
+    right = figures["within 1.5 plant floors after, the right effect named"]
+    assert (right.value, right.level) == (1.0, None)
+    every = figures["within 1.5 plant floors after, all"]
+    assert 0 < right.n <= every.k < every.n
+    # answers of before there was such a floor count nowhere
+    old = figures_of(table_of(lambda row: answering(row["effect"])))
+    assert old["within 1.5 plant floors after, all"].n == 0
+
+
 def test_answers_that_are_all_wrong_hold_none():
     def wrong(row):
         if row["effect"] == "unknown":

@@ -5,13 +5,14 @@ sentence for bad settings.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from simbench.cli import main
-from simbench.gap import command
+from simbench.gap import command, prediction
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.prediction import (
     MODEL_ERROR,
@@ -108,6 +109,32 @@ def test_outside_its_range_a_prediction_is_not_valid(report, settings, word):
     assert prediction.sentence().startswith("No valid prediction: ")
 
 
+def test_an_identified_loop_is_predicted_only_within_one_and_a_half_plant_floors():
+    record = simulate(TRUE, seed=3).record
+    found = diagnose(record, identify=True)
+    near, far = (
+        replace(found, gap=replace(found.gap, after=times * found.gap.plant_floor))
+        for times in (1.4, 1.6)
+    )
+    settings = {"controller.Kc": 1.2}
+    assert predict(near, settings).valid
+    assert "from the record, whose parts are" in predict(far, settings).reason
+
+
+def test_of_two_effects_of_an_identified_loop_each_draw_has_both():
+    loop = STICKY.with_all(
+        {"disturbance": [{"type": "sine", "amplitude": 2.0, "period": 37.0, "at": "output"}]}
+    )
+    found = diagnose(replace(simulate(loop, seed=3, kick=5.0).record, mv=None), identify=True)
+    assessment = found.behind.found
+    both = [e for e in assessment.parameters if e in assessment.candidates][:2]
+    assert len(both) == 2
+    named = tuple({"effect": e, "block": "", "parameters": {}, "probability": 0.5} for e in both)
+    loops = [loop for loop, _ in prediction._draws(replace(found, effect="", effects=named), 0)]
+    # the first of them named is the first of the draws' explanations
+    assert any([part.name for part in loop.effect][:2] == both for loop in loops)
+
+
 def test_a_moved_set_point_moves_its_steps_unless_they_are_set():
     assert _moved(MODEL, {"setpoint.value": 52.0})["setpoint.steps"] == [
         [600.0, 57.0],
@@ -185,5 +212,10 @@ def test_the_verb_answers_first_and_prints_json_alone(report, tmp_path, capsys, 
     assert lines[0].startswith("PV standard deviation ")
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 100
+    identified = ["gap", "predict", "rec.csv", "--identify", "--set", "controller.Kc=0.75"]
+    assert main(identified) == 0
+    assert capsys.readouterr().out.splitlines() == lines
+    assert main([*identified, "--baseline", loop]) == 2
+    assert "either --baseline LOOP.toml or --identify" in capsys.readouterr().err
     assert main([*words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == predict(report, {"controller.Kc": 0.75}).as_json()

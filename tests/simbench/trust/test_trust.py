@@ -37,6 +37,20 @@ def test_plain_stiction_is_called_so(trusted):
     assert trusted.probability > 0.75
 
 
+def test_how_near_the_loop_of_the_replicates_is_to_the_record_is_said_as_a_diagnosis_measures_it(
+    trusted, sticky, monkeypatch
+):
+    gap, floor = trusted.candidates.nearness()
+    assert 0.0 < gap < 1.5 * floor
+    assert trusted.notes[0] == (
+        f"simulations of this loop are {gap:.2f} from the record, whose parts are {floor:.2f} apart"
+    )
+    monkeypatch.setattr(CandidateLoops, "nearness", lambda loops: (1.6, 1.0))
+    far = trust(sticky, **FEW, help_wanted=False)
+    assert far.notes[0].endswith("the numbers above are those of another loop")
+    assert far.notes[0] in far.as_json()["notes"]
+
+
 def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
     answer = trust(resting(2), **FEW, help_wanted=False)
     assert answer.conclusion.verdict in (NO_STICTION, NO_DECISION)
