@@ -93,7 +93,7 @@ def test_perfect_answers_hold_every_level():
 
 def test_how_many_simulations_come_near_the_record_is_counted_by_right_and_wrong():
     def half(row):
-        right = int(len(row["id"])) % 2 == 0
+        right = len(row["id"]) % 2 == 0
         after = 1.4 if right else 1.6
         said = answering(row["effect"] if right else "unknown")
         return said | {"gap": GAP | {"before": 3.0, "after": after, "plant_floor": 1.0}}
