@@ -19,12 +19,6 @@ from simbench.scenarios.spec import Loop
 
 # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 _LOAD_MEMORY = 4.0
-# share of the stated noise up to which an archive's lines are no effect: ordinary archives of a
-# simulator reach .23, what others draw as compression begins at 1.08
-_LIGHT = 0.5
-# share of samples on lines, below which these hide next to nothing: the ordinary archives of four
-# simulators leave up to .33, what they draw as compression .61 and more
-_MOSTLY = 0.45
 
 
 @dataclass(frozen=True)
@@ -92,22 +86,13 @@ class Situation:
         return f"record {self.record.tag!r}" if self.record.tag else "record"
 
     @property
-    def compressed(self) -> float:
-        """Largest error (PV units) of the lines that the archive drew; 0 where these are few, or it
-        is known and lost in the noise.
-        """
-        band, known = self.archive.band, self.law.recovered_pv is not None
-        plain = not known or band > _LIGHT * self.data.noise
-        return band if plain and self.samples.straight > _MOSTLY else 0.0
-
-    @property
     def facts(self) -> dict[str, tuple[str, str]]:
         """Block and words of everything that single samples or the controller's law show without
         doubt.
         """
         facts = {
             "rounding": (self.archive.rounding is not None, "sensor", "PV lies on a lattice"),
-            "band": (self.compressed > 0.0, "sensor", "PV runs on straight lines"),
+            "band": (self.archive.band > 0.0, "sensor", "PV runs on straight lines"),
             "spikes": (
                 self.archive.spikes is not None,
                 "sensor",

@@ -7,6 +7,6 @@ from __future__ import annotations
 from simbench.gap.effects._recogniser import Recogniser
 
 RECOGNISER = Recogniser(
-    proven=lambda s: {"band": s.compressed} if s.compressed > 0.0 else None,
+    proven=lambda s: {"band": s.archive.band} if s.archive.band > 0.0 else None,
     explains="band",
 )

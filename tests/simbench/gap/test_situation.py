@@ -100,15 +100,3 @@ def test_stages_before_and_after_a_valve_act_in_their_order():
     after, before = (through_valve(u, baseline, 2.0) for baseline in (after, before))
     assert after == pytest.approx(before)
     assert after[-1] == pytest.approx(53.0, abs=1e-3)
-
-
-def test_lines_that_the_noise_hides_are_an_ordinary_archives():
-    # the noise has a standard deviation of .1
-    law = Law(0.0, 0.5, 20.0, recovered_pv=PV)
-    thin, thick = (situation(archive=Archive(band=band), law=law) for band in (0.045, 0.055))
-    assert (thin.compressed, thick.compressed) == (0.0, 0.055)
-    assert thin.facts == {}
-    assert "band" in thick.facts
-    assert not thin.archive.faithful
-    few = situation(archive=Archive(band=0.055), law=law, straight=0.4)
-    assert few.compressed == 0.0
