@@ -51,9 +51,9 @@ def gap_diagnose(
     records: Annotated[
         list[Path],
         Argument(
-            metavar="REC.csv ...|FOLDER",
-            help="Read these records of one loop, which are judged together; or a folder, each"
-            " record of which is judged by itself.",
+            metavar="REC.csv ...|FOLDER ...",
+            help="Read these records of one loop, which are judged together; or folders, each"
+            " record of which is judged by itself, once where it is in several.",
         ),
     ],
     baseline: Annotated[
@@ -109,7 +109,7 @@ def gap_diagnose(
     """
     from simbench.gap.command import DiagnosisFiles, diagnose_files
 
-    if len(records) == 1 and records[0].is_dir():
+    if any(record.is_dir() for record in records):
         for option, value in (
             ("--html", html),
             ("--write-loop", write_loop),
@@ -120,7 +120,12 @@ def gap_diagnose(
         ):
             if value:
                 raise ParameterError(f"{option} is for the records of one loop, not for a folder")
-        _diagnose_folder(records[0], baseline, identify, jobs, as_json, about)
+        for record in records:
+            if not record.is_dir():
+                raise ParameterError(
+                    f"gap diagnose: {record} is no folder; either records or folders are needed"
+                )
+        _diagnose_folders(records, baseline, identify, jobs, as_json, about)
         return
     if (baseline is None) == (not identify):
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
@@ -137,14 +142,23 @@ def gap_diagnose(
     show_result(report, as_json)
 
 
-def _diagnose_folder(
-    folder: Path, baseline: Path | None, identify: bool, jobs: int, as_json: bool, about: dict
+def _diagnose_folders(
+    folders: list[Path],
+    baseline: Path | None,
+    identify: bool,
+    jobs: int,
+    as_json: bool,
+    about: dict,
 ) -> None:
-    from simbench.gap.folder import diagnose_folder
+    from simbench.gap.folder import FolderDiagnosis, diagnose_folder
 
     if baseline is not None and identify:
         raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
-    found = diagnose_folder(folder, baseline, jobs, identify=identify, **about)
+    each = [diagnose_folder(f, baseline, jobs, identify=identify, **about) for f in folders]
+    found = FolderDiagnosis(
+        {name: answer for one in each for name, answer in one.answers.items()},
+        {name: why for one in each for name, why in one.refused.items()},
+    )
     show_result(found, as_json)
     if found.refused:
         raise Exit(1)

@@ -8,7 +8,7 @@ from random_case import random_case
 from simbench.cli import main
 from simbench.files import write_record
 from simbench.gap import diagnose
-from simbench.gap.folder import diagnose_folder
+from simbench.gap.folder import FolderDiagnosis, diagnose_folder
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +48,38 @@ def test_without_loop_files_every_loop_is_identified(folder):
     assert set(answers) == {"detuning", "gain_mismatch"}
     beside = diagnose_folder(folder).answers
     assert answers["detuning"] != beside["detuning"]
+
+
+def test_several_folders_are_one_table_in_which_no_record_stands_twice(folder, tmp_path, capsys):
+    write_record(random_case(5, ("stiction",)).record, tmp_path / "more.csv")
+    (tmp_path / "detuning.csv").write_text((folder / "detuning.csv").read_text())
+    assert main(["gap", "diagnose", str(folder), str(tmp_path), "--identify"]) == 1
+    text = capsys.readouterr().out
+    for name in ("detuning", "gain_mismatch", "more"):
+        assert sum(line.startswith(f"{name} ") for line in text.splitlines()) == 1
+    record = str(folder / "detuning.csv")
+    assert main(["gap", "diagnose", str(folder), record]) == 2
+    assert "detuning.csv is no folder" in capsys.readouterr().err
+
+
+def test_a_folder_says_how_near_its_simulations_come_and_what_remains():
+    gap = {"before": 4.0, "after": 1.4, "floor": 0.8, "plant_floor": 1.0}
+    rest = {
+        "feature": "kurtosis of PV", "block": "sensor", "recorded": 9.0, "simulated": [2.0, 3.0],
+        "distance": 7.0,
+    }  # fmt: skip
+    answer = {
+        "effect": "unknown", "block": "sensor", "effects": [{"probability": 0.6}], "gap": gap,
+        "remaining": [rest], "conclusion": {"verdict": "no_stiction"},
+    }  # fmt: skip
+    far = answer | {"gap": gap | {"after": 1.6}}
+    lines = FolderDiagnosis({"A": answer, "B": far}, {}).as_text().splitlines()
+    assert lines[1:3] == [
+        "Within 1.5 floors of the simulation: 0.00 of the records before, 0.00 after.",
+        "Within 1.5 floors of the plant: 0.00 of the records before, 0.50 after.",
+    ]
+    assert lines[-1] == "B: sensor: kurtosis of PV is 9, simulated 2 to 3"
+    assert not any(line.startswith("A: ") for line in lines)
 
 
 def test_what_is_for_one_loop_is_refused_of_a_folder(folder, capsys):
