@@ -14,7 +14,7 @@ from simbench.gap.situation import Situation
 
 _PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs
 
-SENSOR, CONTROLLER, PROCESS, LOAD = "sensor", "controller", "process", "disturbance"
+_SENSOR, _CONTROLLER, _PROCESS, _LOAD = "sensor", "controller", "process", "disturbance"
 
 
 class _Kind(NamedTuple):
@@ -25,7 +25,7 @@ class _Kind(NamedTuple):
     says: str
     unit: str
     value: Callable[[float], float]
-    blocks: tuple[str, str] = (LOAD, LOAD)
+    blocks: tuple[str, str] = (_LOAD, _LOAD)
 
 
 def _percent(added: float) -> Callable[[float], float]:
@@ -36,7 +36,7 @@ def _percent(added: float) -> Callable[[float], float]:
 _share = _percent(REST)
 
 
-_SAMPLES = SENSOR, CONTROLLER
+_SAMPLES = _SENSOR, _CONTROLLER
 _KINDS = {
     "size": _Kind("standard deviation of {}", "size", np.exp),
     "change": _Kind("standard deviation of {} from sample to sample", "size", np.exp, _SAMPLES),
@@ -54,10 +54,10 @@ _KINDS = {
     "wander": _Kind("wandering of the mean of {} over its standard deviation", "", float),
     "memory": _Kind("correlation of {} with itself {} before", "", float),
     "op after pv": _Kind(
-        "correlation of changes of OP with those of PV {} before", "", float, (CONTROLLER,) * 2
+        "correlation of changes of OP with those of PV {} before", "", float, (_CONTROLLER,) * 2
     ),
     "pv after op": _Kind(
-        "correlation of changes of PV with those of OP {} before", "", float, (PROCESS,) * 2
+        "correlation of changes of PV with those of OP {} before", "", float, (_PROCESS,) * 2
     ),
 }
 

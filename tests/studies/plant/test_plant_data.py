@@ -93,10 +93,10 @@ def test_a_sticky_level_loop_of_unknown_process_names_friction_and_the_assumed_p
     )
 
 
-def test_a_quantised_healthy_record_names_quantisation_and_its_set_point_steps():
+def test_a_quantised_healthy_record_lacks_nothing_and_its_lattice_and_set_point_steps_are_noted():
     table = FLOW | {"effect": [{"name": "quantisation", "step": 0.37, "at": "loop"}]}
     report = diagnose(record_of(table, "self-regulating"), None)
-    assert report.effect == "quantisation"
+    assert report.effect == "none"
     assert any(n.startswith("quantisation: ") and ", 0.37 apart" in n for n in report.notes)
     assert "set-point steps: SP moves in 2 steps, the largest 5" in report.notes
 

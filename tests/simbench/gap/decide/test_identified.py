@@ -57,6 +57,7 @@ def test_two_effects_at_most_of_two_blocks_and_the_proven_first():
         "stiction": 20.0,
         "deadband": 30.0,
         "noise": -2.0,
+        "outliers": 1000.0,
         "quantisation": 1000.0,
         "load_steps": 5.0,
         "drift": 0.0,
@@ -64,13 +65,14 @@ def test_two_effects_at_most_of_two_blocks_and_the_proven_first():
     judged = plausible(
         assessment(
             gains,
-            chosen=["noise", "quantisation"],
-            situation=replace(WIDE, proven={"quantisation": {}}),
+            chosen=["noise", "quantisation", "outliers"],
+            situation=replace(WIDE, proven={"quantisation": {}, "outliers": {}}),
         )
     )
-    assert judged.chosen == ["quantisation", "deadband"]
-    assert plausible(assessment(gains)).chosen == ["quantisation", "deadband"]
-    three = plausible(assessment({"deadband": 30.0, "load_steps": 5.0, "quantisation": 4.0}))
+    # an identified loop has the lattice of its record: that is no effect it lacks
+    assert judged.chosen == ["outliers", "deadband"]
+    assert plausible(assessment(gains)).chosen == ["outliers", "deadband"]
+    three = plausible(assessment({"deadband": 30.0, "load_steps": 5.0, "outliers": 4.0}))
     assert three.chosen == ["deadband", "load_steps"]
 
 

@@ -67,8 +67,8 @@ def test_bars_are_as_long_as_their_numbers_from_the_top_down():
     assert [t.get_text() for t in axes.texts] == ["0.91", "0.05"]
     assert 1.0 < axes.get_xlim()[1] < 1.3
     gap = draw_gap({"before": 4.0, "after": 1.2, "floor": 0.9, "plant floor": 1.1}).axes[0]
-    assert [p.get_width() for p in gap.patches] == pytest.approx([4.0, 1.2, 0.9])
-    assert gap.lines[0].get_xdata() == pytest.approx([0.9, 0.9])
+    assert [p.get_width() for p in gap.patches] == pytest.approx([4.0, 1.2, 0.9, 1.1])
+    assert gap.lines[0].get_xdata() == pytest.approx([1.1, 1.1])
     assert 4.0 < gap.get_xlim()[1] < 5.0
 
 
