@@ -13,6 +13,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from simbench.cli import main
@@ -192,6 +193,35 @@ def test_the_table_of_real_loops_is_the_one_in_results():
     for method, sensitivity, sticky, wrong, sound, undecided in shown:
         same = rows[method][:5] == [sticky, sensitivity, sound, wrong, undecided]
         assert same, f"{method}: copy its row of results/real_records.txt into README.md"
+
+
+def test_the_table_of_the_diagnosis_is_the_one_in_results():
+    results = Path(__file__).parents[1] / "results"
+    for world in ("own", "refinery"):
+        scores = pd.read_csv(results / "withheld" / world / "score.csv").set_index("name")
+        (row,) = re.findall(rf"^\| .*`{world}`\) \| (.*) \|$", README, re.MULTILINE)
+        first, block = (
+            f"{scores.value[name]:.2f} [{scores.lo[name]:.2f}, {scores.hi[name]:.2f}]".replace(
+                "0.", "."
+            )
+            for name in ("first answer right", "block right (within group)")
+        )
+        named, unknown = (
+            int(scores.k[name])
+            for name in ("effect named where there is none", "none called unknown")
+        )
+        near = (
+            f"{scores.value[f'within 1.5 plant floors {when}, all']:.2f}".lstrip("0")
+            for when in ("before", "after")
+        )
+        assert row == (
+            f"{first} of 44 | {block} | {named}, {unknown} of 38 | {', '.join(near)} of 150"
+        ), f"{world}: copy its figures from results/withheld into README.md"
+    real = (results / "gap_real.txt").read_text(encoding="utf-8")
+    before, after = re.findall(
+        r"floors of the plant: 0(\S+) of the records before, 0(\S+) af", real
+    )[0]
+    assert f"not known | {before}, {after} of 79 |" in README
 
 
 def test_every_make_target_named_exists():

@@ -26,7 +26,7 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
-from simbench.gap.decide.closure import misfit, with_closure
+from simbench.gap.decide.closure import misfit, not_the_gap, with_closure
 from simbench.gap.decide.identified import plausible
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
@@ -323,20 +323,21 @@ def named_by(weights: Classified, assessment: Assessment) -> list[str]:
 
 def _closed(
     assessment: Assessment, weights: Classified, runs: ClosedLoops
-) -> tuple[Classified, list[str], Shrinkage]:
-    """Return probabilities, answer and gap after simulations with the answer: one that leaves them
-    far from the record gives way to `unknown`.
+) -> tuple[Classified, list[str], Shrinkage, list[str]]:
+    """Return probabilities, answer, gap and notes after simulations with the answer: one that
+    leaves them far from the record gives way to `unknown`.
     """
     named = named_by(weights, assessment)
     effects = [e for e in named if e in EFFECTS]
     closed = runs.shrink(effects)
     ratio = misfit(assessment, effects, closed)
     if named[0] == UNKNOWN or not ratio:
-        return weights, named, closed
+        return weights, named, closed, []
     bare = runs.shrink([]) if effects else closed
     left = remaining(assessment.situation, bare.features)
     block = left[0].block if left else "disturbance"
-    return with_closure(weights, ratio, block), [UNKNOWN], bare
+    notes = [not_the_gap(effects, closed, bare)] if effects else []
+    return with_closure(weights, ratio, block), [UNKNOWN], bare, notes
 
 
 def report(
@@ -347,7 +348,7 @@ def report(
 ) -> GapReport:
     """Turn scores and probabilities into the answer."""
     situation = assessment.situation
-    weights, named, main = _closed(assessment, weights, runs)
+    weights, named, main, refuted = _closed(assessment, weights, runs)
     first, effects = named[0], [e for e in named if e in EFFECTS]
     left = remaining(situation, main.features)
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
@@ -393,6 +394,7 @@ def report(
     planned = plan(assessment, weights.probability, runs, most=1)
     advice = planned.next_test
     notes = [
+        *refuted,
         *situation.notes,
         *(f"{block}: {why}" for block, why in assessment.unexplained.items()),
     ]

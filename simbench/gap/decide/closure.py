@@ -28,6 +28,15 @@ def misfit(assessment: Assessment, effects: Sequence[str], closed: Shrinkage) ->
     return ratio if ratio > 1.0 else 0.0
 
 
+def not_the_gap(effects: Sequence[str], closed: Shrinkage, bare: Shrinkage) -> str:
+    """Return in words what effects explain that fit PV beside OP best and leave the gap open."""
+    names = " and ".join(effect.replace("_", " ") for effect in effects)
+    return (
+        f"{names}: likeliest by PV's answer to OP, sample by sample, but not what the simulation"
+        f" lacks: its gap is {closed.after:.2f} with it, {bare.after:.2f} without"
+    )
+
+
 def with_closure(weights: Classified, ratio: float, block: str) -> Classified:
     """Return the probabilities after the test of the closed loop failed by a ratio: `unknown` takes
     what a failed residual test gives it, all others keep their odds.

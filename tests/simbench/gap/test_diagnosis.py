@@ -188,6 +188,10 @@ def test_an_answer_that_stays_far_from_the_record_is_unknown_where_the_record_di
     # the gap shown is that of the loop without the effect
     assert loops.shrunk == [["stiction"], []]
     assert answer.shrinkage is None
+    assert answer.notes[0] == (
+        "stiction: likeliest by PV's answer to OP, sample by sample, but not what the simulation"
+        " lacks: its gap is 3.00 with it, 3.00 without"
+    )
     assert answer.ranking[1].effect == "stiction"
     assert answer.remaining[0].recorded == pytest.approx(30.0)
     # an answer that is unknown already asks for no more runs
