@@ -61,6 +61,20 @@ def test_sizes_are_in_pv_units_and_sorted_by_distance():
     assert far == sorted(far, reverse=True)
 
 
+@pytest.mark.parametrize(("distance", "recorded", "shown"), [
+    (3.1, 2.0, True), (2.9, 2.0, False), (3.1, 1.0, False),
+])  # fmt: skip
+def test_a_difference_counts_from_three_standard_deviations_beyond_what_the_simulations_do(
+    distance, recorded, shown
+):
+    s = SimpleNamespace(record=SimpleNamespace(n=400, Ts=2.0, S_unit="%"))
+    one = SimpleNamespace(recorded=recorded, lo=0.5, hi=1.5, distance=distance)
+    # of neighbouring lags the farthest stands for all
+    near = SimpleNamespace(recorded=recorded, lo=0.5, hi=1.5, distance=distance - 0.05)
+    found = remaining(s, {"op memory 3": near, "op memory 10": one})
+    assert [d.feature for d in found] == ["correlation of OP with itself 20 s before"] * shown
+
+
 def test_a_band_has_its_periods_and_the_size_of_what_swings_in_it():
     n, Ts = 1500, 2.0
     rng = np.random.default_rng(4)
