@@ -28,6 +28,13 @@ from simbench.detectors.errors import ParameterError
 Baseline = Annotated[
     Path, Option(metavar="LOOP.toml", help="Compare with the simulation in this loop file.")
 ]
+Identify = Annotated[
+    bool,
+    Option(
+        "--identify",
+        help="Estimate the simulation from the record instead of reading a loop file.",
+    ),
+]
 LoopTest = Annotated[
     list[str] | None,
     Option(
@@ -66,13 +73,7 @@ def gap_diagnose(
             ),
         ),
     ] = None,
-    identify: Annotated[
-        bool,
-        Option(
-            "--identify",
-            help="Estimate the simulation from the record instead of reading a loop file.",
-        ),
-    ] = False,
+    identify: Identify = False,
     test: LoopTest = None,
     jobs: Jobs = 1,
     no_bootstrap: NoBootstrap = False,
@@ -127,8 +128,7 @@ def gap_diagnose(
                 )
         _diagnose_folders(records, baseline, identify, jobs, as_json, about)
         return
-    if (baseline is None) == (not identify):
-        raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
+    _refuse_both("gap diagnose", baseline, identify)
     report = diagnose_files(
         records,
         baseline,
@@ -142,6 +142,12 @@ def gap_diagnose(
     show_result(report, as_json)
 
 
+def _refuse_both(verb: str, baseline: Path | None, identify: bool) -> None:
+    """Refuse a loop file beside --identify, and neither of them."""
+    if (baseline is None) == (not identify):
+        raise ParameterError(f"{verb} needs either --baseline LOOP.toml or --identify")
+
+
 def _diagnose_folders(
     folders: list[Path],
     baseline: Path | None,
@@ -150,15 +156,11 @@ def _diagnose_folders(
     as_json: bool,
     about: dict,
 ) -> None:
-    from simbench.gap.folder import FolderDiagnosis, diagnose_folder
+    from simbench.gap.folder import diagnose_folder
 
-    if baseline is not None and identify:
-        raise ParameterError("gap diagnose needs either --baseline LOOP.toml or --identify")
-    each = [diagnose_folder(f, baseline, jobs, identify=identify, **about) for f in folders]
-    found = FolderDiagnosis(
-        {name: answer for one in each for name, answer in one.answers.items()},
-        {name: why for one in each for name, why in one.refused.items()},
-    )
+    if baseline is not None:
+        _refuse_both("gap diagnose", baseline, identify)
+    found = diagnose_folder(folders, baseline, jobs, identify=identify, **about)
     show_result(found, as_json)
     if found.refused:
         raise Exit(1)
@@ -215,13 +217,7 @@ def gap_predict(
         Path | None,
         Option(metavar="LOOP.toml", help="Diagnose and correct the simulation in this loop file."),
     ] = None,
-    identify: Annotated[
-        bool,
-        Option(
-            "--identify",
-            help="Estimate the simulation from the record instead of reading a loop file.",
-        ),
-    ] = False,
+    identify: Identify = False,
     settings: Annotated[
         list[str] | None,
         Option(
@@ -243,8 +239,7 @@ def gap_predict(
     """
     from simbench.gap.command import predict_file
 
-    if (baseline is None) == (not identify):
-        raise ParameterError("gap predict needs either --baseline LOOP.toml or --identify")
+    _refuse_both("gap predict", baseline, identify)
     prediction = predict_file(
         record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about
     )

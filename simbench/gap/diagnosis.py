@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 from joblib import Parallel, delayed
 
@@ -21,7 +21,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.sources import RecordSignals, as_record
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.gap import Shrinkage
-from simbench.gap.closed_loop.remaining import remaining
+from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
@@ -321,23 +321,34 @@ def named_by(weights: Classified, assessment: Assessment) -> list[str]:
     return [first, *[e for e in assessment.chosen if block_of(e) != block_of(first)][:1]]
 
 
-def _closed(
-    assessment: Assessment, weights: Classified, runs: ClosedLoops
-) -> tuple[Classified, list[str], Shrinkage, list[str]]:
-    """Return probabilities, answer, gap and notes after simulations with the answer: one that
-    leaves them far from the record gives way to `unknown`.
+class _Answer(NamedTuple):
+    """Probabilities, the answer that they give, the gap with it, what remains, and a note on the
+    effects that were refuted.
     """
+
+    weights: Classified
+    named: list[str]
+    gap: Shrinkage
+    left: tuple[Remaining, ...]
+    refuted: list[str]
+
+
+def _closed(assessment: Assessment, weights: Classified, runs: ClosedLoops) -> _Answer:
+    """Return the answer after simulations with it: one that leaves them far from the record gives
+    way to `unknown`.
+    """
+    situation = assessment.situation
     named = named_by(weights, assessment)
     effects = [e for e in named if e in EFFECTS]
     closed = runs.shrink(effects)
     ratio = misfit(assessment, effects, closed)
     if named[0] == UNKNOWN or not ratio:
-        return weights, named, closed, []
+        return _Answer(weights, named, closed, remaining(situation, closed.features), [])
     bare = runs.shrink([]) if effects else closed
-    left = remaining(assessment.situation, bare.features)
+    left = remaining(situation, bare.features)
     block = left[0].block if left else "disturbance"
-    notes = [not_the_gap(effects, closed, bare)] if effects else []
-    return with_closure(weights, ratio, block), [UNKNOWN], bare, notes
+    refuted = [not_the_gap(effects, closed, bare)] if effects else []
+    return _Answer(with_closure(weights, ratio, block), [UNKNOWN], bare, left, refuted)
 
 
 def report(
@@ -348,9 +359,8 @@ def report(
 ) -> GapReport:
     """Turn scores and probabilities into the answer."""
     situation = assessment.situation
-    weights, named, main, refuted = _closed(assessment, weights, runs)
+    weights, named, main, left, refuted = _closed(assessment, weights, runs)
     first, effects = named[0], [e for e in named if e in EFFECTS]
-    left = remaining(situation, main.features)
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     # gap before and after, of what was simulated
     sizes = {NONE: (main.before, main.before)}

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from joblib import Parallel, delayed
 
 from simbench.detectors.errors import UserError
@@ -14,7 +16,7 @@ from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
 from simbench.detectors.report.report import columns
-from simbench.gap.closed_loop.gap import RESOLVED_FROM
+from simbench.gap.closed_loop.gap import RESOLVED_FROM, within_reach
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
@@ -96,48 +98,45 @@ class FolderDiagnosis:
     def _nearness(self) -> list[str]:
         """Return how many simulations come near their record, before and after the answer."""
         gaps = [a["gap"] for a in self.answers.values()]
+        if not gaps:
+            return []
         lines = []
         for floor, of in _FLOORS.items():
-            shares = (
-                sum(gap[size] <= RESOLVED_FROM * gap[floor] for gap in gaps) / max(len(gaps), 1)
+            before, after = (
+                f"{np.mean([within_reach(gap[size], gap[floor]) for gap in gaps]):.2f}"
                 for size in ("before", "after")
             )
-            before, after = (f"{share:.2f}" for share in shares)
             lines.append(
                 f"Within {RESOLVED_FROM} floors of {of}: {before} of the records before, {after}"
                 " after."
             )
-        return lines if gaps else []
+        return lines
 
     def _remains(self) -> list[str]:
         """Return what remains plainest in each record that the simulations do not come near."""
-        far = {
-            name: a["remaining"][0]
+        lines = [
+            f"{name}: {Remaining.from_json(a['remaining'][0]).sentence()}"
             for name, a in self.answers.items()
-            if a["gap"]["after"] > RESOLVED_FROM * a["gap"]["plant_floor"] and a["remaining"]
-        }
-        lines = [f"{name}: {Remaining.from_json(one).sentence()}" for name, one in far.items()]
-        return (
-            ["", "The plainest difference that remains where the gap does:", *lines]
-            if lines
-            else []
-        )
+            if a["remaining"] and not within_reach(a["gap"]["after"], a["gap"]["plant_floor"])
+        ]
+        head = ["", "The plainest difference that remains where the gap does:"]
+        return [*head, *lines] if lines else []
 
 
 def diagnose_folder(
-    folder: str | Path,
+    folder: str | Path | Sequence[str | Path],
     baseline: str | Path | None = None,
     jobs: int = 1,
     *,
     identify: bool = False,
     **about: Any,
 ) -> FolderDiagnosis:
-    """Diagnose every record of a folder by itself.
+    """Diagnose every record of one folder or several by itself.
 
     Parameters
     ----------
-    folder : str or Path
-        Folder of records.
+    folder : str, Path, or sequence of them
+        Folders of records; of records of one name the one in the last folder is diagnosed.
     baseline : str or Path, optional
         Loop file of all records. Without it a record's baseline is the loop file of its name beside
         it; where there is none, the loop is identified from the record.
@@ -173,15 +172,26 @@ def diagnose_folder(
     >>> diagnose_folder(place).counts()
     {'detuning': 1}
     """
-    records, refused = read_folder(folder, **about)
+    records: dict[str, LoopRecord] = {}
+    refused: dict[str, str] = {}
+    places: dict[str, Path] = {}
+    for place in [folder] if isinstance(folder, (str, Path)) else folder:
+        found, failed = read_folder(place, **about)
+        records |= found
+        refused |= failed
+        places |= dict.fromkeys(found, Path(place))
     shared = None if baseline is None else read_baseline(baseline)
     asked = {
-        name: shared or (None if identify else _beside(Path(folder), name)) for name in records
+        name: shared or (None if identify else _beside(places[name], name)) for name in records
     }
     with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
-        found = parallel(delayed(_one)(records[name], loop) for name, loop in asked.items())
+        answered = parallel(delayed(_one)(records[name], loop) for name, loop in asked.items())
         answers = dict(
-            zip(asked, Progress(found, total=len(asked), desc="diagnosed", delay=1.0), strict=True)
+            zip(
+                asked,
+                Progress(answered, total=len(asked), desc="diagnosed", delay=1.0),
+                strict=True,
+            )
         )
     failed = {name: answer for name, answer in answers.items() if isinstance(answer, str)}
     return FolderDiagnosis(

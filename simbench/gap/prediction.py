@@ -20,7 +20,8 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
-from simbench.gap.closed_loop.gap import RESOLVED_FROM
+from simbench.gap.closed_loop.gap import within_reach
+from simbench.gap.closed_loop.gap_text import apart
 from simbench.gap.closed_loop.level import WITHIN, run_with_seeds
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.closed_loop.runs import load_may_jump
@@ -245,11 +246,9 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
     if report.effect == UNKNOWN:
         # of 29 such answers 23 were right, but some of the others by a factor of twenty
         why = [f"something in the {report.block} block is missing that no known effect explains"]
-    elif not s.trusted and report.gap.after > RESOLVED_FROM * report.gap.plant_floor:
-        why = [
-            f"simulations of the identified loop are {report.gap.after:.2f} from the record, whose"
-            f" parts are {report.gap.plant_floor:.2f} apart"
-        ]
+    elif not s.trusted and not within_reach(report.gap.after, report.gap.plant_floor):
+        distance = apart(report.gap.after, report.gap.plant_floor)
+        why = [f"simulations of the identified loop are {distance}"]
     elif len(pairs) < (1.0 - _SHARE) * len(drawn):
         why = [f"{len(drawn) - len(pairs)} of {len(drawn)} draws of the model run away"]
     else:
@@ -280,8 +279,8 @@ def _draws(report: GapReport, seed: int) -> list[tuple[Loop, float]]:
         fit, corrected = loops.fit_of(effects), loops.corrected(effects)
         raised = corrected.operating_point.op0 - loops.loop(effects).operating_point.op0
         numbers = {e: known[e] for e in effects if e in known}
-        # what single samples, the controller's law or MV show does not scatter with the fit
-        # of two effects of an identified loop the fit holds the first alone
+        # what single samples, the controller's law or MV show does not scatter with the fit, nor
+        # does the second effect of an identified loop: its fit holds the first alone
         fitted = [
             e
             for e in numbers

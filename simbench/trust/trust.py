@@ -21,7 +21,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from simbench.detectors.verdict import STICTION, Verdict
-from simbench.gap.closed_loop.gap import RESOLVED_FROM
+from simbench.gap.closed_loop.gap import within_reach
+from simbench.gap.closed_loop.gap_text import apart
 from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_record
@@ -228,12 +229,8 @@ def _weighed(
 
 def _nearness(gap: float, plant_floor: float) -> str:
     """Return in words how near the replicates are to the record, and what follows."""
-    far = gap > RESOLVED_FROM * plant_floor
-    return (
-        f"simulations of this loop are {gap:.2f} from the record, whose parts are"
-        f" {plant_floor:.2f} apart"
-        + (": the numbers above are those of another loop" if far else "")
-    )
+    far = "" if within_reach(gap, plant_floor) else ": the numbers above are those of another loop"
+    return f"simulations of this loop are {apart(gap, plant_floor)}{far}"
 
 
 def _row(

@@ -34,38 +34,33 @@ _WIDER = 1.6
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """One loop, simulated with several seeds: features of the held-out part, OP and PV as archived,
-    shape (seeds, 2, n), and one run to draw.
+    """One loop, simulated with several seeds: features of the held-out part, and OP and PV as
+    archived, shape (seeds, 2, n).
     """
 
     loop: Loop
     features: np.ndarray
     archived: np.ndarray
-    op: np.ndarray
-    pv: np.ndarray
 
 
-def simulate_runs(
-    situation: Situation,
-    loop: Loop,
-    seed: int,
-    kick: float = 0.0,
-    seeds: int = RUNS,
-    part: slice | None = None,
-) -> Runs | None:
-    """Simulate the record's whole length with several seeds and keep the features of a part, the
-    held-out one by default.
+def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0) -> Runs | None:
+    """Simulate the record's whole length with several seeds and keep the features of the held-out
+    part.
 
     The part before is the warm-up: a sticky loop started at rest does not cycle at once.
     """
-    records = run_with_seeds(loop, seed, seeds, kick)
+    records = run_with_seeds(loop, seed, RUNS, kick)
     if records is None:
         return None
-    part = part or slice(held_out(situation), None)
+    part = slice(held_out(situation), None)
     archived = np.array([as_archived(situation, r.op, r.pv) for r in records])
     values = features(archived[:, 0, part], archived[:, 1, part], situation.sp[part])
-    first = records[0]
-    return Runs(loop, np.array(list(values.values())).T, archived, first.op, first.pv)
+    return Runs(loop, np.array(list(values.values())).T, archived)
+
+
+def within_reach(gap: float, floor: float) -> bool:
+    """Return whether a gap is within 1.5 floors: no nearer can be told from as near as possible."""
+    return gap <= RESOLVED_FROM * floor
 
 
 def held_out(situation: Situation) -> int:

@@ -5,6 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 
+def apart(gap: float, plant_floor: float) -> str:
+    """Return how far simulations are from a record, and how far its parts are from each other."""
+    return f"{gap:.2f} from the record, whose parts are {plant_floor:.2f} apart"
+
+
 def gap_sentences(
     before: float,
     recalibrated: float,

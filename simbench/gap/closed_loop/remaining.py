@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,8 +34,6 @@ def _percent(added: float) -> Callable[[float], float]:
 
 
 _share = _percent(REST)
-
-
 _SAMPLES = _SENSOR, _CONTROLLER
 _KINDS = {
     "size": _Kind("standard deviation of {}", "size", np.exp),
@@ -89,13 +87,7 @@ class Remaining:
 
     def as_json(self) -> dict[str, Any]:
         """Return the difference as the contract has it."""
-        return {
-            "feature": self.feature,
-            "block": self.block,
-            "recorded": self.recorded,
-            "simulated": list(self.simulated),
-            "distance": self.distance,
-        }
+        return asdict(self) | {"simulated": list(self.simulated)}
 
 
 def remaining(situation: Situation, compared: dict[str, Compared]) -> tuple[Remaining, ...]:

@@ -15,6 +15,9 @@ _LAGS = (1, 3, 10, 30)  # samples
 # added to shares whose logarithm is a feature: of samples, and of the power
 REST, PEAK = 0.01, 0.001
 HANN = 0.375  # mean square of the window of the spectra
+CAP = 12.0  # seed-to-seed standard deviations; one absurd feature must not drown the rest
+_LEAST_SPREAD = 0.03  # of a feature from seed to seed, that differences are believed to
+_COUNTS = ("at rest", "straight", "at limit")
 
 
 def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
@@ -59,18 +62,11 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
     return out
 
 
-CAP = 12.0  # seed-to-seed standard deviations; one absurd feature must not drown the rest
-
-
 def distance(real: np.ndarray, sims: np.ndarray, spread: np.ndarray) -> float:
     """Return the mean over features of |real - mean(sims)| in seed-to-seed standard deviations,
     capped.
     """
     return float(np.minimum(np.abs(real - sims.mean(axis=0)) / spread, CAP).mean())
-
-
-_LEAST_SPREAD = 0.03  # of a feature from seed to seed, that differences are believed to
-_COUNTS = ("at rest", "straight", "at limit")
 
 
 def least_spread(named: Mapping[str, float], samples: int) -> np.ndarray:

@@ -42,8 +42,8 @@ class CandidateLoops:
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
     oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
     `percent` how many of the record's `S_unit` one % is; `visible` is the smallest S (%) that
-    the record would have shown, infinite where no size would. `likelier` are the
-    effects of the likelier loop, `closed` simulates it.
+    the record would have shown, infinite where no size would. `likelier` are the effects of the
+    likelier loop, `closed` simulates it.
     """
 
     record: LoopRecord
@@ -90,23 +90,21 @@ def candidate_loops(
     assessment = weighed.assessment
     loops = ClosedLoops(assessment, 0)
     archive = [e for e in ARCHIVE if e in assessment.situation.proven]
-    healthy = [loops.loop(archive)]
+    sound, stuck = [archive], [*archive, FRICTION]
     outside = max(float(assessment.log_likelihood_gains.get(OUTSIDE, 0.0)), 0.0)
     if OUTSIDE in assessment.parameters:
-        healthy.append(loops.loop([*archive, OUTSIDE]))
+        sound.append([*archive, OUTSIDE])
         if outside:
-            healthy.reverse()
-    sticky = None if weighed.fitted is None else loops.loop([*archive, FRICTION])
-    likelier = [*archive, *([OUTSIDE] if outside and OUTSIDE in assessment.parameters else [])]
-    if sticky is not None and weighed.log_odds > 0.0:
-        likelier = [*archive, FRICTION]
+            sound.reverse()
+    sticky = None if weighed.fitted is None else loops.loop(stuck)
+    likelier = sound[0] if sticky is None or weighed.log_odds <= 0.0 else stuck
     sizes = smallest_detectable(
         assessment.situation, assessment.base, load_memory(assessment.situation), (FRICTION,)
     )
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return CandidateLoops(
         record,
-        tuple(healthy),
+        tuple(loops.loop(effects) for effects in sound),
         sticky,
         weighed.fitted,
         weighed.evidence.gain,
