@@ -88,11 +88,11 @@ def _remaining(report: GapReport) -> Markup:
     """Return in which features the record differs from its simulations, the answer in them."""
     if not report.remaining:
         return Markup()
-    caption = "Recorded values beside the range of the simulations: "
-    caption += "; ".join(report.remaining_lines())
+    caption = "Recorded values beside the range of the simulations, the farthest on top"
     drawn = captioned([(pictures.draw_remaining(report.remaining), "remaining", caption)])
     table = pd.DataFrame([one.as_json() for one in report.remaining])
-    return render("remaining.html", items=drawn, table=sortable(table, long=("feature",)))
+    formats = {"simulated": lambda ends: " to ".join(f"{end:.3g}" for end in ends)}
+    return render("remaining.html", items=drawn, table=sortable(table, formats, long=("feature",)))
 
 
 def _which(report: GapReport) -> Markup:

@@ -15,6 +15,7 @@ import pytest
 from chromium import needs_browser
 from random_case import random_case
 
+from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.report.page import write_page
 from simbench.gap.report.sheet import draw_sheet
@@ -184,6 +185,14 @@ def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_se
 @pytest.mark.parametrize("name", ["sticky", rare("clean")])
 def test_on_paper_nothing_is_lost(name, pages):
     assert chromium.lost_on_paper(pages / f"{name}.html") == 0
+
+
+def test_the_table_of_what_remains_shows_ranges_and_no_lists(sticky, tmp_path):
+    one = Remaining("kurtosis of PV", "sensor", 9.123456, (2.123456, 3.123456), 7.0)
+    write_page(replace(sticky, remaining=(one,)), tmp_path / "page.html")
+    text = text_of(tmp_path / "page.html")
+    assert "2.12 to 3.12" in text
+    assert "123456" not in text
 
 
 def test_the_sheet_shows_record_and_simulations_the_answer_and_how_far_it_helps(sticky, clean):
