@@ -24,6 +24,7 @@ from simbench.detectors.procedure import Diagnosis
 from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder, read_labels, read_records
+from simbench.detectors.repaired import repaired
 from simbench.detectors.report.events import event_numbers
 from simbench.detectors.report.report import Report, ShownConclusion, choose_methods, score_units
 from simbench.detectors.sources import (
@@ -116,7 +117,7 @@ def detect(
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
             known = {k: v for k, v in about.items() if k not in ("op", "pv", "sp", "mv")}
             return _judge_files(source, asked, settings, plugins, **known)
-        record = as_record(source, **about)
+        record = repaired(as_record(source, **about))
         with registry.hosted(plugins) as added:
             names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
@@ -202,6 +203,7 @@ def _judge_files(
         verdicts, conclusions = [], {}
         for name, record in records.items():
             try:
+                record = records[name] = repaired(record)
                 judged = judge(record, names)
                 if settings.conclude is not None:
                     conclusions[name] = settings.conclude(record)

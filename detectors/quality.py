@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbench.detectors.record import MOST_OUTSIDE, LoopRecord
-from simbench.detectors.signal.holds import holds, still
+from simbench.detectors.signal.holds import frozen, holds, still
 from simbench.detectors.signal.lattice import lattice, written_unit
 from simbench.detectors.signal.lines import straight
 from simbench.detectors.signal.oscillation import Oscillation, find_oscillation
@@ -23,7 +23,6 @@ _STEPS = 0.1  # steps of the values over the std of the signal
 _FEWEST = 4  # levels of a signal that is called quantised
 _COLLINEAR = 0.1  # share of moving samples that lie on the straight line through their neighbours
 _UNDERSAMPLED = 8.0  # samples per period
-_FROZEN = 0.05  # longest stand-still, as a share of the record
 _SPIKES = 0.002  # share of isolated outliers
 _HELD = 0.15  # share of samples in which OP and PV both repeat themselves
 
@@ -106,18 +105,17 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
         yield Flag(
             "compressed", f"{share:.0%} of PV's moving samples lie on straight lines between others"
         )
-    runs = holds(pv)
-    k = int(runs.argmax())
-    longest, usual = int(runs[k]), float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
-    if longest > max(20.0, _FROZEN * n) and longest > 3.0 * usual:
-        start = int(runs[:k].sum())
-        # at rest OP rests as well
-        if record.op[start : start + longest].std() > 0.1 * record.op.std():
-            yield Flag(
-                "frozen",
-                f"PV stands still for {longest} samples while OP moves, else for {usual:.0f} at"
-                " most",
-            )
+    still_for = frozen(pv)
+    # at rest OP rests as well
+    if (
+        still_for is not None
+        and record.op[still_for.begin : still_for.end].std() > 0.1 * record.op.std()
+    ):
+        yield Flag(
+            "frozen",
+            f"PV stands still for {still_for.end - still_for.begin} samples while OP moves, else"
+            f" for {still_for.usual:.0f} at most",
+        )
     if record.sp is not None:
         changed = int(np.count_nonzero(np.diff(record.sp)))
         if np.ptp(record.sp) > 0.1 * std:

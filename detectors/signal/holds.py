@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+_FROZEN = 0.05  # share of a record, and ...
+_FEWEST = 20  # ... samples, beyond which a standstill is frozen, if it is ...
+_LONGER = 3.0  # ... so many times as long as the three next ones
 _SELDOM = 1e-3  # standstills of a length that a record of noise has by chance; longer ones are none
 
 
@@ -16,6 +21,28 @@ def holds(x: np.ndarray) -> np.ndarray:
     """Return the lengths of the runs of equal samples, in order."""
     edges = np.flatnonzero(np.diff(x)) + 1
     return np.diff(np.concatenate([[0], edges, [x.size]]))
+
+
+class Standstill(NamedTuple):
+    """A stretch in which a signal stands still for far longer than elsewhere.
+
+    `begin` its first sample, `end` the one after it, `usual` the samples of its other standstills.
+    """
+
+    begin: int
+    end: int
+    usual: float
+
+
+def frozen(x: np.ndarray) -> Standstill | None:
+    """Return the stretch in which a signal is frozen, the longest; None where it is not."""
+    runs = holds(x)
+    k = int(runs.argmax())
+    longest, usual = int(runs[k]), float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
+    if longest <= max(_FEWEST, _FROZEN * x.size) or longest <= _LONGER * usual:
+        return None
+    begin = int(runs[:k].sum())
+    return Standstill(begin, begin + longest, usual)
 
 
 def runs_of(x: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from simbench.detectors.signal.conditioning import median
 
 _SPIKE = 6.0  # robust standard deviations from which an isolated point is a spike
 _FURTHER = 4.5  # the same where three spikes are sure: 2 in 100 000 by chance
+_ROUNDING = 1e-14  # share of a signal's largest value that double numbers may be off by
 _ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
 
 
@@ -25,7 +26,7 @@ def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     outliers: dict[int, float] = {}
     clean = np.asarray(x, dtype=float).copy()
     usual = np.abs(clean - _around(clean).mean(axis=0))
-    floor = max(0.5 * unit, 1e-12)
+    floor = max(0.5 * unit, _ROUNDING * float(np.abs(x).max()))
     overall = max(1.4826 * median(usual), floor)
     if usual.max() <= _SPIKE * overall:
         return none

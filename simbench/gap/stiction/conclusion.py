@@ -17,6 +17,7 @@ from scipy.special import expit
 from simbench.detectors.errors import UserError
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.repaired import repaired
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.decide.classify import TEMPERATURE, Classified
@@ -87,6 +88,7 @@ class Conclusion:
 
 def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed."""
+    record = repaired(record)
     try:
         loops: CandidateLoops | str = candidate_loops(record)
     except UserError as reason:

@@ -1,0 +1,70 @@
+"""Tests of what is taken out of a record before anything is concluded from it."""
+
+import numpy as np
+import pytest
+
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.repaired import repaired
+
+N = 600
+
+
+def record(change=lambda op, pv: None):
+    """Return a noisy oscillation in which something was changed."""
+    rng, t = np.random.default_rng(0), np.arange(N)
+    op = 50.0 + np.sin(t / 9) + 0.05 * rng.standard_normal(N)
+    pv = 20.0 - np.sin(t / 9 - 1.0) + 0.05 * rng.standard_normal(N)
+    change(op, pv)
+    return LoopRecord(op=op, pv=pv, Ts=1.0)
+
+
+def test_an_ordinary_record_is_returned_as_it_is():
+    sound = record()
+    assert repaired(sound) is sound
+
+
+@pytest.mark.parametrize("value", [0.0, -9999.0, 1e30])
+@pytest.mark.parametrize("signal", ["op", "pv"])
+@pytest.mark.parametrize("places", [[200], [0], [N - 1], [300, 301, 302, 303, 304], [7, 90, 400]])
+def test_wild_samples_count_as_missing(value, signal, places):
+    def change(op, pv):
+        (op if signal == "op" else pv)[places] = value
+
+    mended = repaired(record(change))
+    assert np.abs(getattr(mended, signal) - getattr(record(), signal)).max() < 2.1
+    assert mended.n == N
+    assert mended.notes[0].startswith(f"outliers: {len(places)} sample")
+    assert repaired(mended) is mended
+
+
+def test_what_lasts_longer_than_five_samples_is_kept():
+    def change(op, pv):
+        pv[300:306] += 50.0
+
+    moved = record(change)
+    assert np.array_equal(repaired(moved).pv, moved.pv)
+
+
+@pytest.mark.parametrize("share", [0.06, 0.25, 0.4])
+def test_a_frozen_tail_is_left_out(share):
+    begin = round(N * (1 - share))
+
+    def change(op, pv):
+        op[begin:], pv[begin:] = op[begin - 1], pv[begin - 1]
+
+    mended = repaired(record(change))
+    assert mended.n == begin - 1
+    assert np.array_equal(mended.pv, record().pv[: begin - 1])
+    assert mended.notes == (
+        f"frozen: PV and OP stand still from sample {begin - 1} to {N - 1} of {N};"
+        f" judged samples 0 to {begin - 2}",
+    )
+
+
+def test_op_at_a_limit_is_not_frozen():
+    def change(op, pv):
+        np.clip(op, None, 50.2, out=op)
+        op[400:500] = 50.2
+
+    limited = record(change)
+    assert repaired(limited) is limited
