@@ -14,12 +14,11 @@ from simbench.detectors.quality import steps
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.holds import Standstill, frozen, runs_of
 from simbench.detectors.signal.lines import straight
-from simbench.detectors.signal.spikes import isolated, off_line
+from simbench.detectors.signal.spikes import cleaned, isolated, off_line
 from simbench.detectors.signal.tails import heavy_tails
 
 # ranges of nine tenths of a signal, by which a sample lies outside that range and cannot belong to
-# it: Gaussian samples 12 standard deviations from their mean, samples of a sine 7 amplitudes. Of
-# 82 real records one has such samples.
+# it: Gaussian samples 12 standard deviations from their mean, samples of a sine 7 amplitudes
 _FAR = 3.0
 _AT_ONCE = 5  # samples in a row that are bridged; what lasts longer is no single sample
 _DRAWN = 0.1  # share of moving samples on straight lines, from which an archive drew a signal
@@ -28,7 +27,7 @@ _WILD, _FROZEN = "outliers", "frozen"  # what notes begin with
 
 
 def repaired(record: LoopRecord) -> LoopRecord:
-    """Return a record without samples that contradict their neighbours and frozen stretches.
+    """Return a record without wild samples and without frozen stretches.
 
     Up to five samples in a row that lie far outside all others, and single ones off a smooth
     course, count as missing and are bridged by a straight line. Where PV or OP stands still for far
@@ -66,11 +65,10 @@ def _without_wild(record: LoopRecord) -> LoopRecord:
     for name, other in (("pv", record.op), ("op", record.pv)):
         x = getattr(record, name)
         wild = _outside(x)
-        rest = _bridged(x, wild)
-        wild[_spikes(rest, other)] = True
+        wild[_spikes(cleaned(x, np.flatnonzero(wild)), other)] = True
         count = int(wild.sum())
         if count:
-            bridged[name] = _bridged(x, wild)
+            bridged[name] = cleaned(x, np.flatnonzero(wild))
             what = "1 sample" if count == 1 else f"{count} samples"
             does = "contradicts its" if count == 1 else "contradict their"
             notes.append(
@@ -104,12 +102,6 @@ def _spikes(x: np.ndarray, other: np.ndarray) -> np.ndarray:
     if spikes.size and (straight(x, step)[0] > _DRAWN or heavy_tails(off_line(x)[0])):
         return spikes[:0]
     return spikes
-
-
-def _bridged(x: np.ndarray, wild: np.ndarray) -> np.ndarray:
-    """Return a signal with a straight line in place of each run of wild samples."""
-    at = np.arange(x.size)
-    return np.interp(at, at[~wild], x[~wild]) if wild.any() else x
 
 
 def _thawed(record: LoopRecord) -> LoopRecord:
