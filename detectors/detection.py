@@ -292,4 +292,4 @@ def diagnose(source: Source | None = None, **about: Unpack[_Procedure]) -> Diagn
     """
     given: dict[str, Any] = {**about}
     bounds = {k: given.pop(k) for k in ("odds_low", "odds_high", "follow_min") if k in given}
-    return procedure(as_record(source, **given), **bounds)
+    return procedure(repaired(as_record(source, **given)), **bounds)

@@ -1,7 +1,8 @@
 """Take out of a record what its own samples contradict: wild single samples and frozen stretches.
 
-Whatever concludes about a valve looks at the repaired record. A diagnosis of the gap looks at the
-record as it is: outliers and a frozen sensor are effects that it names.
+Verbs that ask about the valve alone (detect, diagnose, conclude, trust) look at the repaired record.
+A diagnosis of the gap looks at the record as it is: outliers and a frozen sensor are effects that it
+names.
 """
 
 from __future__ import annotations

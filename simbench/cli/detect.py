@@ -151,11 +151,12 @@ def diagnose(
     """
     from simbench.detectors.procedure import diagnose as procedure
     from simbench.detectors.records.io import read_record
+    from simbench.detectors.repaired import repaired
     from simbench.detectors.verdict import PROBABILITY
     from simbench.gap.stiction.conclusion import judged
 
     refuse_picture(picture, path)
-    record = read_record(path, **about)
+    record = repaired(read_record(path, **about))
     diagnosis, (concluded, causes) = procedure(record), judged(record)
     if picture is not None:
         from simbench.figures import draw_path

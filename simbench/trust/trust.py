@@ -18,6 +18,7 @@ from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.repaired import repaired
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from simbench.detectors.verdict import STICTION, Verdict
@@ -139,6 +140,8 @@ def _trust(
 ) -> Trust:
     healthy, each = counts
     refuse_wrong_forms(names)
+    # with a loop file, outliers and a frozen sensor are effects that the diagnosis weighs
+    record = repaired(record) if loop is None else record
     verdicts = judge(record, names)
     prepared, diagnosis, assessment = Prepared(replace(record, mv=None)), None, None
     try:

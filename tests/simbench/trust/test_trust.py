@@ -1,6 +1,7 @@
 """trust(): the contract's keys, three answers, and the text for readers."""
 
 import json
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from simbench.cli import main
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.files import write_record
+from simbench.gap.diagnosis import conclude
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
@@ -35,6 +37,23 @@ def trusted(sticky):
 def test_plain_stiction_is_called_so(trusted):
     assert trusted.conclusion.verdict == STICTION
     assert trusted.probability > 0.75
+
+
+def test_a_wild_sample_changes_no_verb_s_conclusion(sticky, trusted, tmp_path, capsys):
+    pv = np.array(sticky.pv)
+    pv[pv.size // 2] = 1e9
+    wild = replace(sticky, pv=pv)
+    note = "outliers: 1 sample of PV contradicts its neighbours on both sides and counts as missing"
+    again = trust(wild, **FEW, help_wanted=False)
+    assert again.conclusion.verdict == conclude(wild).verdict == trusted.conclusion.verdict
+    assert again.probability == conclude(wild).probability
+    assert note in again.conclusion.notes
+    file = tmp_path / "wild.csv"
+    write_record(wild, file)
+    assert main(["diagnose", str(file)]) == 0
+    shown = " ".join("".join(capsys.readouterr()).split())
+    assert note in shown
+    assert "1e+09" not in shown
 
 
 def test_how_near_the_loop_of_the_replicates_is_to_the_record_is_said_as_a_diagnosis_measures_it(
