@@ -1,8 +1,8 @@
 """Take out of a record what its own samples contradict: wild single samples and frozen stretches.
 
-Verbs that ask about the valve alone (detect, diagnose, conclude, trust) look at the repaired record.
-A diagnosis of the gap looks at the record as it is: outliers and a frozen sensor are effects that it
-names.
+The verbs that ask about the valve alone (detect, diagnose, conclude, trust) look at the repaired
+record. A diagnosis of the gap looks at the record as it is: outliers and a frozen sensor are
+effects that it names.
 """
 
 from __future__ import annotations
