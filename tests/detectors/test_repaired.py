@@ -61,6 +61,24 @@ def test_a_frozen_tail_is_left_out(share):
     )
 
 
+@pytest.mark.parametrize("signal", ["op", "pv"])
+def test_one_signal_that_rests_alone_is_kept(signal):
+    def change(op, pv):
+        x = op if signal == "op" else pv
+        x[400:500] = x[400]
+
+    resting = record(change)
+    assert repaired(resting) is resting
+
+
+def test_a_loop_that_comes_to_rest_is_kept():
+    def change(op, pv):
+        op[200:], pv[200:] = op[199], pv[199]
+
+    at_rest = record(change)
+    assert repaired(at_rest) is at_rest
+
+
 def test_op_at_a_limit_is_not_frozen():
     def change(op, pv):
         np.clip(op, None, 50.2, out=op)
