@@ -32,6 +32,9 @@ _FASTEST, _SLOWEST = 1e-12, 1e12  # s between samples
 # of its span by which a sound signal may go beyond it: 4..20 mA means 3.8 to 20.5, a fault 3.6 or
 # 21
 _OVER_RANGE = 0.1
+# An OP that moves and never exceeds this opens no valve, neither as % nor as a share of 1: its unit
+# is another one.
+_SHUT = 1e-3
 # share of the samples that may lie further out, before the span is taken for another signal's
 MOST_OUTSIDE = 0.05
 
@@ -152,9 +155,9 @@ class LoopRecord:
             percent = (self.op - lo) * (100.0 / (hi - lo))
             percent.flags.writeable = False
             return percent
-        if self.op.min() >= 0.0 and self.op.max() <= 100.0 and not self.op_share:
-            return self.op
-        return None
+        lo, hi = float(self.op.min()), float(self.op.max())
+        opens = lo == hi or hi > _SHUT
+        return self.op if 0.0 <= lo and hi <= 100.0 and opens and not self.op_share else None
 
     @cached_property
     def op_share(self) -> bool:
@@ -162,7 +165,7 @@ class LoopRecord:
         be wrong by a factor 100.
         """
         lo, hi = float(self.op.min()), float(self.op.max())
-        return self.op_span is None and 0.0 <= lo < hi <= 1.0
+        return self.op_span is None and 0.0 <= lo < hi <= 1.0 and hi > _SHUT
 
     def outside(self, name: str, margin: float = _OVER_RANGE) -> float:
         """Return the share of samples that lie beyond the signal's span.

@@ -1,4 +1,5 @@
-"""Take out of a record what its own samples contradict: wild single samples and a frozen stretch.
+"""Take out of a record what its own samples contradict: wild single samples and a frozen stretch;
+and look at PV in a unit in which its swing is an ordinary number.
 
 The verbs that ask about the valve alone (detect, diagnose, conclude, trust) look at the repaired
 record. A diagnosis of the gap looks at the record as it is: outliers and a frozen sensor are
@@ -19,11 +20,15 @@ from simbench.detectors.signal.spikes import cleaned
 # it: Gaussian samples 12 standard deviations from their mean, samples of a sine 7 amplitudes
 _FAR = 3.0
 _AT_ONCE = 5  # samples in a row that are bridged; what lasts longer is no single sample
+# of PV's range, between which it is judged as it was given; beyond them, a limit that guards a
+# division somewhere may be no longer small, or no longer large
+_ORDINARY = (1e-3, 1e6)
+_REMOTE = 1e4  # ranges of PV by which it may lie off 0: with more, digits are lost on the offset
 _MOST = 0.5  # share of a record that may be frozen; a loop at rest stands still for longer
 
 
 def repaired(record: LoopRecord) -> LoopRecord:
-    """Return a record without wild samples and without a frozen stretch.
+    """Return a record without wild samples and without a frozen stretch, PV in an ordinary unit.
 
     Up to five samples in a row that lie far outside all others count as missing and are bridged by
     a straight line. Where PV and OP stand still together for far longer than elsewhere, but not for
@@ -31,6 +36,9 @@ def repaired(record: LoopRecord) -> LoopRecord:
 
     Spikes within the signal's range stay: slips of sticky valves look like them. So does PV that
     rests alone, which may be that of a valve that sticks.
+
+    PV and SP are multiplied by a power of ten where PV spans less than 1e-3 or more than 1e6, and
+    lose an offset of more than 10 000 times what PV spans: no conclusion depends on the unit.
 
     Parameters
     ----------
@@ -41,7 +49,7 @@ def repaired(record: LoopRecord) -> LoopRecord:
     -------
     LoopRecord
         The same record where nothing contradicts; else signals of shape (m,), m <= n, and one note
-        for the samples of each signal and for the stretch.
+        for the samples of each signal, for the stretch, and for the unit.
 
     Notes
     -----
@@ -55,7 +63,7 @@ def repaired(record: LoopRecord) -> LoopRecord:
     >>> repaired(LoopRecord(op=-np.sin(t / 8), pv=pv, Ts=1.0)).notes
     ('outliers: 1 sample of PV contradicts its neighbours on both sides and counts as missing',)
     """
-    return _thawed(_without_wild(record))
+    return _in_ordinary_unit(_thawed(_without_wild(record)))
 
 
 def _without_wild(record: LoopRecord) -> LoopRecord:
@@ -103,3 +111,29 @@ def _thawed(record: LoopRecord) -> LoopRecord:
         f" judged samples {part[0]} to {part[1] - 1}"
     )
     return replace(record.window(*part), notes=(*record.notes, note))
+
+
+def _in_ordinary_unit(record: LoopRecord) -> LoopRecord:
+    """Return the record with PV, SP and PV's span in a unit in which PV's swing is an ordinary
+    number.
+    """
+    low, high = float(record.pv.min()), float(record.pv.max())
+    if not low < high:
+        return record
+    decade = 10.0 ** np.floor(np.log10(high - low))
+    factor = 1.0 if _ORDINARY[0] <= high - low <= _ORDINARY[1] else 1.0 / decade
+    # a whole number of decades leaves the digits where they were
+    offset = decade * np.round(0.5 * (low + high) / decade)
+    offset = offset if abs(offset) > _REMOTE * (high - low) else 0.0
+    if factor == 1.0 and offset == 0.0:
+        return record
+    less = f" less {offset:g}" if offset else ""
+    times = f" times {factor:g}" if factor != 1.0 else ""
+    span = record.pv_span
+    return replace(
+        record,
+        pv=(record.pv - offset) * factor,
+        sp=None if record.sp is None else (record.sp - offset) * factor,
+        pv_span=None if span is None else tuple((x - offset) * factor for x in span),
+        notes=(*record.notes, f"unit: PV spans {high - low:.3g}; judged as PV{less}{times}"),
+    )

@@ -41,7 +41,14 @@ def test_a_share_of_one_is_asked_for_its_span():
         ([0.5, 0.5, 0.5], False),
         ([0.0, 0.5, 1.1], False),
         ([-0.1, 0.5, 1.0], False),
+        ([0.0, 0.0001, 0.001], False),
     ],
 )
 def test_only_what_moves_within_0_and_1_is_in_doubt(op, share):
     assert LoopRecord(op=op, pv=[1.0, 2.0, 3.0], Ts=1.0).op_share is share
+
+
+def test_what_would_open_no_valve_is_neither_a_share_nor_percent():
+    pv = [1.0, 2.0, 3.0]
+    assert LoopRecord(op=[3e-11, 4e-11, 5e-11], pv=pv, Ts=1.0).op_percent is None
+    assert LoopRecord(op=[0.0, 0.0, 0.0], pv=pv, Ts=1.0).op_percent is not None

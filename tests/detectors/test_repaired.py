@@ -1,5 +1,7 @@
 """Tests of what is taken out of a record before anything is concluded from it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -86,3 +88,20 @@ def test_op_at_a_limit_is_not_frozen():
 
     limited = record(change)
     assert repaired(limited) is limited
+
+
+@pytest.mark.parametrize("factor", [1e-12, 1e-6, 1e9, 1e12])
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+def test_pv_of_any_unit_and_offset_is_judged_as_in_an_ordinary_one(factor, offset):
+    plain = record()
+    sp = np.full(N, 20.0)
+    given = replace(plain, pv=factor * (plain.pv + offset), sp=factor * (sp + offset))
+    mended = repaired(replace(given, pv_span=(factor * (offset + 0.0), factor * (offset + 40.0))))
+    low, high = mended.pv_span
+    # both mean the same share of the span
+    assert (mended.pv - low) / (high - low) == pytest.approx(plain.pv / 40.0, abs=1e-8)
+    assert (mended.sp - low) / (high - low) == pytest.approx(sp / 40.0, abs=1e-8)
+    assert 1e-3 <= np.ptp(mended.pv) <= 1e6
+    assert np.abs(mended.pv).max() < 1e5 * np.ptp(mended.pv)
+    assert mended.notes[0].startswith("unit: PV spans")
+    assert repaired(mended) is mended

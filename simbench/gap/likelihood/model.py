@@ -17,7 +17,6 @@ from simbench.gap.likelihood import kernels
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
 REDDEST = 0.8  # correlation from sample to sample: noise of more memory has passed a filter
-_ABSENT = 1e-9  # smallest noise std (PV units)
 LINEAR = 3  # linear coefficients before those of an effect: gain, bias or ramp, onset
 INNER = "inner"  # a pole that every plant may have in place of some of its dead time
 
@@ -69,7 +68,8 @@ class Data:
     @cached_property
     def floor(self) -> float:
         """Smallest noise std that is believed."""
-        return max(self.resolution / np.sqrt(12.0), 1e-6 * float(np.ptp(self.y)), _ABSENT)
+        least = 1e-6 * float(np.ptp(self.y)) or 1e-9
+        return max(self.resolution / np.sqrt(12.0), least)
 
     @cached_property
     def size(self) -> float:

@@ -45,6 +45,8 @@ OUTSIDE = "oscillation"  # what swings a sound loop
 ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
 # share of PV's samples that must have been measured (`python -m results.studies.plant.archives`)
 _MEASURED = 0.2
+# of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
+_GRID = 1e-8
 _ROOM = 2.0  # number of OP ranges left free on either side of a record whose unit of OP is unknown
 
 
@@ -123,7 +125,7 @@ def friction(
     if isinstance(loop, Loop):
         loop = with_sound_valve(loop)
     if loop is None and record.mv is None:
-        record = unheld(record)
+        record = unheld(without_last_bits(record))
         count = measured_samples(record)
         if count < max(SHORTEST_ASKED, _MEASURED * record.n):
             what = (
@@ -183,6 +185,26 @@ def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
     lo, hi = lo - room, hi + room
     op = (record.op - lo) * (100.0 / (hi - lo))
     return replace(record, op=op, op_span=(0.0, 100.0)), (hi - lo) / 100.0
+
+
+def without_last_bits(record: LoopRecord) -> LoopRecord:
+    """Return the record with OP, and with PV and SP, on a decimal grid a hundred millionth as fine
+    as their range: what another unit or another addition rounds differently decides nothing.
+    """
+    unit = {name: _GRID * _decade(getattr(record, name)) for name in ("op", "pv")}
+    unit["sp"] = unit["pv"]
+    signals = {
+        name: np.round(x / unit[name]) * unit[name]
+        for name in unit
+        if (x := getattr(record, name)) is not None and unit[name] > 0.0
+    }
+    return replace(record, **signals)
+
+
+def _decade(x: np.ndarray) -> float:
+    """Return the power of ten next to a signal's range; 0 for one that stands still."""
+    wide = float(np.ptp(x))
+    return 10.0 ** float(np.round(np.log10(wide))) if wide > 0.0 else 0.0
 
 
 def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:

@@ -17,7 +17,13 @@ from simbench.gap.effects import left_out
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import exact_controller, identify
 from simbench.gap.stiction import friction as module
-from simbench.gap.stiction.friction import ENOUGH, FRICTION, OUTSIDE, friction
+from simbench.gap.stiction.friction import (
+    ENOUGH,
+    FRICTION,
+    OUTSIDE,
+    friction,
+    without_last_bits,
+)
 from simbench.gap.stiction.pace import at_its_pace
 from simbench.trust.trust import trust
 
@@ -157,3 +163,19 @@ def test_nor_does_it_in_any_other_verb(archived):
     trusted = trust(archived, methods=["he"])
     assert trusted.conclusion.verdict == "no_decision"
     assert "were measured" in trusted.conclusion.reason
+
+
+def test_what_another_unit_rounds_differently_decides_nothing():
+    case = random_case(5, ("stiction",)).record
+    rng = np.random.default_rng(0)
+    plain = replace(case, pv=np.round(case.pv, 3), op=np.round(case.op, 3), mv=None)
+    moved = replace(
+        plain,
+        pv=plain.pv + 1e-9 * plain.pv.std() * rng.standard_normal(plain.n),
+        op=(plain.op + 1e6) - 1e6,
+    )
+    assert not np.array_equal(moved.op, plain.op)
+    a, b = without_last_bits(plain), without_last_bits(moved)
+    assert np.array_equal(a.pv, b.pv)
+    assert np.array_equal(a.op, b.op)
+    assert np.abs(a.pv - plain.pv).max() < 1e-7 * np.ptp(plain.pv)
