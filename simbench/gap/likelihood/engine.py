@@ -441,19 +441,21 @@ class Engine:
     def scan(
         self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
     ) -> np.ndarray:
-        """Return the log-likelihood, up to a constant, of many valve maps with all else held; a
+        """Return the log-likelihood, without the priors, of many valve maps with all else held; a
         fine grid costs little.
         """
-        gy, gg = self._scanned(spec, theta, kind, points)
+        gy, gg, level = self._scanned(spec, theta, kind, points)
         low, high = self._gains(spec)
         seen = gg > 1e-12
         K = np.where(seen, np.clip(gy / np.where(seen, gg, 1.0), low, high), 0.0)
-        return K * gy - 0.5 * K * K * gg
+        return K * gy - 0.5 * K * K * gg - level
 
     def _scanned(
         self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
-    ) -> np.ndarray:
-        """Return, of many valve maps, the plant's answer times PV and times itself, whitened."""
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return, of many valve maps, the plant's answer times PV and times itself, whitened, and
+        -log-likelihood where the plant answers nothing.
+        """
         d = self.data
         # a plant of higher order is near enough as a later one: the best is fitted as it is
         model, Td = self.noise_model(spec, theta), theta["Td"] + d.lateness
@@ -462,11 +464,13 @@ class Engine:
         onset = kernels.plant(self.onset, model.T, Td, model.tau)
         channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
         jumps = jumps_of(spec, theta)
-        white = kernels.whiten(channels, model, jumps)[0]
+        white, log_var = kernels.whiten(channels, model, jumps)
         white[:, : kernels.SKIP] = 0.0
         basis = np.ascontiguousarray(np.linalg.qr(white[1:].T)[0].T)
         rest = white[0] - basis.T @ (basis @ white[0])
-        return kernels.scan(d.u, kind, points, Td, model, rest, basis, jumps)
+        count = d.n - kernels.SKIP
+        level = 0.5 * (float(rest @ rest) + log_var + count * np.log(2 * np.pi))
+        return (*kernels.scan(d.u, kind, points, Td, model, rest, basis, jumps), level)
 
     def more_numbers(self, spec: Spec, base: Spec) -> float:
         """Return how many numbers the signals of an effect are fitted by beyond those of one

@@ -116,11 +116,10 @@ class JointEngine(Engine):
 
     def _scanned(
         self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
-    ) -> np.ndarray:
-        total = np.zeros((2, len(points)))
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        gy, gg, level = np.zeros(len(points)), np.zeros(len(points)), 0.0
         for i, engine in enumerate(self.engines):
             scale = 1.0 / self.parts[i].pace if self.data.T == 0.0 else 1.0
-            total += engine._scanned(*self.one_of(i, spec, theta), kind, points) * np.array(
-                [[scale], [scale**2]]
-            )
-        return total
+            one = engine._scanned(*self.one_of(i, spec, theta), kind, points)
+            gy, gg, level = gy + scale * one[0], gg + scale**2 * one[1], level + one[2]
+        return gy, gg, level

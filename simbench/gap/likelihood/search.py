@@ -32,6 +32,11 @@ KEPT, _CHILDREN = 30, 6  # different peaks followed, and points tried around eac
 _SPREADS = (0.03, 0.012)  # of log S around them, ever closer
 _ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 TINY = 10  # widths below what OP's jitter hides
+_QUIET = 0.3  # of the load that "no effect" needed, with which peaks are looked for
+# time constants and dead times (samples) of the plants among which friction is looked for where no
+# plant is known; every so manieth point of a grid tells which are worth it
+_LAGS, _DELAYS, _SPARSE = (0.7, 3.0, 10.0, 30.0), (0.5, 3.0, 8.0, 15.0), 7
+_FOLLOWED = 4  # starts that are followed
 _HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
@@ -42,11 +47,33 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
     """
     # at the load that "no effect" needed, peaks look flat: try a quieter one
     fitted, _, *others = plants(engine, base)
-    tries = [(1.0, fitted), *((0.3, plant) for plant in (fitted, *others))]
+    tries = [(1.0, fitted), *((_QUIET, plant) for plant in (fitted, *others))]
     starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
+    if not engine.data.trusted and kind in _SLIPPING:
+        starts = screened(engine, base, kind, coarse, starts)
     found = [settle(engine, scanned(engine, base.spec, theta, kind, coarse)) for theta in starts]
     best = max(found, key=lambda f: f.loglik)
     return narrow(engine, best) if promising(best, base) else best
+
+
+def screened(
+    engine: Engine,
+    base: Fit,
+    kind: int,
+    coarse: np.ndarray,
+    starts: list[dict[str, float]],
+) -> list[dict[str, float]]:
+    """Return those of some starts, and of a grid of plants, at which a few points of a valve map
+    are likeliest.
+
+    Feedback and friction hide the plant: what was identified without friction may be far from it.
+    """
+    lags = _LAGS if engine.data.T > 0.0 else (0.0,)
+    quiet = {**base.theta, "load": _QUIET * base.theta["load"]}
+    grid = [{**quiet, "T": T, "Td": Td} for T in lags for Td in _DELAYS if Td < engine.data.n / 8]
+    every = [*starts, *grid]
+    values = [engine.scan(base.spec, theta, kind, coarse[::_SPARSE]).max() for theta in every]
+    return [every[i] for i in np.argsort(-np.array(values), kind="stable")[:_FOLLOWED]]
 
 
 def likeliest(engine: Engine, spec: Spec, starts: Iterable[Mapping[str, float]]) -> Fit:

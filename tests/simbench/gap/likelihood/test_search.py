@@ -1,5 +1,6 @@
 """The search for a valve's numbers on likelihoods whose peak is known, and what it begins from."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ from simbench.gap.likelihood.search import (
     plants,
     promising,
     scanned,
+    screened,
     search_map,
 )  # fmt: skip
 
@@ -176,3 +178,34 @@ def test_effects_are_looked_for_from_the_fitted_and_from_the_stated_plant():
     assert plants(SimpleNamespace(data=data(trusted=False)), BASE) == [
         fitted, stated, {"T": 12.5, "Td": 2.5}, {"T": 25.0 / 6, "Td": 5.0 / 6},
     ]  # fmt: skip
+
+
+class Feedback(Peaks):
+    """An engine whose peak is seen only near one plant, far from the one that was identified."""
+
+    def __init__(self, T, Td):
+        super().__init__(kernels.STICK, (50.0, 5.0, 3.0), d=data(trusted=False))
+        self.plant = T, Td
+
+    def scan(self, spec, theta, kind, points):
+        T, Td = self.plant
+        off = abs(np.log((theta["T"] + 1.0) / (T + 1.0))) + abs(theta["Td"] - Td)
+        return super().scan(spec, theta, kind, points) - 1e6 * off
+
+
+@pytest.mark.parametrize("plant", [(0.7, 15.0), (3.0, 0.5), (30.0, 8.0)])
+def test_friction_is_looked_for_far_from_a_plant_that_was_identified(plant):
+    engine = Feedback(*plant)
+    coarse = np.array([(s, 0.6 * s, 0.0) for s in (2.0, 3.3, 5.1, 9.0)])
+    starts = [{**THETA, "load": 2.0}, {**THETA, "load": 0.6}]
+    first, *_ = screened(engine, BASE, kernels.STICK, coarse, starts)
+    assert (first["T"], first["Td"], first["load"]) == (*plant, pytest.approx(0.6))
+    near = screened(Feedback(20.0, 4.0), BASE, kernels.STICK, coarse, starts)
+    assert near[:2] == starts
+
+
+def test_an_integrating_plant_is_looked_for_among_integrating_ones():
+    engine = Peaks(kernels.STICK, (50.0, 5.0, 3.0), d=data(T=0.0, trusted=False))
+    base = replace(BASE, theta={**THETA, "T": 0.0})
+    every = screened(engine, base, kernels.STICK, np.array([(5.0, 3.0, 0.0)]), [])
+    assert {theta["T"] for theta in every} == {0.0}
