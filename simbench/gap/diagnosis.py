@@ -46,7 +46,7 @@ from simbench.gap.stiction.conclusion import (
     without,
 )
 from simbench.gap.stiction.friction import FRICTION, refuse_unweighable, with_sound_valve
-from simbench.gap.stiction.probability import DENIED_BELOW, pooled
+from simbench.gap.stiction.probability import EVEN, pooled
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
@@ -224,7 +224,7 @@ def _assess_one(
         assessment = replace(assessment, situation=replace(assessment.situation, notes=notes))
     if situation.trusted:
         return assessment, loops
-    sticky = None if isinstance(loops, str) else loops.probability >= DENIED_BELOW
+    sticky = None if isinstance(loops, str) else loops.probability >= EVEN
     return plausible(assessment, sticky), loops
 
 
@@ -311,7 +311,7 @@ def named_by(weights: Classified, assessment: Assessment) -> list[str]:
     if (
         not assessment.situation.trusted
         and assessment.stiction is not None
-        and assessment.stiction < DENIED_BELOW
+        and assessment.stiction < EVEN
     ):
         # friction that is not the more probable, all its effects taken together, is none of them
         p = {e: v for e, v in p.items() if e not in EFFECTS or recogniser(e).band is None}

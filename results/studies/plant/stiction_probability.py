@@ -49,7 +49,7 @@ SOUND = (
 )  # what a loop without friction has, in turn
 GRID = "plant"
 SIMULATORS = ("own", "refinery", GRID)
-SEED = 79  # the product's numbers were learned, and its rule was chosen, on loops of seed 77
+SEED = 81  # the product's numbers were learned, and its rule was chosen, on loops of seed 79
 LONGEST = 1000  # samples of a record that are looked at
 FORMS = (
     "whole",

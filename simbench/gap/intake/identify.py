@@ -53,14 +53,6 @@ def identify(
     )
 
 
-def exact_controller(record: LoopRecord) -> Controller | None:
-    """Return the controller whose law turns the recorded error into OP; None where no PI law
-    does.
-    """
-    law = _law(record, 1.0)
-    return _controller(law, float(np.sign(law.Kc)), record.Ts) if law.known and law.Kc else None
-
-
 def _where(r: LoopRecord) -> str:
     return f"record {r.tag!r}" if r.tag else "record"
 

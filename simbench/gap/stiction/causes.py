@@ -14,7 +14,7 @@ from simbench.detectors.signal.oscillation import Oscillation
 from simbench.detectors.signal.phase import coherence
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
-from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW
+from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, EVEN
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
@@ -91,7 +91,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
             return Causes(cause, (cause,))
     if isinstance(loops, str):
         return _open(loops, ())
-    sticks = loops.sticky is not None and loops.probability > 0.5
+    sticks = loops.sticky is not None and loops.probability > EVEN
     known = margins(loops.sticky if sticks else loops.healthy[0])
     periods = loops.record.duration / swing.period_s if swing.sustained else 0.0
     keeps = 0.0
@@ -114,11 +114,9 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
         return Causes(sticking, tuple(weighed))
     if loops.probability > CLAIMED_FROM:
         return _open("the swing speaks against a valve that sticks", tuple(weighed))
-    if loops.probability >= DENIED_BELOW:
-        between = (
-            f"a probability between {DENIED_BELOW:g} and {CLAIMED_FROM:g} leaves the valve open"
-        )
-        return _open(f"{between}, and with it every other cause", tuple(weighed))
+    if loops.probability >= EVEN:
+        why = "friction is more probable than not, but not enough to be claimed"
+        return _open(f"{why}, which leaves every other cause open", tuple(weighed))
     if first.confidence < _NAMED_FROM or first is sticking:
         return _open("no cause has enough evidence", tuple(weighed))
     return Causes(first, tuple(weighed))
@@ -135,7 +133,7 @@ def _stiction(loops: CandidateLoops, keeps: float, unit: str) -> Cause:
         f"a model with valve friction explains the record {word} than one without (log-likelihood"
         f" difference {loops.gain:+.0f})"
     )
-    if p <= 0.5:
+    if p <= EVEN:
         return Cause(STICKING, p, (), (better,))
     if loops.fitted is None:
         return Cause(STICKING, p, (better,))

@@ -111,6 +111,9 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     if answer == STICTION and cause != why.STICKING:
         # what else is known of this loop contradicts the claim
         answer = NO_DECISION
+    if answer == NO_STICTION and not np.isfinite(loops.visible):
+        # a record in which no friction would have shown does not show that there is none
+        answer = NO_DECISION
     friction = next((c for c in causes.weighed if c.name == why.STICKING), causes.named)
     reasons = [
         r for c in dict.fromkeys((friction, causes.named)) for r in (*c.speaks_for, *c.against)
@@ -122,7 +125,7 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
                 "a sticking valve need not make a loop oscillate, so the probability decides"
             )
     to_do = _NEXT.get(cause)
-    if to_do is None:
+    if to_do is None or (answer == NO_DECISION and cause in (why.TIGHT, why.FROM_OUTSIDE)):
         to_do = (
             (_ORIGIN if swings else _WATCH)
             if answer == NO_STICTION

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,21 +13,22 @@ from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import RecordError, UserError
 from simbench.detectors.judge import UNFIT
 from simbench.detectors.prepared import Prepared
-from simbench.detectors.record import LoopRecord
+from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.gap.candidates import fit_candidates, possible_effects, with_ordinary_load
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.identified import plausible, remarks
+from simbench.gap.decide.identified import plausible
 from simbench.gap.effects import NOT_TRIED, recogniser
 from simbench.gap.intake.check import check
-from simbench.gap.intake.identify import exact_controller, identify
+from simbench.gap.intake.identify import identify
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.kernels import SKIP
+from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.pace import at_its_pace, measured_samples, unheld
+from simbench.gap.stiction.pace import measured_samples, unheld
 from simbench.gap.stiction.probability import (
-    BOUNDS,
     SHORTEST_ASKED,
     FrictionEvidence,
     log_odds,
@@ -35,14 +36,16 @@ from simbench.gap.stiction.probability import (
 )
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
-from simbench.scenarios.spec import Loop, Part, Sampling
+from simbench.scenarios.spec import Loop, Part
 
 FRICTION, _BAND = (
     "stiction",
     "deadband",
 )  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
-ENOUGH = 10.0 * BOUNDS[1]  # nats beyond which more say nothing more
+# nats that one sample may be worth: what a wild reading, a step of the load or a wrong noise makes
+# of a few samples is no evidence of a valve
+_MOST = 1.0
 # share of PV's samples that must have been measured (`python -m results.studies.plant.archives`)
 _MEASURED = 0.2
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
@@ -108,10 +111,10 @@ def friction(
     """Weigh friction on one record, with the loop where it is known, identified from the record
     otherwise.
 
-    The evidence is that of all samples; where that leaves doubt and samples are closer than the
-    loop moves, that of the record at the loop's pace if it is larger: between close samples lies
-    what no plant of first order describes, between distant ones slips are lost, and with them a
-    part of J. What single samples prove is proven by all of them.
+    A plant that settles and one that integrates are both fitted, and friction must explain more on
+    the better of both than no friction does on the better of both: after a valve that rests between
+    its slips any plant looks as if it integrated. That holds where the kind is known, too: no plant
+    is of first order.
 
     Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or
     both cannot be compared.
@@ -137,22 +140,10 @@ def friction(
             )
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        # a loop that is known is known at its sampling, and MV shows a slip where it happens
-        slow = at_its_pace(record) if loop is None and record.mv is None else record
-        if slow is record:
+        if loop is not None or record.mv is not None:
             whole, given, _ = completed(record, loop)
             return _measured(_fitted(record, whole, given))
-        every = _identified(record, record)
-        if every is not None and every.log_likelihood_gains[FRICTION] >= ENOUGH:
-            return _measured(every)
-        if every is not None and record.process is None:
-            # one loop has one plant, and all samples tell its kind better than few
-            integrating = every.situation.baseline.plant.integrating
-            slow = replace(slow, process="integrating" if integrating else "self-regulating")
-        views = [view for view in (every, _identified(slow, record)) if view is not None]
-        if not views:
-            return _measured(_fitted(record, identify(record)))
-        return _measured(max(views, key=lambda view: view.log_likelihood_gains[FRICTION]))
+        return _seen_in(_identified(record))
 
 
 def refuse_unweighable(record: LoopRecord) -> None:
@@ -217,25 +208,20 @@ def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Asse
     return assessment if s.trusted else plausible(assessment)
 
 
-def _identified(record: LoopRecord, whole: LoopRecord) -> Assessment | None:
-    """Return the assessment of all samples of a record, or of fewer with what the single samples of
-    the whole record prove; None where no loop can be identified from them.
+def _identified(record: LoopRecord) -> list[Assessment]:
+    """Return the assessments of a record with the loops of both kinds that can be identified from
+    it.
     """
-    try:
-        if record is whole:
-            return _fitted(record, identify(record))
-        assessment = _fitted(record, identify(record, controller=exact_controller(whole)))
-        s = assessment.situation
-        sampling = Sampling(Ts=whole.Ts, n=whole.n)
-        shown = check(whole, s.baseline.model_copy(update={"sampling": sampling}), trusted=False)
-    except UserError:
-        return None
-    return replace(
-        assessment,
-        situation=replace(s, proven=shown.proven, notes=[*shown.notes, *remarks(shown)]),
-        parameters={e: p for e, p in assessment.parameters.items() if e not in s.proven}
-        | shown.proven,
-    )
+    views, refused = [], None
+    for process in PROCESSES:
+        try:
+            views.append(_fitted(record, identify(replace(record, process=process))))
+        except UserError as why:
+            refused = why
+    if not views:
+        assert refused is not None
+        raise refused
+    return views
 
 
 def _few(s: Situation) -> Assessment:
@@ -245,11 +231,9 @@ def _few(s: Situation) -> Assessment:
     if s.trusted and s.tuned:
         refuse_other_plant(s)
     engine = Engine(s.data, load_memory(s))
-    # a load that jumps is no cause here, but friction must
-    # explain more than it does
-    tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE, "load_steps")]
-    # of an identified plant nobody knows how far a load drifts
-    tried += ["load_drift"] if s.trusted else []
+    # of an identified plant nobody knows how far a load jumps or drifts
+    loads = ("load_steps", "load_drift") if s.trusted else ()
+    tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE, *loads)]
     bare = engine.base()
     base, fitted = with_ordinary_load(engine, bare, fit_candidates(engine, bare, tried))
     gains = dict.fromkeys(EFFECTS, NOT_TRIED) | {
@@ -261,9 +245,57 @@ def _few(s: Situation) -> Assessment:
     return Assessment(s, base, fitted, parameters, [], base, gains)
 
 
+def _seen_in(views: Sequence[Assessment]) -> Friction:
+    """Return the likeliest of some assessments of one record, of the kind that is known, and what
+    they show together: what the best fit with friction explains beyond the best without, sample by
+    sample.
+    """
+    best = {e: max((_priced(v, e) for v in views), key=np.sum) for e in (None, FRICTION, OUTSIDE)}
+    gain, outside = (
+        float(np.clip(best[e] - best[None], -_MOST, _MOST).sum()) for e in (FRICTION, OUTSIDE)
+    )
+    known = [v for v in views if _is(v, v.situation.record.process)] or views
+    first = max(known, key=lambda v: max(float(_priced(v, e).sum()) for e in best))
+    sticky = max(views, key=lambda v: float(_priced(v, FRICTION).sum()))
+    return Friction(first, FrictionEvidence(gain, outside, _band_of(sticky)))
+
+
+def _is(view: Assessment, process: str | None) -> bool:
+    """Return whether the plant of a view is of a kind; any is where none is known."""
+    return process is None or view.situation.integrating == (process == "integrating")
+
+
+def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
+    """Return the log-likelihood of each sample with an effect, or with none, and its share of the
+    price of the numbers fitted.
+    """
+    base, s = assessment.base, assessment.situation
+    # a time constant is one number more
+    price = 0.0 if s.integrating else size_penalty(s.data.n, 1.0)
+    fit = base
+    if effect is not None:
+        one = assessment.candidates.get(effect)
+        if one is None:
+            return _priced(assessment, None) + NOT_TRIED / (s.data.n - SKIP)
+        fit, price = one.fit, price + one.fit.loglik - base.loglik - one.log_likelihood_gain
+    squares = 0.5 * np.asarray(fit.residual[SKIP:]) ** 2
+    return (fit.loglik + squares.sum() - price) / squares.size - squares
+
+
+def _band_of(assessment: Assessment) -> float:
+    """Return the fitted band over OP's range; 0 where none was fitted."""
+    # friction may have been taken out of the library
+    one = (assessment.before_higher_order or assessment.candidates).get(FRICTION)
+    op = assessment.situation.op
+    span = float(np.quantile(op, 0.99) - np.quantile(op, 0.01)) or 1.0
+    return one.fit.theta["S"] / span if one is not None and one.used else 0.0
+
+
 def _measured(assessment: Assessment) -> Friction:
     """Return the assessment with the evidence that is weighed."""
     gains, s = assessment.log_likelihood_gains, assessment.situation
+    if not s.trusted and s.record.mv is None:
+        return _seen_in([assessment])
     if assessment.valve_seen or s.record.mv is not None:
         # what MV does that OP does not is the valve: another map may explain it, nothing outside
         # can, and every band counts in full
@@ -275,8 +307,6 @@ def _measured(assessment: Assessment) -> Friction:
     gains = gains | {
         e: float(c.log_likelihood_gain) for e, c in assessment.before_higher_order.items()
     }
-    # friction may have been taken out of the library
-    one = (assessment.before_higher_order or assessment.candidates).get(FRICTION)
-    span = float(np.quantile(s.op, 0.99) - np.quantile(s.op, 0.01)) or 1.0
-    share = one.fit.theta["S"] / span if one is not None and one.used else 0.0
-    return Friction(assessment, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], share))
+    return Friction(
+        assessment, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], _band_of(assessment))
+    )

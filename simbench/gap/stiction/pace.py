@@ -1,6 +1,4 @@
-"""Thin out a record that is sampled much faster than its loop moves, because between close samples
-a first-order plant model fails.
-"""
+"""Keep of a record the samples that were measured, and tell how many there are."""
 
 from __future__ import annotations
 
@@ -12,31 +10,9 @@ import numpy as np
 from simbench.detectors.quality import steps
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.lines import share_on_lines
-from simbench.detectors.signal.oscillation import find_oscillation
 
-_LEAST = 0.2  # share of PV's standard deviation that PV moves from sample to sample
-SHORTEST_LEFT = 250  # samples that are left
 _REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
 HELD = 100  # samples that are left of a PV that is held, at least
-# samples of a period that are left of a sustained oscillation: a larger drift may be added to it
-_FEWEST = 20.0
-
-
-def at_its_pace(record: LoopRecord) -> LoopRecord:
-    """Return a record with so many samples left out that PV moves from one to the next; the same
-    where it moves already.
-
-    A sine keeps some thirty samples a period, an oscillation with a larger drift twenty; noise of
-    a seventh of PV's standard deviation keeps all.
-    """
-    pv, k = np.asarray(record.pv), 1
-    swing = find_oscillation(record.op, pv, record.Ts)
-    most = swing.period_s / record.Ts / _FEWEST if swing.sustained else np.inf
-    while k + 1 <= min(most, pv.size // SHORTEST_LEFT) and np.std(
-        pv[k:] - pv[:-k]
-    ) < _LEAST * np.std(pv):
-        k += 1
-    return record if k == 1 else resampled(record, lambda x: x[::k], k)
 
 
 def unheld(record: LoopRecord) -> LoopRecord:

@@ -9,7 +9,7 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.diagnosis import conclude
 from simbench.gap.effects import recogniser
-from simbench.gap.intake.identify import exact_controller, fit_plant, identify, meaningful
+from simbench.gap.intake.identify import fit_plant, identify, meaningful
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Controller, Loop, Plant
@@ -139,14 +139,6 @@ def test_friction_and_feedback_do_not_turn_a_plant(sign):
     assert fit_plant(record.op, record.pv, False, 0.0, sign)[1].K * sign > 0
     loop = identify(replace(record, process="self-regulating"))
     assert (np.sign(loop.plant.K), loop.controller.direction) == (sign, control["direction"])
-    assert exact_controller(record).direction == control["direction"]
-
-
-def test_a_controller_that_is_no_pi_is_not_exact():
-    record = run(TABLE)
-    rng = np.random.default_rng(0)
-    assert exact_controller(record).Kc == pytest.approx(0.8, rel=1e-3)
-    assert exact_controller(replace(record, op=record.op + rng.standard_normal(record.n))) is None
 
 
 def test_what_compares_with_a_plant_has_no_meaning_without_one():

@@ -26,11 +26,11 @@ LABELS = {
 
 
 def test_a_loop_has_the_mean_log_odds_of_its_records_and_loops_and_units_are_counted_apart():
-    p = {"a1": 0.99, "a2": 0.02, "b1": 0.95, "c1": 0.02, "d1": None, "e1": 0.9, "other": 0.9}
+    p = {"a1": 0.99, "a2": 0.02, "b1": 0.98, "c1": 0.02, "d1": None, "e1": 0.9, "other": 0.9}
     lines = as_lines({name: Concluded(x) for name, x in p.items()}, LABELS)
     cells = {line.split()[0]: line.split()[1:] for line in lines[1:-2]}
     assert cells["A"] == ["stiction", "2", "0.59", "cannot", "tell"]
-    assert cells["B"] == ["stiction", "1", "0.95", "stiction"]
+    assert cells["B"] == ["stiction", "1", "0.98", "stiction"]
     assert cells["D"] == ["tuning", "1", "cannot", "tell"]
     assert set(cells) == set("ABCDE")
     assert (
@@ -38,7 +38,7 @@ def test_a_loop_has_the_mean_log_odds_of_its_records_and_loops_and_units_are_cou
         == "Conclusion by loop: stiction in 1 of 2 with stiction and in 0 of 2 without; 2 of 4"
         " cannot tell."
     )
-    # log-odds of .99, .02 and .95: 4.60, -3.89 and 2.94, whose mean 1.22 is that of .77
+    # log-odds of .99, .02 and .98: 4.60, -3.89 and 3.89, whose mean 1.53 is that of .82
     assert (
         lines[-1]
         == "Conclusion by unit: stiction in 1 of 1 with stiction and in 0 of 2 without; 1 of 3"

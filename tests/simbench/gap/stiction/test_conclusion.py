@@ -26,7 +26,7 @@ from simbench.gap import conclude, diagnose
 from simbench.gap.decide.classify import Classified
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import WORDS, friction_share, from_posterior, from_record
-from simbench.gap.stiction.probability import STICKING_VALVES
+from simbench.gap.stiction.probability import CLAIMED_FROM, STICKING_VALVES
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
@@ -185,7 +185,7 @@ def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effec
         )
         c = from_posterior(w, named, assessment, 1.0, None)
         assert contradictions(c.as_json()) == [], (named, c)
-        if c.probability > 0.7:
+        if c.probability > CLAIMED_FROM:
             assert set(named) & set(FRICTION), (named, c)
         if c.verdict == STICTION:
             assert set(named) & set(FRICTION)
@@ -232,7 +232,7 @@ def weighed(effects):
 
 
 @pytest.mark.parametrize(
-    ("p", "verdict"), [(0.9, STICTION), (0.6, NO_DECISION), (0.3, NO_STICTION)]
+    ("p", "verdict"), [(0.9, STICTION), (0.6, NO_DECISION), (0.1, NO_STICTION)]
 )
 @pytest.mark.parametrize("effects", [(), ("stiction",)])
 def test_the_probability_decides_whether_the_loop_oscillates_or_not(

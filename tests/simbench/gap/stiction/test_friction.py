@@ -9,58 +9,32 @@ from random_case import random_case
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.judge import judge
-from simbench.detectors.record import LoopRecord
+from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.gap import diagnose
-from simbench.gap.decide.assess import assess
-from simbench.gap.decide.identified import plausible
 from simbench.gap.effects import left_out
-from simbench.gap.intake.check import check
-from simbench.gap.intake.identify import exact_controller, identify
+from simbench.gap.likelihood.kernels import SKIP
+from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.friction import (
-    ENOUGH,
     FRICTION,
     OUTSIDE,
     friction,
     without_last_bits,
 )
-from simbench.gap.stiction.pace import at_its_pace
 from simbench.trust.trust import trust
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "effects", "known"),
-    [
-        (5, (FRICTION,), False),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in (
-                (5, (FRICTION,), True),
-                (8, (OUTSIDE,), True),
-                (8, (OUTSIDE,), False),
-                (2, ("load_steps",), False),
-                (2, ("load_steps",), True),
-            )
-        ),
-    ],
+    ("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))]
 )
-def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects, known):
+def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects):
     case = random_case(seed, effects)
     case = replace(case, record=case.record.window(0, 800))
-    loop, slow = case.baseline if known else None, at_its_pace(case.record)
-    alone = friction(case.record, loop)
-    whole = [diagnose(case.record, loop).behind.found]
-    if not known and slow is not case.record:
-        identified = identify(slow, controller=exact_controller(case.record))
-        whole.append(plausible(assess(check(slow, identified, trusted=False))))
-    weighed = [friction(case.record, loop, assessment) for assessment in whole]
-    # what is beyond doubt as sampled is not asked again
-    best = next(
-        (one for one in weighed if one.evidence.gain > ENOUGH),
-        max(weighed, key=lambda one: one.evidence.gain),
-    )
-    assert alone.evidence.gain == pytest.approx(best.evidence.gain, abs=1e-6)
-    assert alone.fitted == pytest.approx(best.fitted)
+    whole = diagnose(case.record, case.baseline).behind.found
+    alone, weighed = (friction(case.record, case.baseline, a) for a in (None, whole))
+    assert alone.evidence.gain == pytest.approx(weighed.evidence.gain, abs=1e-6)
+    assert alone.fitted == pytest.approx(weighed.fitted)
 
 
 @pytest.mark.slow
@@ -72,68 +46,69 @@ def test_friction_that_was_taken_out_of_the_library_is_no_fault():
     assert FRICTION not in report.behind.found.candidates
 
 
-@pytest.mark.parametrize("share", [0.0, 0.6])
-def test_the_likelier_of_two_views_of_a_record_is_kept(monkeypatch, share):
-    """Slips between samples are lost where samples are left out; what remains at full sampling must
-    then be found.
+def view(base, sticky, integrating=False, price=4.0, n=400):
+    """Return an assessment whose samples have these log-likelihoods (n,) without and with
+    friction.
     """
-    record = random_case(5, (FRICTION,)).record
-    slow = at_its_pace(record)
-    assert slow is not record
-    fitted = module._fitted
-    asked = []
 
-    def worse_at_pace(r, loop, given=()):
-        asked.append(r.Ts)
-        assessment = fitted(r, loop, given)
-        gains = assessment.log_likelihood_gains | (
-            {FRICTION: share * ENOUGH} if r.Ts == slow.Ts else {FRICTION: 0.8 * ENOUGH}
-        )
-        return replace(assessment, log_likelihood_gains=gains)
+    def fit(nats):
+        nats = np.concatenate([np.zeros(SKIP), nats])
+        residual = np.sqrt(2.0 * (nats.max() - nats))
+        return SimpleNamespace(loglik=float(nats.sum()), residual=residual, theta={"S": 4.0})
 
-    monkeypatch.setattr(module, "_fitted", worse_at_pace)
-    assert friction(record).evidence.gain == pytest.approx(0.8 * ENOUGH)
-    assert asked == [record.Ts, slow.Ts]
-
-
-@pytest.mark.parametrize(
-    ("kind", "process"), [("foptd", "self-regulating"), ("integrating", "integrating")]
-)
-def test_the_kind_of_an_unknown_plant_is_judged_from_all_samples(monkeypatch, kind, process):
-    """One loop has one plant: fewer samples do not make another of it."""
-    record = replace(random_case(5, (FRICTION,)).record, process=None)
-    plant = SimpleNamespace(integrating=kind == "integrating")
-    whole = SimpleNamespace(
-        log_likelihood_gains={FRICTION: 0.0},
-        situation=SimpleNamespace(baseline=SimpleNamespace(plant=plant)),
+    none, one = fit(base), fit(sticky)
+    gain = one.loglik - none.loglik - price
+    op = np.linspace(40.0, 60.0, n)
+    situation = SimpleNamespace(
+        integrating=integrating,
+        data=SimpleNamespace(n=n),
+        op=op,
+        record=SimpleNamespace(process=None),
     )
-    asked = []
-
-    def identified(view, all_samples):
-        return whole if view is all_samples else asked.append(view.process)
-
-    monkeypatch.setattr(module, "_identified", identified)
-    monkeypatch.setattr(module, "_measured", lambda assessment: assessment)
-    friction(record)
-    friction(replace(record, process="integrating"))
-    assert asked == [process, "integrating"]
+    stuck = SimpleNamespace(fit=one, log_likelihood_gain=gain, used=True)
+    return SimpleNamespace(
+        base=none,
+        situation=situation,
+        candidates={FRICTION: stuck},
+        before_higher_order={},
+    )
 
 
-def test_what_single_samples_prove_is_proven_by_all_of_them(monkeypatch):
-    record = random_case(5, (FRICTION,)).record
-    step = 0.15 * float(np.std(record.pv))
-    rounded = replace(record, pv=np.round(record.pv / step) * step)
-    assert at_its_pace(rounded).n < rounded.n
-    identified = module._identified
+NOTHING = np.full(400 - SKIP, -1.0)
 
-    def at_pace_alone(view, all_samples):
-        return None if view is all_samples else identified(view, all_samples)
 
-    monkeypatch.setattr(module, "_identified", at_pace_alone)
-    assessment = friction(rounded).assessment
-    assert assessment.situation.proven["quantisation"]["step"] == pytest.approx(step)
-    assert assessment.parameters["quantisation"] == assessment.situation.proven["quantisation"]
-    assert assessment.situation.data.n == at_its_pace(rounded).n
+def test_friction_counts_what_it_explains_sample_by_sample_less_its_price():
+    better = NOTHING + 0.1
+    weighed = module._seen_in([view(NOTHING, better)])
+    assert weighed.evidence.gain == pytest.approx(0.1 * NOTHING.size - 4.0)
+    assert weighed.evidence.share == pytest.approx(4.0 / 19.6, rel=0.01)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_no_sample_is_worth_more_than_a_nat(sign):
+    one = NOTHING.copy()
+    one[100:103] += sign * 50.0
+    weighed = module._seen_in([view(NOTHING, one, price=0.0)])
+    assert weighed.evidence.gain == pytest.approx(3.0 * sign)
+
+
+def test_friction_must_explain_more_than_the_better_kind_of_plant_without_it():
+    levelled, bent = view(NOTHING, NOTHING + 0.1, integrating=True), view(NOTHING + 0.08, NOTHING)
+    weighed = module._seen_in([levelled, bent])
+    price = size_penalty(400, 1.0)
+    assert weighed.evidence.gain == pytest.approx(0.02 * NOTHING.size - 4.0 + price)
+    assert weighed.assessment is levelled
+
+
+def test_a_plant_is_fitted_as_both_kinds_and_shown_as_the_known_one():
+    record = replace(random_case(5, (FRICTION,)).record, process=None).window(0, 300)
+    kinds = [v.situation.integrating for v in module._identified(record)]
+    assert kinds == [False, True]
+    both = friction(record)
+    assert both.evidence == friction(replace(record, process="integrating")).evidence
+    for process in PROCESSES:
+        known = friction(replace(record, process=process)).assessment.situation
+        assert known.integrating == (process == "integrating")
 
 
 @pytest.fixture

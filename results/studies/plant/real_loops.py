@@ -1,0 +1,180 @@
+"""Does the conclusion hold on real loops? `python -m results.studies.plant.real_loops FOLDER ...`
+lists every loop with its label and the conclusion, and counts each kind of label apart.
+
+A folder holds records and `records.csv`. A loop has the mean log-odds of its records. No number of
+the product was fitted to these loops, but rules were chosen while looking at them: what leaves out
+the contributor whose loops matter most is given as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+
+from simbench.bench.statistics import wilson
+from simbench.detectors.errors import UserError
+from simbench.detectors.report.report import columns
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.gap import conclude
+from simbench.gap.stiction.conclusion import WORDS
+from simbench.gap.stiction.probability import EVEN, probability, verdict
+from simbench.usage import exit_code
+
+# how sure a label is: who contributed the loop names the cause; he writes that it is likely, or a
+# folder of his says so; nobody states a cause
+TIERS = {
+    "stated": "stated",
+    "likely": "likely",
+    "author_folder": "likely",
+    "unverified": "unverified",
+    "inferred": "unverified",
+    "none": "unverified",
+}
+# what papers state of the International Stiction Data Base: right, of how many loops. None of them
+# lists its loops where it could be read here, so no loop can be compared.
+PUBLISHED = (("Damarla 2026, arXiv 2607.22486: optimal transport images", 18, 20),)
+
+
+def asked(file: Path) -> tuple[str, float | None, str]:
+    """Return the conclusion about a record, its probability of stiction, and its reason."""
+    warnings.simplefilter("ignore")
+    try:
+        c = conclude(file)
+    except UserError as why:
+        return NO_DECISION, None, str(why)
+    return c.verdict, c.probability, c.reason
+
+
+def read(folders: Sequence[Path]) -> pd.DataFrame:
+    """Return one row a record of all folders, with its label; one that is in two folders counts
+    where it comes first.
+    """
+    listed = [pd.read_csv(f / "records.csv").assign(folder=str(f)) for f in folders]
+    rows = pd.concat(listed).drop_duplicates("id")
+    rows = rows[[(Path(f) / f"{i}.csv").exists() for f, i in zip(rows.folder, rows.id)]]
+    rows["contributor"] = [
+        source.split(":")[0] if tier != "author_folder" and ":" in source else origin.split(" ")[0]
+        for source, tier, origin in zip(rows.label_source.fillna(""), rows.label_tier, rows.source)
+    ]
+    rows["tier"] = rows.label_tier.map(TIERS)
+    return rows.reset_index(drop=True)
+
+
+def by_loop(records: pd.DataFrame, key: str = "loop") -> pd.DataFrame:
+    """Return one row a loop (or unit) and label, with the probability and verdict of its
+    records.
+    """
+    rows = []
+    for (name, label), group in records.groupby([key, "label"], sort=False):
+        p = group.p.dropna().to_numpy()
+        joint = probability(float(np.mean(np.log(p / (1.0 - p))))) if p.size else None
+        said = group.verdict.iloc[0] if len(group) == 1 else None
+        rows.append({
+            "loop": name, "label": label, "tier": group.tier.iloc[0],
+            "contributor": group.contributor.iloc[0], "records": len(group), "p": joint,
+            "verdict": said or (NO_DECISION if joint is None else verdict(joint)),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def area(table: pd.DataFrame) -> float:
+    """Return the area under the ROC curve; a loop that cannot be judged has even odds."""
+    from sklearn.metrics import roc_auc_score
+
+    known = table[table.label != "unknown"]
+    p = known.p.astype(float).fillna(EVEN)
+    return float(roc_auc_score(known.label == STICTION, p))
+
+
+def share(count: int, of: int) -> str:
+    """Return a count of so many, with the 95 % interval of its share."""
+    if not of:
+        return "0 of 0"
+    low, high = (float(x) for x in wilson(count, of))
+    return f"{count} of {of} ({low:.2f} to {high:.2f})"
+
+
+def counted(table: pd.DataFrame) -> list[str]:
+    """Return of each kind of label how many loops were answered how."""
+    head = ("label", "loops", "stiction", "no stiction", "cannot tell")
+    rows = [head]
+    for tier in dict.fromkeys(TIERS.values()):
+        for sticks in (True, False):
+            here = table[
+                (table.tier == tier)
+                & (table.label != "unknown")
+                & ((table.label == STICTION) == sticks)
+            ]
+            said = [
+                share(int((here.verdict == v).sum()), len(here))
+                for v in (STICTION, NO_STICTION, NO_DECISION)
+            ]
+            what = "stiction" if sticks else "no stiction"
+            rows.append((f"{what}, {tier}", str(len(here)), *said))
+    return columns(rows)
+
+
+def without_one(table: pd.DataFrame) -> str:
+    """Return the area under the ROC curve without the contributor who matters most, either way."""
+    left = {
+        c: area(rest)
+        for c in table.contributor.unique()
+        if (rest := table[table.contributor != c]).label.eq(STICTION).any()
+    }
+    low, high = min(left, key=lambda c: left[c]), max(left, key=lambda c: left[c])
+    return f"{left[low]:.2f} (without {low}) to {left[high]:.2f} (without {high})"
+
+
+def as_lines(records: pd.DataFrame) -> list[str]:
+    """Return the table of loops, the counts, and the areas under the ROC curve."""
+    loops = by_loop(records)
+    shown = loops.assign(order=loops.p.astype(float).fillna(-1.0)).sort_values(
+        "order", ascending=False, kind="stable"
+    )
+    rows = [("loop", "label", "contributor", "records", "P(stiction)", "conclusion")]
+    rows += [
+        (
+            r.loop, f"{r.label.replace('_', ' ')}, {r.tier}", r.contributor, str(r.records),
+            "" if pd.isna(r.p) else f"{r.p:.2f}", WORDS[r.verdict],
+        )
+        for r in shown.itertuples()
+    ]  # fmt: skip
+    known = records[records.label != "unknown"]
+    units = by_loop(records, "unit_group")
+    lines = [*columns(rows), "", "Loops by how sure their label is, with 95 % intervals:"]
+    lines += [*counted(loops), ""]
+    lines += [
+        f"Area under the ROC curve: {area(known):.3f} by record ({len(known)}),"
+        f" {area(loops):.3f} by loop ({int((loops.label != 'unknown').sum())}),"
+        f" {area(units):.3f} by unit ({int((units.label != 'unknown').sum())}).",
+        f"By unit and without one contributor: {without_one(units)}.",
+        "",
+        "Published on parts of the International Stiction Data Base (which loops, is not stated):",
+    ]
+    return lines + [f"  {share(right, of)} right: {what}" for what, right, of in PUBLISHED]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Ask of every record and print the table."""
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.plant.real_loops", description=__doc__
+    )
+    parser.add_argument("folder", type=Path, nargs="+", metavar="FOLDER")
+    parser.add_argument("-j", type=int, default=2, metavar="JOBS", help="Records at once [2].")
+    given = parser.parse_args(arguments)
+    rows = read(given.folder)
+    files = [Path(f) / f"{i}.csv" for f, i in zip(rows.folder, rows.id)]
+    answers = Parallel(n_jobs=given.j)(delayed(asked)(file) for file in files)
+    rows[["verdict", "p", "reason"]] = pd.DataFrame(answers, index=rows.index)
+    print("\n".join(as_lines(rows)))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(exit_code(main))
