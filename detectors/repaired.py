@@ -80,7 +80,14 @@ def _without_wild(record: LoopRecord) -> LoopRecord:
                 f"outliers: {what} of {name.upper()} {does} neighbours on both sides and"
                 f" {'counts' if count == 1 else 'count'} as missing"
             )
-    return replace(record, **bridged, notes=(*record.notes, *notes)) if notes else record
+    if not notes:
+        return record
+    mended = replace(record, **bridged)
+    said = record.notes
+    if record.op_percent is None and mended.op_percent is not None:
+        # what the reader said about the unit of OP was about the wild samples
+        said = tuple(note for note in said if not note.startswith("unit: OP runs from"))
+    return replace(mended, notes=(*said, *notes))
 
 
 def _outside(x: np.ndarray) -> np.ndarray:

@@ -46,7 +46,7 @@ from simbench.gap.stiction.conclusion import (
     without,
 )
 from simbench.gap.stiction.friction import FRICTION, refuse_unweighable, with_sound_valve
-from simbench.gap.stiction.probability import EVEN, pooled
+from simbench.gap.stiction.probability import LIKELIER, pooled
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
@@ -224,7 +224,7 @@ def _assess_one(
         assessment = replace(assessment, situation=replace(assessment.situation, notes=notes))
     if situation.trusted:
         return assessment, loops
-    sticky = None if isinstance(loops, str) else loops.probability >= EVEN
+    sticky = None if isinstance(loops, str) else loops.probability >= LIKELIER
     return plausible(assessment, sticky), loops
 
 
@@ -311,7 +311,7 @@ def named_by(weights: Classified, assessment: Assessment) -> list[str]:
     if (
         not assessment.situation.trusted
         and assessment.stiction is not None
-        and assessment.stiction < EVEN
+        and assessment.stiction < LIKELIER
     ):
         # friction that is not the more probable, all its effects taken together, is none of them
         p = {e: v for e, v in p.items() if e not in EFFECTS or recogniser(e).band is None}

@@ -39,6 +39,15 @@ def test_wild_samples_count_as_missing(value, signal, places):
     assert repaired(mended) is mended
 
 
+def test_wild_samples_leave_no_word_about_their_unit():
+    def change(op, pv):
+        op[200] = 1e30
+
+    doubted = "unit: OP runs from 48.8 to 1e+30, which is no %: S and J are in OP units"
+    given = replace(record(change), notes=(doubted, "gaps: none"))
+    assert [note.split(":")[0] for note in repaired(given).notes] == ["gaps", "outliers"]
+
+
 def test_what_lasts_longer_than_five_samples_is_kept():
     def change(op, pv):
         pv[300:306] += 50.0

@@ -23,7 +23,7 @@ from simbench.detectors.report.report import columns
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap import conclude
 from simbench.gap.stiction.conclusion import WORDS
-from simbench.gap.stiction.probability import EVEN, probability, verdict
+from simbench.gap.stiction.probability import LIKELIER, probability, verdict
 from simbench.usage import exit_code
 
 # how sure a label is: who contributed the loop names the cause; he writes that it is likely, or a
@@ -88,7 +88,7 @@ def area(table: pd.DataFrame) -> float:
     from sklearn.metrics import roc_auc_score
 
     known = table[table.label != "unknown"]
-    p = known.p.astype(float).fillna(EVEN)
+    p = known.p.astype(float).fillna(LIKELIER)
     return float(roc_auc_score(known.label == STICTION, p))
 
 

@@ -14,7 +14,7 @@ from simbench.detectors.signal.oscillation import Oscillation
 from simbench.detectors.signal.phase import coherence
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
-from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, EVEN
+from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, LIKELIER
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
@@ -91,7 +91,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
             return Causes(cause, (cause,))
     if isinstance(loops, str):
         return _open(loops, ())
-    sticks = loops.sticky is not None and loops.probability > EVEN
+    sticks = loops.sticky is not None and loops.probability > LIKELIER
     known = margins(loops.sticky if sticks else loops.healthy[0])
     periods = loops.record.duration / swing.period_s if swing.sustained else 0.0
     keeps = 0.0
@@ -114,7 +114,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
         return Causes(sticking, tuple(weighed))
     if loops.probability > CLAIMED_FROM:
         return _open("the swing speaks against a valve that sticks", tuple(weighed))
-    if loops.probability >= EVEN:
+    if loops.probability >= LIKELIER:
         why = "friction is more probable than not, but not enough to be claimed"
         return _open(f"{why}, which leaves every other cause open", tuple(weighed))
     if first.confidence < _NAMED_FROM or first is sticking:
@@ -133,7 +133,7 @@ def _stiction(loops: CandidateLoops, keeps: float, unit: str) -> Cause:
         f"a model with valve friction explains the record {word} than one without (log-likelihood"
         f" difference {loops.gain:+.0f})"
     )
-    if p <= EVEN:
+    if p <= LIKELIER:
         return Cause(STICKING, p, (), (better,))
     if loops.fitted is None:
         return Cause(STICKING, p, (better,))

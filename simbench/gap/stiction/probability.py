@@ -13,10 +13,8 @@ from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 # learned by `python -m results.studies.plant.stiction_probability` on 100 loops of each of three
 # simulators, seed 79; every simulator left out in turn
 _OFFSET, _WEIGHT, _BAND = 0.46, 1.76, 0.28
-BOUNDS = (
-    -1.0,
-    3.0,
-)  # tens of nats between which evidence counts; beyond, a model's errors are larger
+# tens of nats between which evidence counts; beyond, a model's errors are larger
+_BOUNDS = (-1.0, 3.0)
 _NARROW = 0.02  # share of OP's range below which a band is none
 # share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves
 # OP by S to 1.2 S
@@ -25,9 +23,9 @@ EDGE = 0.99  # no probability is surer than the loops it was learned on can show
 # An answer that is wrong costs five times as much as none, a repair for nothing as much as a valve
 # that goes on sticking: then an answer pays from a posterior of 1 - 1/5 on (Chow 1970, IEEE Trans.
 # Inf. Theory 16).
-COST_OF_NO_ANSWER = 0.2
-CLAIMED_FROM, DENIED_BELOW = 1.0 - COST_OF_NO_ANSWER, COST_OF_NO_ANSWER
-EVEN = 0.5  # above it friction is the more probable
+_NO_ANSWER = 0.2
+CLAIMED_FROM, DENIED_BELOW = 1.0 - _NO_ANSWER, _NO_ANSWER
+LIKELIER = 0.5  # above it friction is the more probable
 STICKING_VALVES = 0.3  # share of a plant's valves that stick (Bialkowski 1993)
 SHORTEST_ASKED = 60  # samples
 SHARED = 0.75  # correlation of the log-odds of one loop's records, given the truth
@@ -53,7 +51,7 @@ def regressors(e: FrictionEvidence) -> tuple[float, float]:
     What friction gains beyond an oscillation from outside counts by that share. A narrow band
     speaks against friction as well: the record would have shown a wide one.
     """
-    nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, BOUNDS[0]), BOUNDS[1])
+    nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, _BOUNDS[0]), _BOUNDS[1])
     shown = nats * (min(e.share / _WIDE, 1.0) if nats > 0.0 else 1.0)
     return shown, math.log(min(max(e.share, _NARROW), 1.0))
 

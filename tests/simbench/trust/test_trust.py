@@ -81,7 +81,9 @@ def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
 
 
 def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, monkeypatch):
-    monkeypatch.setattr("simbench.trust.trust.draw_replicates", lambda *a, **k: [])
+    monkeypatch.setattr(
+        import_module("simbench.trust.trust"), "draw_replicates", lambda *a, **k: []
+    )
     answer = trust(sticky, **FEW)
     assert answer.conclusion.verdict == STICTION
     assert answer.best is None
@@ -104,7 +106,7 @@ def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
 def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(
     sticky, monkeypatch
 ):
-    monkeypatch.setattr("simbench.trust.trust.LONG_RECORD", 100)
+    monkeypatch.setattr(import_module("simbench.trust.trust"), "LONG_RECORD", 100)
     few = trust(sticky, methods=["he"], healthy=16, each=2, help_wanted=False)
     assert LEAST <= sum(S == 0 for S, _ in few.twins) <= 16
     assert few.power
@@ -120,7 +122,9 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
     assert keenest.power[-1].S == trusted.power[-1].S
     if keenest.rule.cut is None:
         assert trusted.power == keenest.power
-    monkeypatch.setattr("simbench.trust.trust.likely", lambda probability: NO_STICTION)
+    monkeypatch.setattr(
+        import_module("simbench.trust.trust"), "likely", lambda probability: NO_STICTION
+    )
     assert trust(sticky, **FEW, help_wanted=False).smallest_visible == trusted.smallest_visible
 
 

@@ -7,7 +7,9 @@ import io
 import json
 import os
 import re
+from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -246,6 +248,14 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
     assert verdict == STICTION or "would have shown in this record" in c.reason
 
 
+def test_a_record_in_which_no_friction_would_show_denies_none(monkeypatch):
+    record, loops = weighed(())
+    monkeypatch.setattr(CandidateLoops, "probability", 0.05)
+    c, _ = from_record(Prepared(record), replace(loops, visible=np.inf))
+    assert (c.verdict, c.probability) == (NO_DECISION, 0.05)
+    assert "no size of stiction that was tried would have shown" in c.reason
+
+
 @pytest.mark.slow
 def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_with_the_lag():
     table = load_loop(EXAMPLE).to_table() | {
@@ -280,7 +290,9 @@ def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkey
     """Simulated loops of two simulators, with and without loop file, and recorded ones;
     replicates change no conclusion.
     """
-    monkeypatch.setattr("simbench.trust.trust.draw_replicates", lambda *a, **k: [])
+    monkeypatch.setattr(
+        import_module("simbench.trust.trust"), "draw_replicates", lambda *a, **k: []
+    )
     real = sorted(REAL.glob("*[0-9].csv"))[:: max(64 * 4 // COUNT, 1)] if REAL.is_dir() else []
     wrong, rows = [], []
     for number in range(COUNT - len(real)):

@@ -4,6 +4,7 @@ it.
 
 import json
 import math
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -75,7 +76,9 @@ def answer(capsys, *words):
 
 
 def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
-    monkeypatch.setattr("simbench.trust.trust.draw_replicates", lambda *a, **k: [])
+    monkeypatch.setattr(
+        import_module("simbench.trust.trust"), "draw_replicates", lambda *a, **k: []
+    )
     answers = answer(capsys, "detect", folder, "--method", "likelihood")
     listed = {one["record"]: one for one in answers}
     record = folder / "sticky.csv"
