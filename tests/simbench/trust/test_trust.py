@@ -21,6 +21,8 @@ from simbench.scenarios.spec import Loop, load_loop
 from simbench.trust.trust import FEW as LEAST
 from simbench.trust.trust import trust
 
+MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
+
 FEW = {"methods": ["he,horch"], "healthy": 20, "each": 20}
 
 
@@ -106,7 +108,7 @@ def test_a_set_point_step_at_the_start_of_a_record_leaves_it_its_twins():
 def test_a_long_record_of_a_plant_has_twins_enough_to_say_what_would_have_shown(
     sticky, monkeypatch
 ):
-    monkeypatch.setattr(import_module("simbench.trust.trust"), "LONG_RECORD", 100)
+    monkeypatch.setattr(MODULE, "LONG_RECORD", 100)
     few = trust(sticky, methods=["he"], healthy=16, each=2, help_wanted=False)
     assert LEAST <= sum(S == 0 for S, _ in few.twins) <= 16
     assert few.power

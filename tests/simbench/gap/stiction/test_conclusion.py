@@ -33,6 +33,8 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 
+MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
+
 REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
 EXAMPLE = Path(__file__).parents[4] / "docs" / "example" / "model.toml"
 COUNT = int(os.environ.get("RECORDS", "40"))

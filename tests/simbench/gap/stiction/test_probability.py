@@ -25,6 +25,8 @@ from simbench.gap.stiction.probability import (
     verdict,
 )
 
+MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
+
 KEY = "probability_of_stiction"
 
 
