@@ -122,11 +122,14 @@ def counted(table: pd.DataFrame) -> list[str]:
 
 def without_one(table: pd.DataFrame) -> str:
     """Return the area under the ROC curve without the contributor who matters most, either way."""
-    left = {
-        c: area(rest)
-        for c in table.contributor.unique()
-        if (rest := table[table.contributor != c]).label.eq(STICTION).any()
-    }
+    known = table[table.label != "unknown"]
+    left = {}
+    for c in known.contributor.unique():
+        rest = known[known.contributor != c]
+        if rest.label.eq(STICTION).any() and rest.label.ne(STICTION).any():
+            left[c] = area(rest)
+    if not left:
+        return "no contributor can be left out"
     low, high = min(left, key=lambda c: left[c]), max(left, key=lambda c: left[c])
     return f"{left[low]:.2f} (without {low}) to {left[high]:.2f} (without {high})"
 
