@@ -1,9 +1,8 @@
 """Take out of a record what its own samples contradict: wild single samples and a frozen stretch;
 and look at PV in a unit in which its swing is an ordinary number.
 
-The verbs that ask about the valve alone (detect, diagnose, conclude, trust) look at the repaired
-record. A diagnosis of the gap looks at the record as it is: outliers and a frozen sensor are
-effects that it names.
+Every verb looks at the repaired record where it is all that is known of a loop. Beside a loop file
+the record is looked at as it is: outliers and a frozen sensor are effects that are named.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, UserError
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.repaired import repaired
 from simbench.detectors.sources import RecordSignals, as_record
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.gap import Shrinkage
@@ -135,11 +136,18 @@ def diagnose_all(
     seed: int = 0,
 ) -> GapReport:
     """Return the report of `diagnose`, its records and baseline read."""
+    said: list[str] = []
+    if baseline is None:
+        # what is identified from wild samples or a stopped archive is no loop; beside a loop file,
+        # outliers and a frozen sensor are effects that are named
+        given, records = records, [repaired(one) for one in records]
+        said = [n for old, new in zip(given, records) for n in new.notes if n not in old.notes]
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         assessment, loops = _assess_all(records, baseline, jobs, tests)
         weights = classify(assessment)
-        return report(assessment, weights, ClosedLoops(assessment, seed), loops)
+        found = report(assessment, weights, ClosedLoops(assessment, seed), loops)
+    return replace(found, notes=(*found.notes, *said))
 
 
 def conclude(

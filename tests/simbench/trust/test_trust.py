@@ -52,10 +52,12 @@ def test_a_wild_sample_changes_no_verb_s_conclusion(sticky, trusted, tmp_path, c
     assert note in again.conclusion.notes
     file = tmp_path / "wild.csv"
     write_record(wild, file)
-    assert main(["diagnose", str(file)]) == 0
-    shown = " ".join("".join(capsys.readouterr()).split())
-    assert note in shown
-    assert "1e+09" not in shown
+    for words in (("diagnose",), ("gap", "diagnose", "--identify")):
+        assert main([*words, str(file)]) == 0
+        shown = " ".join("".join(capsys.readouterr()).split())
+        assert note in shown
+        assert "1e+09" not in shown
+        assert f"(probability of stiction {again.probability:.2f})" in shown
 
 
 def test_how_near_the_loop_of_the_replicates_is_to_the_record_is_said_as_a_diagnosis_measures_it(
