@@ -1,10 +1,11 @@
 """Learn the probability of stiction: `python -m results.studies.plant.stiction_probability FOLDER`,
-on three simulators.
+on three simulators and on echoes.
 
-Half of the loops stick. Records are as plants write them: whole, windows of half a cycle to two,
-sampled too seldom, held, of an OP that hardly moves, with a drifting load, a set point that moves,
-retuned in the middle. Rules are learned on two simulators and scored on the third. Answers are
-kept in the folder; it goes on where it stopped.
+Half of the loops stick. A sound loop of the grid `ci` is an echo: it moves like its sticky sibling
+but for the corners. All other records are as plants write them: whole, windows of half a cycle to
+two, sampled too seldom, held, of an OP that hardly moves, with a drifting load, a set point that
+moves, retuned in the middle. Rules are learned on all but one of these and scored on that. Answers
+are kept in the folder; it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -47,8 +48,8 @@ SOUND = (
     "load_steps",
     "detuning",
 )  # what a loop without friction has, in turn
-GRID = "plant"
-SIMULATORS = ("own", "refinery", GRID)
+GRID, ECHOES = "plant", "ci"
+SIMULATORS = ("own", "refinery", GRID, ECHOES)
 SEED = 81  # the product's numbers were learned, and its rule was chosen, on loops of seed 79
 LONGEST = 1000  # samples of a record that are looked at
 FORMS = (
@@ -88,6 +89,9 @@ def entry(number: int) -> dict[str, Any]:
 def drawn(simulator: str, number: int) -> tuple[LoopRecord, bool, str]:
     """Return the record of a number, whether its valve sticks, and how it was recorded."""
     rng = np.random.default_rng([SEED, SIMULATORS.index(simulator), number])
+    if simulator == ECHOES:
+        (_, run) = _member(ECHOES, number, rng)
+        return replace(run.record, mv=None, meta={}), run.sticky, FORMS[0]
     form = FORMS[number // 2 % len(FORMS)]
     if simulator == GRID:
         if number // 2 % 3 == 2:
@@ -100,15 +104,19 @@ def drawn(simulator: str, number: int) -> tuple[LoopRecord, bool, str]:
     return _recorded(replace(record, mv=None, meta={}), form, rng), sticky, form
 
 
-def _of_grid(number: int, form: str, rng: np.random.Generator) -> tuple[LoopRecord, bool]:
-    source = load_grid(GRID)
+def _member(grid: str, number: int, rng: np.random.Generator) -> tuple[Any, Any]:
+    """Return a scenario of a grid, whose valve sticks where the number is odd, and its run."""
+    source = load_grid(grid)
     while True:
         members = list(resolve(source.group(int(rng.integers(source.group_count)))))
         runs = [(s, simulate(s.loop, s.seed)) for s in members]
         fit = [(s, r) for s, r in runs if r.sticky == bool(number % 2)]
         if fit:
-            break
-    scenario, run = fit[int(rng.integers(len(fit)))]
+            return fit[int(rng.integers(len(fit)))]
+
+
+def _of_grid(number: int, form: str, rng: np.random.Generator) -> tuple[LoopRecord, bool]:
+    scenario, run = _member(GRID, number, rng)
     if form in LOOP_FORMS or form == "window":
         run_record = _rerun(scenario.loop, run.record, form, scenario.seed, rng)
         return run_record or run.record, run.sticky
