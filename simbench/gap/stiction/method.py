@@ -35,7 +35,7 @@ METHOD = Method(
     front_end=False,
     whole=True,
     takes_mv=True,
-    fitted_on=("plant", "own", "mill", "refinery"),
+    fitted_on=("plant", "ci", "own", "refinery"),
     learned=True,
     thresholds={
         "yes": Threshold(CLAIMED_FROM, "-", 0.0, 1.0, "own, simulated loops", "above: stiction"),
