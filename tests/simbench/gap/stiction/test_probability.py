@@ -58,6 +58,12 @@ def test_records_of_one_loop_count_together_but_not_as_often_as_they_were_taken(
     assert pooled([2.0, -2.0]) == 0.0
 
 
+def test_both_errors_cost_the_same():
+    assert pytest.approx(1.0) == CLAIMED_FROM + DENIED_BELOW
+    # Chow (1970): an answer pays where its error is less likely than no answer is dear
+    assert 0.0 < DENIED_BELOW < 0.5
+
+
 def test_between_yes_and_no_there_is_no_decision():
     edges = (DENIED_BELOW - 1e-9, DENIED_BELOW, CLAIMED_FROM, CLAIMED_FROM + 1e-9)
     assert [verdict(p) for p in edges] == ["no_stiction", "no_decision", "no_decision", "stiction"]
