@@ -23,7 +23,7 @@ from simbench.trust.trust import trust
 
 MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
 
-FEW = {"methods": ["he,horch"], "healthy": 20, "each": 20}
+FEW = {"methods": ["he,horch"], "healthy": 20, "each": 4}
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +85,7 @@ def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
 
 
 def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, monkeypatch):
-    monkeypatch.setattr(
-        import_module("simbench.trust.trust"), "draw_replicates", lambda *a, **k: []
-    )
+    monkeypatch.setattr(MODULE, "draw_replicates", lambda *a, **k: [])
     answer = trust(sticky, **FEW)
     assert answer.conclusion.verdict == STICTION
     assert answer.best is None
@@ -126,9 +124,7 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
     assert keenest.power[-1].S == trusted.power[-1].S
     if keenest.rule.cut is None:
         assert trusted.power == keenest.power
-    monkeypatch.setattr(
-        import_module("simbench.trust.trust"), "likely", lambda probability: NO_STICTION
-    )
+    monkeypatch.setattr(MODULE, "likely", lambda probability: NO_STICTION)
     assert trust(sticky, **FEW, help_wanted=False).smallest_visible == trusted.smallest_visible
 
 
@@ -140,11 +136,22 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
         (0.1, NO_STICTION),
     ],
 )
-def test_the_probability_decides_whatever_size_would_have_shown(
+def test_a_size_that_would_show_is_denied_where_stiction_is_improbable(
     sticky, monkeypatch, probability, answer
 ):
+    # twins are drawn as ever: it is the conclusion that is asked
+    measured, draw = CandidateLoops.probability, MODULE.draw_replicates
+
+    def drawn(around, *counts, **more):
+        with monkeypatch.context() as m:
+            m.setattr(CandidateLoops, "probability", measured)
+            return draw(around, *counts, **more)
+
+    monkeypatch.setattr(MODULE, "draw_replicates", drawn)
     monkeypatch.setattr(CandidateLoops, "probability", probability)
-    trusted = trust(sticky, **FEW, help_wanted=False)
+    # of four twins to a size one more that is missed hides them all
+    trusted = trust(sticky, **{**FEW, "each": 8}, help_wanted=False)
+    assert trusted.smallest_visible is not None
     assert trusted.conclusion.verdict == answer
 
 

@@ -84,9 +84,7 @@ def answer(capsys, *words):
 
 
 def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
-    monkeypatch.setattr(
-        import_module("simbench.trust.trust"), "draw_replicates", lambda *a, **k: []
-    )
+    monkeypatch.setattr(MODULE, "draw_replicates", lambda *a, **k: [])
     answers = answer(capsys, "detect", folder, "--method", "likelihood")
     listed = {one["record"]: one for one in answers}
     record = folder / "sticky.csv"
