@@ -12,6 +12,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import Conclusion
+from simbench.gap.stiction.probability import LIKELIER
 from simbench.trust.power import POWER, Cell, Rule
 from simbench.trust.remedies import Remedy
 
@@ -171,7 +172,7 @@ class Trust:
 
 def likely(probability: float) -> str:
     """Return the verdict that a probability of stiction makes the more probable one."""
-    return STICTION if probability > 0.5 else NO_STICTION
+    return STICTION if probability > LIKELIER else NO_STICTION
 
 
 def _as_row(m: MethodTrust) -> dict[str, Any]:

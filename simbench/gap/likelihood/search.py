@@ -33,10 +33,11 @@ _SPREADS = (0.03, 0.012)  # of log S around them, ever closer
 _ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 TINY = 10  # widths below what OP's jitter hides
 _QUIET = 0.3  # of the load that "no effect" needed, with which peaks are looked for
-# time constants and dead times (samples) of the plants among which friction is looked for where no
-# plant is known; every so manieth point of a grid tells which are worth it
-_LAGS, _DELAYS, _SPARSE = (0.7, 3.0, 10.0, 30.0), (0.5, 3.0, 8.0, 15.0), 7
-_FOLLOWED = 4  # starts that are followed
+# where no plant is known, friction is looked for with plants of these time constants and dead times
+# (samples)
+_LAGS, _DELAYS = (0.7, 3.0, 10.0, 30.0), (0.5, 3.0, 8.0, 15.0)
+_SPARSE = 7  # one point in so many of the valve's grid tells which starts are worth following
+_FOLLOWED = 4  # of the starts, the likeliest
 _HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 

@@ -14,6 +14,7 @@ from simbench.detectors.errors import RecordError, UserError
 from simbench.detectors.judge import UNFIT
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import PROCESSES, LoopRecord
+from simbench.detectors.signal.conditioning import snapped
 from simbench.gap.candidates import fit_candidates, possible_effects, with_ordinary_load
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.identified import plausible
@@ -182,20 +183,14 @@ def without_last_bits(record: LoopRecord) -> LoopRecord:
     """Return the record with OP, and with PV and SP, on a decimal grid a hundred millionth as fine
     as their range: what another unit or another addition rounds differently decides nothing.
     """
-    unit = {name: _GRID * _decade(getattr(record, name)) for name in ("op", "pv")}
-    unit["sp"] = unit["pv"]
-    signals = {
-        name: np.round(x / unit[name]) * unit[name]
-        for name in unit
-        if (x := getattr(record, name)) is not None and unit[name] > 0.0
-    }
-    return replace(record, **signals)
+    of_op, of_pv = (_GRID * _decade(x) for x in (record.op, record.pv))
+    given = (("op", record.op, of_op), ("pv", record.pv, of_pv), ("sp", record.sp, of_pv))
+    return replace(record, **{m: snapped(x, unit) for m, x, unit in given if x is not None})
 
 
 def _decade(x: np.ndarray) -> float:
-    """Return the power of ten next to a signal's range; 0 for one that stands still."""
-    wide = float(np.ptp(x))
-    return 10.0 ** float(np.round(np.log10(wide))) if wide > 0.0 else 0.0
+    """Return the power of ten next to a signal's range, which is not 0."""
+    return 10.0 ** float(np.round(np.log10(np.ptp(x))))
 
 
 def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:
@@ -250,14 +245,15 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     they show together: what the best fit with friction explains beyond the best without, sample by
     sample.
     """
-    best = {e: max((_priced(v, e) for v in views), key=np.sum) for e in (None, FRICTION, OUTSIDE)}
-    gain, outside = (
-        float(np.clip(best[e] - best[None], -_MOST, _MOST).sum()) for e in (FRICTION, OUTSIDE)
-    )
-    known = [v for v in views if _is(v, v.situation.record.process)] or views
-    first = max(known, key=lambda v: max(float(_priced(v, e).sum()) for e in best))
-    sticky = max(views, key=lambda v: float(_priced(v, FRICTION).sum()))
-    return Friction(first, FrictionEvidence(gain, outside, _band_of(sticky)))
+    nats = [{e: _priced(v, e) for e in (None, FRICTION, OUTSIDE)} for v in views]
+    # the view in which each is likeliest
+    at = {e: int(np.argmax([n[e].sum() for n in nats])) for e in nats[0]}
+    none, sticky, swung = (nats[at[e]][e] for e in (None, FRICTION, OUTSIDE))
+    gain, outside = (float(np.clip(x - none, -_MOST, _MOST).sum()) for x in (sticky, swung))
+    known = [i for i, v in enumerate(views) if _is(v, v.situation.record.process)]
+    first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
+    band = _band_of(views[at[FRICTION]])
+    return Friction(views[first], FrictionEvidence(gain, outside, band))
 
 
 def _is(view: Assessment, process: str | None) -> bool:

@@ -8,8 +8,8 @@ controller's direction.
 Parameters: `yes`, `no` (-): probabilities from which stiction is claimed, and below which it is
 denied.
 Indices: probability_of_stiction (even odds before looking; the number that every verb shows), gain,
-outside (nats that friction, and an oscillation from outside, bring over none), share (fitted band
-over OP's range).
+outside (nats that friction, and an oscillation from outside, bring over none, one a sample at
+most), share (fitted band over OP's range).
 Rule: probability_of_stiction > yes stiction, < no none; between them, no decision. S and J are the
 fitted valve's.
 Not for: loops that were retuned or changed their plant within the record, plants far from first
