@@ -13,17 +13,17 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-from simbench.bench.statistics import wilson
+from simbench.bench.statistics import rate
 from simbench.detectors.errors import UserError
 from simbench.detectors.report.report import columns
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap import conclude
-from simbench.gap.stiction.conclusion import WORDS
-from simbench.gap.stiction.probability import LIKELIER, probability, verdict
+from simbench.gap.stiction.by_loop import group_conclusions
+from simbench.gap.stiction.conclusion import WORDS, Conclusion, without
+from simbench.gap.stiction.probability import LIKELIER
 from simbench.usage import exit_code
 
 # how sure a label is: who contributed the loop names the cause; he writes that it is likely, or a
@@ -41,14 +41,13 @@ TIERS = {
 PUBLISHED = (("Damarla 2026, arXiv 2607.22486: optimal transport images", 18, 20),)
 
 
-def asked(file: Path) -> tuple[str, float | None, str]:
-    """Return the conclusion about a record, its probability of stiction, and its reason."""
+def asked(file: Path) -> Conclusion:
+    """Return the conclusion about a record, or that it cannot be judged."""
     warnings.simplefilter("ignore")
     try:
-        c = conclude(file)
+        return conclude(file)
     except UserError as why:
-        return NO_DECISION, None, str(why)
-    return c.verdict, c.probability, c.reason
+        return without(str(why), [])
 
 
 def read(folders: Sequence[Path]) -> pd.DataFrame:
@@ -70,17 +69,14 @@ def by_loop(records: pd.DataFrame, key: str = "loop") -> pd.DataFrame:
     """Return one row a loop (or unit) and label, with the probability and verdict of its
     records.
     """
-    rows = []
-    for (name, label), group in records.groupby([key, "label"], sort=False):
-        p = group.p.dropna().to_numpy()
-        joint = probability(float(np.mean(np.log(p / (1.0 - p))))) if p.size else None
-        said = group.verdict.iloc[0] if len(group) == 1 else None
-        rows.append({
-            "loop": name, "label": label, "tier": group.tier.iloc[0],
-            "contributor": group.contributor.iloc[0], "records": len(group), "p": joint,
-            "verdict": said or (NO_DECISION if joint is None else verdict(joint)),
-        })  # fmt: skip
-    return pd.DataFrame(rows)
+    conclusions, labels = dict(zip(records.id, records.conclusion)), records.set_index("id")
+    groups = group_conclusions(conclusions, labels.to_dict("index"), key)
+    firsts = records.groupby([key, "label"], sort=False)[["tier", "contributor"]].first()
+    return pd.DataFrame([
+        {"loop": loop, "label": label, "records": n, "p": p, "verdict": answer}
+        | firsts.loc[(loop, label)].to_dict()
+        for (loop, label), (n, p, answer) in groups.items()
+    ])  # fmt: skip
 
 
 def area(table: pd.DataFrame) -> float:
@@ -96,8 +92,8 @@ def share(count: int, of: int) -> str:
     """Return a count of so many, with the 95 % interval of its share."""
     if not of:
         return "0 of 0"
-    low, high = (float(x) for x in wilson(count, of))
-    return f"{count} of {of} ({low:.2f} to {high:.2f})"
+    interval = rate(count, of)
+    return f"{count} of {of} ({interval.lo:.2f} to {interval.hi:.2f})"
 
 
 def counted(table: pd.DataFrame) -> list[str]:
@@ -174,8 +170,8 @@ def main(arguments: list[str] | None = None) -> int:
     rows = read(given.folder)
     files = [Path(f) / f"{i}.csv" for f, i in zip(rows.folder, rows.id)]
     answers = Parallel(n_jobs=given.j)(delayed(asked)(file) for file in files)
-    rows[["verdict", "p", "reason"]] = pd.DataFrame(answers, index=rows.index)
-    print("\n".join(as_lines(rows)))
+    probabilities = [c.probability for c in answers]
+    print("\n".join(as_lines(rows.assign(conclusion=answers, p=probabilities))))
     return 0
 
 

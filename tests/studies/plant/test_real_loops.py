@@ -14,12 +14,17 @@ from results.studies.plant.real_loops import (
     share,
     without_one,
 )
+from simbench.gap.stiction.conclusion import Conclusion
 
 
 def records(*rows):
     """Return answered records: loop, unit, label, tier, contributor, verdict, probability."""
     names = ("loop", "unit_group", "label", "tier", "contributor", "verdict", "p")
-    return pd.DataFrame([dict(zip(names, row, strict=True)) for row in rows])
+    return pd.DataFrame([
+        {"id": f"r{i}", "conclusion": Conclusion(*row[-2:], "", "", "")}
+        | dict(zip(names, row, strict=True))
+        for i, row in enumerate(rows)
+    ])  # fmt: skip
 
 
 ANSWERED = records(
