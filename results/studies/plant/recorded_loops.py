@@ -23,7 +23,7 @@ from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import STICTION
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.pace import resampled
+from simbench.gap.stiction.measured import resampled
 from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
 from simbench.progress import Progress
 from simbench.usage import exit_code

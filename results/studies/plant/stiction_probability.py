@@ -31,7 +31,7 @@ from simbench.detectors.records.io import read_record
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.pace import resampled
+from simbench.gap.stiction.measured import resampled
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability, regressors
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate

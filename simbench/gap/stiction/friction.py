@@ -28,7 +28,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.pace import measured_samples, unheld
+from simbench.gap.stiction.measured import measured_samples, unheld
 from simbench.gap.stiction.probability import (
     SHORTEST_ASKED,
     FrictionEvidence,
