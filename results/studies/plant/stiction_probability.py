@@ -86,9 +86,9 @@ def entry(number: int) -> dict[str, Any]:
     )
 
 
-def drawn(simulator: str, number: int) -> tuple[LoopRecord, bool, str]:
+def drawn(simulator: str, number: int, seed: int) -> tuple[LoopRecord, bool, str]:
     """Return the record of a number, whether its valve sticks, and how it was recorded."""
-    rng = np.random.default_rng([SEED, SIMULATORS.index(simulator), number])
+    rng = np.random.default_rng([seed, SIMULATORS.index(simulator), number])
     if simulator == ECHOES:
         (_, run) = _member(ECHOES, number, rng)
         return replace(run.record, mv=None, meta={}), run.sticky, FORMS[0]
@@ -98,7 +98,7 @@ def drawn(simulator: str, number: int) -> tuple[LoopRecord, bool, str]:
             form = LOOP_FORMS[number // 6 % 3]
         record, sticky = _of_grid(number, form, rng)
     else:
-        item = WORLDS.load(simulator).draw(SEED, number, entry(number))
+        item = WORLDS.load(simulator).draw(seed, number, entry(number))
         with tempfile.TemporaryDirectory() as place:
             record, sticky = read_record(write_item(item, Path(place), "loop")[0]), number % 2 == 1
     return _recorded(replace(record, mv=None, meta={}), form, rng), sticky, form
@@ -201,11 +201,11 @@ def _recorded(r: LoopRecord, form: str, rng: np.random.Generator) -> LoopRecord:
     return r.window(begin, min(begin + LONGEST, r.n))
 
 
-def asked(simulator: str, number: int) -> dict[str, Any]:
+def asked(simulator: str, number: int, seed: int) -> dict[str, Any]:
     """Return what one record's likelihood measured of friction, and the truth; no evidence where it
     cannot be judged.
     """
-    record, sticky, form = drawn(simulator, number)
+    record, sticky, form = drawn(simulator, number, seed)
     about = {
         "simulator": simulator,
         "number": number,
@@ -341,7 +341,7 @@ def by_form(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any]]:
+def kept(out: Path, count: int, simulators: Sequence[str], seed: int) -> list[dict[str, Any]]:
     """Return what was measured of so many loops of each simulator; those looked at before are read
     from the folder.
     """
@@ -349,7 +349,7 @@ def kept(out: Path, count: int, simulators: Sequence[str]) -> list[dict[str, Any
     jobs = [(s, i) for i in range(count) for s in simulators]
     rows = []
     for s, i in Progress(jobs):
-        rows.append(answered(out / f"{s}-{i}.json", partial(asked, s, i)))
+        rows.append(answered(out / f"{s}-{seed}-{i}.json", partial(asked, s, i, seed)))
     return rows
 
 
@@ -368,8 +368,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("-n", type=int, default=200, help="Loops of each simulator [200].")
     parser.add_argument("--simulators", nargs="+", default=list(SIMULATORS), choices=SIMULATORS)
+    parser.add_argument("--seed", type=int, default=SEED, help=f"Seed of the loops [{SEED}].")
     given = parser.parse_args(arguments)
-    rows = kept(given.out, given.n, given.simulators)
+    rows = kept(given.out, given.n, given.simulators, given.seed)
     print("\n".join([*compared(rows), "", *by_form(rows), ""]))
     for name, rule in RULES.items():
         model = learned(*_table([r for r in rows if r["evidence"]], rule))

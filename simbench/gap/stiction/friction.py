@@ -112,7 +112,7 @@ def friction(
     """Weigh friction on one record, with the loop where it is known, identified from the record
     otherwise.
 
-    A plant that settles and one that integrates are both fitted, and friction must explain more on
+    A self-regulating and an integrating plant are both fitted, and friction must explain more on
     the better of both than no friction does on the better of both: after a valve that rests between
     its slips any plant looks as if it integrated. That holds where the kind is known, too: no plant
     is of first order.

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
-# learned by `python -m results.studies.plant.stiction_probability` on 100 loops of each of three
-# simulators and 100 of a grid whose sound loops are echoes, seed 79; without the echoes, of which
-# the likelihood claims too many, the weight is 1.76
+# learned by `python -m results.studies.plant.stiction_probability FOLDER -n 100 --seed 79` on loops
+# of three simulators and of a grid whose sound loops are echoes
 _OFFSET, _WEIGHT, _BAND = 0.43, 1.10, 0.38
 # tens of nats between which evidence counts; beyond, a model's errors are larger
 _BOUNDS = (-1.0, 3.0)
