@@ -10,8 +10,10 @@ loops swing.
 from __future__ import annotations
 
 import numpy as np
+import scipy.fft
 
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.autocorrelation import centred
 
 # of the oscillation's frequency: where the band begins, is whole, falls, and ends. A filter with
 # wider edges lets a part of the second harmonic pass, and with it the shape of the wave.
@@ -45,9 +47,10 @@ def rhythm_features(record: LoopRecord, period_s: float) -> np.ndarray:
 
 def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
     """Return `_OF_EACH` of one signal."""
-    fundamental = _band(x - x.mean(), period)
+    off, std = centred(x)
+    fundamental = _band(off, period)
     before = np.flatnonzero((fundamental[:-1] < 0.0) & (fundamental[1:] >= 0.0))
-    if before.size < 3 or not x.std() > 0.0:
+    if before.size < 3 or not std > 0.0:
         return [0.0] * len(_OF_EACH)
     a, b = fundamental[before], fundamental[before + 1]
     lengths = np.diff(before + a / (a - b))
@@ -58,13 +61,14 @@ def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
         _next(lengths, 2),
         _spread(sizes),
         _next(sizes),
-        float(means.std() / x.std()),
+        centred(means)[1] / std,
         _next(means),
     ]
 
 
 def _spread(x: np.ndarray) -> float:
-    return float(x.std() / x.mean()) if x.mean() > 0.0 else 0.0
+    mean = np.add.reduce(x) / x.size
+    return float(centred(x)[1] / mean) if mean > 0.0 else 0.0
 
 
 def _next(x: np.ndarray, step: int = 1) -> float:
@@ -72,13 +76,15 @@ def _next(x: np.ndarray, step: int = 1) -> float:
 
 
 def _correlation(x: np.ndarray, y: np.ndarray) -> float:
-    if x.size < _LEAST or not (x.std() > 0.0 and y.std() > 0.0):
+    if x.size < _LEAST:
         return 0.0
-    return float(np.mean((x - x.mean()) * (y - y.mean())) / (x.std() * y.std()))
+    (x, x_std), (y, y_std) = centred(x), centred(y)
+    return float(x @ y / (x.size * x_std * y_std)) if x_std > 0.0 and y_std > 0.0 else 0.0
 
 
 def _band(x: np.ndarray, period: float) -> np.ndarray:
     """Return what of a signal oscillates with about the period (samples), without delay."""
-    mirrored = np.concatenate([x, x[::-1]])
-    gain = np.interp(np.fft.rfftfreq(mirrored.size) * period, _BAND, (0.0, 1.0, 1.0, 0.0))
-    return np.fft.irfft(gain * np.fft.rfft(mirrored), mirrored.size)[: x.size]
+    # a cosine transform is the spectrum of the signal and its mirror image at half the cost
+    frequency = np.arange(x.size) * (0.5 * period / x.size)
+    gain = np.interp(frequency, _BAND, (0.0, 1.0, 1.0, 0.0))
+    return scipy.fft.idct(gain * scipy.fft.dct(x))
