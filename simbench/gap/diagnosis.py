@@ -232,7 +232,7 @@ def _assess_one(
         assessment = replace(assessment, situation=replace(assessment.situation, notes=notes))
     if situation.trusted:
         return assessment, loops
-    sticky = None if isinstance(loops, str) else loops.probability >= LIKELIER
+    sticky = None if isinstance(loops, str) else loops.probability > LIKELIER
     return plausible(assessment, sticky), loops
 
 
@@ -319,7 +319,7 @@ def named_by(weights: Classified, assessment: Assessment) -> list[str]:
     if (
         not assessment.situation.trusted
         and assessment.stiction is not None
-        and assessment.stiction < LIKELIER
+        and assessment.stiction <= LIKELIER
     ):
         # friction that is not the more probable, all its effects taken together, is none of them
         p = {e: v for e, v in p.items() if e not in EFFECTS or recogniser(e).band is None}

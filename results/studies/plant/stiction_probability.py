@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit
 
 from results.studies.plant.answers import answered
 from results.studies.worlds import WORLDS
@@ -66,6 +68,8 @@ FORMS = (
 )
 LOOP_FORMS = ("drift", "moves", "retuned")  # what only a loop that is simulated here can do
 BINS = 10
+_AT_CYCLES = 2  # where regressors have the number of cycles
+_RIDGE = 0.005  # keeps weights finite where a rule tells all loops
 
 
 def entry(number: int) -> dict[str, Any]:
@@ -219,7 +223,7 @@ def asked(simulator: str, number: int, seed: int) -> dict[str, Any]:
         return about | {"evidence": None, "why": str(why)}
     e = evidence.evidence
     return about | {
-        "evidence": [e.gain, e.outside, e.share],
+        "evidence": [e.gain, e.share, e.cycles],
         "cycles": record.duration / _period(record),
     }
 
@@ -229,32 +233,46 @@ def evidence_of(row: dict[str, Any]) -> FrictionEvidence:
     return FrictionEvidence(*row["evidence"])
 
 
-def _nats(x: float, low: float = -1.0, high: float = 3.0) -> float:
-    return min(max(x / 10.0, low), high)
-
-
 # what is tried; the first is what the product weighs
 RULES: dict[str, Callable[[FrictionEvidence], Sequence[float]]] = {
     "as in the product, learned": regressors,
-    "gain beyond outside times share": lambda e: [
-        _nats(e.gain - max(e.outside, 0.0)) * min(e.share, 1.0)
-    ],
-    "gain": lambda e: [_nats(e.gain)],
-    "gain, share": lambda e: [_nats(e.gain), np.log(np.clip(e.share, 0.02, 1.0))],
-    "gain beyond outside, share": lambda e: [
-        _nats(e.gain - max(e.outside, 0.0)),
-        np.log(np.clip(e.share, 0.02, 1.0)),
-    ],
+    "gain": lambda e: regressors(e)[:1],
+    "gain, share": lambda e: regressors(e)[:2],
 }
 
 
-def learned(x: np.ndarray, y: np.ndarray, groups: Sequence[str]) -> Any:
-    """Return a logistic model in which every simulator counts the same, and in each sticky and
-    sound loops.
-    """
-    from sklearn.linear_model import LogisticRegression
+def learned(x: np.ndarray, y: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Return offset and weights of a logistic model in which every simulator counts the same, and
+    in each sticky and sound loops.
 
-    return LogisticRegression(C=100.0, max_iter=1000).fit(x, y, sample_weight=balanced(y, groups))
+    What the number of cycles counts is learned without the echoes: these have many cycles, all
+    other records few, so that together it would tell simulators apart and not valves.
+    """
+    fixed: dict[int, float] = {}
+    others = groups != ECHOES
+    if x.shape[1] > _AT_CYCLES and others.any():
+        fixed = {_AT_CYCLES: _logistic(x[others], y[others], groups[others], fixed)[-1]}
+    return _logistic(x, y, groups, fixed)
+
+
+def _logistic(
+    x: np.ndarray, y: np.ndarray, groups: np.ndarray, fixed: dict[int, float]
+) -> np.ndarray:
+    """Return the offset and weights that are likeliest, some weights given."""
+    counts = balanced(y, groups)
+    free = [i for i in range(x.shape[1]) if i not in fixed]
+    given = sum((weight * x[:, i] for i, weight in fixed.items()), np.zeros(len(x)))
+    columns = np.column_stack([np.ones(len(x)), x[:, free]])
+
+    def loss(w: np.ndarray) -> float:
+        z = columns @ w + given
+        return float(counts @ (np.logaddexp(0.0, z) - y * z) + _RIDGE * w[1:] @ w[1:])
+
+    found = minimize(loss, np.zeros(columns.shape[1])).x
+    out = np.empty(1 + x.shape[1])
+    out[0], out[[1 + i for i in free]] = found[0], found[1:]
+    out[[1 + i for i in fixed]] = list(fixed.values())
+    return out
 
 
 def balanced(y: np.ndarray, groups: Sequence[str]) -> np.ndarray:
@@ -271,7 +289,8 @@ def left_out(
     p = np.empty(len(rows))
     for name in set(at):
         here = at == name
-        p[here] = learned(x[~here], y[~here], at[~here]).predict_proba(x[here])[:, 1]
+        offset, *weights = learned(x[~here], y[~here], at[~here])
+        p[here] = expit(offset + x[here] @ weights)
     return np.clip(p, 0.01, 0.99)
 
 
@@ -373,8 +392,8 @@ def main(arguments: list[str] | None = None) -> int:
     rows = kept(given.out, given.n, given.simulators, given.seed)
     print("\n".join([*compared(rows), "", *by_form(rows), ""]))
     for name, rule in RULES.items():
-        model = learned(*_table([r for r in rows if r["evidence"]], rule))
-        print(f"{name}: {model.intercept_[0]:+.3f} {' '.join(f'{w:+.3f}' for w in model.coef_[0])}")
+        numbers = learned(*_table([r for r in rows if r["evidence"]], rule))
+        print(f"{name}: {' '.join(f'{w:+.3f}' for w in numbers)}")
     return 0
 
 

@@ -36,8 +36,7 @@ _QUIET = 0.3  # of the load that "no effect" needed, with which peaks are looked
 # where no plant is known, friction is looked for with plants of these time constants and dead times
 # (samples)
 _LAGS, _DELAYS = (0.7, 3.0, 10.0, 30.0), (0.5, 3.0, 8.0, 15.0)
-_SPARSE = 7  # one point in so many of the valve's grid tells which starts are worth following
-_FOLLOWED = 4  # of the starts, the likeliest
+_FOLLOWED = 2  # of the starts, the likeliest
 _HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
 
@@ -64,8 +63,8 @@ def screened(
     coarse: np.ndarray,
     starts: list[dict[str, float]],
 ) -> list[dict[str, float]]:
-    """Return those of some starts, and of a grid of plants, at which a few points of a valve map
-    are likeliest.
+    """Return those of some starts, and of a grid of plants, at which points of a valve map are
+    likeliest.
 
     Feedback and friction hide the plant: what was identified without friction may be far from it.
     """
@@ -73,7 +72,7 @@ def screened(
     quiet = {**base.theta, "load": _QUIET * base.theta["load"]}
     grid = [{**quiet, "T": T, "Td": Td} for T in lags for Td in _DELAYS if Td < engine.data.n / 8]
     every = [*starts, *grid]
-    values = [engine.scan(base.spec, theta, kind, coarse[::_SPARSE]).max() for theta in every]
+    values = [engine.scan(base.spec, theta, kind, coarse).max() for theta in every]
     return [every[i] for i in np.argsort(-np.array(values), kind="stable")[:_FOLLOWED]]
 
 

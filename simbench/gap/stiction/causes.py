@@ -114,7 +114,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
         return Causes(sticking, tuple(weighed))
     if loops.probability > CLAIMED_FROM:
         return _open("the swing speaks against a valve that sticks", tuple(weighed))
-    if loops.probability >= LIKELIER:
+    if loops.probability > LIKELIER:
         why = "friction is more probable than not, but not enough to be claimed"
         return _open(f"{why}, which leaves every other cause open", tuple(weighed))
     if first.confidence < _NAMED_FROM or first is sticking:

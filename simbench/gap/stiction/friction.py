@@ -27,6 +27,7 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
+from simbench.gap.likelihood.valves import friction_regressed
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.measured import measured_samples, unheld
 from simbench.gap.stiction.probability import (
@@ -47,6 +48,8 @@ OUTSIDE = "oscillation"  # what swings a sound loop
 # nats that one sample may be worth: what a wild reading, a step of the load or a wrong noise makes
 # of a few samples is no evidence of a valve
 _MOST = 1.0
+_LAGS = 24  # of the autoregression that gives load and noise the spectrum they have
+_PER_LAG = 6  # samples for each of them, at least
 # share of PV's samples that must have been measured (`python -m results.studies.plant.archives`)
 _MEASURED = 0.2
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
@@ -245,15 +248,17 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     they show together: what the best fit with friction explains beyond the best without, sample by
     sample.
     """
-    nats = [{e: _priced(v, e) for e in (None, FRICTION, OUTSIDE)} for v in views]
+    nats = [{e: _priced(v, e) for e in (None, FRICTION)} for v in views]
     # the view in which each is likeliest
     at = {e: int(np.argmax([n[e].sum() for n in nats])) for e in nats[0]}
-    none, sticky, swung = (nats[at[e]][e] for e in (None, FRICTION, OUTSIDE))
-    gain, outside = (float(np.clip(x - none, -_MOST, _MOST).sum()) for x in (sticky, swung))
+    none, sticky = (nats[at[e]][e] for e in (None, FRICTION))
+    gain = float(np.clip(sticky - none, -_MOST, _MOST).sum())
     known = [i for i, v in enumerate(views) if _is(v, v.situation.record.process)]
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
+    data = views[first].situation.data
+    regressed = friction_regressed(data.u, data.y)
     band = _band_of(views[at[FRICTION]])
-    return Friction(views[first], FrictionEvidence(gain, outside, band))
+    return Friction(views[first], FrictionEvidence(gain + regressed.gain, band, regressed.cycles))
 
 
 def _is(view: Assessment, process: str | None) -> bool:
@@ -274,8 +279,22 @@ def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
         if one is None:
             return _priced(assessment, None) + NOT_TRIED / (s.data.n - SKIP)
         fit, price = one.fit, price + one.fit.loglik - base.loglik - one.log_likelihood_gain
-    squares = 0.5 * np.asarray(fit.residual[SKIP:]) ** 2
-    return (fit.loglik + squares.sum() - price) / squares.size - squares
+    left = np.asarray(fit.residual[SKIP:])
+    level = (fit.loglik + 0.5 * float(left @ left) - price) / left.size
+    return level + _of_any_spectrum(left)
+
+
+def _of_any_spectrum(left: np.ndarray) -> np.ndarray:
+    """Return the log-likelihood of standardised innovations, but for a constant, once their past
+    has explained what a model's load leaves in them.
+    """
+    count = min(_LAGS, left.size // _PER_LAG)
+    past = np.lib.stride_tricks.sliding_window_view(left[:-1], count)
+    now = left[count:]
+    error = now - past @ np.linalg.lstsq(past, now, rcond=None)[0]
+    power = float(np.mean(error * error)) or 1.0
+    nats = -0.5 * (error * error / power + np.log(power))
+    return np.concatenate([-0.5 * left[:count] ** 2, nats])
 
 
 def _band_of(assessment: Assessment) -> float:
@@ -293,16 +312,15 @@ def _measured(assessment: Assessment) -> Friction:
     if not s.trusted and s.record.mv is None:
         return _seen_in([assessment])
     if assessment.valve_seen or s.record.mv is not None:
-        # what MV does that OP does not is the valve: another map may explain it, nothing outside
-        # can, and every band counts in full
+        # what MV does that OP does not is the valve: another map may explain it, and every band
+        # counts in full
         rivals = (
             gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND)
         )
         gain = max(gains[FRICTION], gains[_BAND])
-        return Friction(assessment, FrictionEvidence(gain, max(rivals), float(gain > 0.0)))
+        return Friction(assessment, FrictionEvidence(gain - max(*rivals, 0.0), float(gain > 0.0)))
     gains = gains | {
         e: float(c.log_likelihood_gain) for e, c in assessment.before_higher_order.items()
     }
-    return Friction(
-        assessment, FrictionEvidence(gains[FRICTION], gains[OUTSIDE], _band_of(assessment))
-    )
+    gain = gains[FRICTION] - max(gains[OUTSIDE], 0.0)
+    return Friction(assessment, FrictionEvidence(gain, _band_of(assessment)))

@@ -2,14 +2,14 @@
 probability.
 
 Looks for a valve map that explains, through a plant identified from the record, what PV does after
-OP, better than load, noise and an oscillation from outside do.
+OP, better than a load and a noise of any spectrum do.
 Needs: OP and PV, oscillating or not; MV, where recorded, in place of PV. SP helps to tell the
 controller's direction.
 Parameters: `yes`, `no` (-): probabilities from which stiction is claimed, and below which it is
 denied.
-Indices: probability_of_stiction (even odds before looking; the number that every verb shows), gain,
-outside (nats that friction, and an oscillation from outside, bring over none, one a sample at
-most), share (fitted band over OP's range).
+Indices: probability_of_stiction (even odds before looking; the number that every verb shows), gain
+(nats that friction brings over none, one a sample at most, in a model of the loop and in a
+regression of PV on its past), share (fitted band over OP's range).
 Rule: probability_of_stiction > yes stiction, < no none; between them, no decision. S and J are the
 fitted valve's.
 Not for: loops that were retuned or changed their plant within the record, plants far from first
@@ -68,11 +68,8 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
         if weighed.fitted is None or e.gain <= 0.0
         else (x * unit for x in weighed.fitted)
     )
-    reason = (
-        f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats, an oscillation from"
-        f" outside {e.outside:+.0f}"
-    )
+    reason = f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats"
     if e.gain > 0.0:
         reason += f"; its band spans {e.share:.0%} of OP's range"
-    indices = {PROBABILITY: p, "gain": e.gain, "outside": e.outside, "share": e.share}
+    indices = {PROBABILITY: p, "gain": e.gain, "share": e.share}
     return Verdict(NAME, verdict(p, yes, no), weighed.log_odds, indices, S=S, J=J, reason=reason)

@@ -12,13 +12,10 @@ from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 # learned by `python -m results.studies.plant.stiction_probability FOLDER -n 100 --seed 79` on loops
 # of three simulators and of a grid whose sound loops are echoes
-_OFFSET, _WEIGHT, _BAND = 0.43, 1.10, 0.38
-# tens of nats between which evidence counts; beyond, a model's errors are larger
-_BOUNDS = (-1.0, 3.0)
+_OFFSET, _WEIGHTS = 0.44, (1.07, 0.60, -0.80)
+_NATS = 20.0  # up to which a gain counts in full
 _NARROW = 0.02  # share of OP's range below which a band is none
-# share of OP's range from which on a band counts in full: a valve that makes the loop cycle moves
-# OP by S to 1.2 S
-_WIDE = 0.5
+_CYCLES = (6.0, 33.0)  # between which their number counts
 EDGE = 0.99  # no probability is surer than the loops it was learned on can show
 # An answer that is wrong costs five times as much as none, a repair for nothing as much as a valve
 # that goes on sticking: then an answer pays from a posterior of 1 - 1/5 on (Chow 1970, IEEE Trans.
@@ -33,33 +30,36 @@ SHARED = 0.75  # correlation of the log-odds of one loop's records, given the tr
 
 @dataclass(frozen=True)
 class FrictionEvidence:
-    """What the likelihood of one record measured of friction.
+    """What one record shows of friction.
 
-    `gain` (nats) of friction over none, its numbers paid for; `outside` the gain of an oscillation
-    from outside; `share` the fitted band over OP's range.
+    `gain` (nats) of friction over whatever else may explain the record, its numbers paid for;
+    `share` the fitted band over OP's range; `cycles` of the record, in each of which friction would
+    have shown.
     """
 
     gain: float
-    outside: float = 0.0
     share: float = 1.0
+    cycles: float = 10.0
 
 
-def regressors(e: FrictionEvidence) -> tuple[float, float]:
-    """Return what speaks for friction, in tens of nats, and the logarithm of the share of OP's
-    range that its band spans.
+def regressors(e: FrictionEvidence) -> tuple[float, float, float]:
+    """Return what friction gains, and the logarithms of the share of OP's range that its band spans
+    and of the cycles in which it would have shown.
 
-    What friction gains beyond an oscillation from outside counts by that share. A narrow band
-    speaks against friction as well: the record would have shown a wide one.
+    Beyond a few tens of nats a gain counts by its logarithm only: a model's errors grow with it. A
+    narrow band speaks against friction: the record would have shown a wide one.
     """
-    nats = min(max((e.gain - max(e.outside, 0.0)) / 10.0, _BOUNDS[0]), _BOUNDS[1])
-    shown = nats * (min(e.share / _WIDE, 1.0) if nats > 0.0 else 1.0)
-    return shown, math.log(min(max(e.share, _NARROW), 1.0))
+    return (
+        math.asinh(e.gain / _NATS),
+        math.log(min(max(e.share, _NARROW), 1.0)),
+        math.log(min(max(e.cycles, _CYCLES[0]), _CYCLES[1]) / 10.0),
+    )
 
 
 def log_odds(e: FrictionEvidence) -> float:
-    """Return the log-odds of stiction, even odds before looking."""
-    shown, band = regressors(e)
-    return _OFFSET + _WEIGHT * shown + _BAND * band
+    """Return the log-odds of stiction, even odds before looking; at most the nats gained."""
+    odds = _OFFSET + sum(weight * x for weight, x in zip(_WEIGHTS, regressors(e)))
+    return min(odds, max(e.gain, 0.0))
 
 
 def pooled(odds: Sequence[float]) -> float:

@@ -14,6 +14,7 @@ from simbench.gap import diagnose
 from simbench.gap.effects import left_out
 from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
+from simbench.gap.likelihood.valves import Regressed
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.friction import (
     FRICTION,
@@ -61,7 +62,7 @@ def view(base, sticky, integrating=False, price=4.0, n=400):
     op = np.linspace(40.0, 60.0, n)
     situation = SimpleNamespace(
         integrating=integrating,
-        data=SimpleNamespace(n=n),
+        data=SimpleNamespace(n=n, u=op, y=op),
         op=op,
         record=SimpleNamespace(process=None),
     )
@@ -75,6 +76,15 @@ def view(base, sticky, integrating=False, price=4.0, n=400):
 
 
 NOTHING = np.full(400 - SKIP, -1.0)
+
+
+@pytest.fixture(autouse=True)
+def alone(monkeypatch, request):
+    """Leave the likelihood of made-up views as it is: no spectrum, no regression."""
+    if "view" in request.function.__code__.co_names:
+        silent = Regressed(0.0, np.empty((0, 3)), 10.0)
+        monkeypatch.setattr(module, "friction_regressed", lambda op, pv: silent)
+        monkeypatch.setattr(module, "_of_any_spectrum", lambda left: -0.5 * left**2)
 
 
 def test_friction_counts_what_it_explains_sample_by_sample_less_its_price():
@@ -98,6 +108,16 @@ def test_friction_must_explain_more_than_the_better_kind_of_plant_without_it():
     price = size_penalty(400, 1.0)
     assert weighed.evidence.gain == pytest.approx(0.02 * NOTHING.size - 4.0 + price)
     assert weighed.assessment is levelled
+
+
+def test_what_the_past_explains_needs_no_friction():
+    rng, n = np.random.default_rng(3), 600
+    white = rng.standard_normal(n)
+    swing = np.convolve(white, 0.9 ** np.arange(60) * np.cos(np.arange(60) / 3.0))[:n]
+    assert module._of_any_spectrum(white).sum() == pytest.approx(-0.5 * n, abs=25.0)
+    told = module._of_any_spectrum(swing).sum() + 0.5 * float(swing @ swing)
+    # an innovation's variance is 1, and the spectrum is all that made it larger
+    assert told == pytest.approx(0.5 * float(swing @ swing) - 0.5 * n, rel=0.05)
 
 
 def test_a_plant_is_fitted_as_both_kinds_and_shown_as_the_known_one():

@@ -30,12 +30,21 @@ MODULE = import_module("simbench.trust.trust")  # its name is that of a function
 KEY = "probability_of_stiction"
 
 
-def test_more_nats_speak_for_friction_and_what_an_oscillation_explains_does_not():
+def test_more_nats_speak_for_friction():
     odds = [log_odds(FrictionEvidence(gain)) for gain in (-20.0, -5.0, 0.0, 5.0, 20.0, 1e4)]
     assert odds == sorted(odds)
     assert odds[-1] > odds[0]
-    swung = FrictionEvidence(20.0, outside=20.0)
-    assert log_odds(swung) == pytest.approx(log_odds(FrictionEvidence(0.0)))
+
+
+def test_the_more_often_friction_would_have_shown_the_more_it_must_explain():
+    few, many, more = (log_odds(FrictionEvidence(20.0, cycles=c)) for c in (6.0, 20.0, 33.0))
+    assert few > many > more
+    assert log_odds(FrictionEvidence(20.0, cycles=500.0)) == more
+
+
+@pytest.mark.parametrize("gain", [-9.0, 0.0, 1.0])
+def test_no_band_and_no_short_record_makes_friction_surer_than_what_it_explains(gain):
+    assert log_odds(FrictionEvidence(gain, share=1.0, cycles=4.0)) <= max(gain, 0.0)
 
 
 def test_a_band_that_spans_little_of_what_op_does_counts_less():

@@ -1,0 +1,218 @@
+"""Regress PV on its own past and on the position of a valve: does one that sticks explain more
+than one that follows OP?
+
+The past of PV gives load and noise any spectrum under both hypotheses, so no oscillation has to be
+explained by friction; only corners that come when OP has moved by S since it last turned speak for
+it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from simbench.detectors.compiled import compiled
+
+_SAMPLES = 30  # per period, after averaging
+_PAST = 36  # averages of PV before one that is predicted
+_LATE = 12  # averages before it, of a valve or OP that it may follow
+_TAPS = 2  # of them, side by side: what a lag and a dead time between two samples need
+_PER_NUMBER = 6  # averages for each number of the past, at least
+_FEWEST = 4  # numbers of the past, at least
+# of OP's range, and of S
+_SIZES, _JUMPS = np.geomspace(0.04, 0.98, 18), np.array([0.02, 0.2, 0.4, 0.6, 0.8, 1.0])
+_NEAR = (0.08, 0.03, 0.01)  # shares of S by which the best points are varied, ever closer
+_AROUND = np.array([(a, b) for a in (-1.0, -0.5, 0.0, 0.5, 1.0) for b in (-1.5, 0.0, 1.5)])
+_KEPT = 4  # points that are followed
+_APART = (0.08, 0.2)  # differences of log S and of J/S from which on points are different
+_VALVES = 6  # different ones of each map that are returned
+_FOLLOWS_OP = np.zeros(3)  # a valve without friction
+_NUMBERS = 3  # S, J and the map that were searched
+_MOST = 1.0  # nats that one average may be worth: what is wild in a few is no valve
+_FLAT = 1e-9  # share of a signal's size by which it moves at least
+_LEFT = 1e-4  # of OP's standard deviation, that PV's past leaves of it at least
+
+
+class Regression(NamedTuple):
+    """What a valve that sticks explains of PV beyond one that follows OP.
+
+    `gain` (nats), the numbers searched paid for; `valves` (p, 3): S, J (unit of OP) and 1 where it
+    stops within every sample (He's map), 0 where it moves on with OP (Choudhury's), the best of
+    each map first.
+    """
+
+    gain: float
+    valves: np.ndarray
+
+
+def regression(op: np.ndarray, pv: np.ndarray, period: float, beside: bool = False) -> Regression:
+    """Return the best valves between OP and PV (n,), which oscillate with a period (samples).
+
+    The valve takes the place of OP; `beside`: PV may follow both, and the valve must add to what
+    OP explains by any impulse response. Signals are averaged to some 30 samples a period; what
+    counts are errors of one step ahead, each by one nat at most.
+    """
+    q = max(1, round(period / _SAMPLES))
+    while q > 1 and op.size // q < _PER_NUMBER * _PAST:
+        q -= 1
+    data = _prepared(np.ascontiguousarray(op, float), np.asarray(pv, float), q, beside)
+    if data is None:
+        return Regression(0.0, np.empty((0, 3)))
+    found = [_searched(data, float(np.ptp(op)), stops) for stops in (0.0, 1.0)]
+    best = min(found, key=lambda f: f[1][0])[0][0]
+    sound = data.rest if beside else data.left(_FOLLOWS_OP)
+    gain = float(np.clip(_nats(data.left(best)) - _nats(sound), -_MOST, _MOST).sum())
+    return Regression(
+        gain - 0.5 * _NUMBERS * math.log(sound.size), np.vstack([points for points, _ in found])
+    )
+
+
+class _Data(NamedTuple):
+    """OP with averages of `q` samples of PV, less what its past explains."""
+
+    op: np.ndarray
+    q: int
+    past: np.ndarray  # (m, n) orthonormal
+    rest: np.ndarray  # (n,) of PV
+
+    def errors(self, points: np.ndarray) -> np.ndarray:
+        """Return the squared error that each valve (S, J, stops) leaves, at its best dead time."""
+        out = np.empty((len(points), 2))
+        compiled(_errors)(self.op, points, self.q, self.past, self.rest, out)
+        return out[:, 0]
+
+    def left(self, point: np.ndarray) -> np.ndarray:
+        """Return what a valve (S, J, stops) leaves of PV."""
+        out = np.empty((1, 2))
+        compiled(_errors)(self.op, point[None, :], self.q, self.past, self.rest, out)
+        moved = np.empty((_LATE, self.rest.size))
+        if not compiled(_moves)(self.op, *point, self.q, moved):
+            return self.rest
+        taps = moved[int(out[0, 1]) :][:_TAPS]
+        taps = taps - (taps @ self.past.T) @ self.past
+        return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=None)[0] @ taps
+
+
+def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | None:
+    """Return the averages as they are regressed; None where there are too few, or PV or OP
+    rests.
+    """
+    n = op.size // q
+    u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
+    past = min(_PAST, n // _PER_NUMBER - _FEWEST)
+    first = max(past, _LATE) + 1
+    if past < _FEWEST or not all(_moves_at_all(x) for x in (u, y)):
+        return None
+    u, y = ((x - x.mean()) / x.std() for x in (u, y))
+    columns = [np.ones(n - first), *(y[first - k : n - k] for k in range(1, past + 1))]
+    basis = np.linalg.qr(np.array(columns).T)[0].T
+    # in a loop some of OP's past is a sum of PV's: what is left of it is rounding
+    for k in range(1, _LATE + 1) if beside else ():
+        left = u[first - k : n - k]
+        left = left - (basis @ left) @ basis
+        left -= (basis @ left) @ basis
+        size = float(np.linalg.norm(left))
+        if size > _LEFT * math.sqrt(left.size):
+            basis = np.vstack([basis, left / size])
+    rest = y[first:] - (basis @ y[first:]) @ basis
+    return _Data(op, q, np.ascontiguousarray(basis), rest)
+
+
+def _moves_at_all(x: np.ndarray) -> bool:
+    return float(x.std()) > _FLAT * float(np.abs(x).max())
+
+
+def _searched(data: _Data, span: float, stops: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the best different valves of one map (S, J, stops), of a grid and points about its
+    best, and their errors.
+    """
+    S, J = np.meshgrid(span * _SIZES, _JUMPS, indexing="ij")
+    points = np.column_stack([S.ravel(), (S * J).ravel(), np.full(S.size, stops)])
+    errors = data.errors(points)
+    for near in _NEAR:
+        best = points[np.argsort(errors, kind="stable")[:_KEPT]]
+        best = np.repeat(best, len(_AROUND), axis=0)
+        about = near * np.tile(_AROUND, (_KEPT, 1))
+        S = best[:, 0] * (1.0 + about[:, 0])
+        J = S * np.clip(best[:, 1] / best[:, 0] + about[:, 1], _JUMPS[0], _JUMPS[-1])
+        more = np.column_stack([S, J, best[:, 2]])
+        points, errors = np.vstack([points, more]), np.append(errors, data.errors(more))
+    order = np.argsort(errors, kind="stable")
+    size, share = np.log(points[order, 0]), points[order, 1] / points[order, 0]
+    cells = np.column_stack([size, share]) // np.array(_APART)
+    first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:_VALVES]
+    return points[order[first]], errors[order[first]]
+
+
+def _nats(left: np.ndarray) -> np.ndarray:
+    """Return the log-likelihood of each error, of unknown size, but for a constant."""
+    power = float(np.mean(left * left)) or 1e-300
+    return -0.5 * (np.log(power) + left * left / power)
+
+
+def _moves(op, S, J, stops, q, moved):
+    """Fill row d of `moved` (late, n) with the averaged position of a valve d + 1 averages before
+    those that are predicted; return whether it moves.
+
+    The valve breaks away when OP is off by (S + J)/2 and then stands (S - J)/2 behind OP; it
+    stops within the sample (`stops`) or when OP turns or rests. S = 0: it follows OP.
+    """
+    late, n = moved.shape
+    count = op.size // q
+    first = count - n
+    v = np.empty(count)
+    far, behind = 0.5 * (S + J), 0.5 * (S - J)
+    x, way, last, mean = op[0], 0.0, op[0], 0.0
+    for k in range(count):
+        total = 0.0
+        for i in range(k * q, k * q + q):
+            u = op[i]
+            if stops > 0.0 or (u - last) * way <= 0.0:
+                way = 0.0
+            if way == 0.0 and abs(u - x) > far:
+                way = 1.0 if u > x else -1.0
+            if way != 0.0:
+                x = u - way * behind
+            last = u
+            total += x
+        v[k] = total / q - op[0]
+        mean += v[k] / count
+    power = 0.0
+    for k in range(count):
+        v[k] -= mean
+        power += v[k] * v[k] / count
+    size = 0.0
+    for k in range(op.size):
+        size = max(size, abs(op[k] - op[0]))
+    if not power > (1e-9 * size) ** 2:
+        return False
+    for d in range(late):
+        for k in range(n):
+            moved[d, k] = v[first + k - 1 - d] / power**0.5
+    return True
+
+
+def _errors(op, points, q, past, rest, out):
+    """Fill each row of `out` with the least squared error of PV with a valve of `points`, and the
+    dead time at which it is left.
+    """
+    late, n = 12, rest.size  # _LATE, _TAPS = 2
+    moved = np.empty((late, n))
+    whole = np.dot(rest, rest)
+    for i in range(points.shape[0]):
+        out[i, 0], out[i, 1] = whole, 0.0
+        if not _moves(op, points[i, 0], points[i, 1], points[i, 2], q, moved):
+            continue
+        along, answer = np.dot(moved, past.T), np.dot(moved, rest)
+        gram = np.dot(moved, moved.T) - np.dot(along, along.T)
+        for d in range(late - 1):
+            a, b, c = gram[d, d], gram[d, d + 1], gram[d + 1, d + 1]
+            one, two = answer[d], answer[d + 1]
+            room = a * c - b * b
+            if not room > 1e-10 * a * c:
+                continue
+            error = whole - (one * one * c - 2.0 * one * two * b + two * two * a) / room
+            if error < out[i, 0]:
+                out[i, 0], out[i, 1] = error, d
