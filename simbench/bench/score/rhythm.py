@@ -87,4 +87,5 @@ def _band(x: np.ndarray, period: float) -> np.ndarray:
     # a cosine transform is the spectrum of the signal and its mirror image at half the cost
     frequency = np.arange(x.size) * (0.5 * period / x.size)
     gain = np.interp(frequency, _BAND, (0.0, 1.0, 1.0, 0.0))
-    return scipy.fft.idct(gain * scipy.fft.dct(x))
+    spectrum = np.asarray(scipy.fft.dct(x))
+    return np.asarray(scipy.fft.idct(gain * spectrum))
