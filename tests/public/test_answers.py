@@ -82,6 +82,7 @@ METHODS = {
     "horch_isaksson",
     "procedure",
     "gbt44693",
+    "arx_stiction",
 }
 INDICES = {
     "horch": {"dtau", "drho"}, "he": {"eta", "eta_two_line"}, "yamashita": {"rho1", "rho2", "rho3"},

@@ -25,7 +25,7 @@ _FEWEST = 4  # numbers of the past, at least
 _SIZES, _JUMPS = np.geomspace(0.04, 0.98, 18), np.array([0.02, 0.2, 0.4, 0.6, 0.8, 1.0])
 _NEAR = (0.08, 0.03, 0.01)  # shares of S by which the best points are varied, ever closer
 _AROUND = np.array([(a, b) for a in (-1.0, -0.5, 0.0, 0.5, 1.0) for b in (-1.5, 0.0, 1.5)])
-_KEPT = 4  # points that are followed
+_KEPT = 3  # points that are followed
 _APART = (0.08, 0.2)  # differences of log S and of J/S from which on points are different
 _VALVES = 6  # different ones of each map that are returned
 _FOLLOWS_OP = np.zeros(3)  # a valve without friction
@@ -33,6 +33,7 @@ _NUMBERS = 3  # S, J and the map that were searched
 _MOST = 1.0  # nats that one average may be worth: what is wild in a few is no valve
 _FLAT = 1e-9  # share of a signal's size by which it moves at least
 _LEFT = 1e-4  # of OP's standard deviation, that PV's past leaves of it at least
+_SMALL = 1e-6  # of a signal's standard deviation: no archive tells less
 
 
 class Regression(NamedTuple):
@@ -88,11 +89,11 @@ class _Data(NamedTuple):
         out = np.empty((1, 2))
         compiled(_errors)(self.op, point[None, :], self.q, self.past, self.rest, out)
         moved = np.empty((_LATE, self.rest.size))
-        if not compiled(_moves)(self.op, *point, self.q, moved):
+        if out[0, 1] < 0.0 or not compiled(_moves)(self.op, *point, self.q, moved):
             return self.rest
         taps = moved[int(out[0, 1]) :][:_TAPS]
         taps = taps - (taps @ self.past.T) @ self.past
-        return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=None)[0] @ taps
+        return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=1e-3)[0] @ taps
 
 
 def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | None:
@@ -107,7 +108,9 @@ def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | N
         return None
     u, y = ((x - x.mean()) / x.std() for x in (u, y))
     columns = [np.ones(n - first), *(y[first - k : n - k] for k in range(1, past + 1))]
-    basis = np.linalg.qr(np.array(columns).T)[0].T
+    # what a smooth past repeats to this share is rounding
+    basis, sizes, _ = np.linalg.svd(np.array(columns).T, full_matrices=False)
+    basis = basis.T[sizes > _SMALL * sizes[0]]
     # in a loop some of OP's past is a sum of PV's: what is left of it is rounding
     for k in range(1, _LATE + 1) if beside else ():
         left = u[first - k : n - k]
@@ -148,7 +151,7 @@ def _searched(data: _Data, span: float, stops: float) -> tuple[np.ndarray, np.nd
 
 def _nats(left: np.ndarray) -> np.ndarray:
     """Return the log-likelihood of each error, of unknown size, but for a constant."""
-    power = float(np.mean(left * left)) or 1e-300
+    power = float(np.mean(left * left)) + _SMALL**2
     return -0.5 * (np.log(power) + left * left / power)
 
 
@@ -196,13 +199,13 @@ def _moves(op, S, J, stops, q, moved):
 
 def _errors(op, points, q, past, rest, out):
     """Fill each row of `out` with the least squared error of PV with a valve of `points`, and the
-    dead time at which it is left.
+    dead time at which it is left, -1 where PV's past knows where the valve stands.
     """
     late, n = 12, rest.size  # _LATE, _TAPS = 2
     moved = np.empty((late, n))
     whole = np.dot(rest, rest)
     for i in range(points.shape[0]):
-        out[i, 0], out[i, 1] = whole, 0.0
+        out[i, 0], out[i, 1] = whole, -1.0
         if not _moves(op, points[i, 0], points[i, 1], points[i, 2], q, moved):
             continue
         along, answer = np.dot(moved, past.T), np.dot(moved, rest)
@@ -211,8 +214,12 @@ def _errors(op, points, q, past, rest, out):
             a, b, c = gram[d, d], gram[d, d + 1], gram[d + 1, d + 1]
             one, two = answer[d], answer[d + 1]
             room = a * c - b * b
-            if not room > 1e-10 * a * c:
+            if room > 1e-6 * a * c:
+                error = whole - (one * one * c - 2.0 * one * two * b + two * two * a) / room
+            elif min(a, c) > 1e-8 * n:
+                # OP of a loop is a sum of PV: of two positions nothing new is left but one
+                error = whole - max(one * one / a, two * two / c)
+            else:
                 continue
-            error = whole - (one * one * c - 2.0 * one * two * b + two * two * a) / room
             if error < out[i, 0]:
                 out[i, 0], out[i, 1] = error, d
