@@ -1,10 +1,10 @@
 """ARX with a sticking valve: PV regressed on its own past and on the position of a valve, once with
 friction and once without.
 
-Needs: OP and PV, either process type, three periods of at least 4 samples.
+Needs: OP and PV, either process type, three periods. S and J are in % of travel where OP is in %.
 Parameters: `gain_low`, `gain_high` (nats), set here on simulated loops.
 Indices: gain (nats that the best sticking valve brings over one that follows OP, the numbers
-searched paid for, one nat at most for each average), S_hat, J_hat.
+searched paid for, one nat at most for each average), S_hat, J_hat (unit of OP).
 Rule: gain >= gain_high: stiction; below gain_low: none; between them: no decision. The past of PV
 gives load and noise any spectrum, so that no oscillation from outside needs a valve; both of
 Choudhury's and He's maps are tried.
@@ -68,17 +68,9 @@ def detect(prepared: Prepared, *, gain_low: float, gain_high: float) -> Verdict:
             "arx_stiction", NO_DECISION, reason="too few samples, or a signal that rests"
         )
     S, J, _ = (float(x) for x in found.valves[0])
-    gain = found.gain
-    answer = STICTION if gain >= gain_high else NO_STICTION if gain < gain_low else NO_DECISION
-    reason = f"a valve with S = {S:.2g} and J = {J:.2g} brings {gain:+.0f} nats"
-    indices = {"gain": gain, "S_hat": S, "J_hat": J}
-    sticks = gain >= gain_high
-    return Verdict(
-        "arx_stiction",
-        answer,
-        gain,
-        indices,
-        S=S if sticks else None,
-        J=J if sticks else None,
-        reason=reason,
-    )
+    gain, indices = found.gain, {"gain": found.gain, "S_hat": S, "J_hat": J}
+    reason = f"a valve with S = {S:.2g} and J = {J:.2g} explains PV better by {gain:+.0f} nats"
+    if gain >= gain_high:
+        return Verdict("arx_stiction", STICTION, gain, indices, S=S, J=J, reason=reason)
+    answer = NO_STICTION if gain < gain_low else NO_DECISION
+    return Verdict("arx_stiction", answer, gain, indices, reason=reason)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simbench.detectors.compiled import compiled
+from simbench.detectors.signal.stiction_map import start, step
 
 _SAMPLES = 30  # per period, after averaging
 _PAST = 36  # averages of PV before one that is predicted
@@ -30,10 +31,14 @@ _APART = (0.08, 0.2)  # differences of log S and of J/S from which on points are
 _VALVES = 6  # different ones of each map that are returned
 _FOLLOWS_OP = np.zeros(3)  # a valve without friction
 _NUMBERS = 3  # S, J and the map that were searched
-_MOST = 1.0  # nats that one average may be worth: what is wild in a few is no valve
+# nats that one sample may be worth: what a wild reading, a step of the load or a wrong noise makes
+# of a few samples is no evidence of a valve
+_MOST = 1.0
 _FLAT = 1e-9  # share of a signal's size by which it moves at least
 _LEFT = 1e-4  # of OP's standard deviation, that PV's past leaves of it at least
 _SMALL = 1e-6  # of a signal's standard deviation: no archive tells less
+# shares of the squares of two positions and of their determinant that is left of them at least
+_NEW, _TWO = 1e-8, 1e-6
 
 
 class Regression(NamedTuple):
@@ -64,10 +69,17 @@ def regression(op: np.ndarray, pv: np.ndarray, period: float, beside: bool = Fal
     found = [_searched(data, float(np.ptp(op)), stops) for stops in (0.0, 1.0)]
     best = min(found, key=lambda f: f[1][0])[0][0]
     sound = data.rest if beside else data.left(_FOLLOWS_OP)
-    gain = float(np.clip(_nats(data.left(best)) - _nats(sound), -_MOST, _MOST).sum())
+    gain = gained(_nats(data.left(best)), _nats(sound))
     return Regression(
         gain - 0.5 * _NUMBERS * math.log(sound.size), np.vstack([points for points, _ in found])
     )
+
+
+def gained(sticky: np.ndarray, sound: np.ndarray) -> float:
+    """Return the nats that friction gains over none, of each sample's log-likelihoods (n,), no
+    sample counting more than one.
+    """
+    return float(np.clip(sticky - sound, -_MOST, _MOST).sum())
 
 
 class _Data(NamedTuple):
@@ -93,7 +105,7 @@ class _Data(NamedTuple):
             return self.rest
         taps = moved[int(out[0, 1]) :][:_TAPS]
         taps = taps - (taps @ self.past.T) @ self.past
-        return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=1e-3)[0] @ taps
+        return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=_TWO**0.5)[0] @ taps
 
 
 def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | None:
@@ -159,27 +171,21 @@ def _moves(op, S, J, stops, q, moved):
     """Fill row d of `moved` (late, n) with the averaged position of a valve d + 1 averages before
     those that are predicted; return whether it moves.
 
-    The valve breaks away when OP is off by (S + J)/2 and then stands (S - J)/2 behind OP; it
-    stops within the sample (`stops`) or when OP turns or rests. S = 0: it follows OP.
+    The valve is that of `stiction_map`, or one that stops within every sample (`stops`), which is
+    He's. S = 0: it follows OP.
     """
     late, n = moved.shape
     count = op.size // q
     first = count - n
     v = np.empty(count)
-    far, behind = 0.5 * (S + J), 0.5 * (S - J)
-    x, way, last, mean = op[0], 0.0, op[0], 0.0
+    state, mean = start(op[0], -np.inf, np.inf), 0.0
     for k in range(count):
         total = 0.0
         for i in range(k * q, k * q + q):
-            u = op[i]
-            if stops > 0.0 or (u - last) * way <= 0.0:
-                way = 0.0
-            if way == 0.0 and abs(u - x) > far:
-                way = 1.0 if u > x else -1.0
-            if way != 0.0:
-                x = u - way * behind
-            last = u
-            total += x
+            if stops > 0.0:
+                state = (state[0], state[1], 0.0, state[3])
+            state = step(op[i], state, S, J, -np.inf, np.inf)
+            total += state[0]
         v[k] = total / q - op[0]
         mean += v[k] / count
     power = 0.0
@@ -189,7 +195,7 @@ def _moves(op, S, J, stops, q, moved):
     size = 0.0
     for k in range(op.size):
         size = max(size, abs(op[k] - op[0]))
-    if not power > (1e-9 * size) ** 2:
+    if not power > (_FLAT * size) ** 2:
         return False
     for d in range(late):
         for k in range(n):
@@ -201,8 +207,8 @@ def _errors(op, points, q, past, rest, out):
     """Fill each row of `out` with the least squared error of PV with a valve of `points`, and the
     dead time at which it is left, -1 where PV's past knows where the valve stands.
     """
-    late, n = 12, rest.size  # _LATE, _TAPS = 2
-    moved = np.empty((late, n))
+    n = rest.size
+    moved = np.empty((_LATE, n))
     whole = np.dot(rest, rest)
     for i in range(points.shape[0]):
         out[i, 0], out[i, 1] = whole, -1.0
@@ -210,13 +216,13 @@ def _errors(op, points, q, past, rest, out):
             continue
         along, answer = np.dot(moved, past.T), np.dot(moved, rest)
         gram = np.dot(moved, moved.T) - np.dot(along, along.T)
-        for d in range(late - 1):
+        for d in range(_LATE + 1 - _TAPS):
             a, b, c = gram[d, d], gram[d, d + 1], gram[d + 1, d + 1]
             one, two = answer[d], answer[d + 1]
             room = a * c - b * b
-            if room > 1e-6 * a * c:
+            if room > _TWO * a * c:
                 error = whole - (one * one * c - 2.0 * one * two * b + two * two * a) / room
-            elif min(a, c) > 1e-8 * n:
+            elif min(a, c) > _NEW * n:
                 # OP of a loop is a sum of PV: of two positions nothing new is left but one
                 error = whole - max(one * one / a, two * two / c)
             else:

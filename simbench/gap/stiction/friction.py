@@ -15,6 +15,7 @@ from simbench.detectors.judge import UNFIT
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.conditioning import snapped
+from simbench.detectors.signal.fits.regression import gained
 from simbench.gap.candidates import fit_candidates, possible_effects, with_ordinary_load
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.identified import plausible
@@ -45,11 +46,8 @@ FRICTION, _BAND = (
     "deadband",
 )  # the effect whose size is asked for, and friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
-# nats that one sample may be worth: what a wild reading, a step of the load or a wrong noise makes
-# of a few samples is no evidence of a valve
-_MOST = 1.0
-# nats that a regression may take away: one that finds no valve may have been hidden it by noise or
-# by a set point that moves (on 60 loops of another simulator AUC .83 without, .87 with it)
+# nats that a regression may take away: noise, or a set point that moves, may hide a valve from it
+# (AUC on loops of `refinery` in `results/stiction_probability.txt`: .79 without, .85 with it)
 _LEAST = -5.0
 _LAGS = 24  # of the autoregression that gives load and noise the spectrum they have
 _PER_LAG = 6  # samples for each of them, at least
@@ -255,7 +253,7 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     # the view in which each is likeliest
     at = {e: int(np.argmax([n[e].sum() for n in nats])) for e in nats[0]}
     none, sticky = (nats[at[e]][e] for e in (None, FRICTION))
-    gain = float(np.clip(sticky - none, -_MOST, _MOST).sum())
+    gain = gained(sticky, none)
     known = [i for i, v in enumerate(views) if _is(v, v.situation.record.process)]
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
     data = views[first].situation.data

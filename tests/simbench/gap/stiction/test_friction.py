@@ -78,15 +78,15 @@ def view(base, sticky, integrating=False, price=4.0, n=400):
 NOTHING = np.full(400 - SKIP, -1.0)
 
 
-@pytest.fixture(autouse=True)
-def alone(monkeypatch, request):
+@pytest.fixture
+def as_made_up(monkeypatch):
     """Leave the likelihood of made-up views as it is: no spectrum, no regression."""
-    if "view" in request.function.__code__.co_names:
-        silent = Regressed(0.0, np.empty((0, 3)), 10.0)
-        monkeypatch.setattr(module, "friction_regressed", lambda op, pv: silent)
-        monkeypatch.setattr(module, "_of_any_spectrum", lambda left: -0.5 * left**2)
+    silent = Regressed(0.0, np.empty((0, 3)), 10.0)
+    monkeypatch.setattr(module, "friction_regressed", lambda op, pv: silent)
+    monkeypatch.setattr(module, "_of_any_spectrum", lambda left: -0.5 * left**2)
 
 
+@pytest.mark.usefixtures("as_made_up")
 def test_friction_counts_what_it_explains_sample_by_sample_less_its_price():
     better = NOTHING + 0.1
     weighed = module._seen_in([view(NOTHING, better)])
@@ -94,6 +94,7 @@ def test_friction_counts_what_it_explains_sample_by_sample_less_its_price():
     assert weighed.evidence.share == pytest.approx(4.0 / 19.6, rel=0.01)
 
 
+@pytest.mark.usefixtures("as_made_up")
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_no_sample_is_worth_more_than_a_nat(sign):
     one = NOTHING.copy()
@@ -102,6 +103,7 @@ def test_no_sample_is_worth_more_than_a_nat(sign):
     assert weighed.evidence.gain == pytest.approx(3.0 * sign)
 
 
+@pytest.mark.usefixtures("as_made_up")
 def test_friction_must_explain_more_than_the_better_kind_of_plant_without_it():
     levelled, bent = view(NOTHING, NOTHING + 0.1, integrating=True), view(NOTHING + 0.08, NOTHING)
     weighed = module._seen_in([levelled, bent])
