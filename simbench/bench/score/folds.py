@@ -4,6 +4,8 @@ of a label.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from simbench.detectors.compiled import one_thread
@@ -109,7 +111,19 @@ def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> 
     """Return the probability of a label by gradient boosting on one thread, learned on other groups
     than it is asked about.
     """
-    fold, said = folds_of(groups), np.full(label.size, 0.5)
+    arrays = (np.asarray(features, float), label > 0, folds_of(groups))
+    return _boosted(features.shape[1], *(x.tobytes() for x in arrays)).copy()
+
+
+# `run` scores what it wrote, and then what it reads: the two classifiers learn once
+@lru_cache(maxsize=2)
+def _boosted(
+    columns: int, feature_bytes: bytes, label_bytes: bytes, fold_bytes: bytes
+) -> np.ndarray:
+    """Return what `out_of_fold` does, of folds, for arrays of floats, bools and integers."""
+    label, fold = np.frombuffer(label_bytes, bool), np.frombuffer(fold_bytes, int)
+    features = np.frombuffer(feature_bytes).reshape(-1, columns)
+    said = np.full(label.size, 0.5)
     learned = []
     for k in np.unique(fold):
         there, here = fold != k, fold == k

@@ -9,7 +9,6 @@ from importlib.resources import files
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -246,23 +245,16 @@ def _blocks(grid: str) -> frozenset[str]:
     return frozenset(block["name"] for block in table.get("block", ()))
 
 
-_classified: WeakKeyDictionary[RunArrays, list[_Answers]] = WeakKeyDictionary()
-
-
 def reference_answers(book: RunArrays) -> list[_Answers]:
     """Return what classifiers answer of an oscillating loop from everything but its waveform,
     learned on other groups: `no_waveform`, and `rhythm`.
-
-    They are trained once for a run in memory.
     """
-    if book not in _classified:
-        nothing, rows = np.zeros(book.ids.size), []
-        for name in (NO_WAVEFORM, WITH_RHYTHM):
-            chance, verdicts, asked = no_waveform(book, rhythm=name == WITH_RHYTHM)
-            told = verdicts, chance, asked, nothing != 0, nothing
-            rows.append(_Answers(name, ROLE_YARDSTICK, False, *told, name=name))
-        _classified[book] = rows
-    return _classified[book]
+    nothing, rows = np.zeros(book.ids.size), []
+    for name in (NO_WAVEFORM, WITH_RHYTHM):
+        chance, verdicts, asked = no_waveform(book, rhythm=name == WITH_RHYTHM)
+        told = verdicts, chance, asked, nothing != 0, nothing
+        rows.append(_Answers(name, ROLE_YARDSTICK, False, *told, name=name))
+    return rows
 
 
 def axis_codes(book: RunArrays, axis: str) -> tuple[list[str], np.ndarray]:

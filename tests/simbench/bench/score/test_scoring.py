@@ -9,7 +9,7 @@ import pytest
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
-from simbench.bench.score import folds, no_waveform, tradeoff
+from simbench.bench.score import folds, tradeoff
 from simbench.bench.score.compare import between_methods
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
@@ -425,13 +425,15 @@ def test_an_axis_of_many_values_has_a_row_for_each(book):
     assert (rows.accuracy_applicable == 1.0).all()
 
 
-def test_the_classifiers_without_waveform_are_trained_once_for_a_run(book, monkeypatch):
-    calls, learn = [], no_waveform.out_of_fold
-    monkeypatch.setattr(no_waveform, "out_of_fold", lambda *a: calls.append(1) or learn(*a))
-    run = book(np.tile([1, 0], 100), np.tile([1, 0], 100))
-    score_book(run)
-    score_book(run)
-    assert len(calls) == 2
+def test_the_classifiers_without_waveform_are_trained_once_for_the_same_loops(book):
+    folds._boosted.cache_clear()
+    runs = [book(np.tile([1, 0], 100), np.tile([1, 0], 100)) for _ in range(2)]
+    tables, learned = [], []
+    for run in runs:
+        tables.append(score_book(run).table)
+        learned.append(folds._boosted.cache_info().misses)
+    assert learned[0] == learned[1] > 0
+    pd.testing.assert_frame_equal(*tables)
 
 
 def test_where_loops_oscillate_a_method_is_compared_with_the_classifier_without_waveform(book):
