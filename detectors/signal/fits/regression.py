@@ -82,29 +82,45 @@ def gained(sticky: np.ndarray, sound: np.ndarray) -> float:
     return float(np.clip(sticky - sound, -_MOST, _MOST).sum())
 
 
+class _Lags(NamedTuple):
+    """Signals in standard deviations, and their past as it is regressed."""
+
+    pv: np.ndarray  # (count,)
+    op: np.ndarray  # (count,)
+    # (c, n): ones, then `past` averages of PV before those that are predicted, the latest first,
+    # then averages of OP
+    rows: np.ndarray
+    past: int
+    weights: np.ndarray  # (m, c) of the rows that make orthonormal ones
+
+
 class _Data(NamedTuple):
     """OP with averages of `q` samples of PV, less what its past explains."""
 
-    op: np.ndarray
+    raw_op: np.ndarray
     q: int
-    past: np.ndarray  # (m, n) orthonormal
+    lags: _Lags
+    basis: np.ndarray  # (m, n) orthonormal: what PV's past spans
     rest: np.ndarray  # (n,) of PV
 
     def errors(self, points: np.ndarray) -> np.ndarray:
         """Return the squared error that each valve (S, J, stops) leaves, at its best dead time."""
+        return self._tried(points)[:, 0]
+
+    def _tried(self, points: np.ndarray) -> np.ndarray:
         out = np.empty((len(points), 2))
-        compiled(_errors)(self.op, points, self.q, self.past, self.rest, out)
-        return out[:, 0]
+        compiled(_errors)(self.raw_op, points, self.q, self.lags, self.rest, out)
+        return out
 
     def left(self, point: np.ndarray) -> np.ndarray:
         """Return what a valve (S, J, stops) leaves of PV."""
-        out = np.empty((1, 2))
-        compiled(_errors)(self.op, point[None, :], self.q, self.past, self.rest, out)
-        moved = np.empty((_LATE, self.rest.size))
-        if out[0, 1] < 0.0 or not compiled(_moves)(self.op, *point, self.q, moved):
+        late, v = int(self._tried(point[None, :])[0, 1]), np.empty(self.lags.pv.size)
+        if late < 0 or not compiled(_positions)(self.raw_op, *point, self.q, v):
             return self.rest
-        taps = moved[int(out[0, 1]) :][:_TAPS]
-        taps = taps - (taps @ self.past.T) @ self.past
+        n = self.rest.size
+        first = v.size - n - 1 - late
+        taps = np.array([v[first - tap :][:n] for tap in range(_TAPS)])
+        taps -= (taps @ self.basis.T) @ self.basis
         return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=_TWO**0.5)[0] @ taps
 
 
@@ -119,20 +135,34 @@ def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | N
     if past < _FEWEST or not all(_moves_at_all(x) for x in (u, y)):
         return None
     u, y = ((x - x.mean()) / x.std() for x in (u, y))
-    columns = [np.ones(n - first), *(y[first - k : n - k] for k in range(1, past + 1))]
-    # what a smooth past repeats to this share is rounding
-    basis, sizes, _ = np.linalg.svd(np.array(columns).T, full_matrices=False)
-    basis = basis.T[sizes > _SMALL * sizes[0]]
-    # in a loop some of OP's past is a sum of PV's: what is left of it is rounding
-    for k in range(1, _LATE + 1) if beside else ():
-        left = u[first - k : n - k]
-        left = left - (basis @ left) @ basis
-        left -= (basis @ left) @ basis
-        size = float(np.linalg.norm(left))
-        if size > _LEFT * math.sqrt(left.size):
-            basis = np.vstack([basis, left / size])
+    rows = [np.ones(n - first), *(y[first - k : n - k] for k in range(1, past + 1))]
+    rows += [u[first - k : n - k] for k in range(1, _LATE + 1) if beside]
+    basis, weights = _orthonormal(np.array(rows), 1 + past)
     rest = y[first:] - (basis @ y[first:]) @ basis
-    return _Data(op, q, np.ascontiguousarray(basis), rest)
+    return _Data(op, q, _Lags(y, u, np.array(rows), past, weights), basis, rest)
+
+
+def _orthonormal(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return orthonormal rows (m, n) that span some rows, the first of them of PV and the others of
+    OP, and what of each row (m, c) is in them.
+    """
+    left, sizes, right = np.linalg.svd(rows[:of_pv], full_matrices=False)
+    # what a smooth past repeats to this share is rounding
+    kept = sizes > _SMALL * sizes[0]
+    basis, weights = right[kept], np.zeros((int(kept.sum()), len(rows)))
+    weights[:, :of_pv] = (left[:, kept] / sizes[kept]).T
+    # in a loop some of OP's past is a sum of PV's: what is left of it is rounding
+    for k in range(of_pv, len(rows)):
+        once = basis @ rows[k]
+        x = rows[k] - once @ basis
+        again = basis @ x
+        x -= again @ basis
+        size = float(np.linalg.norm(x))
+        if size > _LEFT * math.sqrt(x.size):
+            more = -(once + again) @ weights
+            more[k] += 1.0
+            basis, weights = np.vstack([basis, x / size]), np.vstack([weights, more / size])
+    return np.ascontiguousarray(basis), np.ascontiguousarray(weights)
 
 
 def _moves_at_all(x: np.ndarray) -> bool:
@@ -167,17 +197,14 @@ def _nats(left: np.ndarray) -> np.ndarray:
     return -0.5 * (np.log(power) + left * left / power)
 
 
-def _moves(op, S, J, stops, q, moved):
-    """Fill row d of `moved` (late, n) with the averaged position of a valve d + 1 averages before
-    those that are predicted; return whether it moves.
+def _positions(op, S, J, stops, q, v):
+    """Fill `v` with the averaged positions of a valve, in standard deviations; return whether it
+    moves.
 
     The valve is that of `stiction_map`, or one that stops within every sample (`stops`), which is
     He's. S = 0: it follows OP.
     """
-    late, n = moved.shape
-    count = op.size // q
-    first = count - n
-    v = np.empty(count)
+    count = v.size
     state, mean = start(op[0], -np.inf, np.inf), 0.0
     for k in range(count):
         total = 0.0
@@ -197,35 +224,71 @@ def _moves(op, S, J, stops, q, moved):
         size = max(size, abs(op[k] - op[0]))
     if not power > (_FLAT * size) ** 2:
         return False
-    for d in range(late):
-        for k in range(n):
-            moved[d, k] = v[first + k - 1 - d] / power**0.5
+    for k in range(count):
+        v[k] /= power**0.5
     return True
 
 
-def _errors(op, points, q, past, rest, out):
+def _products(v, lags, products):
+    """Fill row d of `products` (late, c) with the products of `lags.rows` and a valve's positions d
+    + 1 averages before those that are predicted.
+
+    Where both are one average later, the sum has lost its last term and got one before the first.
+    """
+    late, n, count = products.shape[0], lags.rows.shape[1], v.size
+    first = count - n
+    products[0] = np.dot(lags.rows, v[first - 1 : count - 1])
+    for d in range(1, late):
+        came, went = v[first - 1 - d], v[count - 1 - d]
+        products[d, 0] = products[d - 1, 0] + came - went
+        for j in range(1, lags.rows.shape[0]):
+            of_op = j > lags.past
+            x, k = (lags.op, j - lags.past) if of_op else (lags.pv, j)
+            if k == 1:
+                products[d, j] = np.dot(lags.rows[j], v[first - 1 - d : count - 1 - d])
+            else:
+                products[d, j] = products[d - 1, j - 1] + came * x[first - k] - went * x[count - k]
+
+
+def _errors(op, points, q, lags, rest, out):
     """Fill each row of `out` with the least squared error of PV with a valve of `points`, and the
     dead time at which it is left, -1 where PV's past knows where the valve stands.
     """
-    n = rest.size
-    moved = np.empty((_LATE, n))
+    n, count = rest.size, lags.pv.size
+    first = count - n
+    v, answer = np.empty(count), np.empty(_LATE)
+    products = np.empty((_LATE, lags.rows.shape[0]))
+    # of positions with themselves, and with those one average earlier
+    own, next_to = np.empty(_LATE), np.empty(_LATE)
     whole = np.dot(rest, rest)
     for i in range(points.shape[0]):
         out[i, 0], out[i, 1] = whole, -1.0
-        if not _moves(op, points[i, 0], points[i, 1], points[i, 2], q, moved):
+        if not _positions(op, points[i, 0], points[i, 1], points[i, 2], q, v):
             continue
-        along, answer = np.dot(moved, past.T), np.dot(moved, rest)
-        gram = np.dot(moved, moved.T) - np.dot(along, along.T)
+        _products(v, lags, products)
+        along = np.dot(products, lags.weights.T)
+        latest = v[first - 1 : count - 1]
+        own[0], next_to[0] = np.dot(latest, latest), np.dot(latest, v[first - 2 : count - 2])
+        for d in range(1, _LATE):
+            came, went = v[first - 1 - d], v[count - 1 - d]
+            own[d] = own[d - 1] + came * came - went * went
+            if d + 1 < _LATE:
+                next_to[d] = next_to[d - 1] + came * v[first - 2 - d] - went * v[count - 2 - d]
+        for d in range(_LATE):
+            answer[d] = np.dot(rest, v[first - 1 - d : count - 1 - d])
         for d in range(_LATE + 1 - _TAPS):
-            a, b, c = gram[d, d], gram[d, d + 1], gram[d + 1, d + 1]
+            a = own[d] - np.dot(along[d], along[d])
+            b = next_to[d] - np.dot(along[d], along[d + 1])
+            c = own[d + 1] - np.dot(along[d + 1], along[d + 1])
+            if not min(a, c) > _NEW * n:
+                # PV's past knows where the valve stands
+                continue
             one, two = answer[d], answer[d + 1]
             room = a * c - b * b
             if room > _TWO * a * c:
                 error = whole - (one * one * c - 2.0 * one * two * b + two * two * a) / room
-            elif min(a, c) > _NEW * n:
+            else:
                 # OP of a loop is a sum of PV: of two positions nothing new is left but one
                 error = whole - max(one * one / a, two * two / c)
-            else:
-                continue
             if error < out[i, 0]:
                 out[i, 0], out[i, 1] = error, d
