@@ -69,15 +69,15 @@ def quick(function: FunctionType):
     """Return a light kernel of a signal, its first argument: plain until so many samples were
     worked that numba pays.
 
-    Loading numba costs a second, more than a few records do. Both give the same bits; not for
-    kernels with numpy's sums.
+    Loading numba and compiling cost a second, more than a few records do. Both give the same bits;
+    not for kernels with numpy's sums.
     """
     worked = 0
 
     def call(signal, *more):
         nonlocal worked
         worked += signal.size
-        if worked > _PLAIN_SAMPLES or "numba" in sys.modules:
+        if worked > _PLAIN_SAMPLES:
             return compiled(function)(signal, *more)
         with np.errstate(all="ignore"):  # a division by zero gives inf or NaN, as compiled
             return function(signal, *more)

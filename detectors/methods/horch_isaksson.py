@@ -22,7 +22,7 @@ import math
 
 import numpy as np
 
-from simbench.detectors.compiled import compiled
+from simbench.detectors.compiled import compiled, quick
 from simbench.detectors.method import Method, Threshold
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.signal.fits.hammerstein import (
@@ -214,7 +214,7 @@ def _aligned(
     scale, and u.
     """
     x = np.empty(u.size)
-    compiled(_lagged)(u, a, x)
+    quick(_lagged)(u, a, x)
     x -= moving_mean(x, half)
     b = sign * float(y.std() / max(x.std(), 1e-300))
     return float(np.mean((y - b * x) ** 2)), b, u

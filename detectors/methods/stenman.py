@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.detectors.compiled import LANES, compiled, lanes
+from simbench.detectors.compiled import LANES, compiled, lanes, quick
 from simbench.detectors.method import Method, Threshold
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.signal.fits.arx import fit_plant
@@ -180,7 +180,7 @@ def _alternate(
 ) -> tuple[float, np.ndarray]:
     """Estimate plant and jumps in turn; returns the error with the jumps' price, and the valve."""
     x = np.empty(u.size)
-    compiled(_first_guess)(u, band, x)
+    quick(_first_guess)(u, band, x)
     best = (np.inf, x)
     for _ in range(_ROUNDS):
         a, b, c, d, error = fit_plant(x, y, delays)

@@ -27,7 +27,8 @@ def predicted(x, embedding, horizon, neighbours):
     edge = nearest(far, embedding, m, neighbours)
     # what follows each piece; beyond the ends no piece is near
     ahead = np.zeros(m + 3 * LANES)
-    ahead[LANES : LANES + m] = x[embedding - 1 + horizon :]
+    for i in range(m):
+        ahead[LANES + i] = x[embedding - 1 + horizon + i]
     guess, count, bound = lanes(), lanes(), lanes()
     total = 0.0
     for start in range(0, m, LANES):

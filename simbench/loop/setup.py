@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import FunctionType, ModuleType
 from typing import Any
@@ -235,9 +235,13 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
     return setup
 
 
-def _step(setup: Setup, steps: Iterable[tuple[float, float]]) -> None:
-    for t, value in sorted(steps):
-        setup.sp[int(np.ceil(t / setup.Ts - 1e-9)) :] = value
+def _step(setup: Setup, steps: Sequence[tuple[float, float]]) -> None:
+    if steps:
+        times, values = np.array(sorted(steps)).T
+        # of the steps before a sample the last one holds
+        first = np.ceil(times / setup.Ts - 1e-9)
+        last = np.searchsorted(first, np.arange(setup.sp.size), side="right") - 1
+        setup.sp[:] = np.where(last < 0, setup.sp, values[last])
     setup.hold(setup.sp)
 
 

@@ -142,7 +142,7 @@ def _sign_changes(head, T, fs, waits):
     while 2**depth <= 2 * waits[-1] + 4:
         depth += 1
     powers = np.empty((depth, c, c))
-    powers[0] = T
+    _copied(T, powers[0])
     for i in range(1, depth):
         _product(powers[i - 1], powers[i - 1], powers[i])
     Y, other, rows = np.empty((c, c + 1)), np.empty((c, c + 1)), np.empty((c, c + 1))
@@ -170,13 +170,13 @@ def _residual(head, T, powers, fs, q, Y, other, rows):
     length.
     """
     c = len(head)
-    Y[:] = head
+    _copied(head, Y)
     for bit in range(len(powers)):
         if (q >> bit) & 1 == 1:
             _product(powers[bit], Y, other)
-            Y[:] = other
+            _copied(other, Y)
     _product(T, Y, other)
-    rows[:] = Y
+    _copied(Y, rows)
     for i in range(c - 1):
         rows[i, i] += 1.0
     for j in range(c + 1):
@@ -204,6 +204,13 @@ def _residual(head, T, powers, fs, q, Y, other, rows):
         rows[k, c] /= rows[k, k]
         total -= (Y[c - 1, k] + (1.0 if k == c - 1 else 0.0)) * rows[k, c]
     return total
+
+
+@njit_cached
+def _copied(source, target):
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
 
 
 @njit_cached
@@ -268,7 +275,8 @@ def _move(plant, control, fd, delay, m, out):
     order, columns = A.shape[0], out.shape[1]
     x, fresh, v = np.zeros(order), np.zeros(order), np.zeros(m + 1)
     for column in range(columns):
-        x[:] = 0.0
+        for i in range(order):
+            x[i] = 0.0
         u = v[0] = w = 0.0
         if column < order:
             x[column] = 1.0
@@ -293,6 +301,7 @@ def _move(plant, control, fd, delay, m, out):
             w = y
             if k <= m:
                 v[k] = u + constant
-        out[:order, column] = x
+        for i in range(order):
+            out[i, column] = x[i]
         out[order, column] = u
         out[order + 1, column] = v[m]

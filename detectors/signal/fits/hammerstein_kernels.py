@@ -305,9 +305,8 @@ def descend(record, begin, points, steps, least, error):
     search, ahead = np.zeros((m, _TRIAL + 3)), np.empty(_TRIAL + 3)
     for p in range(m):
         search[p, _AT], search[p, _WIDTH] = _FIRST, 1.0
-        search[p, _BASE : _BASE + 3] = search[p, _BEST : _BEST + 3] = search[
-            p, _TRIAL : _TRIAL + 3
-        ] = points[p]
+        for c in range(3):
+            search[p, _BASE + c] = search[p, _BEST + c] = search[p, _TRIAL + c] = points[p, c]
     room = max(m * VALVES_SIDE_BY_SIDE, LANES)
     S, J, pole, out = np.empty(room), np.empty(room), np.empty(room), np.empty((room, 2))
     maps, starts = np.empty(room), np.empty(room)
@@ -318,7 +317,8 @@ def descend(record, begin, points, steps, least, error):
         each = VALVES_SIDE_BY_SIDE * max(1, LANES // (VALVES_SIDE_BY_SIDE * active.size))
         for g in range(active.size):
             p = active[g]
-            ahead[:] = search[p]
+            for c in range(ahead.size):
+                ahead[c] = search[p, c]
             for t in range(g * each, (g + 1) * each):
                 S[t], J[t], pole[t] = (
                     ahead[_TRIAL],
@@ -330,7 +330,8 @@ def descend(record, begin, points, steps, least, error):
                 _advance(ahead, steps[p], least[p], np.inf)
         n = active.size * each
         valves = Valves(maps[:n], S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n])
-        errors(record, valves, 1, out[:n])
+        # a plain 1 would be compiled to kernels of its own
+        errors(record, valves, np.int64(1), out[:n])
         going = 0
         for g in range(active.size):
             p = active[g]
@@ -345,7 +346,9 @@ def descend(record, begin, points, steps, least, error):
                 going += 1
         active = active[:going]
     for p in range(m):
-        points[p], error[p] = search[p, _BASE : _BASE + 3], search[p, ERROR]
+        error[p] = search[p, ERROR]
+        for c in range(3):
+            points[p, c] = search[p, _BASE + c]
 
 
 # one pattern search, an array: what is tried now (a step, or one of these), the width of the steps,
@@ -365,7 +368,8 @@ def _advance(search, steps, least, e):
         search[ERROR] = search[_TOP] = e
     elif e < search[_TOP] - TIE:
         search[_TOP] = e
-        search[_BEST : _BEST + 3] = search[_TRIAL : _TRIAL + 3]
+        for c in range(3):
+            search[_BEST + c] = search[_TRIAL + c]
     if search[_AT] < 0.0:
         search[_AT] = 0.0
         search[_ROUNDS] += 1.0
@@ -380,7 +384,8 @@ def _advance(search, steps, least, e):
             search[ERROR], search[_AT] = search[_TOP], _AGAIN
             return
         search[_WIDTH] *= 0.5
-        search[_BEST : _BEST + 3] = search[_BASE : _BASE + 3]
+        for c in range(3):
+            search[_BEST + c] = search[_BASE + c]
         search[_AT] = 0.0
         search[_ROUNDS] += 1.0
     # an oscillation that died out leaves a valley without end, down which ever smaller steps would
@@ -390,7 +395,8 @@ def _advance(search, steps, least, e):
         return
     i = int(search[_AT])
     way = search[_WIDTH] if i % 2 == 0 else -search[_WIDTH]
-    search[_TRIAL : _TRIAL + 3] = search[_BEST : _BEST + 3]
+    for c in range(3):
+        search[_TRIAL + c] = search[_BEST + c]
     if i < 2 or 4 <= i < 6:
         search[_TRIAL] += way * steps[0]
     if 2 <= i < 6:

@@ -63,7 +63,7 @@ def regression(op: np.ndarray, pv: np.ndarray, period: float, beside: bool = Fal
     q = max(1, round(period / _SAMPLES))
     while q > 1 and op.size // q < _PER_NUMBER * _PAST:
         q -= 1
-    data = _prepared(np.ascontiguousarray(op, float), np.asarray(pv, float), q, beside)
+    data = _prepared(np.array(op, float), np.asarray(pv, float), q, beside)
     if data is None:
         return Regression(0.0, np.empty((0, 3)))
     found = [_searched(data, float(np.ptp(op)), stops) for stops in (0.0, 1.0)]
@@ -105,20 +105,21 @@ class _Data(NamedTuple):
 
     def errors(self, points: np.ndarray) -> np.ndarray:
         """Return the squared error that each valve (S, J, stops) leaves, at its best dead time."""
-        return self._tried(points)[:, 0]
+        return self._tried(points)[0][:, 0]
 
-    def _tried(self, points: np.ndarray) -> np.ndarray:
-        out = np.empty((len(points), 2))
-        compiled(_errors)(self.raw_op, points, self.q, self.lags, self.rest, out)
-        return out
+    def _tried(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `_errors` does, and the positions of the last valve."""
+        out, v = np.empty((len(points), 2)), np.empty(self.lags.pv.size)
+        compiled(_errors)(self.raw_op, points, self.q, self.lags, self.rest, out, v)
+        return out, v
 
     def left(self, point: np.ndarray) -> np.ndarray:
         """Return what a valve (S, J, stops) leaves of PV."""
-        late, v = int(self._tried(point[None, :])[0, 1]), np.empty(self.lags.pv.size)
-        if late < 0 or not compiled(_positions)(self.raw_op, *point, self.q, v):
+        out, v = self._tried(point[None, :])
+        if out[0, 1] < 0.0:
             return self.rest
         n = self.rest.size
-        first = v.size - n - 1 - late
+        first = v.size - n - 1 - int(out[0, 1])
         taps = np.array([v[first - tap :][:n] for tap in range(_TAPS)])
         taps -= (taps @ self.basis.T) @ self.basis
         return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=_TWO**0.5)[0] @ taps
@@ -237,7 +238,9 @@ def _products(v, lags, products):
     """
     late, n, count = products.shape[0], lags.rows.shape[1], v.size
     first = count - n
-    products[0] = np.dot(lags.rows, v[first - 1 : count - 1])
+    latest = np.dot(lags.rows, v[first - 1 : count - 1])
+    for j in range(latest.size):
+        products[0, j] = latest[j]
     for d in range(1, late):
         came, went = v[first - 1 - d], v[count - 1 - d]
         products[d, 0] = products[d - 1, 0] + came - went
@@ -250,13 +253,14 @@ def _products(v, lags, products):
                 products[d, j] = products[d - 1, j - 1] + came * x[first - k] - went * x[count - k]
 
 
-def _errors(op, points, q, lags, rest, out):
+def _errors(op, points, q, lags, rest, out, v):
     """Fill each row of `out` with the least squared error of PV with a valve of `points`, and the
-    dead time at which it is left, -1 where PV's past knows where the valve stands.
+    dead time at which it is left, -1 where PV's past knows where the valve stands; and `v` with the
+    positions of the last of them.
     """
     n, count = rest.size, lags.pv.size
     first = count - n
-    v, answer = np.empty(count), np.empty(_LATE)
+    answer = np.empty(_LATE)
     products = np.empty((_LATE, lags.rows.shape[0]))
     # of positions with themselves, and with those one average earlier
     own, next_to = np.empty(_LATE), np.empty(_LATE)

@@ -78,7 +78,8 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
     noise; of an unknown process the likelier, friction allowed to both.
     """
     samples = inspect_samples(r.pv, r.op)
-    u = np.ascontiguousarray(op_in_percent(r, False, "") if r.mv is None else r.mv, dtype=float)
+    # a copy: kernels would be compiled anew for a record's arrays, which nobody may write
+    u = np.array(op_in_percent(r, False, "") if r.mv is None else r.mv, dtype=float)
     pv, tries = cleaned(r.pv, samples.spikes), []
     for integrating in (False, True) if r.process is None else (r.process == "integrating",):
         _, fit = fit_plant(u, pv, integrating, samples.digits, sign)

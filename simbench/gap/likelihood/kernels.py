@@ -80,6 +80,13 @@ class _Filter(NamedTuple):
 
 
 @njit_cached
+def copied(source, target):
+    """Fill an array (n,) with another one."""
+    for k in range(source.size):
+        target[k] = source[k]
+
+
+@njit_cached
 def valve(u, kind, p0, p1, p2):
     """Return MV (n,) for OP `u` (n,) through one valve map.
 
@@ -89,7 +96,7 @@ def valve(u, kind, p0, p1, p2):
     n = u.size
     v = np.empty(n)
     if kind == IDEAL:
-        v[:] = u
+        copied(u, v)
     elif kind == PLAY:
         half = 0.5 * p0
         x = u[0] + p1
@@ -127,7 +134,7 @@ def valve(u, kind, p0, p1, p2):
     else:
         log_r = math.log(p0)
         if abs(log_r) < 1e-6:
-            v[:] = u
+            copied(u, v)
         else:
             for k in range(n):
                 v[k] = (
@@ -247,7 +254,9 @@ def _riccati(kalman):
             for q in range(s):
                 t += FP[i, q] * F[j, q]
             P_new[i, j] = t
-    P[:, :] = P_new
+    for i in range(s):
+        for j in range(s):
+            P[i, j] = P_new[i, j]
     return S
 
 
@@ -259,10 +268,10 @@ def follow(kalman, level, size, gains, variances, covariances):
     for i in range(_REACH):
         if i < 2:
             kalman.P[level, level] += size * size
-        if i < _NEAR:
-            covariances[i] = kalman.P
+        for j in range(kalman.h.size if i < _NEAR else 0):
+            copied(kalman.P[j], covariances[i, j])
         variances[i] = _riccati(kalman)
-        gains[i] = kalman.gain
+        copied(kalman.gain, gains[i])
         if i > 20 and abs(variances[i] - variances[i - 1]) < _SETTLED * variances[i]:
             return i
     return _REACH - 1
@@ -378,8 +387,8 @@ def whiten(channels, model, jumps=None):
             elif not live and since >= min(_NEAR, last):
                 since = 0
             else:
-                if not live:
-                    P[:, :] = covariances[since]
+                for i in range(0 if live else s):
+                    copied(covariances[since, i], P[i])
                 live, start = True, k
         if live:
             if start > 0 and k - start < 2:
@@ -450,10 +459,12 @@ def scan(u, kind, points, Td, model, rest, basis, jumps=None):
         many = min(together, total - first)
         for i in range(many):
             p = points[first + i]
-            batch[i] = valve(u, kind, p[0], p[1], p[2])
+            copied(valve(u, kind, p[0], p[1], p[2]), batch[i])
         now = _plants(batch[:many], model.T, Td, model.tau)
         white = whiten(now, model, jumps)[0]
-        white[:, :SKIP] = 0.0
+        for i in range(many):
+            for k in range(SKIP):
+                white[i, k] = 0.0
         along, gy = np.dot(white, basis.T), np.dot(white, rest)
         for i in range(many):
             gg = np.dot(white[i], white[i])

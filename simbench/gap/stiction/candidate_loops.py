@@ -24,7 +24,7 @@ from simbench.gap.stiction.friction import (
     with_sound_valve,
 )
 from simbench.gap.stiction.probability import probability
-from simbench.scenarios.spec import Loop
+from simbench.scenarios.spec import Loop, Part
 
 ARCHIVE = (
     "quantisation",
@@ -122,20 +122,17 @@ def candidate_loops(
 
 def with_friction(loop: Loop, S: float, J: float) -> Loop:
     """Return a loop whose stiction is replaced by S and J (%); S = 0 removes it."""
-    table = without(loop, (FRICTION,)).to_table()
-    if S > 0:
-        table["effect"] = [
-            *table.get("effect", []),
-            {"name": FRICTION, "S": float(S), "J": float(J)},
-        ]
-    return Loop.from_table(table, "twin")
+    sound = without(loop, (FRICTION,))
+    if S <= 0:
+        return sound
+    stuck = Part(name=FRICTION, parameters={"S": float(S), "J": float(J)})
+    return sound.model_copy(update={"effect": (*sound.effect, stuck)})
 
 
 def without(loop: Loop, names: tuple[str, ...]) -> Loop:
     """Return a loop without some effects."""
-    table: dict[str, Any] = loop.to_table()
-    table["effect"] = [e for e in table.get("effect", []) if e["name"] not in names]
-    return Loop.from_table(table, "twin")
+    kept = tuple(part for part in loop.effect if part.name not in names)
+    return loop.model_copy(update={"effect": kept})
 
 
 def archived(loop: Loop) -> list[Mapping[str, Any]]:
