@@ -24,6 +24,9 @@ import numpy as np
 
 # of about 0.5 us each in plain Python, beyond which compiled kernels are loaded
 _PLAIN_SAMPLES = 400_000
+_FIRST_USE = (
+    "first use: compiling for this computer, some 10 to 30 seconds; later runs start at once"
+)
 LANES = 32
 """Values that a row of `lanes` holds: four AVX-512 registers.
 
@@ -176,6 +179,12 @@ def _checked_cache() -> type:
             content = super()._dump(obj)
             return hashlib.sha256(content).digest() + content
 
+        def load(self, key):
+            found = super().load(key)
+            if found is None:
+                _announce()
+            return found
+
         def _load_index(self):
             # numba writes its version in front of what carries the checksum
             mark = pickle.dumps(self._version, protocol=-1)
@@ -191,6 +200,13 @@ def _checked_cache() -> type:
             return pickle.loads(_sound(Path(self._data_path(name)).read_bytes()))
 
     return Checked
+
+
+@cache
+def _announce() -> None:
+    """Tell who waits at a terminal, once, that kernels are being compiled."""
+    if sys.stderr.isatty():
+        print(_FIRST_USE, file=sys.stderr)
 
 
 def _sound(content: bytes) -> bytes:

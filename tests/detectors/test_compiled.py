@@ -140,6 +140,24 @@ def test_a_user_who_can_write_nowhere_has_kernels_all_the_same(monkeypatch):
     assert njit_cached(lambda x: 2.0 * x)(3.0) == 6.0
 
 
+def test_who_waits_at_a_terminal_is_told_at_the_first_use(filled, tmp_path):
+    pty = pytest.importorskip("pty")
+    told = []
+    for _ in range(2):
+        controller, terminal = pty.openpty()
+        environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+        words = [sys.executable, "-c", RUN]
+        subprocess.run(
+            words, cwd=filled, env=environment, stdout=subprocess.PIPE, stderr=terminal, check=True
+        )
+        os.write(terminal, b".")  # so that there is something to read
+        told.append(os.read(controller, 1000).decode())
+        os.close(controller)
+        os.close(terminal)
+    assert told[0].count("first use: compiling") == 1
+    assert told[1] == "."
+
+
 def test_a_cache_of_one_process_goes_with_it(filled, tmp_path):
     # a file where the folder should stand
     assert run(filled, XDG_CACHE_HOME=str(filled / "kernel.py"), TMPDIR=str(tmp_path)) == (7.0, 0)
