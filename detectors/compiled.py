@@ -70,7 +70,7 @@ def compiled(function: FunctionType):
 @cache
 def quick(function: FunctionType):
     """Return a light kernel of a signal, its first argument: plain until so many samples were
-    worked that numba pays.
+    worked that numba pays, or numba is loaded and has compiled it before.
 
     Loading numba and compiling cost a second, more than a few records do. Both give the same bits;
     not for kernels with numpy's sums.
@@ -80,12 +80,19 @@ def quick(function: FunctionType):
     def call(signal, *more):
         nonlocal worked
         worked += signal.size
-        if worked > _PLAIN_SAMPLES:
+        if worked > _PLAIN_SAMPLES or ("numba" in sys.modules and _on_disk(function)):
             return compiled(function)(signal, *more)
         with np.errstate(all="ignore"):  # a division by zero gives inf or NaN, as compiled
             return function(signal, *more)
 
     return call
+
+
+@cache
+def _on_disk(function: FunctionType) -> bool:
+    """Return whether the machine code of a function was there when it was first asked for."""
+    kept = _machine_code(compiled(function))
+    return kept is not None and os.path.exists(kept._index_path)
 
 
 def njit_cached(function: FunctionType):
@@ -161,10 +168,15 @@ def _with_checksum(value: Any) -> Any:
     """Give the disk cache of a compiled function its checksum; anything else is returned as it
     is.
     """
-    kept = getattr(getattr(value, "_cache", None), "_cache_file", None)
+    kept = _machine_code(value)
     if kept is not None:
         kept.__class__ = _checked_cache()
     return value
+
+
+def _machine_code(value: Any) -> Any:
+    """Return numba's files of a compiled function; None of anything else."""
+    return getattr(getattr(value, "_cache", None), "_cache_file", None)
 
 
 @cache

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.signal import lfilter, ss2tf
+import scipy
 
 from simbench.detectors.signal.stiction_map import start, valve_position
 from simbench.detectors.verdict import NO_STICTION, STICTION, Verdict
@@ -102,7 +102,7 @@ def _predictor(setup: Setup, load_in: np.ndarray):
     sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
     column = [np.reshape(B, (-1, 1)) for B in (sampled.B_new, sampled.B_old)]
     (new, den), (old, _) = (
-        ss2tf(sampled.A, B, np.reshape(sampled.C, (1, -1)), [[0.0]]) for B in column
+        scipy.signal.ss2tf(sampled.A, B, np.reshape(sampled.C, (1, -1)), [[0.0]]) for B in column
     )
     b = np.concatenate([new[0], [0.0]]) + np.concatenate([[0.0], old[0]])
     delay = sampled.delay
@@ -112,7 +112,7 @@ def _predictor(setup: Setup, load_in: np.ndarray):
         w = mv - setup.op0 + load_in
         y = np.zeros(w.size)
         if delay < w.size:
-            y[delay:] = lfilter(b, den, w[: w.size - delay])
+            y[delay:] = scipy.signal.lfilter(b, den, w[: w.size - delay])
         return y
 
     return predict
