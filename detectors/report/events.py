@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.cluster.hierarchy import DisjointSet
+import scipy
 
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
@@ -40,7 +40,7 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
         for name, p in records.items()
         if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)
     ]
-    joined = DisjointSet(name for name, _ in swinging)
+    joined = scipy.cluster.hierarchy.DisjointSet(name for name, _ in swinging)
     for i, (a, one) in enumerate(swinging):
         for b, other in swinging[:i]:
             if not joined.connected(a, b) and _together(one, other):
