@@ -31,6 +31,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation, load_memory
 from simbench.loop.effects import NONE, UNKNOWN
+from simbench.loop.setup import plain_setup
 from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
@@ -225,6 +226,8 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
     import pandas as pd
 
     s = report.behind.found.situation
+    # what no loop can be set up with is refused; it is no draw that runs away
+    plain_setup(s.baseline.with_all(_moved(s.baseline, settings)), seed)
     record = measure(s.op, np.asarray(s.record.pv), s.record.Ts)
     drawn, pairs = _draws(report, seed), []
     for i, (loop, kick) in enumerate(drawn):

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from simbench.cli import main
+from simbench.detectors.errors import UserError
 from simbench.gap import command, prediction
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.prediction import (
@@ -200,6 +201,11 @@ def test_bad_settings_are_refused_in_one_sentence(words, message):
     with pytest.raises(Exception, match=message) as error:
         read_settings(words, MODEL)
     assert "\n" not in str(error.value)
+
+
+def test_a_controller_that_is_none_is_refused_by_name(report):
+    with pytest.raises(UserError, match="unknown controller 'X': known: P, PI, PID"):
+        predict(report, {"controller.type": "X"})
 
 
 def test_the_verb_answers_first_and_prints_json_alone(report, tmp_path, capsys, monkeypatch):
