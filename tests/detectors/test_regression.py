@@ -63,6 +63,28 @@ def test_a_valve_that_stops_within_every_sample_is_the_other_map():
 
 
 @pytest.mark.parametrize("beside", [False, True])
+def test_a_position_that_the_past_knows_explains_nothing(swinging, beside):
+    """OP of a proportional controller is a sum of PV's past: what is left of it is rounding."""
+    _, pv, _ = swinging
+    op = 50.0 - 2.0 * np.append(pv[:1], pv[:-1])
+    data = module._prepared(op, pv, 1, beside)
+    follows_op = np.zeros((1, 3))
+    assert data.errors(follows_op)[0] == float(data.rest @ data.rest)
+    assert np.array_equal(data.left(follows_op[0]), data.rest)
+
+
+def test_products_with_the_past_are_those_of_the_stacked_columns(swinging):
+    op, _, pv = swinging
+    lags = module._prepared(op, pv, 1, beside=True).lags
+    v, products = np.empty(op.size), np.empty((module._LATE, len(lags.rows)))
+    module._positions(op, 4.0, 1.5, 0.0, 1, v)
+    module._products(v, lags, products)
+    first = op.size - lags.rows.shape[1]
+    late = [v[first - 1 - d : op.size - 1 - d] for d in range(module._LATE)]
+    assert products == pytest.approx(np.array(late) @ lags.rows.T, abs=1e-8)
+
+
+@pytest.mark.parametrize("beside", [False, True])
 def test_friction_is_found_where_a_valve_sticks_and_only_there(swinging, beside):
     op, sound, sticky = swinging
     assert regression(op, sound, 40.0, beside).gain < 3.0
