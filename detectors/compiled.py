@@ -216,8 +216,10 @@ def _checked_cache() -> type:
 
 @cache
 def _announce() -> None:
-    """Tell who waits at a terminal, once, that kernels are being compiled."""
-    if sys.stderr.isatty():
+    """Tell who waits at a terminal, once and not from every worker, that kernels are compiled."""
+    from multiprocessing import parent_process
+
+    if sys.stderr.isatty() and parent_process() is None:
         print(_FIRST_USE, file=sys.stderr)
 
 
