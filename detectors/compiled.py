@@ -59,6 +59,9 @@ def compiled(function: FunctionType):
     pairwise sums; division by zero gives inf or NaN. numba's disk cache only watches the file a
     function stands in. So each kernel is written to a separate module whose name carries the hash
     of every source that takes part: an edited helper never meets an old kernel. Not for closures.
+
+    Kernels fill arrays element by element. For an array that is assigned to a part of another one
+    numba compiles its string functions as well, which takes seconds.
     """
     text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
     return getattr(

@@ -208,6 +208,7 @@ def _residual(head, T, powers, fs, q, Y, other, rows):
 
 @njit_cached
 def _copied(source, target):
+    """Fill an array (m, n) with another one."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]

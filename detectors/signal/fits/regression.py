@@ -137,10 +137,10 @@ def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | N
         return None
     u, y = ((x - x.mean()) / x.std() for x in (u, y))
     rows = [np.ones(n - first), *(y[first - k : n - k] for k in range(1, past + 1))]
-    rows += [u[first - k : n - k] for k in range(1, _LATE + 1) if beside]
-    basis, weights = _orthonormal(np.array(rows), 1 + past)
+    rows = np.array([*rows, *(u[first - k : n - k] for k in range(1, _LATE + 1) if beside)])
+    basis, weights = _orthonormal(rows, 1 + past)
     rest = y[first:] - (basis @ y[first:]) @ basis
-    return _Data(op, q, _Lags(y, u, np.array(rows), past, weights), basis, rest)
+    return _Data(op, q, _Lags(y, u, rows, past, weights), basis, rest)
 
 
 def _orthonormal(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndarray]:

@@ -22,6 +22,7 @@ from results.studies.plant.real_loops import share
 from results.studies.plant.stiction_probability import scores
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import YES, simulate_with_truth
+from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import STICTION
@@ -31,7 +32,6 @@ from simbench.scenarios.grid import Grid, grid_names, load_grid
 from simbench.usage import exit_code
 
 FALSE = 0.05  # share of the echoes that may be taken for sticky where the sensitivity is read off
-
 STICKY = "sticky"
 
 
@@ -122,9 +122,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, required=True, help="Seed that draws the pairs.")
     parser.add_argument("-j", type=int, default=2, metavar="JOBS", help="Loops at once [2].")
     given = parser.parse_args(arguments)
+    if given.n < 1:
+        raise ParameterError(f"-n {given.n}: at least 1 pair is needed")
     for grid in given.grid:
         members = pairs(grid, given.n, given.seed)
         answers = Parallel(n_jobs=given.j)(delayed(asked)(member) for member in members)
+        if not answers:
+            raise ParameterError(
+                f"grid {grid}: no group has a sticky loop and an echo that both oscillate"
+            )
         print("\n".join(as_lines(grid, answers)), flush=True)
     return 0
 

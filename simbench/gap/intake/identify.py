@@ -78,8 +78,7 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
     noise; of an unknown process the likelier, friction allowed to both.
     """
     samples = inspect_samples(r.pv, r.op)
-    # a copy: kernels would be compiled anew for a record's arrays, which nobody may write
-    u = np.array(op_in_percent(r, False, "") if r.mv is None else r.mv, dtype=float)
+    u = op_in_percent(r, False, "") if r.mv is None else r.mv
     pv, tries = cleaned(r.pv, samples.spikes), []
     for integrating in (False, True) if r.process is None else (r.process == "integrating",):
         _, fit = fit_plant(u, pv, integrating, samples.digits, sign)

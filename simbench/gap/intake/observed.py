@@ -117,8 +117,7 @@ def data_of(
     plant = first_order_like(baseline.plant)
     u = through_valve(op, baseline, r.Ts) if r.mv is None else r.mv
     data = Data(
-        # a copy: kernels would be compiled anew for a record's arrays, which nobody may write
-        u=np.array(u, dtype=float),
+        u=u,
         y=r.pv,
         K=plant.K * (r.Ts if plant.integrating else 1.0),
         T=0.0 if plant.integrating else float(plant.T or 0.0) / r.Ts,

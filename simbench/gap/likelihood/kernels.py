@@ -255,8 +255,7 @@ def _riccati(kalman):
                 t += FP[i, q] * F[j, q]
             P_new[i, j] = t
     for i in range(s):
-        for j in range(s):
-            P[i, j] = P_new[i, j]
+        copied(P_new[i], P[i])
     return S
 
 
@@ -268,8 +267,9 @@ def follow(kalman, level, size, gains, variances, covariances):
     for i in range(_REACH):
         if i < 2:
             kalman.P[level, level] += size * size
-        for j in range(kalman.h.size if i < _NEAR else 0):
-            copied(kalman.P[j], covariances[i, j])
+        if i < _NEAR:
+            for j in range(kalman.h.size):
+                copied(kalman.P[j], covariances[i, j])
         variances[i] = _riccati(kalman)
         copied(kalman.gain, gains[i])
         if i > 20 and abs(variances[i] - variances[i - 1]) < _SETTLED * variances[i]:
@@ -387,8 +387,9 @@ def whiten(channels, model, jumps=None):
             elif not live and since >= min(_NEAR, last):
                 since = 0
             else:
-                for i in range(0 if live else s):
-                    copied(covariances[since, i], P[i])
+                if not live:
+                    for i in range(s):
+                        copied(covariances[since, i], P[i])
                 live, start = True, k
         if live:
             if start > 0 and k - start < 2:

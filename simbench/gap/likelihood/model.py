@@ -48,6 +48,10 @@ class Data:
     sines: tuple[tuple[float, float], ...] = ()
     loads: Mapping[str, float] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        # a copy: kernels would be compiled anew for a record's arrays, which nobody may write
+        object.__setattr__(self, "u", np.array(self.u, dtype=float))
+
     def shaped(self, v: np.ndarray) -> np.ndarray:
         """Return MV as it drives the first-order plant, from rest at its first value."""
         return v if self.shape is None else v[0] + lfilter(*self.shape, v - v[0])

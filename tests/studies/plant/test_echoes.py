@@ -4,7 +4,8 @@ from itertools import islice
 
 import pytest
 
-from results.studies.plant.echoes import STICKY, Asked, as_lines, pairs
+from results.studies.plant.echoes import STICKY, Asked, as_lines, main, pairs
+from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.oscillation import find_oscillation
 
 
@@ -42,3 +43,15 @@ def test_a_loop_that_cannot_be_judged_has_even_odds_and_kinds_are_counted_apart(
 def test_the_calibration_error_is_how_far_probabilities_are_from_what_is_true(p, error):
     lines = as_lines("ci", [Asked(STICKY, p[0]), Asked("smooth", p[1])])
     assert f"calibration error {error}" in lines[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["ci", "-n", "0"], "-n 0: at least 1 pair is needed"),
+        (["smoke", "-n", "2"], "grid smoke: no group has a sticky loop and an echo"),
+    ],
+)
+def test_what_has_no_pairs_is_refused_in_one_sentence(words, message):
+    with pytest.raises(ParameterError, match=message):
+        main([*words, "--seed", "1", "-j", "1"])
