@@ -274,7 +274,7 @@ OPTIONS = [
     ("-j -7", "-j"),
     ("--backend spark", "dask"),
     ("--backend dask", "address"),
-    ("--method ", "detector"),
+    ("--method ", "empty"),
     ("--method ,", "detector"),
     ("--method horhc", "horch"),
     ("--seed 1", "--seed"),
