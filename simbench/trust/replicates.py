@@ -15,7 +15,7 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.loop.plant import stretched
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.spec import Loop, Plant
+from simbench.scenarios.spec import Loop, Plant, SetPoint
 
 _LEVELS = 5  # values of S
 _SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band
@@ -78,30 +78,63 @@ def draw_replicates(
     plan = [(0.0, 0.0)] * healthy + [
         cell for cell in (cells if cells is not None else levels(around)) for _ in range(each)
     ]
-    drawn = (
-        _replicate(around, S, J, change or Change(), [seed, i], i) for i, (S, J) in enumerate(plan)
-    )
+    change = change or Change()
+    bases = [*around.healthy, *([] if around.sticky is None else [around.sticky])]
+    bases = [_base(loop, around.record, change) for loop in bases]
+    drawn = (_replicate(around, bases, S, J, change, [seed, i]) for i, (S, J) in enumerate(plan))
     return [t for t in drawn if t is not None]
 
 
+@dataclass(frozen=True, eq=False)
+class _Base:
+    """A loop that replicates vary: its table, and its set point with `ahead` samples before the
+    record, which is checked once and not for every replicate.
+    """
+
+    table: dict[str, Any]
+    setpoint: SetPoint
+    ahead: int
+
+    def loop(self, table: dict[str, Any]) -> Loop:
+        """Return the loop of a varied table."""
+        return Loop.from_table(table, "twin").model_copy(update={"setpoint": self.setpoint})
+
+    def recorded(self, loop: Loop, seed: int, **kick: float) -> LoopRecord:
+        """Simulate a loop, and return what is recorded: the set point's way to where it stood is
+        over, which is all that some loops ever move.
+        """
+        run = simulate(loop, seed, **kick).record
+        return run.window(self.ahead, run.n)
+
+
+def _base(loop: Loop, record: LoopRecord, change: Change) -> _Base:
+    loop = loop if change.loop is None else change.loop(loop)
+    still = loop.model_copy(update={"setpoint": SetPoint(value=loop.setpoint.value)})
+    sampling, setpoint, ahead = _timed(loop.setpoint, record, change)
+    return _Base(still.to_table() | {"sampling": sampling}, setpoint, ahead)
+
+
 def _replicate(
-    a: CandidateLoops, S: float, J: float, change: Change, stream: list[int], number: int
+    a: CandidateLoops,
+    bases: Sequence[_Base],
+    S: float,
+    J: float,
+    change: Change,
+    stream: list[int],
 ) -> Replicate | None:
-    rng = np.random.default_rng(stream)
-    base = a.healthy[number % len(a.healthy)] if S <= 0 else _sticky_base(a, number)
+    rng, number = np.random.default_rng(stream), stream[-1]
+    stuck = S > 0 and _of_sticky(a, number)
+    base = bases[-1] if stuck else bases[number % len(a.healthy)]
     # friction that explains the record leaves nothing to be swung from outside
-    outside = a.period is not None and base is not a.sticky
-    if change.loop is not None:
-        base = change.loop(base)
+    outside = a.period is not None and not stuck
     for attempt in range(_TRIES):
         try:
-            table = _perturbed(base.to_table(), _STATED if a.trusted else _UNCERTAIN, rng)
-            ahead = _timed(table, a.record, change)
+            table = _perturbed(base.table, _STATED if a.trusted else _UNCERTAIN, rng)
             seed = int(rng.integers(2**31))
             if outside and (attempt >= _TRIES // 2 or number % 2):
-                table = _driven(table, a, _DRIVEN[number // 2 % 2], seed, ahead, rng)
-            loop = Loop.from_table(table, "twin")
-            run = _after(simulate(with_friction(loop, 0.0, 0.0), seed).record, ahead)
+                table = _driven(table, a, _DRIVEN[number // 2 % 2], seed, base, rng)
+            loop = base.loop(table)
+            run = base.recorded(with_friction(loop, 0.0, 0.0), seed)
             if not _alike(run, a.record, change, healthy=S <= 0):
                 continue
             # a record that swings is compared with healthy loops that swing too
@@ -115,27 +148,18 @@ def _replicate(
                 # at rest a sticky loop may stay there for ever; the plant's has been moving for
                 # years
                 kick = float(rng.choice((-1.0, 1.0))) * (S + 1.0)
-                run = _after(simulate(with_friction(loop, S, J), seed, kick=kick).record, ahead)
+                run = base.recorded(with_friction(loop, S, J), seed, kick=kick)
         except (UserError, SpecError):
             continue
         return Replicate(S, J, _as_recorded(run, a.record, change.mv))
     return None
 
 
-def _sticky_base(a: CandidateLoops, number: int) -> Loop:
-    """Return the loop that friction is put into: under friction part of the motion is the valve's,
-    how much nobody knows.
+def _of_sticky(a: CandidateLoops, number: int) -> bool:
+    """Return whether friction is put into the loop that was fitted with some: under friction part
+    of the motion is the valve's, how much nobody knows.
     """
-    if a.sticky is not None and number * _GOLDEN % 1.0 < a.probability:
-        return a.sticky
-    return a.healthy[number % len(a.healthy)]
-
-
-def _after(run: LoopRecord, ahead: int) -> LoopRecord:
-    """Return what is recorded: the set point's way to where it stood is over, which is all that
-    some loops ever move.
-    """
-    return run.window(ahead, run.n)
+    return a.sticky is not None and number * _GOLDEN % 1.0 < a.probability
 
 
 def _driven(
@@ -143,7 +167,7 @@ def _driven(
     a: CandidateLoops,
     kind: str,
     seed: int,
-    ahead: int,
+    base: _Base,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
     """Return a sound loop that another one swings as much as the record swings, at about its
@@ -168,9 +192,7 @@ def _driven(
             "lag": a.period * float(rng.uniform(0.02, 0.2)),
         }
     swung = calm | {"disturbance": [*loads, drive]}
-    without, with_ = (
-        _after(simulate(Loop.from_table(t, "twin"), seed).record, ahead).pv for t in (calm, swung)
-    )
+    without, with_ = (base.recorded(base.loop(t), seed).pv for t in (calm, swung))
     missing = np.sqrt(max(np.var(a.record.pv) - np.var(without), 0.1 * np.var(a.record.pv)))
     drive["amplitude"] = float(missing / max(np.std(with_ - without), 1e-12))
     return swung
@@ -226,31 +248,29 @@ def _loads_perturbed(table: dict[str, Any], z: dict[str, float]) -> dict[str, An
     return table | {"disturbance": loads, "noise": noise}
 
 
-def _timed(table: dict[str, Any], record: LoopRecord, change: Change) -> int:
-    """Set length, sampling and set point in place; return how many samples come before the
-    record.
-    """
+def _timed(
+    point: SetPoint, record: LoopRecord, change: Change
+) -> tuple[dict[str, Any], SetPoint, int]:
+    """Return sampling and set point, and how many samples come before the record."""
     Ts = record.Ts / change.faster
     n = int(record.n * change.longer * change.faster)
     ahead = int(_WARM_UP * record.n * change.faster)
-    table["sampling"] = {"Ts": Ts, "n": n + ahead}
-    point = table["setpoint"]
-    steps = [[float(t) + ahead * Ts, float(v)] for t, v in point.get("steps", [])]
-    last = steps[-1][1] if steps else point["value"]
+    steps = [(t + ahead * Ts, v) for t, v in point.steps]
+    last = steps[-1][1] if steps else point.value
     if change.longer > 1:
         # the same moves again, as often as they fit
         period, recorded = record.n * record.Ts, list(steps)
         for again in range(1, int(np.ceil(change.longer))):
             steps += [
-                [t + again * period, v]
+                (t + again * period, v)
                 for t, v in recorded
                 if t + again * period < (n + ahead) * Ts
             ]
     if change.step:
         at = (ahead + np.arange(1, 6) * n // 6) * Ts
-        steps = [[float(t), float(last + change.step * (i % 2 == 0))] for i, t in enumerate(at)]
-    table["setpoint"] = {"value": point["value"], "steps": steps}
-    return ahead
+        steps = [(float(t), float(last + change.step * (i % 2 == 0))) for i, t in enumerate(at)]
+    setpoint = SetPoint(value=point.value, steps=tuple(steps))
+    return {"Ts": Ts, "n": n + ahead}, setpoint, ahead
 
 
 def _as_recorded(run: LoopRecord, record: LoopRecord, mv: bool) -> LoopRecord:

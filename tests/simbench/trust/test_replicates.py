@@ -89,5 +89,5 @@ def test_twins_depend_on_seed_and_number_alone(candidates):
 def test_sticky_twins_share_the_two_explanations_by_their_probability(candidates):
     for odds in (-1.0, 0.5, 4.0):
         weighed = replace(candidates, log_odds=odds)
-        sticky = [twins._sticky_base(weighed, k) is weighed.sticky for k in range(200)]
+        sticky = [twins._of_sticky(weighed, k) for k in range(200)]
         assert np.mean(sticky) == pytest.approx(weighed.probability, abs=0.02)
