@@ -114,7 +114,7 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
             for number, groups in enumerate(blocks):
                 piece = work.work(plan, number, groups, work.WorkSettings(tuple(names)))
                 pieces.write_piece(place_of(folder), piece, "")
-                count += piece.count
+                count += piece.receipt.scenarios
             meter.charge()
             total = time.process_time() - start
     finally:

@@ -63,39 +63,37 @@ def judge(
             method, sighted if method.needs_mv or method.takes_mv else sighted.without_mv()
         )
         chosen = check_thresholds(name, method, (thresholds or {}).get(name, {}))
-        verdicts += answers(name, prepared, (raw,), chosen)[0]
+        verdicts.append(answer_of(name, prepared, chosen, raw=raw)[0])
     return verdicts
 
 
-def answers(
-    name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]
-) -> tuple[list[Verdict], str | None]:
-    """Ask one method about one record; whatever it does, it costs no other method its answer."""
+def answer_of(
+    name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool = False
+) -> tuple[Verdict, str | None]:
+    """Ask one method about one record, and return the error, too, if it raised one; whatever it
+    does, it costs no other method its answer.
+    """
     try:
-        return _asked(name, prepared, modes, thresholds), None
+        return _asked(name, prepared, thresholds, raw), None
     except Exception as wrong:  # a detector may fail in any way; the others must not
         message = (
             str(wrong) if isinstance(wrong, PluginError) else f"{type(wrong).__name__}: {wrong}"
         )
         error = " ".join(message.split())[:_LONGEST]
-        return [Verdict(name, NO_DECISION, reason=f"{FAILED}{error}")] * len(modes), error
+        return Verdict(name, NO_DECISION, reason=f"{FAILED}{error}"), error
 
 
-def _asked(
-    name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]
-) -> list[Verdict]:
+def _asked(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool) -> Verdict:
     host = registry.host_of(name)
     if host is not None:
-        return ask_worker(host, _asked_there, name, prepared, modes, thresholds)
-    return [judge_one(name, registry.load(name), prepared, raw, dict(thresholds)) for raw in modes]
+        return ask_worker(host, _asked_there, name, prepared, thresholds, raw)
+    return judge_one(name, registry.load(name), prepared, raw, dict(thresholds))
 
 
-def _asked_there(
-    name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict[str, float]
-) -> list[Verdict]:
+def _asked_there(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool) -> Verdict:
     """Judge a record where this runs, in the plug-in's worker."""
     registry.host_entries = False
-    return _asked(name, prepared, modes, thresholds)
+    return _asked(name, prepared, thresholds, raw)
 
 
 def refuse_wrong_forms(names: Iterable[str]) -> None:
@@ -114,7 +112,7 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
         record = example_record("stiction", module.METHOD.process[0])
         prepared = Prepared(record if module.METHOD.needs_mv else record.without_mv())
         try:
-            _asked(name, prepared, (True,), module.METHOD.defaults())
+            _asked(name, prepared, module.METHOD.defaults(), raw=True)
         except AnswerError as wrong:
             raise AnswerError(f"detector {name!r}: {wrong}") from None
         except Exception:

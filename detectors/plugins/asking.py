@@ -12,7 +12,7 @@ from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import RECORDED_SIGNALS
 from simbench.detectors.verdict import NO_STICTION, Verdict, wrong_types
 
-_Judge = Callable[[str, Prepared, tuple[bool, ...], dict], list[Verdict]]
+_Judge = Callable[[str, Prepared, dict, bool], Verdict]
 
 
 def ask_worker(
@@ -20,10 +20,10 @@ def ask_worker(
     judge: _Judge,
     name: str,
     prepared: Prepared,
-    modes: tuple[bool, ...],
     thresholds: dict[str, float],
-) -> list[Verdict]:
-    """Return a plug-in's verdicts, one per mode, from its worker process."""
+    raw: bool,
+) -> Verdict:
+    """Return a plug-in's verdict from its worker process."""
     bare = replace(prepared, shared={})
     bare.__dict__.update(
         {
@@ -32,21 +32,20 @@ def ask_worker(
             if key in prepared.__dict__
         }
     )
-    seconds = host.seconds * len(modes)
-    answer = host.call(_judge_there, judge, name, bare, modes, thresholds, seconds=seconds)
-    if not isinstance(answer, list) or len(answer) != len(modes):
+    answer = host.call(_judge_there, judge, name, bare, thresholds, raw)
+    if not isinstance(answer, Verdict):
         raise PluginError("answered with something that is no verdict")
-    return [_checked(name, verdict) for verdict in answer]
+    return _checked(name, answer)
 
 
 def _judge_there(
-    judge: _Judge, name: str, prepared: Prepared, modes: tuple[bool, ...], thresholds: dict
-) -> list[Verdict]:
+    judge: _Judge, name: str, prepared: Prepared, thresholds: dict, raw: bool
+) -> Verdict:
     """Judge a record in the worker process, and check that the plug-in did not change it."""
     for signal in RECORDED_SIGNALS:
         if (values := getattr(prepared.record, signal)) is not None:
             values.flags.writeable = False
-    return judge(name, prepared, modes, thresholds)
+    return judge(name, prepared, thresholds, raw)
 
 
 def _checked(name: str, verdict: Verdict) -> Verdict:

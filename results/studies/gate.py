@@ -271,7 +271,7 @@ def _at_random(folder: Path, method: str) -> bool:
 
 
 def _without(base: RunArrays, i: int) -> RunArrays:
-    wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
+    wide = ("verdict", "score", "applicable", "failed", "runtime")
     kept = tuple(m for k, m in enumerate(base.methods) if k != i)
     levels = base.levels[base.levels["method"] != i]  # a copy
     levels["method"] -= levels["method"] > i
@@ -289,7 +289,7 @@ def _reordered(base: RunArrays, seed: int) -> RunArrays:
 
 def _loops(base: RunArrays, at: np.ndarray) -> RunArrays:
     """Return a run of some of the loops, in the order given."""
-    wide = ("verdict", "verdict_raw", "score", "score_raw", "applicable", "failed", "runtime")
+    wide = ("verdict", "score", "applicable", "failed", "runtime")
     long = ("ids", "hashes", "places", "oscillating", "groups", "design", "friction")
     tables = {
         name: {k: v[at] for k, v in getattr(base, name).items()} for name in ("axes", "truth")

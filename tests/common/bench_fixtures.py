@@ -140,9 +140,7 @@ def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, *
         design=np.ones((n, 6)),
         methods=methods,
         verdict=verdict,
-        verdict_raw=verdict,
         score=score,
-        score_raw=score,
         applicable=np.ones((m, n), dtype=np.int8),
         failed=np.zeros((m, n), dtype=bool),
         runtime=np.zeros((m, n), dtype=np.float32),
@@ -155,7 +153,7 @@ def change_answers(run, method, verdict, score=None):
     verdicts, scores = run.verdict.copy(), run.score.copy()
     verdicts[i] = verdict
     scores[i] = verdict if score is None else score
-    return replace(run, verdict=verdicts, verdict_raw=verdicts, score=scores, score_raw=scores)
+    return replace(run, verdict=verdicts, score=scores)
 
 
 def answer_noisily(rng, truth, accuracy, methods=3):

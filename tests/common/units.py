@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbench.bench.execute.work import judge_both
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.blind.making import Plan
 from simbench.blind.worlds import own as tank
-from simbench.detectors.judge import check_thresholds
+from simbench.detectors.judge import judge
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import Verdict
@@ -93,11 +92,11 @@ def mapped(record: LoopRecord) -> Iterator[tuple[str, LoopRecord]]:
 
 def verdicts(record: LoopRecord) -> dict[tuple[str, str], Verdict]:
     """Return the verdict of every method, with and without the common front end."""
-    chosen = {m: check_thresholds(m, methods.load(m).METHOD, {}) for m in methods.names()}
-    verdicts = {}
-    for front, raw, _, _ in judge_both(record, chosen)[1]:
-        verdicts |= {(front.method, "front"): front, (front.method, "raw"): raw}
-    return verdicts
+    return {
+        (verdict.method, mode): verdict
+        for mode, raw in (("front", False), ("raw", True))
+        for verdict in judge(record, methods.names(), raw=raw)
+    }
 
 
 def changes(

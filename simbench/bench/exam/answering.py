@@ -13,7 +13,7 @@ from simbench.bench.exam.answers import NEEDED, OPTIONAL, read_answers, rows_of
 from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS, read_exam
 from simbench.bench.execute.lease import lease
 from simbench.bench.execute.run import choose_with_oracle
-from simbench.bench.execute.work import judge_both
+from simbench.bench.execute.work import judge_record
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.checksums import file_digest
 from simbench.bench.store.manifest import code_hash
@@ -157,7 +157,7 @@ def _answers(
     lines, failed = [], Counter()
     with one_thread():
         for ident, record in records.items():
-            answers = judge_both(record, chosen)[1]
-            lines.append(rows_of(ident, (front for front, *_ in answers)))
-            failed.update(front.method for front, _, error, _ in answers if error is not None)
+            answers = judge_record(record, chosen)[1]
+            lines.append(rows_of(ident, (answer.verdict for answer in answers)))
+            failed.update(said.method for said, error, _ in answers if error is not None)
     return "".join(lines), dict(failed)

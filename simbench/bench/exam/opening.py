@@ -22,18 +22,18 @@ from simbench.bench.execute import pieces
 from simbench.bench.execute.plugin_host import oracle_of
 from simbench.bench.execute.run import about_method
 from simbench.bench.execute.work import (
-    Chunk,
+    Answer,
     SimulatedScenario,
-    in_columns,
-    judge_both,
+    judge_record,
+    piece_of,
     scenario_row,
     verdict_row,
 )
 from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.store import tables
 from simbench.bench.store.benchmark import evaluator_hash, grid_of, grid_settings
 from simbench.bench.store.manifest import describe, run_key
 from simbench.bench.store.place import place_of
+from simbench.bench.store.tables import AXES
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, UserError
 from simbench.detectors.plugins.registry import methods as registry
@@ -52,7 +52,7 @@ _LABELS = (
     "process",
     "controller",
     "valve",
-    *tables.AXES,
+    *AXES,
 )
 _ASKED_AGAIN = 100  # records about which methods of the package are asked again
 _FOREIGN = {"front_end": False, "role": "stiction", "budget": "fast", "fitted_on": [], "stated": []}
@@ -169,7 +169,7 @@ def _with_truth(it: SimulatedScenario) -> tuple[Any, ...]:
         return ("",)
     record = it.run.record
     verdict, wrong = oracle_of(it.scenario, it.run)
-    oracle = verdict_row(it.ident, verdict, verdict, wrong, math.nan)
+    oracle = verdict_row(it.ident, Answer(verdict, wrong, math.nan))
     return (
         mark_of(record, record.t),
         scenario_row(it, prepare(record.without_mv())),
@@ -190,7 +190,7 @@ def _refuse_forged(given: Answers, records: Mapping[str, LoopRecord]) -> None:
         return
     with one_thread():
         for ident in drawn:
-            for again, *_ in judge_both(records[ident], chosen)[1]:
+            for again, *_ in judge_record(records[ident], chosen)[1]:
                 stated = given[again.method].get(ident)
                 if stated is not None and stated.verdict != again.verdict:
                     raise ParameterError(
@@ -219,18 +219,11 @@ def _write_run(
             verdict = of.get(ident, Verdict(name, NO_DECISION, reason="not answered"))
             answered = verdict.verdict != NO_DECISION and not _needs_mv(name)
             verdict = verdict.but(applicable=_covers(name, process) or answered)
-            verdicts.append(verdict_row(row["scenario_id"], verdict, verdict, None, math.nan))
+            verdicts.append(verdict_row(row["scenario_id"], Answer(verdict, None, math.nan)))
         verdicts.append(oracle)
-    scenarios = in_columns(tables.SCENARIOS.names, [row for row, *_ in rows.values()])
-    both = (
-        tables.encode(scenarios, tables.SCENARIOS, 0),
-        tables.encode(in_columns(tables.VERDICT_SCHEMA.names, verdicts), tables.VERDICT_SCHEMA, 0),
-    )
+    piece = piece_of(0, [row for row, *_ in rows.values()], verdicts)
     place = pieces.open_run(place_of(run), manifest, resume=False)
-    receipt = pieces.write_piece(
-        place, Chunk(0, *both, len(rows), 0, 0.0, 0.0, 0.0), run_key(manifest)
-    )
-    pieces.finish(place, [receipt], manifest)
+    pieces.finish(place, [pieces.write_piece(place, piece, run_key(manifest))], manifest)
 
 
 def _covers(name: str, process: str) -> bool:

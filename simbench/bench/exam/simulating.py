@@ -53,5 +53,5 @@ def _piece(
             for pick in some:
                 if pick[1] < len(scenarios):
                     scenario, wrong = scenarios[pick[1]]
-                    results[pick] = look(simulated(scenario, index, wrong))
+                    results[pick] = look(simulated(scenario, wrong, index))
     return number, results

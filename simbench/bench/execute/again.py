@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from simbench.bench.execute.work import judge_both, record_hash
+from simbench.bench.execute.work import judge_record, record_hash
 from simbench.bench.score.check import MARGIN, check_run
 from simbench.bench.score.check_result import Check
 from simbench.bench.store.manifest import code_hash, read_manifest
@@ -56,7 +56,7 @@ def differing(folder: str | Path) -> Iterator[str]:
         if record_hash(record) != row["record_hash"]:  # another processor: another record
             continue
         asked += 1
-        for second, _, _, _ in judge_both(record, chosen)[1]:
+        for second, _, _ in judge_record(record, chosen)[1]:
             before = first[row["scenario_id"], second.method]
             differ[second.method] += second.verdict != before["verdict"] or not np.allclose(
                 second.score, np.array(before["score"], float), 1e-6, 0, equal_nan=True

@@ -8,14 +8,14 @@ import contextlib
 import json
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from simbench.bench.execute.lease import lease
-from simbench.bench.execute.work import Chunk
+from simbench.bench.execute.work import Piece, Receipt
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import BENCHMARK, benchmark_of, grid_of
 from simbench.bench.store.checksums import (
@@ -34,24 +34,6 @@ from simbench.files import folder as make_folder
 from simbench.files import record_text
 
 _RECEIPTS = "receipts"
-
-
-@dataclass(frozen=True)
-class Receipt:
-    """What a worker hands back in place of a piece."""
-
-    piece: int  # number
-    # scenarios, failures: how many, and how many verdicts or simulations ended in an error
-    scenarios: int
-    failures: int
-    # simulating, judging, working: seconds on simulation with its truth, on detectors, and
-    # altogether
-    simulating: float
-    judging: float
-    working: float
-    # checksum of the piece's partition of each table
-    marks: dict[str, str] = field(default_factory=dict)
-    reused: bool = False  # it was on disk already
 
 
 def held(place: Place) -> AbstractContextManager[None]:
@@ -81,25 +63,21 @@ def open_run(path: str | Path | Place, manifest: dict[str, Any], resume: bool) -
     return place
 
 
-def write_piece(place: Place, piece: Chunk, key: str) -> Receipt:
+def write_piece(place: Place, piece: Piece, key: str) -> Receipt:
     """Put a finished piece on disk; it counts from the moment its receipt, the last file, is
     complete.
     """
-    there = find_receipt(place, piece.number, key)
+    receipt = piece.receipt
+    there = find_receipt(place, receipt.piece, key)
     if there is not None:  # somebody believed dead was only slow
         return there
-    for ident, record in piece.kept:
+    for ident, record in piece.kept.items():
         place.write(f"records/{ident}.csv", record_text(record).encode())
-    for kind in TABLE_KINDS:
-        place.write(partition_file(kind, piece.number), getattr(piece, kind))
-    marks = {kind: digest(getattr(piece, kind)) for kind in TABLE_KINDS}
-    times = (piece.simulating, piece.judging, piece.total)
-    receipt = Receipt(piece.number, piece.count, piece.failures, *times, marks)
-    place.write(
-        receipt_file(piece.number),
-        json.dumps(with_checksum({"run": key, **asdict(receipt)})).encode(),
-    )
-    if find_receipt(place, piece.number, key) is None:
+    for kind, content in piece.tables.items():
+        place.write(partition_file(kind, receipt.piece), content)
+    stated = {"run": key, **asdict(receipt)}
+    place.write(receipt_file(receipt.piece), json.dumps(with_checksum(stated)).encode())
+    if find_receipt(place, receipt.piece, key) is None:
         raise RunError(f"{place}: what is written there reads back otherwise; is the disk sound?")
     return receipt
 

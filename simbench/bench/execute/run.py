@@ -28,8 +28,7 @@ import cloudpickle
 
 from simbench.bench.execute import pieces
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
-from simbench.bench.execute.pieces import Receipt
-from simbench.bench.execute.work import WorkSettings, work
+from simbench.bench.execute.work import Receipt, WorkSettings, work
 from simbench.bench.execute.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.benchmark import grid_settings

@@ -164,10 +164,10 @@ class _Verification:
         quick = replace(self.settings, methods=self.fast)
         for settings, some in ((self.settings, wide & deep), (quick, wide - deep)):
             chosen = [g for g in groups if g in some]
-            chunk = work(self.grid, number, chosen, settings)
-            for row in _rows(chunk.scenarios):
+            again = work(self.grid, number, chosen, settings).tables
+            for row in _rows(again["scenarios"]):
                 rows.setdefault(row["group"], []).append(row)
-            verdicts += _rows(chunk.verdicts)
+            verdicts += _rows(again["verdicts"])
         expected = [row for g in groups for row in rows.get(g, ())]
         ids = [[row["scenario_id"] for row in some] for some in (stored_scenarios, expected)]
         notes.compare("list of scenario ids", f"file {number}", *ids)

@@ -9,9 +9,9 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,8 +30,9 @@ from simbench.bench.scenario.truth import Cycled
 from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.score.rhythm import rhythm_features
 from simbench.bench.store import tables
+from simbench.bench.store.checksums import digest
 from simbench.detectors.compiled import one_thread
-from simbench.detectors.judge import answers
+from simbench.detectors.judge import answer_of
 from simbench.detectors.method import Method
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
@@ -58,29 +59,45 @@ _HELD = 80  # records simulated before they are judged in drawn order
 
 
 @dataclass(frozen=True)
-class Chunk:
-    """What a worker hands back: two parquet files, how much there is and failed, seconds, and the
-    records asked for.
+class Receipt:
+    """How much a piece holds, and what it took: all that is handed back of one on disk."""
 
-    `count` and `failures` are of scenarios, and of verdicts or simulations that ended in an error;
-    `simulating` has the truth's seconds, too; `kept` are records by scenario id.
-    """
-
-    number: int
-    scenarios: bytes
-    verdicts: bytes
-    count: int
+    piece: int  # number
+    # scenarios, failures: how many, and how many verdicts or simulations ended in an error
+    scenarios: int
     failures: int
+    # simulating, judging, working: seconds on simulation with its truth, on detectors, and
+    # altogether
     simulating: float
     judging: float
-    total: float
-    kept: list[tuple[str, LoopRecord]] = field(default_factory=list)
+    working: float
+    # checksum of the piece's partition of each table
+    marks: dict[str, str] = field(default_factory=dict)
+    reused: bool = False  # it was on disk already
+
+
+class Piece(NamedTuple):
+    """A finished piece: its receipt, the parquet file of each table, and by scenario id the records
+    that are stored with the run.
+    """
+
+    receipt: Receipt
+    tables: dict[str, bytes]
+    kept: dict[str, LoopRecord]
+
+
+class Answer(NamedTuple):
+    """What a method said of a record, the error if it raised one, and its seconds."""
+
+    verdict: Verdict
+    error: str | None
+    seconds: float
 
 
 @dataclass(frozen=True)
 class SimulatedScenario:
-    """A scenario of a group with its truth and theory; why there is no run where there is none, and
-    the seconds it took.
+    """A scenario of a group with its truth and theory, and why there is no run where there is
+    none.
     """
 
     scenario: Scenario
@@ -90,21 +107,6 @@ class SimulatedScenario:
     cycled: Cycled
     theory: Theory
     error: str | None
-    seconds: float
-
-
-@dataclass(frozen=True)
-class _Judged:
-    """A scenario's rows, how many of its answers are errors, its seconds, and its record where
-    there is one.
-    """
-
-    row: dict[str, Any]
-    verdicts: list[dict[str, Any]]
-    failures: int
-    simulating: float
-    judging: float
-    record: LoopRecord | None
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ class WorkSettings:
     own: Mapping[str, Any] = field(default_factory=dict)
 
 
-def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings) -> Chunk:
+def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings) -> Piece:
     """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for
     its times.
     """
@@ -135,76 +137,74 @@ def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings)
     registry.adopt({name: as_plugin(name, detector) for name, detector in settings.own.items()})
     chosen = {m: registry.load(m).METHOD.defaults() for m in methods if m != ORACLE}
     rng = np.random.default_rng([grid.content.seed, number])
-    settling, finished, kept, held = 0.0, [], [], []
+    simulating, judging, failures = 0.0, 0.0, 0
+    scenarios, verdicts, kept, held = [], [], {}, []
     # one thread per worker: with more, sums in linear algebra come out in another order
     with one_thread():
         for index in groups:
             since = time.perf_counter()
-            scenarios = settled(grid.group(index))
-            settling += time.perf_counter() - since
-            held += [simulated(scenario, index, wrong) for scenario, wrong in scenarios]
-            if len(held) >= _HELD or index == groups[-1]:
-                # a sticky loop comes before its siblings in a grid: what is asked next must not
-                # follow from what was asked last
-                judged = {
-                    int(k): _judged(held[k], chosen, ORACLE in methods)
-                    for k in rng.permutation(len(held))
-                }
-                for _, one in sorted(judged.items()):
-                    if one.record is not None and len(kept) < settings.keep:
-                        kept.append((one.row["scenario_id"], one.record))
-                    finished.append(replace(one, record=None))
-                held = []
-    return Chunk(
-        number,
-        tables.encode(
-            in_columns(tables.SCENARIOS.names, [f.row for f in finished]), tables.SCENARIOS, number
-        ),
-        tables.encode(
-            in_columns(tables.VERDICT_SCHEMA.names, [row for f in finished for row in f.verdicts]),
-            tables.VERDICT_SCHEMA,
-            number,
-        ),
-        len(finished),
-        sum(f.failures for f in finished),
-        settling + sum(f.simulating for f in finished),
-        sum(f.judging for f in finished),
-        time.perf_counter() - began,
-        kept,
-    )
+            held += [simulated(*one, index) for one in settled(grid.group(index))]
+            simulating += time.perf_counter() - since
+            if len(held) < _HELD and index != groups[-1]:
+                continue
+            # a sticky loop comes before its siblings in a grid: what is asked next must not follow
+            # from what was asked last
+            since = time.perf_counter()
+            judged = {
+                int(k): _judged(held[k], chosen, ORACLE in methods)
+                for k in rng.permutation(len(held))
+            }
+            judging += time.perf_counter() - since
+            for k, it in enumerate(held):
+                prepared, answers = judged[k]
+                scenarios.append(scenario_row(it, prepared))
+                verdicts += [verdict_row(it.ident, answer) for answer in answers]
+                raised = sum(answer.error is not None for answer in answers)
+                failures += raised or int(it.error is not None)
+                if it.run is not None and len(kept) < settings.keep:
+                    kept[it.ident] = it.run.record
+            held = []
+    took = (simulating, judging, time.perf_counter() - began)
+    return piece_of(number, scenarios, verdicts, failures, took)._replace(kept=kept)
 
 
-def judge_both(
-    record: LoopRecord, chosen: Thresholds
-) -> tuple[Prepared, list[tuple[Verdict, Verdict, str | None, float]]]:
-    """Judge a record by several methods, with and without the common oscillation front end.
+def piece_of(
+    number: int,
+    scenarios: Sequence[Mapping[str, Any]],
+    verdicts: Sequence[Mapping[str, Any]],
+    failures: int = 0,
+    seconds: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Piece:
+    """Return the rows of both tables as a piece of a run."""
+    files = {
+        "scenarios": tables.encode(scenarios, tables.SCENARIOS, number),
+        "verdicts": tables.encode(verdicts, tables.VERDICT_SCHEMA, number),
+    }
+    marks = {kind: digest(content) for kind, content in files.items()}
+    return Piece(Receipt(number, len(scenarios), failures, *seconds, marks), files, {})
 
-    Returns the blinded record with its oscillation and flags, and per method the verdict with
-    the front end, the one without, the error if it raised one, and its seconds; methods that do not
-    declare that they need MV do not see it.
+
+def judge_record(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[Answer]]:
+    """Judge a record by several methods, and return it as they saw it, with its oscillation and
+    flags, too; methods that do not declare that they need MV do not see it.
     """
     since = time.perf_counter()
     unsighted, blind = record.without_mv(), prepare_once(record)
-    sustained = blind.oscillation.sustained
-    blind.flags  # noqa: B018  computed once, for all methods
+    blind.oscillation, blind.flags  # noqa: B018  computed once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
-    results = []
+    answers = []
     for name, values in chosen.items():
         method: Method = registry.load(name).METHOD
         since = time.perf_counter()
         # one that takes MV without needing it is ranked with those that do not see it
         prepared = blind.seen_by(method, record if method.needs_mv else unsighted)
-        # with an oscillation the front end lets everything pass
-        modes = (True, False) if method.front_end and not sustained else (True,)
-        verdicts, error = answers(name, prepared, modes, dict(values))
-        raw, front = verdicts[0], verdicts[-1]
-        results.append((front, raw, error, shared + time.perf_counter() - since))
-    return blind, results
+        verdict, error = answer_of(name, prepared, dict(values))
+        answers.append(Answer(verdict, error, shared + time.perf_counter() - since))
+    return blind, answers
 
 
-def simulated(scenario: Scenario, group: int, error: str | None) -> SimulatedScenario:
+def simulated(scenario: Scenario, error: str | None, group: int) -> SimulatedScenario:
     """Simulate and label a scenario of a group; `error` tells why it could not be set up."""
-    since = time.perf_counter()
     run, cycled, columns = None, Cycled("unclear"), NO_THEORY
     try:
         if error is None:
@@ -214,32 +214,23 @@ def simulated(scenario: Scenario, group: int, error: str | None) -> SimulatedSce
         Exception
     ) as fault:  # whatever a model does on unusual numbers: one scenario, not the run
         error, run, cycled = error_text(fault), None, Cycled("unclear")
-    return SimulatedScenario(
-        scenario, scenario.id, group, run, cycled, columns, error, time.perf_counter() - since
-    )
+    return SimulatedScenario(scenario, scenario.id, group, run, cycled, columns, error)
 
 
-def _judged(it: SimulatedScenario, chosen: Thresholds, oracle: bool) -> _Judged:
-    then = time.perf_counter()
+def _judged(
+    it: SimulatedScenario, chosen: Thresholds, oracle: bool
+) -> tuple[Prepared | None, list[Answer]]:
+    """Return the record of a scenario as methods saw it, and what each of them said."""
     if it.run is None:
         methods = (*chosen, *[ORACLE] * oracle)
         failed = [Verdict(m, NO_DECISION, reason=f"failed: {it.error}") for m in methods]
-        prepared, results = None, [(v, v, it.error, 0.0) for v in failed]
-    else:
-        prepared, results = judge_both(it.run.record, chosen)
-        if oracle:
-            since = time.perf_counter()
-            verdict, wrong = oracle_of(it.scenario, it.run)
-            results.append((verdict, verdict, wrong, time.perf_counter() - since))
-    judging = time.perf_counter() - then
-    return _Judged(
-        scenario_row(it, prepared),
-        [verdict_row(it.ident, *answer) for answer in results],
-        sum(raised is not None for _, _, raised, _ in results) or int(it.error is not None),
-        it.seconds,
-        judging,
-        it.run.record if it.run is not None else None,
-    )
+        return None, [Answer(verdict, it.error, 0.0) for verdict in failed]
+    prepared, answers = judge_record(it.run.record, chosen)
+    if oracle:
+        since = time.perf_counter()
+        said = oracle_of(it.scenario, it.run)
+        answers.append(Answer(*said, time.perf_counter() - since))
+    return prepared, answers
 
 
 def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
@@ -288,33 +279,26 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
     return row
 
 
-def verdict_row(
-    ident: str, front: Verdict, raw: Verdict, error: str | None, seconds: float
-) -> dict[str, Any]:
-    """Return one method's row of the verdicts table: its answer with and without the oscillation
-    front end.
-    """
-    (S_lo, S_hi), (J_lo, J_hi) = level_ends(front.S), level_ends(front.J)
+def verdict_row(ident: str, answer: Answer) -> dict[str, Any]:
+    """Return one method's row of the verdicts table."""
+    said = answer.verdict
+    (S_lo, S_hi), (J_lo, J_hi) = level_ends(said.S), level_ends(said.J)
+    indices = {k: float(v) if math.isfinite(v) else None for k, v in said.indices.items()}
     return {
         "scenario_id": ident,
-        "method": front.method,
-        "verdict": front.verdict,
-        "score": front.score,
-        "verdict_raw": raw.verdict,
-        "score_raw": raw.score,
-        "applicable": front.applicable,
-        "reason": front.reason,
-        "reason_raw": None if raw.reason == front.reason else raw.reason,
-        "indices": json.dumps(
-            {k: float(v) if math.isfinite(v) else None for k, v in front.indices.items()}
-        ),
+        "method": said.method,
+        "verdict": said.verdict,
+        "score": said.score,
+        "applicable": said.applicable,
+        "reason": said.reason,
+        "indices": json.dumps(indices),
         "S_lo": S_lo,
         "S_hi": S_hi,
         "J_lo": J_lo,
         "J_hi": J_hi,
-        "S_unit": front.S_unit,
-        "error": error,
-        "runtime_s": seconds,
+        "S_unit": said.S_unit,
+        "error": answer.error,
+        "runtime_s": answer.seconds,
     }
 
 
@@ -325,8 +309,3 @@ def record_hash(record: LoopRecord) -> str:
         if signal is not None:
             digest.update(np.ascontiguousarray(signal).tobytes())
     return digest.hexdigest()[:16]
-
-
-def in_columns(names: Iterable[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, list]:
-    """Return rows as columns of these names, None where a row has none."""
-    return {name: [row.get(name) for row in rows] for name in names}

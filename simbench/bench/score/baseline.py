@@ -19,7 +19,7 @@ from simbench.files import whole_file, write_table
 
 _EMPTY = {
     "scenarios": ("flags",),
-    "verdicts": ("score_raw", "reason", "reason_raw", "indices", "S_unit", "runtime_s"),
+    "verdicts": ("reason", "indices", "S_unit", "runtime_s"),
 }
 _KEPT = (
     "format",

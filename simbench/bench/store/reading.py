@@ -32,7 +32,7 @@ CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
 _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning", "echo")
 _CODED = {
     "scenarios": (*_WORDS, "cycled"),
-    "verdicts": ("scenario_id", "method", "verdict", "verdict_raw"),
+    "verdicts": ("scenario_id", "method", "verdict"),
 }
 _NUMBERS = (*(axis for axis in AXES if axis not in _WORDS), CELL_S_OVER_2J, RANKED)
 ID = np.dtype("S16")
@@ -129,14 +129,9 @@ class RunArrays:
     # it
     design: np.ndarray
     methods: tuple[str, ...]  # method ids
-    # verdict, verdict_raw: (m, n) 0 no_stiction, 1 stiction, 2 no_decision; with and without front
-    # end
-    verdict: np.ndarray
-    verdict_raw: np.ndarray
-    # score, score_raw: (m, n) NaN where there is none; with the front end, -inf where there is no
-    # oscillation
+    verdict: np.ndarray  # (m, n) 0 no_stiction, 1 stiction, 2 no_decision
+    # (m, n) NaN where there is none, -inf where there is no oscillation
     score: np.ndarray
-    score_raw: np.ndarray
     # (m, n) whether the method's source covers the loop: 1 yes, 0 no, -1 the record does not tell
     applicable: np.ndarray
     failed: np.ndarray  # (m, n) whether the detector raised an error
@@ -231,13 +226,7 @@ def _verdict_columns(
     place: Place, manifest: Mapping[str, Any], ids: np.ndarray
 ) -> dict[str, np.ndarray]:
     methods, n = list(manifest["methods"]), ids.size
-    kinds = {
-        "verdict": np.int8,
-        "verdict_raw": np.int8,
-        "score": float,
-        "score_raw": float,
-        "applicable": np.int8,
-    }
+    kinds = {"verdict": np.int8, "score": float, "applicable": np.int8}
     out = {name: np.empty((len(methods), n), dtype=kind) for name, kind in kinds.items()}
     out.update(
         failed=np.empty((len(methods), n), dtype=bool),
@@ -249,11 +238,8 @@ def _verdict_columns(
     )
     for rows, part in _sliced(place, manifest, "verdicts", columns, n, max(len(methods), 1)):
         _check_order(part, ids[rows], methods, place)
-        arrays = {name: _codes(part.column(name)) for name in ("verdict", "verdict_raw")}
-        arrays |= {
-            name: part.column(name).to_numpy(zero_copy_only=False)
-            for name in ("score", "score_raw")
-        }
+        arrays = {"verdict": _codes(part.column("verdict"))}
+        arrays["score"] = part.column("score").to_numpy(zero_copy_only=False)
         arrays["applicable"] = _flags(part.column("applicable"))
         arrays["failed"] = part.column("error").is_valid().to_numpy(zero_copy_only=False)
         arrays["runtime"] = part.column("runtime_s").to_numpy(zero_copy_only=False)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
@@ -88,10 +89,8 @@ VERDICT_SCHEMA = pa.schema(
     _columns("""
         text scenario_id method verdict
         number score
-        text verdict_raw
-        number score_raw
         flag applicable
-        text reason reason_raw indices
+        text reason indices
         number S_lo S_hi J_lo J_hi
         text S_unit error
         number runtime_s
@@ -99,9 +98,11 @@ VERDICT_SCHEMA = pa.schema(
 )
 
 
-def encode(columns: dict[str, list[Any]], schema: pa.Schema, number: int) -> bytes:
-    """Return columns as the bytes of a parquet file (zstd) that knows its number."""
-    arrays = [pa.array(_nulls(columns[f.name]), type=f.type) for f in schema]
+def encode(rows: Sequence[Mapping[str, Any]], schema: pa.Schema, number: int) -> bytes:
+    """Return rows as the bytes of a parquet file (zstd) that knows its number; null where a row
+    has no value, or NaN.
+    """
+    arrays = [pa.array(_nulls([row.get(f.name) for row in rows]), type=f.type) for f in schema]
     return as_parquet(pa.Table.from_arrays(arrays, schema=schema), number)
 
 

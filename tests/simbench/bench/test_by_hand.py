@@ -101,14 +101,11 @@ def test_loops_of_one_grid_are_paired_by_place_and_of_two_by_id(book):
 
 
 def test_a_piece_of_a_table_keeps_its_types_and_its_number():
-    columns = {field.name: [None, None] for field in VERDICT_SCHEMA}
-    columns.update(
-        scenario_id=["a", "b"],
-        score=[math.nan, 1.5],
-        applicable=[True, None],
-        runtime_s=[0.0, -math.inf],
-    )
-    read = pq.read_table(io.BytesIO(encode(columns, VERDICT_SCHEMA, 7)))
+    rows = [
+        {"scenario_id": "a", "score": math.nan, "applicable": True, "runtime_s": 0.0},
+        {"scenario_id": "b", "score": 1.5, "applicable": None, "runtime_s": -math.inf},
+    ]
+    read = pq.read_table(io.BytesIO(encode(rows, VERDICT_SCHEMA, 7)))
     assert read.schema.metadata[b"piece"] == b"7"
     assert read.schema.metadata[b"format"] == b"2"
     assert read["score"].to_pylist() == [None, 1.5]
@@ -362,7 +359,7 @@ def test_a_level_has_two_ends_or_none():
     assert level_ends(3) == (3.0, 3.0)
     assert all(math.isnan(x) for x in level_ends(None))
     verdict = Verdict("he", "stiction", 0.7, {"eta": 0.7}, S=(1.0, 2.0), J=0.5, reason="why")
-    row = work.verdict_row("id", verdict, verdict, None, 0.25)
+    row = work.verdict_row("id", work.Answer(verdict, None, 0.25))
     assert [row[k] for k in ("S_lo", "S_hi", "J_lo", "J_hi", "score", "runtime_s")] == [
         1.0,
         2.0,
@@ -412,12 +409,10 @@ def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked
 
 
 def test_a_piece_adds_up_its_seconds(small, monkeypatch):
-    """Every look at the clock is a second later than the last: settling takes 1 s, truth and
-    verdicts 1 s a scenario each.
-    """
+    """Every look at the clock is a second later than the last: settling with truth takes 1 s."""
     seconds = iter(range(10**6))
     monkeypatch.setattr(work.time, "perf_counter", lambda: float(next(seconds)))
-    piece = work.work(small, 0, [0], work.WorkSettings(("he",)))
-    assert piece.count == 2
-    assert piece.simulating == 1.0 + piece.count
-    assert 0 < piece.judging < piece.total
+    receipt = work.work(small, 0, [0], work.WorkSettings(("he",))).receipt
+    assert receipt.scenarios == 2
+    assert receipt.simulating == 1.0
+    assert 0 < receipt.judging < receipt.working

@@ -59,7 +59,6 @@ CHANGED = {
         "method",
         "verdict",
         "score",
-        "verdict_raw",
         "applicable",
         "reason",
         "error",

@@ -123,7 +123,7 @@ def test_a_book_holds_what_the_tables_say(finished):
     wide = verdicts.pivot(index="scenario_id", columns="method").loc[scenarios.scenario_id]
     for i, method in enumerate(book.methods):
         assert [list(store.CODES)[c] for c in book.verdict[i]] == wide["verdict"][method].tolist()
-        np.testing.assert_array_equal(book.score_raw[i], wide["score_raw"][method])
+        np.testing.assert_array_equal(book.score[i], wide["score"][method])
 
 
 @pytest.mark.usefixtures("unscored")
@@ -214,20 +214,17 @@ def test_without_ray_the_error_names_what_to_install(small, tmp_path, monkeypatc
         run_grid(small, tmp_path / "ray", ["he"], backend="ray")
 
 
-def test_verdicts_are_those_of_judge_with_and_without_front_end(finished):
+def test_verdicts_are_those_of_judge(finished):
     verdicts, scenarios = tables(finished)
     assert not scenarios.oscillating.all()
     for ident in scenarios.scenario_id:
         scenario = read_scenario(finished, ident)
         record = simulate(scenario.loop, scenario.seed).record
         rows = verdicts[verdicts.scenario_id == ident].set_index("method")
-        for front, raw in zip(judge(record, METHODS), judge(record, METHODS, raw=True)):
-            row = rows.loc[front.method]
-            assert (row.verdict, row.verdict_raw) == (front.verdict, raw.verdict)
-            assert row.reason == front.reason
-            assert np.array_equal(
-                [row.score, row.score_raw], [front.score, raw.score], equal_nan=True
-            )
+        for verdict in judge(record, METHODS):
+            row = rows.loc[verdict.method]
+            assert (row.verdict, row.reason) == (verdict.verdict, verdict.reason)
+            assert np.array_equal(row.score, verdict.score, equal_nan=True)
 
 
 def test_an_unknown_id_names_the_run(finished):
@@ -661,13 +658,13 @@ def test_the_manifest_states_what_was_run(finished):
 def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_of_the_grid(
     small, tmp_path, monkeypatch
 ):
-    asked, judge_both = [], work_module.judge_both
+    asked, judge_record = [], work_module.judge_record
 
     def heard(record, *rest):
         asked.append(record_hash(record))
-        return judge_both(record, *rest)
+        return judge_record(record, *rest)
 
-    monkeypatch.setattr(work_module, "judge_both", heard)
+    monkeypatch.setattr(work_module, "judge_record", heard)
     folder = run_grid(make_grid(SMALL, "small", {"repeats": 8}), tmp_path / "run", ["he"])
     rows = pd.read_parquet(folder / "scenarios.parquet")
     assert sorted(asked) == sorted(rows.record_hash)

@@ -28,10 +28,10 @@ def made(monkeypatch):
     for cell, J in enumerate((1.0, 2.0)):
         for method in ("a", "b"):
             for _ in range(40):
-                verdicts = rng.choice(["stiction", "no_stiction", "no_decision"], 2)
+                verdict = rng.choice(["stiction", "no_stiction", "no_decision"])
                 cycled = rng.choice(["yes", "no", "unclear", "entrained"]) if J > 1 else "unclear"
-                rows.append([cell, method, J, cycled, *verdicts, *rng.normal(size=2)])
-    names = ["cell", "method", "valve.J", "cycled", "verdict", "verdict_raw", "score", "score_raw"]
+                rows.append([cell, method, J, cycled, verdict, rng.normal()])
+    names = ["cell", "method", "valve.J", "cycled", "verdict", "score"]
     frame = pd.DataFrame(rows, columns=names)
     monkeypatch.setattr(Sweep, "_run", lambda self, *a: frame)
     return frame
@@ -79,8 +79,8 @@ def test_a_sweep_that_was_interrupted_goes_on_in_its_folder(tmp_path, monkeypatc
         m.setattr("simbench.bench.execute.pieces.finish", stop)
         with pytest.raises(KeyboardInterrupt):
             swept.score(["horch"], out=out)
-    resolved = work.judge_both
-    monkeypatch.setattr(work, "judge_both", lambda *a: asked.append(1) or resolved(*a))
+    resolved = work.judge_record
+    monkeypatch.setattr(work, "judge_record", lambda *a: asked.append(1) or resolved(*a))
     pd.testing.assert_frame_equal(swept.score(["horch"], out=out), whole)
     assert (asked, len(swept.verdicts(["horch"], out=out))) == ([], 6)
 

@@ -97,9 +97,7 @@ class Forgery:
             (self.folder / f"{kind}.parquet").mkdir()
             self.manifest["tables"][kind] = []
             for i, rows in enumerate(parts):
-                content = encode(
-                    {f.name: [row[f.name] for row in rows] for f in SCHEMAS[kind]}, SCHEMAS[kind], i
-                )
+                content = encode(rows, SCHEMAS[kind], i)
                 (self.folder / f"{kind}.parquet" / partition(i)).write_bytes(content)
                 self.manifest["tables"][kind].append(digest(content))
         count = len(self.all("scenarios"))
@@ -134,11 +132,11 @@ def answers(forgery):
     wrong = [row for row, cycles in forgery.of("he") if (row["verdict"] == "stiction") != cycles]
     assert wrong
     for row in wrong[:3]:
-        row["verdict"] = row["verdict_raw"] = OPPOSITE.get(row["verdict"], "stiction")
+        row["verdict"] = OPPOSITE.get(row["verdict"], "stiction")
     for row, _ in forgery.of("horch")[::4]:
         row["verdict"] = OPPOSITE.get(row["verdict"], "stiction")
     row, cycles = forgery.of("yamashita")[0]
-    row |= {"verdict": "stiction" if cycles else "no_stiction", "verdict_raw": "no_decision"}
+    row |= {"verdict": "stiction" if cycles else "no_stiction", "S_unit": "mA"}
     for row, cycles in forgery.of("he"):
         row["score"] = float(cycles)
 
@@ -251,7 +249,7 @@ STATED = {
 }
 # what is changed, and what the contradictions must name: where nothing is given, any one will do
 TAMPERINGS = {
-    "answers": (answers, ["he: verdict", "he: score", "horch: verdict", "yamashita: verdict_raw"]),
+    "answers": (answers, ["he: verdict", "he: score", "horch: verdict", "yamashita: S_unit"]),
     "an answer's other columns": (of_verdicts(**STATED), [f"he: {key}" for key in STATED]),
     "labels": (labels, [f"scenario: {key}" for key in (*LABELS, "cycled")]),
     "installation": (of_this_installation, ["versions: numpy", "code", "method he: fitted_on"]),

@@ -514,7 +514,7 @@ def test_a_books_scores_are_the_runs(finished, joined):
     assert book.methods == ("he", "horch", "yamashita")
     assert [i.decode() for i in book.ids] == joined[joined.method == "he"].scenario_id.tolist()
     he = joined[joined.method == "he"]
-    assert np.allclose(book.score_raw[0], he.score_raw.astype(float), equal_nan=True, rtol=0)
+    assert np.allclose(book.score[0], he.score.astype(float), equal_nan=True, rtol=0)
     assert set(book.truth["cycled_word"]) <= {"yes", "no", "entrained", "unclear"}
 
 
