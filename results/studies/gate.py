@@ -273,12 +273,10 @@ def _at_random(folder: Path, method: str) -> bool:
 def _without(base: RunArrays, i: int) -> RunArrays:
     wide = ("verdict", "score", "applicable", "failed", "runtime")
     kept = tuple(m for k, m in enumerate(base.methods) if k != i)
-    levels = base.levels[base.levels["method"] != i]  # a copy
-    levels["method"] -= levels["method"] > i
     return replace(
         base,
         methods=kept,
-        levels=levels,
+        sizes=np.delete(base.sizes, i, axis=1),
         **{name: np.delete(getattr(base, name), i, axis=0) for name in wide},
     )
 
@@ -297,11 +295,7 @@ def _loops(base: RunArrays, at: np.ndarray) -> RunArrays:
     arrays = {name: getattr(base, name)[:, at] for name in wide} | {
         name: getattr(base, name)[at] for name in long
     }
-    place = np.full(base.ids.size, -1)
-    place[at] = np.arange(at.size)
-    levels = base.levels[place[base.levels["loop"]] >= 0]  # a copy
-    levels["loop"] = place[levels["loop"]]
-    return replace(base, levels=levels, **arrays, **tables)
+    return replace(base, sizes=base.sizes[:, :, at], **arrays, **tables)
 
 
 def small_changes(folder: Path) -> list[dict[str, object]]:

@@ -37,12 +37,15 @@ def estimates(book: RunArrays) -> pd.DataFrame:
     """
     import pandas as pd
 
-    given = book.levels[book.friction[book.levels["loop"], 0] > 0.0]
-    loop, method = given["loop"], np.array(book.methods, dtype=object)[given["method"]]
+    loop, number = np.nonzero(~np.isnan(book.sizes).all(axis=0).T)
+    sticky = book.friction[loop, 0] > 0.0
+    loop, number = loop[sticky], number[sticky]
+    method = np.array(book.methods, dtype=object)[number]
     about = {m: book.manifest["methods"][m].get("stated", ()) for m in book.methods}
     parts = []
     for k, name in enumerate(("S", "J")):
-        lo, hi, truth = given[f"{name}_lo"], given[f"{name}_hi"], book.friction[loop, k]
+        lo, hi = book.sizes[2 * k : 2 * k + 2, number, loop]
+        truth = book.friction[loop, k]
         S = book.friction[loop, 0]
         stated = np.array([name in about[m] for m in method], dtype=bool) & (lo < hi)
         part = pd.DataFrame(

@@ -13,7 +13,6 @@ from simbench.bench.score.baseline import read_book, write_baseline
 from simbench.bench.score.check import compare_books
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.scoring import score_book, score_run
-from simbench.bench.store.reading import LEVELS
 
 N = 200
 S, J = 4.0, 2.0
@@ -27,11 +26,10 @@ def sized(book):
 
     def make(lo, hi, j=J, stated=("S",)):
         run = book(np.ones(N), np.ones(N), axes={"valve": np.array(["kano"] * N, dtype=object)})
-        levels = np.zeros(N, LEVELS)
-        levels["loop"] = np.arange(N)
-        levels["S_lo"], levels["S_hi"], levels["J_lo"], levels["J_hi"] = lo, hi, j, j
+        sizes = np.empty((4, 1, N), np.float32)
+        sizes[:, 0] = np.array([np.full(N, end) for end in (lo, hi, j, j)])
         run.manifest["methods"]["m0"] = {**run.manifest["methods"]["m0"], "stated": stated}
-        return replace(run, friction=np.tile([S, J], (N, 1)), levels=levels)
+        return replace(run, friction=np.tile([S, J], (N, 1)), sizes=sizes)
 
     return make
 
@@ -92,14 +90,17 @@ def test_a_fall_within_the_margin_passes_and_one_that_may_be_chance_is_left_open
 
 def test_a_method_that_gives_no_size_any_more_cannot_be_compared(sized):
     run = sized(*held(0.9))
-    check = compare_books(replace(run, levels=run.levels[: N // 2]), run)
+    fewer = run.sizes.copy()
+    fewer[:, :, N // 2 :] = np.nan
+    check = compare_books(replace(run, sizes=fewer), run)
     assert check.answer == "cannot tell"
     assert "given 100 times, before 200" in " ".join(check.reasons)
 
 
-def test_a_baseline_from_before_sizes_were_kept_asks_nothing(sized):
+def test_a_baseline_without_sizes_asks_nothing(sized):
     run = sized(*held(0.9))
-    assert compare_books(run, replace(run, levels=run.levels[:0])).answer == "passed"
+    nothing = np.full_like(run.sizes, np.nan)
+    assert compare_books(run, replace(run, sizes=nothing)).answer == "passed"
 
 
 @pytest.fixture(scope="module")
