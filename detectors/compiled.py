@@ -41,6 +41,12 @@ def lanes():
     return np.empty(LANES)
 
 
+def wide():
+    """Let the loops over lanes of a compiled kernel become instructions of 512 bits where the
+    processor has them; by itself LLVM stops at 256. The bits stay the same.
+    """
+
+
 def rows(count):
     """Return room for `count` rows of `LANES` numbers that begin with a cache line: a register is
     read from one, not two.
@@ -265,6 +271,8 @@ def _jitted(function: FunctionType, error_model: str):
 
     if function is lanes:
         return _registers()
+    if function is wide:
+        return _widened()
     called = {
         n: _jitted(g, error_model)
         for n, g in names_used(function).items()
@@ -306,6 +314,31 @@ def _registers():
         return nb.carray(stack(), (LANES,))  # pyright: ignore[reportPrivateImportUsage]
 
     return registers
+
+
+@cache
+def _widened():
+    """Return the compiled twin of `wide`: it writes LLVM's attribute to the kernel that calls it,
+    into which all its helpers are inlined.
+    """
+    import numba as nb
+    from numba import types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def attribute(typing_context):
+        def code(context, builder, signature, arguments):
+            # llvmlite's own `add` knows attributes without a value only
+            set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+            return context.get_dummy_value()
+
+        return types.void(), code
+
+    @nb.njit(inline="always")
+    def widened():
+        attribute()
+
+    return widened
 
 
 def names_used(function: FunctionType) -> dict[str, Any]:

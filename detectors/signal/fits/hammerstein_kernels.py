@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.detectors.compiled import LANES, lanes, rows
+from simbench.detectors.compiled import LANES, lanes, rows, wide
 
 _MOST_ROUNDS = 60  # of the pattern search
 TIE = 1e-12  # errors that differ by less are equal: rounding shall not choose the way
@@ -87,6 +87,7 @@ def errors(record, valves, stride, out):
     delay[i] + stride (0, 1 ... count[i] - 1). The error is relative to the variance of y, both over
     the averages from `first` to before `last`.
     """
+    wide()
     n, delay = record.y.size, valves.delay
     v, total = rows(n), rows(n + 1)
     for block in range(0, delay.size, LANES):
@@ -106,6 +107,7 @@ def moves(record, valves, block, v, total):
     The map of `simbench.detectors.signal.stiction_map`, or He's (fs = (S + J)/2, fd = (S - J)/2);
     `m` is the direction of a moving valve, 0 for one at rest.
     """
+    wide()
     op, q, lo, hi = record.op, record.q, record.lo, record.hi
     stops, S, J, start = valves.stops, valves.S, valves.J, valves.start
     position, m, fs, fd, mean, run, halts = (
@@ -161,6 +163,7 @@ def answers(half, valves, low, block, v, total, x):
     """Fill `x` with the lags' answers to positions `v` with running sums `total`, each group late
     by its delay less `low`.
     """
+    wide()
     pole, delay = valves.pole, valves.delay
     a, gain, now = lanes(), lanes(), lanes()
     n = v.size // LANES
@@ -187,6 +190,7 @@ def _misfits(record, count, low, stride, block, x, out):
     """Fill `out` for a block of valves from their plants' answers; PV's two gains come from the
     normal equations.
     """
+    wide()
     y, first, last, sign = record.y, record.first, record.last, record.sign
     m = last - first
     sy = syy = 0.0
@@ -251,6 +255,7 @@ def _moments(record, m, top, x, sx, sxx, sxz, sxy):
     """Sums of x, its square, its product with itself one sample earlier and with y, over the `m`
     samples from `top` on.
     """
+    wide()
     y, first = record.y, record.first
     for c in range(LANES):
         sx[c] = sxx[c] = sxz[c] = sxy[c] = 0.0
@@ -266,6 +271,7 @@ def _moments(record, m, top, x, sx, sxx, sxz, sxy):
 
 def product(y, first, m, top, x, sxy):
     """Sums of the products of y and x over the `m` samples from `top` on."""
+    wide()
     for c in range(LANES):
         sxy[c] = 0.0
     # four samples a turn: LLVM unrolls a shorter loop over the lanes before it could become
@@ -301,6 +307,7 @@ def descend(record, begin, points, steps, least, error):
     the bet that none pays; those after one that does are discarded. So the way is that of one
     trial after another.
     """
+    wide()
     m = len(points)
     search, ahead = np.zeros((m, _TRIAL + 3)), np.empty(_TRIAL + 3)
     for p in range(m):
