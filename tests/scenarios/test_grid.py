@@ -2,6 +2,8 @@
 
 import json
 import math
+from importlib.resources import files
+from pathlib import Path
 
 import pytest
 
@@ -28,6 +30,12 @@ PLAIN = {
     },
     "axes": {"valve.J": [1, 2, 5], "noise.std": [0.0, 0.1]},
 }
+
+
+@pytest.mark.parametrize("name", grid_names())
+def test_a_grid_of_the_package_which_is_read_unchecked_has_no_mistake(name):
+    file = Path(str(files("simbench.scenarios") / "grids" / f"{name}.toml"))
+    assert load_grid(file).hash == load_grid(name).hash
 
 
 def ruled(**changes):

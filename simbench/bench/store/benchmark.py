@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from simbench.bench.store.checksums import RunError
-from simbench.scenarios.grid import Grid, GridFile, grid_names, load_grid
+from simbench.scenarios.grid import Grid, GridFile, grid_names, packaged_grid
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.spec import content_hash
 
@@ -57,13 +57,14 @@ def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> benchmark_of(load_grid("smoke"), ["a", "b"]) == benchmark_of(load_grid("smoke"), ["b", "a"])
+    >>> grid = packaged_grid("smoke")
+    >>> benchmark_of(grid, ["a", "b"]) == benchmark_of(grid, ["b", "a"])
     True
     """
     scenarios = hashlib.sha256("\n".join(sorted(ids)).encode()).hexdigest()[:16]
     parts = {"grid": grid.cells_hash, "scenarios": scenarios, "evaluator": evaluator_hash()}
     name = f"{grid.name}-{grid.content.version}"
-    if grid.name in grid_names() and load_grid(grid.name).cells_hash != grid.cells_hash:
+    if grid.name in grid_names() and packaged_grid(grid.name).cells_hash != grid.cells_hash:
         name += " changed"
     return {
         "name": name,
