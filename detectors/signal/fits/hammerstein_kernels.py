@@ -136,16 +136,15 @@ def moves(record, valves, block, v, total):
             side = 1.0 if u > before else -1.0 if u < before else 0.0
             before = u
             for c in range(LANES):
-                breaks = (
-                    1.0 if u - position[c] > fs[c] else -1.0 if position[c] - u > fs[c] else 0.0
-                )
+                off = u - position[c]
+                breaks = 1.0 if off > fs[c] else -1.0 if -off > fs[c] else 0.0
                 m[c] = (
                     m[c]
                     if m[c] != 0.0 and (first or (m[c] == side and halts[c] == 0.0))
                     else breaks
                 )
-                above, below = min(max(u - fd[c], lo), hi), min(max(u + fd[c], lo), hi)
-                position[c] = above if m[c] > 0.0 else below if m[c] < 0.0 else position[c]
+                moved = min(max(u - m[c] * fd[c], lo), hi)
+                position[c] = moved if m[c] != 0.0 else position[c]
                 mean[c] += position[c]
             first = False
         for c in range(LANES):
