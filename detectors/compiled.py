@@ -27,6 +27,8 @@ _PLAIN_SAMPLES = 400_000
 _FIRST_USE = (
     "first use: compiling for this computer, some 10 to 30 seconds; later runs start at once"
 )
+# of a function that other kernels alone call: no entry for Python or C is compiled
+_UNCALLED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 LANES = 32
 """Values that a row of `lanes` holds: four AVX-512 registers.
 
@@ -69,7 +71,8 @@ def compiled(function: FunctionType):
     Kernels fill arrays element by element. For an array that is assigned to a part of another one
     numba compiles its string functions as well, which takes seconds.
     """
-    text = f'@njit(cache=True, error_model="numpy")\n{inspect.getsource(function)}'
+    options = 'cache=True, error_model="numpy", no_cfunc_wrapper=True'
+    text = f"@njit({options})\n{inspect.getsource(function)}"
     return getattr(
         cached_module(function.__name__.strip("_"), names_used(function), text, "numpy"),
         function.__name__,
@@ -111,7 +114,7 @@ def njit_cached(function: FunctionType):
     from numba import njit
 
     try:
-        return _with_checksum(njit(cache=True)(function))
+        return _with_checksum(njit(cache=True, no_cfunc_wrapper=True)(function))
     except RuntimeError:  # numba finds no folder to write to, and gives up
         return njit(function)
 
@@ -286,7 +289,8 @@ def _jitted(function: FunctionType, error_model: str):
     )
     copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
     # lanes stay in registers only where the loops over them stand in one function
-    return njit(copy, error_model=error_model, forceinline=error_model == "numpy")
+    inlined = error_model == "numpy"
+    return njit(copy, error_model=error_model, forceinline=inlined, **_UNCALLED)
 
 
 @cache
