@@ -190,7 +190,7 @@ def judge_record(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list
     """
     since = time.perf_counter()
     unsighted, blind = record.without_mv(), prepare_once(record)
-    blind.oscillation, blind.flags  # noqa: B018  computed once, for all methods
+    _ = blind.oscillation, blind.flags  # found once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
     answers = []
     for name, values in chosen.items():
