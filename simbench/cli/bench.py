@@ -193,7 +193,7 @@ def score(
         Option(
             metavar="AXIS",
             help="Print sensitivity and false positives over this axis of the grid, for example"
-            " S_over_2J.",
+            " S_over_2J, or valve.S where a grid varies it.",
         ),
     ] = None,
     cost: Annotated[

@@ -18,7 +18,6 @@ from simbench.bench.score.scoring import axis_codes, home_of
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
-from simbench.bench.store.tables import AXES
 from simbench.detectors.errors import UserError, nearest
 
 _LEVEL = 0.05
@@ -229,7 +228,7 @@ def _comparison(
 
 def _by_axis(book: RunArrays, truth: str) -> Iterator[tuple]:
     right, known = _right(book, truth), _applies(book) & (book.truth[truth] >= 0)
-    for axis in AXES:
+    for axis in book.along:
         values, codes = axis_codes(book, axis)
         for k, value in enumerate(values):
             chosen = codes == k

@@ -224,8 +224,8 @@ class Scores:
         Parameters
         ----------
         axis : str
-            Td_over_T, Td_over_Ti, S_over_2J, noise_ratio, disturbance, tuning or
-            samples_per_period.
+            Td_over_T, Td_over_Ti, S_over_2J, noise_ratio, disturbance, tuning, samples_per_period,
+            or an axis of the grid's own, such as valve.S.
 
         Returns
         -------

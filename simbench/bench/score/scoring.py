@@ -30,7 +30,7 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.stability import RankStability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
-from simbench.bench.store.tables import AXES, CELL_S_OVER_2J
+from simbench.bench.store.tables import CELL_S_OVER_2J
 from simbench.detectors.signal.conditioning import median
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.scenarios.cell import ULTIMATE
@@ -101,7 +101,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
     # 0 does not oscillate, 1 does, 2 is not ranked
     going_on = np.where(book.apart, 2, book.oscillating)
-    axes = {axis: axis_codes(book, axis) for axis in AXES}
+    axes = {axis: axis_codes(book, axis) for axis in book.along}
     whole = [*answers_of(book), *reference]
     codes = [((a.said & 3) * 2 + a.applies) * 2 + a.failed for a in whole]
     # the order of the scores is all that counts, and found once

@@ -34,6 +34,8 @@ _WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "t
 _NUMBERS = (*(axis for axis in AXES if axis not in _WORDS), CELL_S_OVER_2J, RANKED)
 # of which few values differ
 _CODED = {"scenarios": (*_WORDS, "cycled"), "verdicts": ("scenario_id", "method", "verdict")}
+# values of an axis of a grid's own, beyond which a run is not scored by it
+_MOST_ALONG = 200
 ENDS = ("S_lo", "S_hi", "J_lo", "J_hi")
 
 
@@ -106,7 +108,8 @@ class RunArrays:
     ids: np.ndarray  # (n,) scenario ids
     hashes: np.ndarray  # (n,) of the records
     places: np.ndarray  # (n,) cell, repeat and member: the place of a scenario in its grid
-    # (n,) grid axes and other tags: numbers (NaN where there is none) or words
+    # (n,) grid axes, those of a loop's own grid ("valve.S"), and other tags: numbers (NaN where
+    # there is none) or words
     axes: dict[str, np.ndarray]
     # (n,) sticky, predicted, cycled: 1 positive, 0 negative, -1 left out; `cycled_word` holds the
     # four words
@@ -136,6 +139,11 @@ class RunArrays:
         """Which loops no ranking counts."""
         return self.axes[RANKED] == 0.0
 
+    @property
+    def along(self) -> tuple[str, ...]:
+        """The axes by which a run is scored."""
+        return (*AXES, *(name for name in _own_axes(self.manifest) if name in self.axes))
+
     @classmethod
     def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> RunArrays:
         """Read a finished run."""
@@ -143,8 +151,9 @@ class RunArrays:
         manifest = read_manifest(place) if manifest is None else manifest
         refuse_unfinished(place, manifest)
         methods, n = tuple(manifest["methods"]), manifest["counts"]["scenarios"]
-        kind = "scenarios"
-        scenarios = read_table(place, kind, _COLUMNS[kind], None, manifest, _CODED[kind])
+        kind, own = "scenarios", _own_axes(manifest)
+        columns = (*_COLUMNS[kind], *["tags"] * bool(own))
+        scenarios = read_table(place, kind, columns, None, manifest, _CODED[kind])
         ids, said, start, kind = scenarios.column("scenario_id").to_pylist(), [], 0, "verdicts"
         for part in _parts(place, kind, _COLUMNS[kind], manifest, _CODED[kind]):
             size = part.num_rows // max(len(methods), 1)
@@ -159,7 +168,9 @@ class RunArrays:
                 f" {len(methods)} methods are needed for each of {n} scenarios: run it again"
             )
         wide = {name: np.concatenate([s[name] for s in said], axis=-1) for name in said[0]}
-        return cls(manifest, methods=methods, **dict(_of_scenarios(scenarios)), **wide)
+        tall = dict(_of_scenarios(scenarios))
+        tall["axes"] = {**dict(_along_own(scenarios, own)), **tall["axes"]}
+        return cls(manifest, methods=methods, **tall, **wide)
 
 
 _COLUMNS = {
@@ -190,6 +201,27 @@ def _of_scenarios(table: pa.Table) -> Iterator[tuple[str, Any]]:
     yield "groups", table.column("group").to_numpy()
     yield "design", _lists(table.column("no_waveform"))
     yield "friction", np.column_stack([_numbers(table.column(name)) for name in "SJ"])
+
+
+def _own_axes(manifest: Mapping[str, Any]) -> list[str]:
+    """Return the axes of a run's grid that other grids have not: keys and sections of its loops."""
+    grid = manifest.get("grid_content", {})
+    tables = [part.get("axes") or {} for part in (grid, *(grid.get("block") or ()))]
+    few = [key for axes in tables for key, values in axes.items() if len(values) <= _MOST_ALONG]
+    return [key for key in dict.fromkeys(few) if key not in AXES]
+
+
+def _along_own(table: pa.Table, axes: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the values that scenarios have on such axes, which all scenarios of a cell share."""
+    if not axes:
+        return
+    _, first, cell = np.unique(table.column("cell"), return_index=True, return_inverse=True)
+    tags = [json.loads(table.column("tags")[int(k)].as_py()) for k in first]
+    for axis in axes:
+        values = [one.get(axis) for one in tags]
+        words = any(isinstance(value, str) for value in values)
+        known = ["" if v is None else str(v) for v in values] if words else values
+        yield axis, np.array(known, dtype=object if words else float)[cell]
 
 
 def _of_verdicts(table: pa.Table, shape: tuple[int, int]) -> Iterator[tuple[str, np.ndarray]]:

@@ -14,11 +14,12 @@ from simbench.bench.score.compare import between_methods
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import score_book, score_run
-from simbench.bench.store.reading import RunArrays
+from simbench.bench.store.reading import RunArrays, _own_axes
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(
@@ -574,6 +575,33 @@ def test_rates_over_an_axis_are_printed_drawn_and_given_as_json(finished, joined
     assert len(by["rows"]) == len(rows)
     assert main(["score", str(finished), "--by", "disturbanc"]) == 2
     assert "did you mean 'disturbance'" in capsys.readouterr().err
+
+
+def test_rates_over_the_axes_of_a_grid_of_ones_own(tmp_path, capsys):
+    plants = [LOOP.to_table()["plant"], {"type": "integrating", "K": 0.1, "Td": 2.0}]
+    table = {"title": "own", "repeats": 8, "loop": LOOP.to_table()}
+    axes = {"valve.S": [1.0, 5.0], "plant": plants, "noise.std": [k / 1000 for k in range(201)]}
+    few = {**table, "axes": {**axes, "noise.std": [0.1]}}
+    folder = run_grid(make_grid(few, "own"), tmp_path / "own", ["he"])
+    scenarios = pd.read_parquet(folder / "scenarios.parquet")
+    tags = scenarios.tags.map(json.loads)
+    verdicts = pd.read_parquet(folder / "verdicts.parquet").verdict
+    scores = score_run(folder)
+    for axis, values in (("valve.S", ["1", "5"]), ("plant", sorted({t["plant"] for t in tags}))):
+        rows = scores.along(axis)
+        assert rows["value"].tolist() == values
+        for row in rows.to_dict("records"):
+            of = tags.map(lambda t, axis=axis: t[axis] if axis == "plant" else f"{t[axis]:g}")
+            use = (of == row["value"]) & scenarios.cycled.isin(["yes", "no"])
+            healthy = use & (scenarios.cycled == "no")
+            assert row["n"] == use.sum()
+            share = (verdicts[healthy] == STICTION).mean()
+            assert row["false_positives"] == pytest.approx(share, nan_ok=True)
+    assert main(["score", str(folder), "--by", "valve.S"]) == 0
+    assert "\nvalve.S  method" in capsys.readouterr().out
+    # one value each of 201 says nothing
+    many = {"grid_content": {"axes": axes}}
+    assert "noise.std" not in _own_axes(many)
 
 
 def test_costs_over_weight_and_prevalence_follow_from_the_rates(book):
