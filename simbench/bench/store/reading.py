@@ -241,6 +241,8 @@ def _of_verdicts(table: pa.Table, shape: tuple[int, int]) -> Iterator[tuple[str,
 
 def _follow(column: pa.ChunkedArray, names: list[str], repeated: Any, times: int) -> bool:
     """Return whether a column holds names in their order, each of them or all so many times."""
+    if not len(column):  # of a piece whose echoes were all left out
+        return not len(names) * times
     values, codes = _coded(column)
     return values == names and np.array_equal(codes, repeated(np.arange(len(names)), times))
 

@@ -680,6 +680,19 @@ def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_o
     assert np.mean(healthy - sticky == 1) < 0.2  # 1/16 expected, as pieces have 16 loops
 
 
+def test_pieces_whose_loops_were_all_left_out_are_no_damage(small, tmp_path, monkeypatch):
+    kept, settled = [], work_module.settled
+    monkeypatch.setattr(
+        work_module, "settled", lambda group: kept.append(1) or settled(group)[: len(kept) > 2]
+    )
+    book = RunArrays.read(run_grid(small, tmp_path / "some", ["he"]))
+    assert 0 < book.ids.size < len(small) - 2
+    assert book.verdict.shape == (1, book.ids.size)
+    monkeypatch.setattr(work_module, "settled", lambda group: [])
+    book = RunArrays.read(run_grid(small, tmp_path / "none", ["he"]))
+    assert book.verdict.shape == (1, 0)
+
+
 def test_fresh_seeds_are_drawn_and_stated(tmp_path):
     file = tmp_path / "small.toml"
     file.write_text(
