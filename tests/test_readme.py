@@ -179,6 +179,33 @@ def test_the_python_block_gives_tables_and_pictures(place):
     assert len(scope["axes"]) == 2
 
 
+def test_the_ranking_is_the_one_in_results():
+    kept = (ROOT / "results" / "chapter_fresh_seeds.txt").read_text(encoding="utf-8")
+    lines = block("text", "no_waveform").strip().splitlines()
+    assert [line for line in lines if line not in kept.splitlines()] == []
+    loops = re.search(r"The ranking on (\d+) oscillating loops", README)
+    assert loops is not None
+    assert f"The table is on these {loops[1]}." in " ".join(kept.split())
+
+
+def test_the_costs_of_the_slower_methods_are_those_in_results():
+    kept = (ROOT / "results" / "chapter_likelihood.txt").read_text(encoding="utf-8")
+    text = " ".join(README.split())
+    costs = re.search(
+        r"`arx_stiction\*` costs (\S+) on \[(\d+) other loops\]\S+ `likelihood` (\S+),"
+        r" `procedure\*` (\S+?)\. ",
+        text,
+    )
+    assert costs is not None
+    arx, loops, likelihood, procedure = costs.groups()
+    assert f"The table is on these {loops}." in " ".join(kept.split())
+    for method, cost in zip(
+        ("arx_stiction", "likelihood", "procedure"), (arx, likelihood, procedure), strict=True
+    ):
+        row = next(line for line in kept.splitlines() if re.match(rf"\d+ +{method}[*+]? ", line))
+        assert row.split()[2] == cost.rstrip(",")
+
+
 def test_the_table_of_real_loops_is_the_one_in_results():
     text = (Path(__file__).parents[1] / "results" / "real_records.txt").read_text(encoding="utf-8")
     table = next(block for block in text.split("\n\n") if block.startswith("method "))
