@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from simbench.bench.score.names import ALL, HOME_MARKS, LEAST
 from simbench.bench.score.result import Scores
-from simbench.bench.score.scoring import answers_of, reference_answers, score_book
+from simbench.bench.score.scoring import CONSTANTS, answers_of, reference_answers, score_book
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.detectors.verdict import NO_STICTION, STICTION
@@ -57,7 +57,9 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
     )
     answers = {a.method: a for a in (*answers_of(book), *reference_answers(book))}
     rows = []
-    for r in (scores or score_book(book)).ranking("cycled", population=ALL).itertuples():
+    ranking = (scores or score_book(book)).ranking("cycled", population=ALL)
+    # what always says the same is a row of the table, and no news in a picture
+    for r in ranking[~ranking.method.isin(list(CONSTANTS))].itertuples():
         a = answers[str(r.method)]
         judged = (cycles | rests) & a.applies
         accuracy = float((a.said == cycles)[judged].mean()) if judged.any() else np.nan

@@ -59,7 +59,7 @@ _RATES = (
     "accuracy_all",
 )
 _LEFT_OUT = ("entrained", "unclear")
-_YARDSTICKS = {"always_no": CODES[NO_STICTION], "always_yes": CODES[STICTION]}
+CONSTANTS = {"always_no": CODES[NO_STICTION], "always_yes": CODES[STICTION]}
 _EACH = ("said", "applies", "failed", "runtime")
 _COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
@@ -204,7 +204,7 @@ def answers_of(book: RunArrays) -> Iterator[_Answers]:
             _full_name(method, about.get("changed", {})),
         )
     nothing = np.zeros(book.ids.size)
-    for name, code in _YARDSTICKS.items():
+    for name, code in CONSTANTS.items():
         said = np.full(book.ids.size, code)
         yield _Answers(
             name,
