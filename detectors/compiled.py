@@ -109,14 +109,15 @@ def _on_disk(function: FunctionType) -> bool:
 
 def njit_cached(function: FunctionType):
     """Return a function compiled by numba and cached next to it or for its user; where neither can
-    be written, not cached.
+    be written, not cached. Division by zero gives inf or NaN.
     """
     from numba import njit
 
+    options: Any = {"error_model": "numpy", "no_cfunc_wrapper": True}
     try:
-        return _with_checksum(njit(cache=True, no_cfunc_wrapper=True)(function))
+        return _with_checksum(njit(cache=True, **options)(function))
     except RuntimeError:  # numba finds no folder to write to, and gives up
-        return njit(function)
+        return njit(**options)(function)
 
 
 @contextlib.contextmanager
