@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.detectors.compiled import LANES, lanes
+from simbench.detectors.compiled import LANES, lanes, wide
 
 MOST_NEIGHBOURS = 8  # neighbours, one list of `nearest` each
 
@@ -22,6 +22,7 @@ def predicted(x, embedding, horizon, neighbours):
     Pieces of `embedding` samples that overlap are no look-alikes. Of look-alikes equally far, the
     last that fit all count.
     """
+    wide()
     m = x.size - horizon - embedding + 1
     far = _distances(x, embedding, m)
     edge = nearest(far, embedding, m, neighbours)
@@ -55,6 +56,7 @@ def _distances(x, embedding, m):
     """Return far[lag, LANES + i], the squared distance of pieces i and i + lag of `m`; infinite
     beyond the first and the last pair.
     """
+    wide()
     far = np.empty((m, m + 3 * LANES))
     square, pair = np.zeros(x.size + 2 * LANES), np.zeros(x.size + 2 * LANES)
     total = lanes()
@@ -86,6 +88,7 @@ def nearest(far, embedding, m, neighbours):
     """Return the squared distance of each piece's look-alike number `neighbours` (1 to MOST);
     infinite if it has fewer.
     """
+    wide()
     edge = np.empty(m + LANES)
     n0, n1, n2, n3, n4, n5, n6, n7 = (
         lanes(),
