@@ -46,6 +46,8 @@ def lanes():
 def wide():
     """Let the loops over lanes of a compiled kernel become instructions of 512 bits where the
     processor has them; by itself LLVM stops at 256. The bits stay the same.
+
+    Every function on the way says so: one that loops, and the kernels that it is inlined into.
     """
 
 
@@ -323,8 +325,8 @@ def _registers():
 
 @cache
 def _widened():
-    """Return the compiled twin of `wide`: it writes LLVM's attribute to the kernel that calls it,
-    into which all its helpers are inlined.
+    """Return the compiled twin of `wide`, which writes LLVM's attribute to the function that calls
+    it.
     """
     import numba as nb
     from numba import types

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.bench.score.names import ALL, HOME_MARKS, LEAST
+from simbench.bench.score.names import ALL, CONSTANTS, HOME_MARKS, LEAST
 from simbench.bench.score.result import Scores
-from simbench.bench.score.scoring import CONSTANTS, answers_of, reference_answers, score_book
+from simbench.bench.score.scoring import answers_of, reference_answers, score_book
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.detectors.verdict import NO_STICTION, STICTION

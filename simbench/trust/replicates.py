@@ -108,6 +108,7 @@ class _Base:
 
 
 def _base(loop: Loop, record: LoopRecord, change: Change) -> _Base:
+    """Return a loop as it is varied, with a change of what might have been recorded."""
     loop = loop if change.loop is None else change.loop(loop)
     still = loop.model_copy(update={"setpoint": SetPoint(value=loop.setpoint.value)})
     sampling, setpoint, ahead = _timed(loop.setpoint, record, change)

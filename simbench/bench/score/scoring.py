@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
-from importlib.resources import files
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,6 +13,7 @@ import numpy as np
 from simbench.bench.score.folds import folds_of, found_at, risk_coverage
 from simbench.bench.score.names import (
     ALL,
+    CONSTANTS,
     NO_WAVEFORM,
     OF_NOT_OSCILLATING,
     OF_OSCILLATING,
@@ -32,10 +31,9 @@ from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.bench.store.tables import CELL_S_OVER_2J
 from simbench.detectors.signal.conditioning import median
-from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.cell import ULTIMATE
-from simbench.scenarios.grid import grid_names
-from simbench.scenarios.spec import read_toml
+from simbench.scenarios.grid import grid_names, packaged_grid
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,7 +57,6 @@ _RATES = (
     "accuracy_all",
 )
 _LEFT_OUT = ("entrained", "unclear")
-CONSTANTS = {"always_no": CODES[NO_STICTION], "always_yes": CODES[STICTION]}
 _EACH = ("said", "applies", "failed", "runtime")
 _COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
 
@@ -204,8 +201,8 @@ def answers_of(book: RunArrays) -> Iterator[_Answers]:
             _full_name(method, about.get("changed", {})),
         )
     nothing = np.zeros(book.ids.size)
-    for name, code in CONSTANTS.items():
-        said = np.full(book.ids.size, code)
+    for name, word in CONSTANTS.items():
+        said = np.full(book.ids.size, CODES[word])
         yield _Answers(
             name,
             ROLE_YARDSTICK,
@@ -235,14 +232,8 @@ def home_of(method: str, book: RunArrays) -> str:
     ]
     if book.manifest["grid"] in known:
         return "fitted here"
-    return "siblings" if any(_blocks(name) & set(book.axes["block"]) for name in known) else "no"
-
-
-@cache
-def _blocks(grid: str) -> frozenset[str]:
-    # as the file names them: building a grid only to ask for names takes longer than the scoring
-    table = read_toml(Path(str(files("simbench.scenarios") / "grids" / f"{grid}.toml")))
-    return frozenset(block["name"] for block in table.get("block", ()))
+    blocks = {block.name for name in known for block in packaged_grid(name).content.block}
+    return "siblings" if blocks & set(book.axes["block"]) else "no"
 
 
 def reference_answers(book: RunArrays) -> list[_Answers]:

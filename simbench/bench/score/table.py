@@ -16,6 +16,7 @@ import numpy as np
 from simbench.bench.score import tradeoff
 from simbench.bench.score.names import (
     ALL,
+    CONSTANTS,
     HOME_MARKS,
     LEAST,
     NO_WAVEFORM,
@@ -218,9 +219,7 @@ def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
         group = (r.kind, r.partial, n if r.partial else None)
         if group != before and (group[0] or r.partial):
             body.append(("title", _group(r, scores)))
-        body.append(
-            ("always" if r.method.startswith("always_") else "fixed" if r.kind == 2 else "row", r)
-        )
+        body.append(("always" if r.method in CONSTANTS else "fixed" if r.kind == 2 else "row", r))
         before = group
     if len(body) > room:
         body = [(kind, r) for kind, r in body if kind != "always"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from simbench.bench.store.checksums import (
 )
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import Place, place_of
-from simbench.bench.store.tables import AXES, CELL_S_OVER_2J, RANKED
+from simbench.bench.store.tables import AXES, CELL_S_OVER_2J, RANKED, WORD_COLUMNS
 from simbench.detectors.errors import nearest
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.scenarios.spec import Loop, Scenario
@@ -30,13 +30,25 @@ from simbench.scenarios.spec import Loop, Scenario
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
 _CYCLED = {"yes": 1, "no": 0}
-_WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning", "echo")
-_NUMBERS = (*(axis for axis in AXES if axis not in _WORDS), CELL_S_OVER_2J, RANKED)
-# of which few values differ
-_CODED = {"scenarios": (*_WORDS, "cycled"), "verdicts": ("scenario_id", "method", "verdict")}
+_NUMBERS = (*(axis for axis in AXES if axis not in WORD_COLUMNS), CELL_S_OVER_2J, RANKED)
 # values of an axis of a grid's own, beyond which a run is not scored by it
 _MOST_ALONG = 200
 ENDS = ("S_lo", "S_hi", "J_lo", "J_hi")
+# what is read into arrays: columns of which few values differ, which stay numbers of these, and
+# others
+_COLUMNS = {
+    "scenarios": (
+        (*WORD_COLUMNS, "cycled"),
+        (
+            *("scenario_id", "record_hash", "cell", "repeat", "group", *_NUMBERS),
+            *("sticky", "predicted", "oscillating", "no_waveform", "S", "J"),
+        ),
+    ),
+    "verdicts": (
+        ("scenario_id", "method", "verdict"),
+        ("score", "applicable", "error", "runtime_s", *ENDS),
+    ),
+}
 
 
 def read_table(
@@ -44,33 +56,44 @@ def read_table(
     kind: str,
     columns: Sequence[str] | None = None,
     only: pc.Expression | None = None,
-    manifest: Mapping[str, Any] | None = None,
-    coded: Sequence[str] = (),
 ) -> pa.Table:
-    """Return the rows of a table of a run or baseline for which an expression is true; the values
-    of `coded` columns as numbers of the few that differ.
-    """
+    """Return the rows of a table of a run or baseline for which an expression is true."""
     place = place_of(folder)
-    manifest = read_manifest(place) if manifest is None else manifest
-    parts = _parts(place, kind, columns, manifest, coded)
-    return pa.concat_tables(part if only is None else part.filter(only) for part in parts)
+    parts = _parts(place, kind, read_manifest(place), columns)
+    return _joined(part if only is None else part.filter(only) for part in parts)
+
+
+def _joined(parts: Iterable[pa.Table]) -> pa.Table:
+    return pa.concat_tables(part.replace_schema_metadata() for part in parts)
 
 
 def _parts(
     place: Place,
     kind: str,
-    columns: Sequence[str] | None,
     manifest: Mapping[str, Any],
-    coded: Sequence[str],
+    columns: Sequence[str] | None = None,
+    coded: Sequence[str] = (),
 ) -> Iterator[pa.Table]:
     """Yield a table of a run or baseline file by file, whole scenarios in each."""
     refuse_unfinished(place, manifest)
-    for name, mark in table_files(place, manifest, kind):
+    files = table_files(place, manifest, kind)
+    if not files:
+        raise RunError(
+            f"{place} is damaged: table {kind} has no file, which is needed; run it again"
+        )
+    for name, mark in files:
         content = pa.BufferReader(verified(place, name, mark))
         source = pq.ParquetFile(content, read_dictionary=list(coded))
         # small parts: threads cost more than they save
-        part = source.read(columns=None if columns is None else list(columns), use_threads=False)
-        yield part.replace_schema_metadata()
+        yield source.read(columns=None if columns is None else list(columns), use_threads=False)
+
+
+def _parts_for_arrays(
+    place: Place, kind: str, manifest: Mapping[str, Any], *more: str
+) -> Iterator[pa.Table]:
+    """Yield what of a table's files is read into arrays."""
+    coded, others = _COLUMNS[kind]
+    return _parts(place, kind, manifest, (*coded, *others, *more), coded)
 
 
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
@@ -151,11 +174,11 @@ class RunArrays:
         manifest = read_manifest(place) if manifest is None else manifest
         refuse_unfinished(place, manifest)
         methods, n = tuple(manifest["methods"]), manifest["counts"]["scenarios"]
-        kind, own = "scenarios", _own_axes(manifest)
-        columns = (*_COLUMNS[kind], *["tags"] * bool(own))
-        scenarios = read_table(place, kind, columns, None, manifest, _CODED[kind])
-        ids, said, start, kind = scenarios.column("scenario_id").to_pylist(), [], 0, "verdicts"
-        for part in _parts(place, kind, _COLUMNS[kind], manifest, _CODED[kind]):
+        own = _own_axes(manifest)
+        tags = ["tags"] if own else []
+        scenarios = _joined(_parts_for_arrays(place, "scenarios", manifest, *tags))
+        ids, said, start = scenarios.column("scenario_id").to_pylist(), [], 0
+        for part in _parts_for_arrays(place, "verdicts", manifest):
             size = part.num_rows // max(len(methods), 1)
             some = ids[start : start + size]
             match = _follow(part.column("scenario_id"), some, np.repeat, len(methods))
@@ -173,17 +196,6 @@ class RunArrays:
         return cls(manifest, methods=methods, **tall, **wide)
 
 
-_COLUMNS = {
-    "scenarios": (
-        *("scenario_id", "record_hash", "cell", "repeat", "group", *_WORDS, *_NUMBERS, *TRUTHS),
-        *("oscillating", "no_waveform", "S", "J"),
-    ),
-    "verdicts": (
-        *("scenario_id", "method", "verdict", "score", "applicable", "error", "runtime_s", *ENDS),
-    ),
-}
-
-
 def _of_scenarios(table: pa.Table) -> Iterator[tuple[str, Any]]:
     """Yield the arrays of a run that its scenarios give."""
     for name, column in (("ids", "scenario_id"), ("hashes", "record_hash")):
@@ -191,12 +203,11 @@ def _of_scenarios(table: pa.Table) -> Iterator[tuple[str, Any]]:
     place = (table.column(c).cast(pa.string()) for c in ("cell", "repeat", "member"))
     none = {"null_handling": "replace", "null_replacement": "None"}
     yield "places", np.array(pc.binary_join_element_wise(*place, "/", **none).to_pylist(), "S")
-    axes = {name: _of_words(table.column(name)) for name in _WORDS}
+    axes = {name: _of_words(table.column(name)) for name in WORD_COLUMNS}
     yield "axes", axes | {name: _numbers(table.column(name)) for name in _NUMBERS}
     truth = {name: _flags(table.column(name)) for name in ("sticky", "predicted")}
-    word = _of_words(table.column("cycled"))
-    truth["cycled"] = _of_words(table.column("cycled"), _CYCLED, np.int8)
-    yield "truth", truth | {"cycled_word": word}
+    truth["cycled"] = _codes(table.column("cycled"), _CYCLED)
+    yield "truth", truth | {"cycled_word": _of_words(table.column("cycled"))}
     yield "oscillating", _flags(table.column("oscillating")) == 1
     yield "groups", table.column("group").to_numpy()
     yield "design", _lists(table.column("no_waveform"))
@@ -230,7 +241,7 @@ def _of_verdicts(table: pa.Table, shape: tuple[int, int]) -> Iterator[tuple[str,
     def by_method(values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values.reshape(shape[::-1]).T)
 
-    yield "verdict", by_method(_of_words(table.column("verdict"), CODES, np.int8))
+    yield "verdict", by_method(_codes(table.column("verdict"), CODES))
     yield "score", by_method(_numbers(table.column("score")))
     yield "applicable", by_method(_flags(table.column("applicable")))
     yield "failed", by_method(table.column("error").is_valid().to_numpy())
@@ -258,14 +269,17 @@ def _coded(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
     return names, codes.to_numpy(zero_copy_only=False)
 
 
-def _of_words(
-    column: pa.ChunkedArray, codes: Mapping[str, int] | None = None, kind: Any = object
-) -> np.ndarray:
-    """Return the words of a column, "" for null, or their codes, -1 for other words."""
+def _of_words(column: pa.ChunkedArray) -> np.ndarray:
+    """Return the words of a column, "" for null."""
     names, places = _coded(column)
-    values = [*names, ""] if codes is None else [codes.get(name, -1) for name in [*names, ""]]
     # objects: all rows share a few strings
-    return np.array(values, dtype=kind)[places]
+    return np.array([*names, ""], dtype=object)[places]
+
+
+def _codes(column: pa.ChunkedArray, codes: Mapping[str, int]) -> np.ndarray:
+    """Return the codes of a column's words, -1 of others and for null."""
+    names, places = _coded(column)
+    return np.array([*(codes.get(name, -1) for name in names), -1], dtype=np.int8)[places]
 
 
 def _numbers(column: pa.ChunkedArray) -> np.ndarray:

@@ -26,7 +26,16 @@ AXES = (
     "echo",
     "cut",
 )
-_WORDS = ("block", "member", "process", "controller", "valve", "disturbance", "tuning", "echo")
+WORD_COLUMNS = (
+    "block",
+    "member",
+    "process",
+    "controller",
+    "valve",
+    "disturbance",
+    "tuning",
+    "echo",
+)
 _COUNTS = ("cell", "repeat")
 RANKED = "ranked"  # 0: no ranking counts this loop
 CELL_S_OVER_2J = "cell_S_over_2J"  # also of a healthy loop, whose own S_over_2J is 0
@@ -64,7 +73,7 @@ SCENARIOS = pa.schema(
         ("scenario_id", _TEXT),
         ("group", pa.int64()),
         *(
-            (name, pa.int64() if name in _COUNTS else _TEXT if name in _WORDS else _NUMBER)
+            (name, pa.int64() if name in _COUNTS else _TEXT if name in WORD_COLUMNS else _NUMBER)
             for name in TAG_KEYS
         ),
         *_columns("""
