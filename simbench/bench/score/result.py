@@ -276,11 +276,16 @@ class Scores:
                 size = options.pop("figsize", (9, 4))
                 _, panels = plt.subplots(1, 2, sharey=True, figsize=size, layout="constrained")
             look = {"marker": "o", "ylim": (-0.02, 1.02), "xlabel": by, "ylabel": "share of loops"}
+            # both panels show every value, also one at which no loop has a rate
+            look |= {"xticks": range(len(values)), "xlim": (-0.3, len(values) - 0.7)}
+            look |= {"rot": 20, "colormap": "tab20"}
             for axes, name in zip(panels, ("sensitivity", "false_positives"), strict=True):
                 title = name.replace("_", " ")
                 wide[name].plot(ax=axes, **{**look, "title": title, "legend": False, **options})
             # beside the curves, none of which it may hide
-            panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="method")
+            panels[-1].legend(
+                loc="center left", bbox_to_anchor=(1.0, 0.5), title="method", fontsize="small"
+            )
             return panels
         rows = self.ranking().set_index("method")[::-1]
         value = rows.accuracy_applicable
