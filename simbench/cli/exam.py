@@ -100,6 +100,26 @@ def answer(
     )
 
 
+@exam_app.command(epilog=examples("exam commit answers.csv --exam exam"))
+def commit(
+    answers: Annotated[
+        Path, Argument(metavar="ANSWERS.csv", help="Commit to this file of answers.")
+    ],
+    folder: Annotated[
+        Path, Option("--exam", metavar="EXAM", help="List the checksum in this exam's folder.")
+    ],
+) -> None:
+    """List the checksum of answers in the exam, before it is opened.
+
+    `exam open` marks answers that were not listed before the first opening: whoever wrote them
+    may have known the labels.
+    """
+    from simbench.bench.exam.commitments import COMMITMENTS, commit_answers
+
+    print(f"sha256 {commit_answers(answers, folder)}")
+    say(f"{answers} is listed in {folder / COMMITMENTS}; change it no more.")
+
+
 @exam_app.command(
     "open",
     epilog=examples("exam open exam --key exam.key answers.csv mine.csv --report report.html"),
@@ -123,6 +143,7 @@ def open_(
 
     The table is that of `simbench score`; its help explains the columns.
     """
+    from simbench.bench.exam.commitments import COMMITMENTS, OPENINGS
     from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS
     from simbench.bench.exam.opening import opened_exam
     from simbench.bench.execute.failures import read_failures
@@ -130,7 +151,11 @@ def open_(
     from simbench.files import refuse_own_input, write_table
 
     refuse_own_input(
-        [labels, report], [*(folder / name for name in (EXAM, LOOPS, RECORDS)), key, *answers]
+        [labels, report],
+        [
+            *(folder / name for name in (EXAM, LOOPS, RECORDS, COMMITMENTS)),
+            *(key, key.with_name(OPENINGS), *answers),
+        ],
     )
     with opened_exam(folder, key, answers, jobs) as opened:
         scores, missing = score_run(opened.run), opened.missing
@@ -142,6 +167,10 @@ def open_(
         lines = [
             f"{name} left out {count} records, which count as no decision"
             for name, count in missing.items()
+        ]
+        lines += [
+            f"{name} answered after opening: its answers were not listed by `exam commit` before"
+            for name in opened.late
         ]
         if labels is not None:
             write_table(opened.labels, labels)

@@ -290,6 +290,8 @@ def test_score_and_the_run_tables(answer, place, capsys):
         "home",
         "division",
         "name",
+        "verified",
+        "answered",
         "population",
     }
     assert set(rows.truth) == {"sticky", "predicted", "cycled"}

@@ -10,6 +10,7 @@ from pathlib import Path
 from shutil import rmtree
 
 from simbench.bench.exam.answers import NEEDED, OPTIONAL, read_answers, rows_of
+from simbench.bench.exam.commitments import COMMITMENTS
 from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS, read_exam
 from simbench.bench.execute.lease import lease
 from simbench.bench.execute.run import choose_with_oracle
@@ -44,7 +45,7 @@ def answer_exam(
     Each detector sees what `run` shows it of the same loop, but for MV.
     """
     exam, out = read_exam(folder), Path(out)
-    refuse_own_input([out], [exam.file(name) for name in (EXAM, LOOPS, RECORDS)])
+    refuse_own_input([out], [exam.file(name) for name in (EXAM, LOOPS, RECORDS, COMMITMENTS)])
     files = [str(Path(p).resolve()) for p in plugins]
     with registry.hosted(files) as added:
         names = choose_with_oracle(methods, added)

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from simbench.bench.exam.answers import Answers, read_answers
+from simbench.bench.exam.commitments import answered_late, note_opening
 from simbench.bench.exam.folder import LOOPS, RECORDS, Exam, mark_of, read_exam
 from simbench.bench.exam.simulating import simulate_picks
 from simbench.bench.execute import pieces
@@ -64,6 +65,7 @@ class Opened:
 
     run: Path  # a folder that holds truth and answers as a run does; it goes with the exam
     missing: dict[str, int]  # records that a method left out, of methods that left any
+    late: list[str]  # methods whose answers were not committed to before the first opening
     labels: pd.DataFrame  # one row a record, in the order of the exam
 
 
@@ -85,7 +87,7 @@ def opened_exam(
     Yields
     ------
     Opened
-        An answer that is missing counts as no_decision.
+        An answer that is missing counts as no_decision. The opening is noted beside the key.
 
     Raises
     ------
@@ -134,7 +136,8 @@ def opened_exam(
             f" {evaluator_hash()})"
         )
         raise ParameterError(f"exam: {exam.folder} {made}; open it with the version that made it")
-    given = read_answers([Path(file) for file in answers], exam.records)
+    files = [Path(file) for file in answers]
+    given = read_answers(files, exam.records)
     names = {place: ident for ident, place in places.items()}
     simulated = simulate_picks(grid, names, jobs, _with_truth)
     for place, ident in names.items():
@@ -145,13 +148,16 @@ def opened_exam(
             cure = "restore it, or open it on the kind of machine that made it"
             raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
     _refuse_forged(given, exam.records)
+    late = read_answers(answered_late(exam, key, files), exam.records)
+    note_opening(exam, key, files)
     rows = {
         names[place]: truth for place, (_, *truth) in simulated.items()
     }  # in the order of the grid
     settings = {
         **grid_settings(grid),
         "scenarios": len(rows),
-        "methods": {**{name: _about(name) for name in given}, ORACLE: about_method(ORACLE)},
+        "methods": {name: _about(name, name in late) for name in given}
+        | {ORACLE: about_method(ORACLE)},
         "plugins": {},
         "command": "simbench exam open",
         "exam": exam.about["commitment"],
@@ -160,7 +166,9 @@ def opened_exam(
         run = Path(place) / "run"
         _write_run(run, describe(settings), rows, given)
         missing = {name: len(rows) - len(of) for name, of in given.items() if len(of) < len(rows)}
-        yield Opened(run, missing, _labels(exam, {ident: row for ident, (row, *_) in rows.items()}))
+        foreign = [name for name in late if not registry.built_in(name)]
+        labels = _labels(exam, {ident: row for ident, (row, *_) in rows.items()})
+        yield Opened(run, missing, foreign, labels)
 
 
 def _with_truth(it: SimulatedScenario) -> tuple[Any, ...]:
@@ -200,13 +208,15 @@ def _refuse_forged(given: Answers, records: Mapping[str, LoopRecord]) -> None:
                     )
 
 
-def _about(name: str) -> dict[str, Any]:
-    """Return what is known of a method; whatever its name, it saw no MV here."""
+def _about(name: str, late: bool) -> dict[str, Any]:
+    """Return what is known of a method and of its answers; whatever its name, it saw no MV here."""
+    own = registry.built_in(name)  # and asked again
+    answered = "package" if own else "after opening" if late else "before opening"
     try:
         known = about_method(name)
     except UserError:
         known = _FOREIGN
-    return {**known, "needs_mv": False}
+    return {**known, "needs_mv": False, "verified": own, "answered": answered}
 
 
 def _write_run(

@@ -47,6 +47,8 @@ _ROWS = (
     "home",
     "division",
     "name",
+    "verified",
+    "answered",
 )
 _INTERVALS = (
     *_PLACE,
@@ -85,7 +87,9 @@ class Scores:
         of the surest answers); cost_over_no_waveform, the cost less that of the reference row
         `no_waveform` on the same loops; accuracy_all over everything; home, where its constants
         were fitted; division ("published", "tuned" here, "learned", "reference", None where not
-        stated), name with every changed threshold; missed, undecided_positives and
+        stated), name with every changed threshold; verified, whether simbench itself asked for the
+        answers or asked again; answered ("package", of an exam's foreign methods "before opening"
+        or "after opening"); missed, undecided_positives and
         undecided_negatives (no decision of positives and of negatives); errors; median runtime in
         ms.
     by_axis : DataFrame

@@ -76,6 +76,8 @@ class _Answers(NamedTuple):
     # "published", "tuned" (here, to simulated loops), "learned" or "reference"; None: not stated
     division: str | None = "reference"
     name: str = ""  # with every threshold that is not the method's default
+    verified: bool = True  # by asking a method of the package
+    answered: str = "package"  # of a foreign method "before opening" or "after opening" of an exam
 
 
 def score_run(
@@ -186,6 +188,7 @@ def answers_of(book: RunArrays) -> Iterator[_Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same."""
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]
+        foreign = {method, f"own {method}"} & set(book.manifest.get("plugins", ()))
         applies = book.applicable[i] != 0
         yield _Answers(
             method,
@@ -199,6 +202,8 @@ def answers_of(book: RunArrays) -> Iterator[_Answers]:
             home_of(method, book),
             about.get("division"),
             _full_name(method, about.get("changed", {})),
+            about.get("verified", not foreign),
+            about.get("answered", "package"),
         )
     nothing = np.zeros(book.ids.size)
     for name, word in CONSTANTS.items():
@@ -321,6 +326,8 @@ def _row(
         "home": a.home,
         "division": a.division,
         "name": a.name,
+        "verified": a.verified,
+        "answered": a.answered,
     }
     row.update(n=n, n_all=int(counts.sum()), positives=int(counts[2].sum()), applicable=m)
     lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))

@@ -318,7 +318,7 @@ def test_json_is_the_contracts(scores):
         "method,truth,process,population,n,applicable,accuracy_applicable,"
         "accuracy_decided,no_decision,found"
     )
-    new = "found_at_5,cost,risk_coverage,home,division,name"
+    new = "found_at_5,cost,risk_coverage,home,division,name,verified,answered"
     assert {",".join(row) for row in content["rows"]} == {
         f"{keys},false_alarms,accuracy_all,auc,lo,hi,sees_mv,rank,{new}"
     }
