@@ -11,7 +11,7 @@ Indices: stuck_share in 0..1; stuck_op, mean movement of OP in these intervals, 
 Rule: stiction when stuck_share > share_min. S is estimated by stuck_op.
 Not for: noisy valve positions; PV of a slow process in their place; valves whose S is far below the
 swing of OP.
-Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method A; bounds set here.
+Source: method A of M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS; own bounds.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ one slope; their distance along OP is S - J. Stiction when width > width_min and
 a lag alone draws an ellipse, which is wide but has no flat sides.
 Not for: J near S, whose parallelogram has no width (no decision when the valve rests all the
 same); noisy valve positions; PV of a slow process in their place.
-Source: M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS, method B; bounds set here.
+Source: method B of M. Kano, H. Maruta, H. Kugemoto, K. Shimizu (2004), IFAC DYCOPS; own bounds.
 """
 
 from __future__ import annotations

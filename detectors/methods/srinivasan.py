@@ -12,8 +12,8 @@ temperature), triangle-triangle and parabola-triangle (level; a parabola is labe
 Saw-teeth count as triangles: J > 0 tilts them.
 Not for: fewer than 8 samples per cycle; noise of the size of the cycle, which makes every label a
 sine.
-Source: R. Srinivasan, R. Rengaswamy, R. Miller (2005), Ind. Eng. Chem. Res. 44, 6708-6718; Forsman
-(2000), Table 11.2. Dynamic time warping by dtaidistance, band a tenth of the cycle.
+Source: R. Srinivasan, R. Rengaswamy, R. Miller (2005), Ind. Eng. Chem. Res. 44, 6708-6718; Table
+11.2 after Forsman (2000). Dynamic time warping by dtaidistance, band a tenth of the cycle.
 """
 
 from __future__ import annotations

@@ -412,6 +412,14 @@ def figure(
     )
 
 
+@app.command(epilog=examples("cite runs/chapter > methods.bib"))
+def cite(folder: Run) -> None:
+    """Print BibTeX of the methods, valve models and benchmark that a run used."""
+    from simbench.bench.citing import bibtex_of
+
+    print(bibtex_of(folder), end="")
+
+
 @contextlib.contextmanager
 def _interruptible() -> Iterator[None]:
     """End with exit code 130 and how to resume: the command-line library turns Ctrl-C into a bare

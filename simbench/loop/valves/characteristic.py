@@ -19,8 +19,8 @@ from math import exp, log, sqrt
 from simbench.loop.parameters import Choice, Number
 
 SOURCE = (
-    "IEC 60534-2-4 (inherent characteristics); installed: Luyben, Process Modeling, Simulation and"
-    " Control (1990)"
+    "IEC 60534-2-4 (inherent characteristics); installed: Luyben (1990), Process Modeling,"
+    " Simulation and Control"
 )
 FRICTION = False
 PARAMETERS = {

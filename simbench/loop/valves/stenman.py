@@ -12,7 +12,7 @@ from simbench.loop.parameters import Number
 
 SOURCE = (
     "Stenman, Gustafsson and Forsman (2003), Int. J. Adaptive Control and Signal Processing 17,"
-    " 625-639"
+    " 625-634"
 )
 FRICTION = True
 PARAMETERS = {

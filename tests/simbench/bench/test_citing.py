@@ -1,0 +1,106 @@
+"""BibTeX of a run names every publication that its methods and valves state, once."""
+
+import json
+import re
+
+import pytest
+
+from simbench.bench import citing
+from simbench.bench.citing import bibtex_of, entries_in
+from simbench.bench.execute.run import run_grid
+from simbench.cli import main
+from simbench.detectors.plugins.registry import methods
+from simbench.loop.parameters import VALVES
+
+PLUGIN = '''"""Always says no: a plug-in."""
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import NO_STICTION, Verdict
+
+METHOD = Method(title="never", source="A. Nobody (2020), Journal of Nothing 1, 2-3",
+                process=("self-regulating", "integrating"))
+
+
+def detect(prepared):
+    """Say no."""
+    return Verdict("never", NO_STICTION, 0.0, reason="always")
+'''
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A small run by two methods and a plug-in whose file is not given afterwards."""
+    place = tmp_path_factory.mktemp("cite")
+    (place / "never.py").write_text(PLUGIN)
+    return run_grid(
+        "smoke", place / "run", ["horch", "hammerstein", "never"], plugins=[place / "never.py"], n=8
+    )
+
+
+def entries_of(text):
+    """Return the fields of BibTeX entries by key."""
+    found = re.findall(r"@(\w+)\{([\w-]+),\n(.*?)\n\}\n", text, re.DOTALL)
+    assert len(found) == text.count("@")
+    return {
+        key: dict(re.findall(r"  (\w+) = \{(.*)\},?(?:\n|$)", fields)) for _, key, fields in found
+    }
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        (
+            "M. Rossi, C. Scali (2005), Journal of Process Control 15, 505-514; Eq 11.14",
+            ["M. Rossi and C. Scali | 2005 | Journal of Process Control | 15 | 505--514"],
+        ),
+        (
+            "Karnopp (1985), J. Dynamic Systems, Measurement and Control 107, 100-103; actuator:"
+            " Table 1, after Kayihan and Doyle (2000), Control Engineering Practice 8, 799-812",
+            [
+                "Karnopp | 1985 | J. Dynamic Systems, Measurement and Control | 107 | 100--103",
+                "Kayihan and Doyle | 2000 | Control Engineering Practice | 8 | 799--812",
+            ],
+        ),
+        ("Table 11.2 after Forsman (2000). Warping is own", ["Forsman | 2000"]),
+        ("ISA-51.1 (1979), dead band", ["ISA-51.1 | 1979 | dead band"]),
+        ("Choudhury et al. (2008), Springer", ["Choudhury and others | 2008 | Springer"]),
+        ("definition: MV = OP", []),
+    ],
+)
+def test_publications_are_read_from_the_words_of_a_source(source, found):
+    assert [" | ".join(fields.values()) for _, fields in entries_in(source)] == found
+
+
+@pytest.mark.parametrize("folder", [methods, VALVES], ids=["methods", "valves"])
+def test_every_source_of_the_package_names_a_publication_a_standard_or_a_definition(folder):
+    for name in {*folder.names(), *folder.lent}:
+        source = citing._stated(folder, name)
+        assert entries_in(source) or re.match("definition|IEC |GB/T ", source), name
+
+
+def test_a_run_is_cited_by_what_it_used(run, capsys):
+    assert main(["cite", str(run)]) == 0
+    entries = entries_of(capsys.readouterr().out)
+    assert entries["horch1999"]["pages"] == "1221--1231"
+    assert entries["jelali2008"]["note"] == "used by method hammerstein"
+    assert entries["jelali2013"]["note"].endswith("; used by method horch")
+    assert entries["never"]["howpublished"] == "plug-in, file not given"
+    assert "used by valve choudhury" in entries["choudhury2005"]["note"]
+    hash_of = json.loads((run / "manifest.json").read_text())["benchmark"]["hash"]
+    assert entries["smoke-1"]["note"] == hash_of
+    assert "yamashita2006" not in entries
+
+
+def test_two_publications_of_one_year_have_two_keys_and_one_has_one(run, monkeypatch):
+    sources = [
+        "A. One (2001), J. Odd 1, 2-3; B. One (2001), J. Odd 1, 4-5",
+        "One (2001), Odd 1, 2-3",
+    ]
+    monkeypatch.setattr(citing, "_sources", lambda manifest, valves: [(s[:5], s) for s in sources])
+    entries = entries_of(bibtex_of(run))
+    assert [entries[key]["pages"] for key in ("one2001", "one2001b")] == ["2--3", "4--5"]
+    assert "one2001c" not in entries
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path, capsys):
+    assert main(["cite", str(tmp_path)]) == 2
+    assert capsys.readouterr().out == ""
