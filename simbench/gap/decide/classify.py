@@ -20,6 +20,7 @@ SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows th
 PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
 # slope (-) of unknown, by the logarithm of how far the worst residual test is beyond its limit
 _SHARPNESS = 0.7
+_SMALLEST = 1e-300  # stands for a probability that is too small for a number
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,8 @@ def _with_friction(p: dict[str, float], stiction: float) -> dict[str, float]:
     rest as before.
     """
     bands = {e for e in EFFECTS if recogniser(e).band is not None}
+    if not any(p[e] for e in bands):  # too small for numbers: then none of them is likelier
+        p = p | dict.fromkeys(bands, _SMALLEST)
     friction = sum(p[e] for e in bands)
     return {
         e: v * (stiction / friction if e in bands else (1.0 - stiction) / (1.0 - friction))

@@ -54,6 +54,17 @@ def test_probabilities_are_in_the_contracts_order_and_sum_to_one(case):
     assert min(p.values()) >= 0.0
 
 
+def test_friction_keeps_its_probability_where_its_gains_are_too_low_for_numbers(case):
+    low = {"stiction": -1e6, "deadband": -1e5}
+    far = replace(quiet(case, noise=9.0), stiction=0.01)
+    far = replace(far, situation=replace(far.situation, trusted=False))
+    far.log_likelihood_gains.update(low)
+    p = classify(far).probability
+    assert p["stiction"] == p["deadband"] == pytest.approx(0.005)
+    assert list(p) == [*EFFECTS, NONE, UNKNOWN]
+    assert sum(p.values()) == pytest.approx(1.0)
+
+
 def test_an_effect_is_as_likely_as_none_at_the_price_of_asking(case):
     p = classify(quiet(case, noise=LEAST_NATS)).probability
     assert p["noise"] == pytest.approx(p[NONE])
