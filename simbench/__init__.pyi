@@ -2,6 +2,7 @@
 
 from simbench import gap as gap
 from simbench.bench.execute.sweep import sweep as sweep
+from simbench.bench.score.shipped import results as results
 from simbench.confirm.recorded import confirm as confirm
 from simbench.detectors.detection import detect as detect
 from simbench.detectors.detection import diagnose as diagnose

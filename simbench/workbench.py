@@ -66,6 +66,7 @@ class _Settings(TypedDict, total=False):
     n: int | None
     keep: int
     fresh_seeds: bool
+    with_reference: bool
     progress: bool | None
     backend: Literal["loky", "dask", "ray"]
     address: str | None
@@ -249,7 +250,7 @@ def run(
     **settings
         Further arguments of `simbench.bench.execute.run.run_grid`: resume, n, sets,
         axes, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins, time_limit,
-        keep, fresh_seeds, progress, backend, address.
+        keep, fresh_seeds, progress, backend, address, with_reference.
 
     Returns
     -------

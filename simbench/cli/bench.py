@@ -118,6 +118,14 @@ def run(
     sealed: Annotated[
         bool, Option("--sealed", hidden=True)
     ] = False,  # the former name of --fresh-seeds
+    with_reference: Annotated[
+        bool,
+        Option(
+            "--with-reference",
+            help="Rank beside the methods that are run those whose verdicts on this grid are"
+            " shipped with simbench; they are not asked again. For grid ci.",
+        ),
+    ] = False,
     full: Full = False,
     as_json: Json = False,
 ) -> None:
@@ -158,6 +166,7 @@ def run(
             plant_plugins=plant_plugin or [],
             controller_plugins=controller_plugin or [],
             fresh_seeds=fresh_seeds or sealed,
+            with_reference=with_reference,
         )
     scores, failed = score_run(folder, allow_failed=allow_failed), read_failures(folder)
     if as_json:

@@ -11,6 +11,7 @@ import pandas as pd
 import pyarrow.compute as pc
 
 from simbench.bench.score.scoring import Scores, score_run
+from simbench.bench.score.shipped import with_shipped
 from simbench.bench.store.reading import CODES, RunArrays, read_table
 from simbench.detectors.verdict import NO_DECISION, STICTION
 
@@ -28,7 +29,7 @@ class RunData:
     @classmethod
     def read(cls, folder: str | Path) -> RunData:
         """Read a finished run; raises `RunError` when there is none."""
-        return cls(folder, RunArrays.read(folder), score_run(folder))
+        return cls(folder, with_shipped(RunArrays.read(folder)), score_run(folder))
 
     def of(self, method: str) -> pd.DataFrame:
         """Return one row per scenario whose cycling is clear."""

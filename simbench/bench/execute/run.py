@@ -31,6 +31,7 @@ from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_par
 from simbench.bench.execute.work import Receipt, WorkSettings, work
 from simbench.bench.execute.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.score.shipped import REFERENCE, shipped
 from simbench.bench.store.benchmark import grid_settings
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
 from simbench.bench.store.manifest import describe, read_manifest, run_key
@@ -80,6 +81,9 @@ class RunOptions:
         Number of records that are stored with the run.
     progress : bool, optional
         Show progress on stderr; None shows it on a terminal.
+    with_reference : bool
+        Score the run with the verdicts on this grid that are shipped with the package; it must be
+        the whole grid as the package has it.
     n : int, optional
         Number of scenarios that are drawn at random from the grid, which may be of any size; the
         seed decides which. None simulates the whole grid.
@@ -101,6 +105,7 @@ class RunOptions:
     controller_plugins: Iterable[str | Path] = ()
     fresh_seeds: bool = False
     own: Mapping[str, Any] | None = None
+    with_reference: bool = False
 
 
 def run_grid(
@@ -125,7 +130,7 @@ def run_grid(
     **options
         Fields of `RunOptions`: plugins, valve_plugins, effect_plugins,
         plant_plugins, controller_plugins, time_limit, own, backend, address, resume, n, sets, axes,
-        fresh_seeds, keep, progress.
+        fresh_seeds, keep, progress, with_reference.
 
     Returns
     -------
@@ -191,6 +196,13 @@ def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
             " --resume nor --set seed= (to resume such a run, give --resume and --set seed= with"
             " the seed that its manifest states)"
         )
+    if asked.with_reference:
+        shipped(str(grid.name if isinstance(grid, Grid) else grid))
+        if asked.fresh_seeds or asked.n is not None or asked.sets or asked.axes:
+            raise RunError(
+                "--with-reference joins verdicts on the whole grid as the package has it: it needs"
+                " a run without --n, --set, --axis and --fresh-seeds"
+            )
 
 
 def _read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
@@ -245,6 +257,7 @@ def _describe_run(
             "plugins": {**digests, **sources},
             "command": printable(masked(" ".join(sys.argv))),
             **({"points": plan.points} if isinstance(plan, Sample) else {}),
+            **({REFERENCE: True} if asked.with_reference else {}),
         }
     )
 

@@ -26,6 +26,7 @@ from simbench.bench.score.no_waveform import no_waveform
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
 from simbench.bench.score.result import Scores
+from simbench.bench.score.shipped import with_shipped
 from simbench.bench.score.stability import RankStability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
@@ -92,6 +93,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
 
     A method that raised an error on more than `allow_failed` of its records has no rank.
     """
+    book = with_shipped(book)
     rows, by_axis = [], []
     standing, stable = {}, {}
     reference, failing = reference_answers(book), _failing(book, allow_failed)

@@ -1,0 +1,120 @@
+"""Verdicts that are shipped with the package stand beside those of a run as if they had been asked
+again.
+"""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import simbench as sb
+from simbench.bench.execute.run import run_grid
+from simbench.bench.execute.verify import verify_run
+from simbench.bench.score import shipped
+from simbench.bench.score.baseline import write_baseline
+from simbench.bench.score.scoring import score_run
+from simbench.bench.store.benchmark import evaluator_hash
+from simbench.bench.store.checksums import RunError
+from simbench.bench.store.manifest import read_manifest
+from simbench.bench.store.reading import RunArrays
+from simbench.cli import main
+from simbench.detectors.errors import ParameterError
+from simbench.report.data import RunData
+
+SHIPPED = ["horch", "he"]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Verdicts of two methods on a small grid, shipped, and runs of others on it."""
+    place = tmp_path_factory.mktemp("shipped")
+    write_baseline(run_grid("smoke", place / "theirs", SHIPPED), place / "shipped" / "smoke")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(shipped, "_FOLDER", place / "shipped")
+        run_grid("smoke", place / "mine", ["yamashita"], with_reference=True)
+        run_grid("smoke", place / "all", ["yamashita", *SHIPPED])
+    return place
+
+
+@pytest.fixture
+def place(runs, monkeypatch):
+    """Return the folder of the runs, whose verdicts are those that the package ships."""
+    monkeypatch.setattr(shipped, "_FOLDER", runs / "shipped")
+    return runs
+
+
+def rows_of(folder):
+    rows = score_run(folder).table.drop(columns=["median_ms"])
+    return rows.sort_values(["method", "truth", "process", "population"]).reset_index(drop=True)
+
+
+def test_scores_are_those_of_a_run_that_asks_all_methods(place):
+    pd.testing.assert_frame_equal(rows_of(place / "mine"), rows_of(place / "all"), rtol=1e-6)
+    assert list(read_manifest(place / "mine")["methods"]) == ["yamashita"]
+
+
+def test_the_page_of_a_run_shows_shipped_methods_too(place):
+    assert set(RunData.read(place / "mine").book.methods) == {"yamashita", *SHIPPED}
+
+
+def test_a_run_with_shipped_verdicts_is_verified_and_scored_later_as_at_once(place, capsys):
+    assert verify_run(place / "mine", 0.1).contradictions == ()
+    assert main(["score", str(place / "mine"), "--full"]) == 0
+    assert "horch" in capsys.readouterr().out
+
+
+def test_a_method_that_the_run_asks_itself_is_not_joined(place, tmp_path):
+    run = run_grid("smoke", tmp_path / "run", ["he"], with_reference=True)
+    book = shipped.with_shipped(RunArrays.read(run))
+    assert book.methods == ("he", "horch")
+    assert np.isfinite(book.runtime[0]).all()
+    assert np.isnan(book.runtime[1]).all()
+
+
+def test_where_the_record_is_another_a_shipped_verdict_does_not_apply(place):
+    book = RunArrays.read(place / "mine")
+    book.hashes[0] = b"another"
+    joined = shipped.with_shipped(book)
+    given = RunArrays.read(place / "theirs")
+    assert (joined.applicable[1:, 0] == 0).all()
+    assert (joined.verdict[1:, 0] == 2).all()
+    assert np.array_equal(joined.verdict[1:, 1:], given.verdict[:, 1:])
+
+
+def test_verdicts_of_another_benchmark_version_are_not_joined(place, monkeypatch, tmp_path):
+    shutil.copytree(place / "shipped", tmp_path / "shipped")
+    other = run_grid("smoke", tmp_path / "other", SHIPPED, sets={"seed": 9})
+    shutil.rmtree(tmp_path / "shipped" / "smoke")
+    write_baseline(other, tmp_path / "shipped" / "smoke")
+    monkeypatch.setattr(shipped, "_FOLDER", tmp_path / "shipped")
+    with pytest.raises(RunError, match="different benchmark versions"):
+        score_run(place / "mine")
+
+
+@pytest.mark.parametrize("more", [["--n", "4"], ["--set", "seed=3"], ["--fresh-seeds"]])
+def test_only_the_whole_grid_of_the_package_has_shipped_verdicts(place, tmp_path, capsys, more):
+    words = ["run", "smoke", "-o", str(tmp_path / "run"), "--with-reference", *more]
+    assert main(words) == 2
+    assert "needs a run without --n, --set, --axis and --fresh-seeds" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_grid_without_shipped_verdicts_is_refused_before_anything_is_simulated(
+    place, tmp_path, capsys
+):
+    assert main(["run", "families", "-o", str(tmp_path / "run"), "--with-reference"]) == 2
+    assert "no verdicts on grid 'families' are shipped" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_what_the_package_ships_is_of_its_own_version():
+    manifest = read_manifest(Path(sb.__file__).parent / "shipped" / "ci")
+    assert manifest["benchmark"]["parts"]["evaluator"] == evaluator_hash()
+    table = sb.results("ci")
+    assert set(table.method) == set(manifest["methods"])
+    assert len(table) == manifest["counts"]["verdicts"]
+    assert {"verdict", "score", "cycled", "record_hash"} <= set(table)
+    with pytest.raises(ParameterError, match="no verdicts on grid 'cI' are shipped"):
+        sb.results("cI")
