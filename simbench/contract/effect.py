@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from simbench.contract.band import band_fault
-from simbench.contract.valve import schema_faults, shown
+from simbench.contract.rules import schema_faults, shown
 from simbench.detectors.contract.detector import Contract
 from simbench.detectors.contract.watch import Guarded, call_guarded
 from simbench.detectors.errors import RecordError

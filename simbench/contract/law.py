@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from simbench.contract.valve import both_ways, head_faults, inside, schema_faults, shown
+from simbench.contract.rules import both_ways, head_faults, inside, schema_faults, shown
 from simbench.detectors.contract.detector import Contract
 from simbench.detectors.contract.watch import call_guarded
 from simbench.detectors.errors import UserError

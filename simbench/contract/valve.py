@@ -2,19 +2,18 @@
 states.
 """
 
-import math
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from simbench.contract.band import band_fault
+from simbench.contract.rules import both_ways, head_faults, inside, schema_faults, shown
 from simbench.detectors.contract.detector import Contract
 from simbench.detectors.contract.watch import call_guarded
 from simbench.detectors.errors import UserError
-from simbench.loop.parameters import VALVES, Choice, Number, valve_parameters
+from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.response import valve_response
 
 _AT_REST = 1e-6  # % of travel by which MV may settle where it starts
@@ -76,15 +75,6 @@ def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     return [t for i, t in enumerate(tables) if t not in tables[:i]], refused
 
 
-def inside(rule: Number | Choice, percent: float) -> float | str:
-    """Return a value that a parameter allows, so many percent into its range."""
-    if isinstance(rule, Choice):
-        return rule.names[-1]
-    if math.isfinite(rule.low) and math.isfinite(rule.high):
-        return rule.low + percent * (rule.high - rule.low) / 100.0
-    return (rule.low if math.isfinite(rule.low) else 0.0) + 2.5 * percent
-
-
 def _description(module: ModuleType) -> Iterator[str]:
     yield from head_faults("valve", module, "FRICTION")
     yield from schema_faults(module.PARAMETERS)
@@ -92,31 +82,6 @@ def _description(module: ModuleType) -> Iterator[str]:
         yield (
             "has friction, but no mapped_SJ(p) that says which S and J (% of travel) it stands for"
         )
-
-
-def head_faults(kind: str, module: ModuleType, flag: str) -> Iterator[str]:
-    """Say what is wrong with a plug-in's first sentence, its SOURCE and its flag."""
-    if not (module.__doc__ or "").strip():
-        yield f"the file does not begin with a sentence on what the {kind} does"
-    if not str(module.SOURCE).strip():
-        yield "SOURCE is empty"
-    if not isinstance(getattr(module, flag), bool):
-        yield f"{flag} = {getattr(module, flag)!r}, true or false is needed"
-
-
-def schema_faults(schema: Any) -> Iterator[str]:
-    """Say what is wrong with a plug-in's PARAMETERS."""
-    if not isinstance(schema, dict):
-        yield f"PARAMETERS is a {type(schema).__name__}, a dict of Number and Choice is needed"
-        return
-    for key, rule in schema.items():
-        if not isinstance(rule, (Number, Choice)):
-            yield f"parameter {key} is {rule!r}, a Number or a Choice is needed"
-            continue
-        if not rule.says:
-            yield f"parameter {key} does not say what it is"
-        if isinstance(rule, Number) and not rule.low < rule.high:
-            yield f"parameter {key} has no range: {rule.low:g} to {rule.high:g}"
 
 
 def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
@@ -186,17 +151,6 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
         )
 
 
-def both_ways(run: Callable[[bool], Any]) -> tuple[list[Any], list[str]]:
-    """Return what a run answers in plain Python and compiled, or why one of them does not."""
-    answers = []
-    for plain, how in ((True, "in plain Python"), (False, "compiled")):
-        answer = call_guarded(partial(run, plain))
-        if faults := answer.unanswered():
-            return [], [f"{' '.join(fault.split())[:300]}, {how}" for fault in faults]
-        answers.append(answer.value)
-    return answers, []
-
-
 def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
     p = valve_parameters(module, table, 1.0)
     answer = call_guarded(
@@ -217,12 +171,3 @@ def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
         yield f"says FRICTION = {module.FRICTION} and maps on S = {S:g}"
     elif fault := band_fault([(module, p)], S, J):
         yield fault
-
-
-def shown(table: dict[str, Any]) -> str:
-    """Return parameters in words."""
-    words = (
-        f"{key} = {value if isinstance(value, str) else f'{value:g}'}"
-        for key, value in table.items()
-    )
-    return ", ".join(words) or "defaults"
