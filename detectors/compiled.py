@@ -14,6 +14,7 @@ import pickle
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from functools import cache, lru_cache
 from pathlib import Path
@@ -22,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-# of about 0.5 us each in plain Python, beyond which compiled kernels are loaded
-_PLAIN_SAMPLES = 400_000
+# that a kernel may take in plain Python before it is compiled, which takes about as long
+_PLAIN_SECONDS = 0.5
 _FIRST_USE = (
     "first use: compiling for this computer, some 10 to 30 seconds; later runs start at once"
 )
@@ -82,24 +83,34 @@ def compiled(function: FunctionType):
 
 
 @cache
-def quick(function: FunctionType):
-    """Return a light kernel of a signal, its first argument: plain until so many samples were
-    worked that numba pays, or numba is loaded and has compiled it before.
+def quick(function: FunctionType, *kernels: FunctionType):
+    """Return a light kernel: plain until it has worked for so long that numba pays, or numba is
+    loaded and has compiled it before. Of what it calls, `kernels` are compiled all the same.
 
     Loading numba and compiling cost a second, more than a few records do. Both give the same bits;
     not for kernels with numpy's sums.
     """
-    worked = 0
+    worked = 0.0
 
-    def call(signal, *more):
+    def call(*arguments):
         nonlocal worked
-        worked += signal.size
-        if worked > _PLAIN_SAMPLES or ("numba" in sys.modules and _on_disk(function)):
-            return compiled(function)(signal, *more)
+        if worked > _PLAIN_SECONDS or ("numba" in sys.modules and _on_disk(function)):
+            return compiled(function)(*arguments)
+        plain = _calling(function, kernels) if kernels else function
+        began = time.perf_counter()
         with np.errstate(all="ignore"):  # a division by zero gives inf or NaN, as compiled
-            return function(signal, *more)
+            answer = plain(*arguments)
+        worked += time.perf_counter() - began
+        return answer
 
     return call
+
+
+@cache
+def _calling(function: FunctionType, kernels: tuple[FunctionType, ...]) -> FunctionType:
+    """Return a plain function that calls compiled kernels in place of their plain twins."""
+    names = {kernel.__name__: compiled(kernel) for kernel in kernels}
+    return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
 
 
 @cache

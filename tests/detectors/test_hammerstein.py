@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from plain_loops import DELAYED, LEVEL
 
-from simbench.detectors.compiled import compiled
+from simbench.detectors import compiled as compiling
+from simbench.detectors.compiled import compiled, quick
 from simbench.detectors.judge import judge
 from simbench.detectors.methods import hammerstein
 from simbench.detectors.signal.fits import hammerstein_kernels as kernels
@@ -156,7 +157,11 @@ def one_after_another(given, point, start, delays, steps, least):
     return lowest, base
 
 
-def test_many_points_go_down_together_as_each_does_alone():
+@pytest.mark.parametrize("seconds", [0.0, 60.0], ids=["compiled", "plain"])
+def test_many_points_go_down_together_as_each_does_alone(seconds, monkeypatch):
+    monkeypatch.setattr(compiling, "_PLAIN_SECONDS", seconds)
+    monkeypatch.setattr(compiling, "_on_disk", lambda function: seconds == 0.0)
+    descend = quick(kernels.descend, kernels.errors)
     given = case()
     points = np.array(
         [
@@ -175,7 +180,7 @@ def test_many_points_go_down_together_as_each_does_alone():
     )
     least, error, went = np.full(5, 0.2), np.empty(5), points.copy()
     begin = kernels.Valves(np.zeros(5), *points.T[:2].copy(), starts, np.ones(5), low, count)
-    compiled(kernels.descend)(kernels.Stretch(*given[:-1]), begin, went, steps, least, error)
+    descend(kernels.Stretch(*given[:-1]), begin, went, steps, least, error)
     for k in range(5):
         delays = low[k] + np.arange(count[k])
         lowest, end = one_after_another(given, points[k], starts[k], delays, steps[k], least[k])

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.detectors.compiled import compiled
+from simbench.detectors.compiled import compiled, quick
 from simbench.detectors.signal.conditioning import median
 from simbench.detectors.signal.fits.hammerstein_kernels import (
     MOVING_UP,
@@ -176,7 +176,7 @@ class _Search:
             np.full(shape, x).ravel() for x in (_MAPS, ends.start, np.divide(least, width))
         )
         begin = Valves(maps, *points.T[:2].copy(), start, pole, self.delays[low], count)
-        compiled(descend)(self.stretch, begin, points, steps, share, error)
+        quick(descend, errors)(self.stretch, begin, points, steps, share, error)
         S, J, pole = points[:, 0], points[:, 1], np.exp(-np.exp(points[:, 2]))
         return ends._replace(
             **{
@@ -303,7 +303,7 @@ def _grid(shares: tuple[np.ndarray, np.ndarray], swing: float) -> tuple[np.ndarr
 def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> np.ndarray:
     """Indices of the best candidates of each row that are not next to a better one."""
     kept = np.empty((len(errors), count), dtype=np.int64)
-    compiled(keep_apart)(errors.copy(), np.log(S), J / S, kept)
+    quick(keep_apart)(errors.copy(), np.log(S), J / S, kept)
     return kept
 
 

@@ -7,6 +7,7 @@ Plain Python, their own slow twins; `simbench.detectors.compiled.compiled` gives
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from simbench.detectors.compiled import LANES, lanes, rows, wide
 
 _MOST_ROUNDS = 60  # of the pattern search
+_FASTEST = 700.0  # logarithm of a rate, beyond which a lag is over within a sample
 TIE = 1e-12  # errors that differ by less are equal: rounding shall not choose the way
 MOVING_UP, MOVING_DOWN = (
     2.0,
@@ -329,7 +331,8 @@ def descend(record, begin, points, steps, least, error):
                 S[t], J[t], pole[t] = (
                     ahead[_TRIAL],
                     ahead[_TRIAL + 1],
-                    np.exp(-np.exp(ahead[_TRIAL + 2])),
+                    # of the standard library: numpy's has other bits than compiled code
+                    math.exp(-math.exp(min(ahead[_TRIAL + 2], _FASTEST))),
                 )
                 maps[t], starts[t] = begin.stops[p], begin.start[p]
                 delays[t], counts[t] = begin.delay[p], begin.count[p]
