@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simbench.bench.score.pairing import pair
-from simbench.bench.store.benchmark import refuse_other_benchmark
+from simbench.bench.store.benchmark import BENCHMARK, refuse_other_benchmark
 from simbench.bench.store.reading import CODES, RunArrays, read_table
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.detectors.verdict import NO_DECISION
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 REFERENCE = "reference"  # key of a manifest: whether the run is scored with the shipped verdicts
+UNLIKE = "unlike_reference"  # and how many of its records are not those of the shipped verdicts
 _FOLDER = Path(__file__).parents[2] / "shipped"
 _COLUMNS = ["scenario_id", "method", "verdict", "score", "applicable", "S_lo", "S_hi"]
 
@@ -81,7 +82,10 @@ def with_shipped(book: RunArrays) -> RunArrays:
     if not book.manifest.get(REFERENCE):
         return book
     there = RunArrays.read(shipped(str(book.manifest["grid"])))
-    refuse_other_benchmark(book.manifest, there.manifest)
+    parts = [manifest[BENCHMARK]["parts"] for manifest in (book.manifest, there.manifest)]
+    # another processor may resolve some scenarios otherwise: these are left out one by one
+    if any(parts[0][name] != parts[1][name] for name in parts[0] if name != "scenarios"):
+        refuse_other_benchmark(book.manifest, there.manifest)
     pairs = pair(book, there)
     at, was_at = pairs.now[pairs.same], pairs.before[pairs.same]
     added = [i for i, name in enumerate(there.methods) if name not in book.methods]
@@ -104,7 +108,11 @@ def with_shipped(book: RunArrays) -> RunArrays:
     about = {name: there.manifest["methods"][name] for name in names}
     return replace(
         book,
-        manifest={**book.manifest, "methods": {**book.manifest["methods"], **about}},
+        manifest={
+            **book.manifest,
+            "methods": {**book.manifest["methods"], **about},
+            UNLIKE: int(book.ids.size - at.size),
+        },
         methods=(*book.methods, *names),
         **{name: beside(name, value) for name, value in absent.items()},
     )

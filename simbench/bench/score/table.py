@@ -27,6 +27,7 @@ from simbench.bench.score.names import (
     benchmark_text,
 )
 from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
+from simbench.bench.score.shipped import UNLIKE
 from simbench.bench.score.stability import HALVES
 from simbench.bench.store.manifest import unmatched
 from simbench.detectors.report.report import columns
@@ -153,6 +154,11 @@ def _title(scores: Any) -> list[str]:
     if left_out := unmatched(m):
         lines += _wrapped(
             f"{left_out} echoes were left out, as their sticky sibling does not cycle."
+        )
+    if unlike := m.get(UNLIKE):
+        lines += _wrapped(
+            "Records that are not those of the shipped verdicts, as on another processor:"
+            f" {unlike}. There the shipped methods do not apply."
         )
     return lines
 

@@ -2,7 +2,6 @@
 again.
 """
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.verify import verify_run
 from simbench.bench.score import shipped
 from simbench.bench.score.baseline import write_baseline
-from simbench.bench.score.scoring import score_run
+from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.benchmark import evaluator_hash
 from simbench.bench.store.checksums import RunError
 from simbench.bench.store.manifest import read_manifest
@@ -80,17 +79,16 @@ def test_where_the_record_is_another_a_shipped_verdict_does_not_apply(place):
     given = RunArrays.read(place / "theirs")
     assert (joined.applicable[1:, 0] == 0).all()
     assert (joined.verdict[1:, 0] == 2).all()
+    said = " ".join(score_book(book).as_text().split())
+    assert "not those of the shipped verdicts, as on another processor: 1. There" in said
     assert np.array_equal(joined.verdict[1:, 1:], given.verdict[:, 1:])
 
 
-def test_verdicts_of_another_benchmark_version_are_not_joined(place, monkeypatch, tmp_path):
-    shutil.copytree(place / "shipped", tmp_path / "shipped")
-    other = run_grid("smoke", tmp_path / "other", SHIPPED, sets={"seed": 9})
-    shutil.rmtree(tmp_path / "shipped" / "smoke")
-    write_baseline(other, tmp_path / "shipped" / "smoke")
-    monkeypatch.setattr(shipped, "_FOLDER", tmp_path / "shipped")
+def test_verdicts_of_another_benchmark_version_are_not_joined(place):
+    book = RunArrays.read(place / "mine")
+    book.manifest["benchmark"]["parts"]["evaluator"] = book.manifest["benchmark"]["hash"] = "other"
     with pytest.raises(RunError, match="different benchmark versions"):
-        score_run(place / "mine")
+        shipped.with_shipped(book)
 
 
 @pytest.mark.parametrize("more", [["--n", "4"], ["--set", "seed=3"], ["--fresh-seeds"]])
