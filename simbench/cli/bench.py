@@ -122,8 +122,8 @@ def run(
         bool,
         Option(
             "--with-reference",
-            help="Rank beside the methods that are run those whose verdicts on this grid are"
-            " shipped with simbench; they are not asked again. For grid ci.",
+            help="Add the methods whose verdicts on this grid are shipped with simbench to the"
+            " ranking, without asking them again; shipped are those of grid ci.",
         ),
     ] = False,
     full: Full = False,
@@ -421,7 +421,7 @@ def figure(
     )
 
 
-@app.command(epilog=examples("cite runs/chapter > methods.bib"))
+@app.command(epilog=examples("cite runs/chapter"))
 def cite(folder: Run) -> None:
     """Print BibTeX of the methods, valve models and benchmark that a run used."""
     from simbench.bench.citing import bibtex_of

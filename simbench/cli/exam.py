@@ -102,11 +102,12 @@ def answer(
 
 @exam_app.command(epilog=examples("exam commit answers.csv --exam exam"))
 def commit(
-    answers: Annotated[
-        Path, Argument(metavar="ANSWERS.csv", help="Commit to this file of answers.")
-    ],
+    answers: Annotated[Path, Argument(metavar="ANSWERS.csv", help="Read this file of answers.")],
     folder: Annotated[
-        Path, Option("--exam", metavar="EXAM", help="List the checksum in this exam's folder.")
+        Path,
+        Option(
+            "--exam", metavar="EXAM", help="Add the checksum to the list in this exam's folder."
+        ),
     ],
 ) -> None:
     """List the checksum of answers in the exam, before it is opened.
