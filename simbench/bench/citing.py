@@ -8,13 +8,13 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from string import ascii_lowercase
-from types import ModuleType
 
 from simbench import __version__
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.baseline import read_book
 from simbench.bench.store.benchmark import BENCHMARK
 from simbench.detectors.errors import UnknownName
+from simbench.detectors.plugins.registry import PluginFolder
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.loop.parameters import VALVES
 
@@ -85,7 +85,7 @@ def bibtex_of(folder: str | Path) -> str:
     book = read_book(folder)
     found: dict[str, _Entry] = dict(_ALWAYS)
     benchmark = book.manifest[BENCHMARK]
-    named = {"title": f"simbench benchmark {benchmark['name']}", "note": f"{benchmark['hash']}"}
+    named = {"title": f"simbench benchmark {benchmark['name']}", "note": benchmark["hash"]}
     found[benchmark["name"]] = "misc", named
     users: dict[str, list[str]] = {}
     for what, source in _sources(book.manifest, sorted(set(book.axes["valve"].tolist()))):
@@ -137,12 +137,12 @@ def _sources(manifest: Mapping, valves: list[str]) -> Iterator[tuple[str, str]]:
             yield f"valve {name}", source
 
 
-def _stated(folder: object, name: str) -> str:
+def _stated(folder: PluginFolder, name: str) -> str:
     """Return the source that a plug-in's file states: of a detector the last paragraph that begins
     with it, which is longer than the line that tables show.
     """
     try:
-        module: ModuleType = folder.load(name)  # pyright: ignore[reportAttributeAccessIssue]
+        module = folder.load(name)
     except UnknownName:
         return "plug-in, file not given"
     if hasattr(module, "SOURCE"):

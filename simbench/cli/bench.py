@@ -244,14 +244,15 @@ def score(
     """
     from simbench.bench.execute.failures import read_failures
     from simbench.bench.score.scoring import score_book
-    from simbench.bench.store.reading import TRUTHS, RunArrays
+    from simbench.bench.score.shipped import read_joined
+    from simbench.bench.store.reading import TRUTHS
     from simbench.files import refuse_own_input
 
     if truth not in TRUTHS:
         raise ParameterError(f"--truth {truth}: {nearest(truth, TRUTHS)}")
 
     refuse_own_input([report], [folder, against])
-    book = RunArrays.read(folder)
+    book = read_joined(folder)
     scores, failed = score_book(book, cost, allow_failed), read_failures(folder)
     content: Any = {**scores.as_json(), "failed": failed.as_json()}
     if not as_json:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from simbench.bench.score.names import HOME_MARKS, LEAST
 from simbench.bench.score.scoring import answers_of
+from simbench.bench.score.shipped import read_joined
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.figures._score import SHARE_COLOURS, share_map
@@ -37,7 +38,7 @@ def data(run: str | Path) -> pd.DataFrame:
     there are none), lo, hi (95 % interval of right), home (where the method's constants were
     fitted).
     """
-    return cells(RunArrays.read(run))
+    return cells(read_joined(run))
 
 
 def cells(book: RunArrays) -> pd.DataFrame:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from simbench.bench.score.names import ALL, CONSTANTS, HOME_MARKS, LEAST
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import answers_of, reference_answers, score_book
+from simbench.bench.score.shipped import read_joined
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.detectors.verdict import NO_STICTION, STICTION
@@ -39,7 +40,7 @@ def data(run: str | Path) -> pd.DataFrame:
     Columns: method, home, kind, rank, accuracy (where it applies), process, loops, n, applicable,
     right (share of the applicable); best method first.
     """
-    return overview(RunArrays.read(run))
+    return overview(read_joined(run))
 
 
 def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import pyarrow.compute as pc
 
-from simbench.bench.score.scoring import Scores, score_run
-from simbench.bench.score.shipped import with_shipped
+from simbench.bench.score.scoring import Scores, score_book
+from simbench.bench.score.shipped import read_joined
 from simbench.bench.store.reading import CODES, RunArrays, read_table
 from simbench.detectors.verdict import NO_DECISION, STICTION
 
@@ -29,7 +29,8 @@ class RunData:
     @classmethod
     def read(cls, folder: str | Path) -> RunData:
         """Read a finished run; raises `RunError` when there is none."""
-        return cls(folder, with_shipped(RunArrays.read(folder)), score_run(folder))
+        book = read_joined(folder)
+        return cls(folder, book, score_book(book))
 
     def of(self, method: str) -> pd.DataFrame:
         """Return one row per scenario whose cycling is clear."""

@@ -7,6 +7,7 @@ import pytest
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.store.reading import RunArrays
+from simbench.bench.store.tables import WORD_COLUMNS
 from simbench.scenarios.grid import make_grid
 
 SMALL = {
@@ -93,19 +94,7 @@ def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, *
     methods = tuple(methods or (f"m{i}" for i in range(m)))
     ids = np.array([f"{i:016d}" for i in range(n)] if ids is None else ids, dtype="S16")
     truth = np.asarray(truth, dtype=np.int8)
-    words = {
-        w: np.full(n, "w")
-        for w in (
-            "block",
-            "member",
-            "process",
-            "controller",
-            "valve",
-            "disturbance",
-            "tuning",
-            "echo",
-        )
-    }
+    words = {w: np.full(n, "w") for w in WORD_COLUMNS}
     empty = {
         a: np.full(n, np.nan)
         for a in (

@@ -15,6 +15,7 @@ import pandas as pd
 
 from simbench.bench.score.baseline import read_book
 from simbench.bench.score.scoring import axis_codes, home_of
+from simbench.bench.score.shipped import with_shipped
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
@@ -123,7 +124,7 @@ def compare(
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
     book = read_book(folder)
     if other is None:
-        return between_methods(book, truth)
+        return between_methods(with_shipped(book), truth)
     theirs = read_book(other)
     refuse_other_benchmark(book.manifest, theirs.manifest)
     return between_runs(book, theirs, truth)

@@ -26,7 +26,7 @@ from simbench.bench.score.no_waveform import no_waveform
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
 from simbench.bench.score.result import Scores
-from simbench.bench.score.shipped import with_shipped
+from simbench.bench.score.shipped import read_joined, with_shipped
 from simbench.bench.score.stability import RankStability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
@@ -85,7 +85,7 @@ def score_run(
     folder: str | Path, undecided: float = UNDECIDED, allow_failed: float = 0.0
 ) -> Scores:
     """Score a finished run."""
-    return score_book(RunArrays.read(folder), undecided, allow_failed)
+    return score_book(read_joined(folder), undecided, allow_failed)
 
 
 def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: float = 0.0) -> Scores:

@@ -72,14 +72,19 @@ def shipped(name: str) -> Path:
     return _FOLDER / name
 
 
+def read_joined(folder: str | Path) -> RunArrays:
+    """Read a run with all verdicts that it is scored with: its own, and those of `with_shipped`."""
+    return with_shipped(RunArrays.read(folder))
+
+
 def with_shipped(book: RunArrays) -> RunArrays:
     """Return a run that was made with `--with-reference` with the shipped methods beside its own,
-    any other as it is.
+    any other, and one that has them already, as it is.
 
     On a loop whose record is not the shipped one, bit for bit, as another processor may give it, a
     shipped method does not apply.
     """
-    if not book.manifest.get(REFERENCE):
+    if not book.manifest.get(REFERENCE) or UNLIKE in book.manifest:
         return book
     there = RunArrays.read(shipped(str(book.manifest["grid"])))
     parts = [manifest[BENCHMARK]["parts"] for manifest in (book.manifest, there.manifest)]

@@ -13,6 +13,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.verify import verify_run
 from simbench.bench.score import shipped
 from simbench.bench.score.baseline import write_baseline
+from simbench.bench.score.compare import compare
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.benchmark import evaluator_hash
 from simbench.bench.store.checksums import RunError
@@ -20,6 +21,7 @@ from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.reading import RunArrays
 from simbench.cli import main
 from simbench.detectors.errors import ParameterError
+from simbench.figures import score_map, score_overview
 from simbench.report.data import RunData
 
 SHIPPED = ["horch", "he"]
@@ -54,8 +56,14 @@ def test_scores_are_those_of_a_run_that_asks_all_methods(place):
     assert list(read_manifest(place / "mine")["methods"]) == ["yamashita"]
 
 
-def test_the_page_of_a_run_shows_shipped_methods_too(place):
+def test_page_figures_and_comparison_of_a_run_show_shipped_methods_too(place, tmp_path, capsys):
     assert set(RunData.read(place / "mine").book.methods) == {"yamashita", *SHIPPED}
+    page = tmp_path / "page.html"
+    assert main(["score", str(place / "mine"), "--paired", "--report", str(page)]) == 0
+    assert "horch" in page.read_text()
+    for data in (score_overview.data, score_map.data):
+        assert set(SHIPPED) < set(data(place / "mine").method)
+    assert set(SHIPPED) < set(compare(place / "mine").ranking.method)
 
 
 def test_a_run_with_shipped_verdicts_is_verified_and_scored_later_as_at_once(place, capsys):
