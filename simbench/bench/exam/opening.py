@@ -138,6 +138,7 @@ def opened_exam(
         raise ParameterError(f"exam: {exam.folder} {made}; open it with the version that made it")
     files = [Path(file) for file in answers]
     given = read_answers(files, exam.records)
+    late = read_answers(answered_late(exam, key, files), exam.records)
     names = {place: ident for ident, place in places.items()}
     simulated = simulate_picks(grid, names, jobs, _with_truth)
     for place, ident in names.items():
@@ -148,7 +149,6 @@ def opened_exam(
             cure = "restore it, or open it on the kind of machine that made it"
             raise ParameterError(f"exam: {exam.folder}: {changed}; {cure}")
     _refuse_forged(given, exam.records)
-    late = read_answers(answered_late(exam, key, files), exam.records)
     note_opening(exam, key, files)
     rows = {
         names[place]: truth for place, (_, *truth) in simulated.items()
