@@ -43,6 +43,14 @@ LoopTest = Annotated[
         " with; may be repeated.",
     ),
 ]
+Healthy = Annotated[
+    list[Path] | None,
+    Option(
+        metavar="REC.csv",
+        help="Take what is ordinary of noise and load from this record of healthy operation, of the"
+        " same loop or a sibling; may be repeated.",
+    ),
+]
 Check = Annotated[Path, Argument(metavar="DIR", help="Use this folder for the check.")]
 NoBootstrap = Annotated[bool, Option("--no-bootstrap", hidden=True)]
 
@@ -75,6 +83,7 @@ def gap_diagnose(
     ] = None,
     identify: Identify = False,
     test: LoopTest = None,
+    healthy: Healthy = None,
     jobs: Jobs = 1,
     no_bootstrap: NoBootstrap = False,
     html: Annotated[
@@ -116,6 +125,7 @@ def gap_diagnose(
             ("--write-loop", write_loop),
             ("--picture", picture),
             ("--test", test),
+            ("--healthy", healthy),
             ("--window", window),
             ("--effect-plugin", effect_plugin),
         ):
@@ -136,6 +146,7 @@ def gap_diagnose(
         wanted=DiagnosisFiles(html, write_loop, picture),
         window=window,
         tests=test or (),
+        healthy=healthy or (),
         effect_plugins=effect_plugin or (),
         **about,
     )
@@ -190,6 +201,7 @@ def gap_plan(
             help="Use this record of a test that was run already; may be repeated.",
         ),
     ] = None,
+    healthy: Healthy = None,
     html: Page = None,
     as_json: Json = False,
     *,
@@ -201,7 +213,15 @@ def gap_plan(
     """
     from simbench.gap.command import plan_files
 
-    plan = plan_files(record, baseline, limits=limits, tests=test or (), html=html, **about)
+    plan = plan_files(
+        record,
+        baseline,
+        limits=limits,
+        tests=test or (),
+        healthy=healthy or (),
+        html=html,
+        **about,
+    )
     show_result(plan, as_json)
 
 
@@ -227,6 +247,7 @@ def gap_predict(
         ),
     ] = None,
     test: LoopTest = None,
+    healthy: Healthy = None,
     as_json: Json = False,
     *,
     about: dict,
@@ -241,7 +262,12 @@ def gap_predict(
 
     _refuse_both("gap predict", baseline, identify)
     prediction = predict_file(
-        record, baseline, pairs(settings or [], "--set", text=True), tests=test or (), **about
+        record,
+        baseline,
+        pairs(settings or [], "--set", text=True),
+        tests=test or (),
+        healthy=healthy or (),
+        **about,
     )
     show_result(prediction, as_json)
 

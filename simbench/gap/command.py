@@ -46,6 +46,7 @@ def diagnose_files(
     window: tuple[int, int] | None = None,
     tests: Sequence[str] = (),
     effect_plugins: Sequence[str | Path] = (),
+    healthy: Sequence[str | Path] = (),
     **about: Any,
 ) -> GapReport:
     """Diagnose the records of one loop with its loop file.
@@ -66,6 +67,8 @@ def diagnose_files(
         Records of tests of the same loop, each with its settings file after a colon.
     effect_plugins : sequence of str or Path
         Files of further effects.
+    healthy : sequence of str or Path
+        Records of the same loop, or of its siblings, from healthy operation.
     **about
         What is known of the records, as in `read_record`.
 
@@ -98,19 +101,20 @@ def diagnose_files(
         )
     inputs = [part for t in tests for part in files_of(t) if part]
     refuse_own_input(
-        [wanted.html, wanted.write_loop, wanted.picture], [*records, baseline, *inputs]
+        [wanted.html, wanted.write_loop, wanted.picture], [*records, baseline, *inputs, *healthy]
     )
     if wanted.picture is not None:
         picture_kind(wanted.picture)
     loop = None if baseline is None else read_baseline(baseline)
     read = [_read(path, window, about) for path in records]
+    ordinary = [_read(path, None, about) for path in healthy]
     stated = loop.loop if isinstance(loop, Partial) else loop
     recorded_tests = [] if stated is None else [read_test(t, stated, **about) for t in tests]
     source = read if len(read) > 1 else read[0]
     with effects_known(effect_plugins):
         # other processes do not know them
         jobs = 1 if effect_plugins else jobs
-        report = diagnose(source, loop, tests=recorded_tests, jobs=jobs)
+        report = diagnose(source, loop, tests=recorded_tests, healthy=ordinary, jobs=jobs)
         # what reading the records assumed
         assumed = [note for record in read for note in record.notes]
         report = replace(report, notes=tuple(dict.fromkeys([*report.notes, *assumed])))
@@ -128,12 +132,14 @@ def diagnose_files(
 
             told = None
             if recorded_tests:
-                told = story(report, diagnose(source, loop, jobs=jobs), recorded_tests)
+                alone = diagnose(source, loop, healthy=ordinary, jobs=jobs)
+                told = story(report, alone, recorded_tests)
             options = {
                 **about,
                 "window": window,
                 "effect-plugin": list(effect_plugins),
                 "test": list(tests),
+                "healthy": list(healthy),
             }
             write_page(report, wanted.html, _again(report, records, baseline, options), told)
     return report
@@ -145,13 +151,14 @@ def plan_files(
     *,
     limits: str | Path | None = None,
     tests: Sequence[str] = (),
+    healthy: Sequence[str | Path] = (),
     html: str | Path | None = None,
     **about: Any,
 ) -> PlannedTests:
     """Return the tests that are recommended next on the loop of a record."""
-    refuse_own_input([html], [record, baseline, limits])
+    refuse_own_input([html], [record, baseline, limits, *healthy])
     within = Limits() if limits is None else checked(Limits, read_toml(limits), str(limits))
-    report = diagnose_files([record], baseline, tests=tests, **about)
+    report = diagnose_files([record], baseline, tests=tests, healthy=healthy, **about)
     with one_thread():
         p = {r.effect: r.probability for r in report.ranking}
         planned = plan(report.behind.found, p, report.behind.loops, within)
@@ -168,6 +175,7 @@ def predict_file(
     words: Mapping[str, str],
     *,
     tests: Sequence[str] = (),
+    healthy: Sequence[str | Path] = (),
     **about: Any,
 ) -> Prediction:
     """Predict what the loop of a record does under other settings, given as KEY=VALUE on the
@@ -177,7 +185,7 @@ def predict_file(
     # a setting that is none of the loop file's needs no diagnosis
     settings = read_settings(words, known)
     with one_thread():
-        report = diagnose_files([record], baseline, tests=tests, **about)
+        report = diagnose_files([record], baseline, tests=tests, healthy=healthy, **about)
         if known is None:
             report.behind.found.situation.baseline.with_all(settings)
         return predict(report, settings)

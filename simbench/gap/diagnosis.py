@@ -32,6 +32,7 @@ from simbench.gap.decide.identified import plausible
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
+from simbench.gap.intake.healthy import Healthy, learn, with_plant
 from simbench.gap.intake.partial import Partial, completed, read_baseline
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
@@ -62,6 +63,7 @@ def diagnose(
     *,
     identify: bool = False,
     tests: Sequence[RecordedTest] = (),
+    healthy: Sequence[Source] = (),
     jobs: int = 1,
     seed: int = 0,
     **signals: Unpack[RecordSignals],
@@ -82,6 +84,9 @@ def diagnose(
         it.
     tests : sequence of RecordedTest
         Tests of the same loop in other operation, judged with the (longest) record as one model.
+    healthy : sequence of LoopRecord, run, DataFrame, mapping, str or Path
+        Records of the same loop, or of its siblings, from healthy operation: noise and loads that
+        they show are ordinary, and larger ones are effects. They need a baseline with its plant.
     jobs : int
         Processes, where there are several records; -1 uses all cores.
     seed : int
@@ -125,7 +130,8 @@ def diagnose(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and"
             f" {paces[-1]:g} s in another"
         )
-    return diagnose_all(records, _read(baseline), tests, jobs, seed)
+    loop = _read(baseline)
+    return diagnose_all(records, loop, tests, jobs, seed, [as_record(one) for one in healthy])
 
 
 def diagnose_all(
@@ -134,6 +140,7 @@ def diagnose_all(
     tests: Sequence[RecordedTest] = (),
     jobs: int = 1,
     seed: int = 0,
+    healthy: Sequence[LoopRecord] = (),
 ) -> GapReport:
     """Return the report of `diagnose`, its records and baseline read."""
     said: list[str] = []
@@ -144,7 +151,9 @@ def diagnose_all(
         said = [n for old, new in zip(given, records) for n in new.notes if n not in old.notes]
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        assessment, loops = _assess_all(records, baseline, jobs, tests)
+        ordinary = learn(healthy, baseline) if healthy else None
+        said += [note for one in healthy if (note := _not_healthy(one, baseline))]
+        assessment, loops = _assess_all(records, baseline, jobs, tests, ordinary)
         weights = classify(assessment)
         found = report(assessment, weights, ClosedLoops(assessment, seed), loops)
     return replace(found, notes=(*found.notes, *said))
@@ -205,7 +214,10 @@ def _records(given: Any, signals: Any) -> list[LoopRecord]:
 
 
 def _assess_one(
-    record: LoopRecord, baseline: Loop | Partial | None, tests: Sequence[RecordedTest] = ()
+    record: LoopRecord,
+    baseline: Loop | Partial | None,
+    tests: Sequence[RecordedTest] = (),
+    ordinary: Healthy | None = None,
 ) -> tuple[Assessment, CandidateLoops | str]:
     """Return the assessment of one record, with its tests, and the loops that may have made
     it, or why it is not weighed.
@@ -215,9 +227,14 @@ def _assess_one(
     # 1. the record and the baseline: can they be compared, and what does the baseline not say?
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     loop, given, completions = completed(record, baseline)
+    if ordinary is not None:
+        completions = [*completions, ordinary.note(loop, record.duration)]
+        loop = ordinary.stated_in(loop, record.Ts)
     # 2. what the record shows without any likelihood
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     situation = replace(situation, notes=[*situation.notes, *completions])
+    if ordinary is not None:
+        situation = ordinary.ordinary_in(situation)
     # 3. every effect fitted and scored, with the tests of the same loop
     assessment = assess_with_tests(situation, tests)
     # 4. with an identified baseline: does friction explain the record better than other loops?
@@ -268,18 +285,35 @@ def assess_with_tests(situation: Situation, tests: Sequence[RecordedTest]) -> As
     return replace(assessment, situation=noted, asked=tuple(t.id for t in tests))
 
 
+def _not_healthy(record: LoopRecord, baseline: Loop | Partial | None) -> str:
+    """Return what a record that is called healthy shows besides load and noise; "" for nothing."""
+    found = assess(check(record, with_plant(record, baseline)))
+    named, weights = found.chosen[:1], classify(found)
+    if not named or recogniser(named[0]).travel is not None or named[0] == "noise":
+        return ""
+    p, effect = weights.probability[named[0]], named[0].replace("_", " ")
+    return (
+        f"healthy: {record.tag or 'a record'} shows {effect} itself (probability {p:.2f}); only its"
+        " load and noise are taken from it"
+    )
+
+
 def _assess_all(
     records: list[LoopRecord],
     baseline: Loop | Partial | None,
     jobs: int,
     tests: Sequence[RecordedTest] = (),
+    ordinary: Healthy | None = None,
 ) -> tuple[Assessment, CandidateLoops | str]:
     """Assess every record; evidence adds up, and the longest record carries the tests, the fits,
     parameters and the gap.
     """
     longest, *shorter = sorted(records, key=lambda r: -r.n)
     assessed = delayed(_assess_one)
-    calls = [assessed(longest, baseline, tests), *(assessed(r, baseline) for r in shorter)]
+    calls = [
+        assessed(longest, baseline, tests, ordinary),
+        *(assessed(r, baseline, ordinary=ordinary) for r in shorter),
+    ]
     with safe_path():
         pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
     every, loops = [assessment for assessment, _ in pairs], pairs[0][1]

@@ -39,6 +39,9 @@ class Recogniser:
         base, in so many samples of the record. It is then allowed to every candidate, and only
         named where nothing else explains the record; None where it is plainly more, and named as
         any effect is.
+    travel : callable, optional
+        Of what loads do by themselves as well: how far (% of travel) one of these numbers moves in
+        so many seconds.
     explains : str
         The fact of single samples or of the law (`Situation.facts`) that is this effect's; what
         nobody claims is unexplained.
@@ -82,6 +85,7 @@ class Recogniser:
     possible: Callable[[Situation], bool] = lambda s: True
     proven: Callable[[Situation], Parameters | None] = lambda s: None
     ordinary: Callable[[Fit, Fit, Data, int], bool | None] | None = None
+    travel: Callable[[Mapping[str, float | str], float], float] | None = None
     explains: str = ""
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     by_mv_leaves: float = 0.3

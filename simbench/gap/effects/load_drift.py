@@ -46,20 +46,26 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 
 def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
-    """Return whether the load drifts no further than on an ordinary day, or than the baseline
-    states; None beyond.
+    """Return whether the load drifts no further than on an ordinary day, or than the baseline or
+    healthy records state; None beyond.
     """
     # the ramp runs over all records that are fitted as one
     ramp, walk = fit.beta[-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
-    most = max(_A_DAY, LARGER * data.loads.get("slow", 0.0))
+    most = max(0.0 if data.measured else _A_DAY, LARGER * data.loads.get("slow", 0.0))
     near = np.hypot(ramp, walk) < most * abs(input_gain(fit, data))
     return True if near and data.trusted else None
+
+
+def travel(p: Parameters, duration: float) -> float:
+    """Return how far the load drifts."""
+    return float(np.hypot(float(p["rate"]) * duration, float(p["walk"]) * np.sqrt(duration)))
 
 
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
+    travel=travel,
     bends_plant=True,
     mean_op_shift=lambda p, half, K: float(p["rate"]) * half,
 )

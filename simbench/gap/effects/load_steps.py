@@ -126,7 +126,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
     """
     # one in as many samples as the record has
     once = len(fit.spec.jumps) * n <= data.n + n - 1
-    day = max(_PETTY, LARGER * data.loads.get("steps", 0.0))
+    day = max(0.0 if data.measured else _PETTY, LARGER * data.loads.get("steps", 0.0))
     petty = data.trusted and fit.theta["load_jump"] < day * abs(input_gain(fit, data))
     alone = not data.loads and fit.theta["load"] < _REMAINING * base.theta["load"]
     return once or petty or alone
@@ -136,4 +136,5 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
+    travel=lambda p, duration: float(p["size"]),
 )

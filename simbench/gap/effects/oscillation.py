@@ -64,9 +64,23 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
     return stated or None
 
 
+def wanders(p: Parameters, duration: float) -> bool:
+    """Return whether a sine has so few periods that it is a load that wanders."""
+    return float(p["period"]) * _PERIODS > duration
+
+
 def masked(s: Situation, p: Parameters) -> bool:
-    """Return whether so few periods are an ordinary load that wanders."""
-    return float(p["period"]) * _PERIODS > s.record.duration
+    """Return whether so few periods are an ordinary load that wanders, by healthy records as
+    far.
+    """
+    far = s.data.measured and float(p["amplitude"]) > LARGER * s.data.loads["slow"]
+    return wanders(p, s.record.duration) and not far
 
 
-RECOGNISER = Recogniser(fit=fit, numbers=numbers, ordinary=ordinary, masked=masked)
+RECOGNISER = Recogniser(
+    fit=fit,
+    numbers=numbers,
+    ordinary=ordinary,
+    travel=lambda p, duration: float(p["amplitude"]),
+    masked=masked,
+)

@@ -33,6 +33,7 @@ _EDGE = 0.02  # ... and falls off with this standard deviation outside
 # the same for its noise: few know it better, and the least that four simulators draw as another
 # noise is 1.4 times the stated one; with .1 healthy records of two of them were called noisy
 _NOISE = 0.25
+_NOISE_MEASURED = 0.1  # the same where healthy records show it
 # multiples of a baseline's gain between which another one is looked for (four simulators draw .25
 # to 4): below, a load explains all and the valve nothing, as it can in any loop at rest
 _MISMATCH = (0.2, 10.0)
@@ -275,7 +276,8 @@ class Engine:
         if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
-            out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(_NOISE), _EDGE))
+            within = _NOISE_MEASURED if d.measured else _NOISE
+            out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(within), _EDGE))
         return out
 
     def fit(

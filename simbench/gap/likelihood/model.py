@@ -32,7 +32,7 @@ class Data:
     higher order, the filter of unit gain between its input and that of the first-order plant;
     `sines` period (samples) and amplitude on PV of the sines that the baseline states; `loads` the
     size (% of travel) of its `steps`, and of its ramps and walks (`slow`), empty where it states no
-    load.
+    load. `measured`: noise, loads and sines are those of healthy records.
     """
 
     u: np.ndarray
@@ -47,6 +47,7 @@ class Data:
     shape: tuple[np.ndarray, np.ndarray] | None = None
     sines: tuple[tuple[float, float], ...] = ()
     loads: Mapping[str, float] = field(default_factory=dict)
+    measured: bool = False
 
     def __post_init__(self) -> None:
         # a copy: kernels would be compiled anew for a record's arrays, which nobody may write

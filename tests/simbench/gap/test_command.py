@@ -225,3 +225,23 @@ def test_a_window_that_the_record_does_not_hold_is_refused(window):
     record = LoopRecord(op=np.arange(200.0), pv=np.arange(200.0), Ts=1.0)
     with pytest.raises(ParameterError, match=r"loop.csv: --window .*FROM < TO within 0..200"):
         command._cut(record, window, "loop.csv")
+
+
+def test_healthy_records_are_read_noted_and_repeated_on_the_page(place, tmp_path):
+    write_record(simulate(Loop.from_table(HEALTHY), seed=8).record, place / "healthy.csv")
+    given = ["no_mv.csv", "--baseline", "loop.toml", "--healthy", "healthy.csv"]
+    found = diagnosed(place, *given, "--html", str(tmp_path / "gap.html"))
+    assert found["effect"] == "stiction"
+    assert any(note.startswith("healthy: 1 record shows noise 0.1") for note in found["notes"])
+    assert f"--healthy {place / 'healthy.csv'}" in (tmp_path / "gap.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (["no_mv.csv", "--identify", "--healthy", "FIC101.csv"], ["states [plant]"]),
+        (["no_mv.csv", "--baseline", "loop.toml", "--healthy", "no.csv"], ["does not exist"]),
+    ],
+)
+def test_healthy_records_that_cannot_be_used_are_refused(capsys, place, given, words):
+    refused(capsys, place, given, *words)

@@ -230,7 +230,7 @@ LOOPS = CandidateLoops(None, (), None, None, 0.0, 1.0, False, None, 1.0, ())
 
 
 def together(monkeypatch, *every):
-    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, baseline, tests=(): (r.made, LOOPS))
+    monkeypatch.setattr(diagnosis, "_assess_one", lambda r, *given, **more: (r.made, LOOPS))
     records = [SimpleNamespace(n=one.situation.record.n, made=one) for one in every]
     return diagnosis._assess_all(records, None, 1)
 

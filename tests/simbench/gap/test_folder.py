@@ -82,6 +82,7 @@ def test_a_folder_says_how_near_its_simulations_come_and_what_remains():
     assert not any(line.startswith("A: ") for line in lines)
 
 
-def test_what_is_for_one_loop_is_refused_of_a_folder(folder, capsys):
-    assert main(["gap", "diagnose", str(folder), "--html", "page.html"]) == 2
-    assert "--html is for the records of one loop" in capsys.readouterr().err
+@pytest.mark.parametrize("option", ["--html", "--healthy"])
+def test_what_is_for_one_loop_is_refused_of_a_folder(folder, capsys, option):
+    assert main(["gap", "diagnose", str(folder), option, "page.html"]) == 2
+    assert f"{option} is for the records of one loop" in capsys.readouterr().err

@@ -17,7 +17,7 @@ from simbench.gap.effects import (
 from simbench.gap.likelihood import kernels
 
 PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
-DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2, late=0, loads={})
+DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2, late=0, loads={}, measured=False)
 TRUSTED = SimpleNamespace(**vars(DATA), trusted=True)
 SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
 
@@ -111,11 +111,14 @@ def test_a_load_that_drifts_by_three_percent_of_travel_is_an_ordinary_one(ramp, 
     # K = 2: three percent are six of PV; a ramp over two records is half as long in the first
     drifting = SimpleNamespace(beta=np.array([2.0, 0.0, 0.0, 2.0 * ramp]), K=2.0)
     drifting.theta = {"load_walk": walk}
-    both = SimpleNamespace(n=2000, K=2.0, trusted=True, loads={})
+    both = SimpleNamespace(n=2000, K=2.0, trusted=True, loads={}, measured=False)
     assert load_drift.ordinary(drifting, drifting, both, 1000) is drifts
     # a baseline that states a drift of five percent allows half as much again
     both.loads = {"slow": 5.0}
     assert load_drift.ordinary(drifting, drifting, both, 1000) is True
+    # healthy records allow half as much again as they show, and no more
+    both.measured, both.loads = True, {"slow": 1.0}
+    assert load_drift.ordinary(drifting, drifting, both, 1000) is None
 
 
 @pytest.mark.parametrize("T", [0.0, 20.0])
@@ -258,8 +261,13 @@ def test_noise_is_not_judged_where_rounding_or_compression_makes_some(
 
 @pytest.mark.parametrize(("period", "load"), [(110.0, False), (150.0, True)])
 def test_an_oscillation_of_fewer_than_eight_periods_is_an_ordinary_load(period, load):
-    s = SimpleNamespace(record=SimpleNamespace(duration=1000.0))
+    s = SimpleNamespace(
+        record=SimpleNamespace(duration=1000.0), data=SimpleNamespace(measured=False)
+    )
     assert recogniser("oscillation").masked(s, {"period": period, "amplitude": 1.0}) == load
+    # and only up to half as far again as healthy records wander
+    s.data = SimpleNamespace(measured=True, loads={"slow": 0.6})
+    assert not recogniser("oscillation").masked(s, {"period": period, "amplitude": 1.0})
 
 
 @pytest.mark.parametrize(
