@@ -24,7 +24,7 @@ from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import SURE, Assessment, assess, capped
+from simbench.gap.decide.assess import NOISE, SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.closure import misfit, not_the_gap, with_closure
@@ -289,7 +289,7 @@ def _not_healthy(record: LoopRecord, baseline: Loop | Partial | None) -> str:
     """Return what a record that is called healthy shows besides load and noise; "" for nothing."""
     found = assess(check(record, with_plant(record, baseline)))
     named, weights = found.chosen[:1], classify(found)
-    if not named or recogniser(named[0]).travel is not None or named[0] == "noise":
+    if not named or recogniser(named[0]).travel is not None or named[0] == NOISE:
         return ""
     p, effect = weights.probability[named[0]], named[0].replace("_", " ")
     return (
@@ -393,6 +393,18 @@ def _closed(assessment: Assessment, weights: Classified, runs: ClosedLoops) -> _
     return _Answer(with_closure(weights, ratio, block), [UNKNOWN], bare, left, refuted)
 
 
+def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
+    """Return the answers that the record cannot tell from one, itself among them: effects that are
+    alike, and none where an effect is no larger than it may be by itself.
+    """
+    if answer == NONE:
+        return NONE, *assessment.ordinary
+    if answer == UNKNOWN:
+        return (UNKNOWN,)
+    same = alike(answer, assessment.situation, assessment.parameters.get(answer))
+    return (*same, NONE) if answer in assessment.ordinary else same
+
+
 def report(
     assessment: Assessment,
     weights: Classified,
@@ -413,6 +425,10 @@ def report(
             rival = runs.rival([e], effects)
             if rival is not None:
                 sizes[e] = rival.before, rival.after
+    sizes_of = {"load": [], "noise": []}
+    for e, size in assessment.ordinary.items():
+        sizes_of["noise" if e == NOISE else "load"].append(size)
+    ordinary = {what: max(every) for what, every in sizes_of.items() if every}
     lines = {
         e: Ranked(
             e,
@@ -420,6 +436,8 @@ def report(
             float(p),
             *sizes.get(e, (None, None)),
             assessment.parameters.get(e, {}),
+            _group(e, assessment),
+            ordinary if e == NONE else {},
         )
         for e, p in ranking
     }
@@ -441,6 +459,7 @@ def report(
             "parameters": line.parameters,
             "probability": line.probability,
         }
+        | ({"ordinary": line.ordinary} if line.ordinary else {})
         for line in (lines[e] for e in named)
     )
     planned = plan(assessment, weights.probability, runs, most=1)
@@ -450,6 +469,8 @@ def report(
         *situation.notes,
         *(f"{block}: {why}" for block, why in assessment.unexplained.items()),
     ]
+    if first == NONE and (note := lines[NONE].ordinary_note()):
+        notes.insert(0, note)
     if advice is None:
         notes.append(f"next test: none, {planned.why}")
     if not main.resolvable:

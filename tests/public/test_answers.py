@@ -375,6 +375,7 @@ def test_gap_diagnose(answer, place):
             "probability",
             "gap_before",
             "gap_after",
+            "group",
             "parameters",
         }
         if row["effect"] not in ("none", "unknown"):

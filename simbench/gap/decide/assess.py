@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from simbench.gap.candidates import (
     LAST,
     Candidate,
@@ -38,6 +40,9 @@ from simbench.gap.situation import ModelledTest, Situation, load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
+# of the stated noise, from which it is told that there is more: healthy records show it as well
+_MORE_NOISE = 1.1
+NOISE = "noise"
 _SECOND = 12.0  # nats a second effect must bring on top of one that explains the same PV
 
 
@@ -52,7 +57,9 @@ class Assessment(Fitted):
     with this one; `stiction` its probability under an identified baseline, None where it cannot be
     judged; `asked` the tests of the menu that were run;
     `before_higher_order` the candidates before the plant was allowed a higher order; `by_lab` the
-    nats of lab samples in `log_likelihood_gains`.
+    nats of lab samples in `log_likelihood_gains`; `ordinary` the loads (% of travel) and the noise
+    (factor of the stated one) that are more than the baseline states, and no more than any loop
+    has, by effect.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -65,6 +72,7 @@ class Assessment(Fitted):
     asked: tuple[str, ...] = ()
     before_higher_order: dict[str, Candidate] = field(default_factory=dict)
     by_lab: dict[str, float] = field(default_factory=dict)
+    ordinary: dict[str, float] = field(default_factory=dict)
 
     def shown(self, effect: str) -> bool:
         """Whether single samples, the controller's law, MV or lab samples show an effect, and no
@@ -100,6 +108,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         refuse_other_plant(situation)
     record = situation
     situation, maps, engine, base, candidates = _fitted(situation, tests)
+    ordinary = _ordinary(situation, engine, base, candidates)
     base, with_load = with_ordinary_load(engine, base, candidates, _stated(situation))
     base, candidates = with_higher_order(engine, base, with_load)
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
@@ -130,7 +139,30 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         bool(maps[0]),
         before_higher_order=with_load,
         by_lab=by_lab,
+        ordinary=ordinary,
     )
+
+
+def _ordinary(
+    s: Situation, engine: Engine, base: Fit, candidates: dict[str, Candidate]
+) -> dict[str, float]:
+    """Return the loads that explain the record better than none, and noise beyond the stated one,
+    each with its size, that are ordinary of a loop of which no healthy record is given.
+    """
+    if s.data.measured or not s.trusted:
+        return {}
+    n, out = engine.main(base).residual.size, {}
+    for effect in candidates.keys() - _stated(s):
+        one, about = candidates[effect], recogniser(effect)
+        if about.travel is None or one.log_likelihood_gain <= LEAST_NATS:
+            continue
+        p = about.numbers(one.fit, s)
+        if about.masked(s, p) or (about.ordinary and about.ordinary(one.fit, base, engine.data, n)):
+            out[effect] = about.travel(p, s.record.duration)
+    stated = float(np.hypot(s.data.noise, s.data.resolution / np.sqrt(12.0)))
+    if s.data.noise > 0.0 and base.theta["noise_std"] > _MORE_NOISE * stated:
+        out[NOISE] = base.theta["noise_std"] / stated
+    return out
 
 
 def _stated(s: Situation) -> frozenset[str]:

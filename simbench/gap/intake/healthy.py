@@ -18,10 +18,12 @@ from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import stated_noise
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import size_penalty
+from simbench.gap.likelihood.model import Fit, load_std, size_penalty
 from simbench.gap.situation import Situation, load_memory
 from simbench.scenarios.spec import Loop
 
+_NATS_AT_END = 1.92  # by which the likelihood is lower at the end of a 95 % interval (Wilks 1938)
+_FINER = 1.05  # factor on a load by which that end is looked for
 _LOADS = ("load_drift", "load_steps", "oscillation")
 
 
@@ -29,13 +31,15 @@ _LOADS = ("load_drift", "load_steps", "oscillation")
 class Healthy:
     """What healthy records show of a loop: the standard deviation of its noise (PV units), how far
     its load wanders (% of travel in the square root of a second), the levels between which the load
-    steps (standard deviation, %), and its sines by period (s) and amplitude on PV.
+    steps (standard deviation, %), its sines by period (s) and amplitude on PV, and the largest
+    steady standard deviation on PV that they leave possible of the load.
     """
 
     noise: float
     wander: float
     steps: float
     sines: tuple[tuple[float, float], ...]
+    load: float
     records: int = 1
 
     def note(self, loop: Loop, duration: float) -> str:
@@ -63,7 +67,8 @@ class Healthy:
         """Return a situation in which these loads, and none plainly larger, are ordinary."""
         loads = {"slow": self.wander * float(np.sqrt(s.record.duration)), "steps": self.steps}
         sines = tuple((period / s.record.Ts, amplitude) for period, amplitude in self.sines)
-        return replace(s, data=replace(s.data, loads=loads, sines=sines, measured=True))
+        known = {"sines": sines, "measured": True, "most_load": self.load}
+        return replace(s, data=replace(s.data, loads=loads, **known))
 
 
 def learn(records: Sequence[LoopRecord], baseline: Loop | Partial | None) -> Healthy:
@@ -74,6 +79,7 @@ def learn(records: Sequence[LoopRecord], baseline: Loop | Partial | None) -> Hea
         wander=max(one.wander for one in each),
         steps=max(one.steps for one in each),
         sines=tuple(sine for one in each for sine in one.sines),
+        load=max(one.load for one in each),
         records=len(each),
     )
 
@@ -113,4 +119,12 @@ def _of_one(record: LoopRecord, loop: Loop) -> Healthy:
     steps = float(p["load_steps"]["size"]) if "load_steps" in worth else 0.0
     rounding = s.data.resolution**2 / 12.0
     std = float(np.sqrt(max(base.theta["noise_std"] ** 2 - rounding, s.data.floor**2)))
-    return Healthy(std, slow / float(np.sqrt(duration)), steps, sines)
+    return Healthy(std, slow / float(np.sqrt(duration)), steps, sines, _most_load(engine, base))
+
+
+def _most_load(engine: Engine, fit: Fit) -> float:
+    """Return the upper end of the load's 95 % interval by the likelihood, all else as fitted."""
+    theta = dict(fit.theta)
+    while engine.evaluate(fit.spec, theta)[0] > fit.loglik - _NATS_AT_END:
+        theta["load"] *= _FINER
+    return load_std(theta)

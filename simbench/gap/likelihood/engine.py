@@ -24,6 +24,7 @@ from simbench.gap.likelihood.model import (
     delay_of,
     jumps_of,
     lag_of,
+    load_std,
     size_penalty,
     valve_of,
 )
@@ -34,6 +35,7 @@ _EDGE = 0.02  # ... and falls off with this standard deviation outside
 # noise is 1.4 times the stated one; with .1 healthy records of two of them were called noisy
 _NOISE = 0.25
 _NOISE_MEASURED = 0.1  # the same where healthy records show it
+_LOAD_EDGE = 0.15  # standard deviation of the logarithm of a load beyond those of healthy records
 # multiples of a baseline's gain between which another one is looked for (four simulators draw .25
 # to 4): below, a load explains all and the valve nothing, as it can in any loop at rest
 _MISMATCH = (0.2, 10.0)
@@ -273,6 +275,8 @@ class Engine:
                 out.append(
                     _over(delay_of(spec, theta) - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03)
                 )
+        if d.measured:
+            out.append(max(np.log(load_std(theta) / d.most_load), 0.0) / _LOAD_EDGE)
         if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))

@@ -32,7 +32,8 @@ class Data:
     higher order, the filter of unit gain between its input and that of the first-order plant;
     `sines` period (samples) and amplitude on PV of the sines that the baseline states; `loads` the
     size (% of travel) of its `steps`, and of its ramps and walks (`slow`), empty where it states no
-    load. `measured`: noise, loads and sines are those of healthy records.
+    load. `measured`: noise, loads and sines are those of healthy records; `most_load` the largest
+    steady standard deviation on PV that these leave possible of a load.
     """
 
     u: np.ndarray
@@ -48,6 +49,7 @@ class Data:
     sines: tuple[tuple[float, float], ...] = ()
     loads: Mapping[str, float] = field(default_factory=dict)
     measured: bool = False
+    most_load: float = math.inf
 
     def __post_init__(self) -> None:
         # a copy: kernels would be compiled anew for a record's arrays, which nobody may write
@@ -224,6 +226,15 @@ def input_gain(fit: Fit, data: Data) -> float:
 def lag_of(theta: Mapping[str, float]) -> float:
     """Return the load's second time constant, or the mark of a 1/f load, which has none."""
     return theta.get("load_lag", kernels.PINK_LOAD)
+
+
+def load_std(theta: Mapping[str, float]) -> float:
+    """Return the standard deviation of the fitted load's steady effect on PV."""
+    std, period, lag = theta["load"], theta["load_time"], lag_of(theta)
+    if lag <= 0.1:  # a 1/f load has no second time constant
+        return std
+    a, b = np.exp(-1.0 / period), np.exp(-1.0 / lag)
+    return std * float(np.sqrt((1 - b) / (1 + b) * (1 + a * b) / (1 - a * b)))
 
 
 def jumps_of(spec: Spec, theta: Mapping[str, float]) -> kernels.Jumps | None:

@@ -25,7 +25,10 @@ LEAST_SHOWN = 0.005  # probability from which an explanation is shown: what does
 
 @dataclass(frozen=True)
 class Ranked:
-    """One line of the ranking."""
+    """One line of the ranking; `group` are the answers that this record cannot tell from it, itself
+    among them, and `ordinary` of `none` the load (% of travel) and the noise (factor of the stated
+    one) that are more than the baseline states and may be ordinary.
+    """
 
     effect: str
     block: str
@@ -33,6 +36,26 @@ class Ranked:
     gap_before: float | None
     gap_after: float | None
     parameters: dict[str, float | str]
+    group: tuple[str, ...] = ()
+    ordinary: dict[str, float] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the line in JSON types; `ordinary` is a key only where there is something."""
+        line = asdict(self) | {"group": list(self.group)}
+        return line if self.ordinary else {k: v for k, v in line.items() if k != "ordinary"}
+
+    def ordinary_note(self) -> str:
+        """Return in words what is more than the baseline states; "" for nothing."""
+        said = {
+            "load": "a load that moves by {:.2g} % of travel, which the loop file does not state",
+            "noise": "{:.2g} times the noise that the loop file states",
+        }
+        more = " and ".join(said[what].format(size) for what, size in self.ordinary.items())
+        names = " or ".join(words(e) for e in self.group if e != NONE)
+        return more and (
+            f"ordinary or an effect: the record has {more}; records of healthy operation"
+            f" (--healthy) tell whether that is ordinary or {names}"
+        )
 
 
 @dataclass(frozen=True)
@@ -136,7 +159,7 @@ class GapReport:
             "effect": self.effect,
             "effects": list(self.effects),
             "group": list(self.group),
-            "ranking": [asdict(r) for r in self.ranking],
+            "ranking": [r.as_json() for r in self.ranking],
             "gap": asdict(self.gap),
             "shrinkage": self.shrinkage,
             "remaining": [one.as_json() for one in self.remaining],
@@ -158,8 +181,10 @@ class GapReport:
         """
         import pandas as pd
 
+        hidden = ("group", "ordinary")
+        lines = [{k: v for k, v in asdict(r).items() if k not in hidden} for r in self.ranking]
         return pd.DataFrame(
-            [{**asdict(r), "parameters": self._sizes(r.effect, r.parameters)} for r in self.ranking]
+            [{**x, "parameters": self._sizes(x["effect"], x["parameters"])} for x in lines]
         )
 
     def plot(self, most: int = 6) -> Any:

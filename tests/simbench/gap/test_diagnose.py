@@ -87,6 +87,7 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "probability",
         "gap_before",
         "gap_after",
+        "group",
         "parameters",
     }
     assert set(report["gap"]) == {

@@ -68,6 +68,7 @@ def assessed(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, 
     return SimpleNamespace(
         chosen=list(chosen),
         parameters=NUMBERS if parameters is None else parameters,
+        ordinary={},
         shown=lambda e: e in shown,
         situation=s or situation(),
         unexplained={"valve": "MV strays"},

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from simbench.detectors.errors import ParameterError
 from simbench.gap.diagnosis import diagnose
+from simbench.gap.intake.check import check
 from simbench.gap.intake.healthy import learn
 from simbench.gap.intake.partial import Partial
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Spec, load_std
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -86,9 +91,7 @@ def test_what_healthy_records_have_is_no_effect():
     assert diagnose(record, loop).effect == "oscillation"
     found = diagnose(record, loop, healthy=before)
     assert found.effect == "none"
-    assert any(
-        "1 record shows noise" in note and "a sine of 90 s" in note for note in found.notes
-    )
+    assert any("1 record shows noise" in note and "a sine of 90 s" in note for note in found.notes)
 
 
 def test_a_record_that_is_not_healthy_is_told(healthy):
@@ -107,3 +110,54 @@ def test_the_controller_may_be_unknown(healthy):
     assert learn(healthy, Partial(loop, frozenset({"controller"}))).noise == pytest.approx(
         0.1, rel=0.05
     )
+
+
+def test_the_load_is_at_most_what_the_records_leave_possible(healthy):
+    larger = recorded(3, loads=({**LOAD, "amplitude": 0.4},))
+    few, most = learn(healthy, loop), learn([*healthy, larger], loop)
+    # of what it does to PV in the end, through a gain of 1.2
+    assert few.load == pytest.approx(1.2 * LOAD["amplitude"], rel=0.3)
+    assert most.load == pytest.approx(2.0 * few.load, rel=0.3)
+    assert most.ordinary_in(check(healthy[0], loop)).data.most_load == most.load
+    # where there is none, one that noise would hide is possible
+    assert 0.0 < learn([recorded(1, loads=())], loop).load < 0.5 * few.load
+
+
+@pytest.mark.parametrize(("times", "price"), [(0.9, 0.0), (1.0, 0.0), (np.exp(0.3), 2.0)])
+def test_a_fit_pays_for_more_load_than_healthy_records_have(healthy, times, price):
+    d = check(healthy[0], loop).data
+    theta = Engine(d, 100.0).base().theta
+    free, held = (
+        Engine(replace(d, measured=True, most_load=most), 100.0).evaluate(Spec(), theta)[0]
+        for most in (1e9, load_std(theta) / times)
+    )
+    assert free - held == pytest.approx(price, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("effect", "what", "size"),
+    [
+        ({"name": "load_drift", "rate": 0.0016, "walk": 0.0}, "load", 2.4),
+        ({"name": "oscillation", "amplitude": 0.9, "period": 250.0}, "load", 0.9),
+        ({"name": "noise", "factor": 1.2}, "noise", 1.2),
+    ],
+)
+def test_without_healthy_records_what_may_be_ordinary_is_told_with_its_size(effect, what, size):
+    found = diagnose(recorded(3, effect), loop)
+    answers = {line["effect"]: line for line in found.as_json()["ranking"]}
+    assert found.effect == "none"
+    assert answers["none"]["ordinary"] == {what: pytest.approx(size, rel=0.15)}
+    assert found.as_json()["effects"][0]["ordinary"] == answers["none"]["ordinary"]
+    assert answers["none"]["group"] == ["none", effect["name"]]
+    assert answers[effect["name"]]["group"][-1] == "none"
+    assert found.notes[0].startswith("ordinary or an effect: the record has ")
+    assert found.notes[0].endswith(f"is ordinary or {effect['name'].replace('_', ' ')}")
+
+
+def test_with_healthy_records_or_nothing_to_tell_no_answer_is_left_open(healthy):
+    for given in ([], healthy):
+        record = recorded(3) if not given else recorded(3, {"name": "noise", "factor": 1.05})
+        ranking = diagnose(record, loop, healthy=given).as_json()["ranking"]
+        assert not any("ordinary" in line for line in ranking)
+        assert all(("none" in line["group"]) == (line["effect"] == "none") for line in ranking)
+        assert all(line["effect"] in line["group"] for line in ranking)
