@@ -27,10 +27,16 @@ _HALF = 0.5  # of what OP does, that a law may leave unexplained and still show 
 
 
 def identify(
-    record: LoopRecord, plant: Plant | None = None, controller: Controller | None = None
+    record: LoopRecord,
+    plant: Plant | None = None,
+    controller: Controller | None = None,
+    law: Law | None = None,
 ) -> Loop:
-    """Return a loop file that fits the record, without any effect in it."""
-    noise, law = 0.0, _law(record, 1.0 if plant is None else float(np.sign(plant.K)))
+    """Return a loop file that fits the record, without any effect in it; `law` is what `law_of`
+    showed of it already.
+    """
+    noise, guess = 0.0, 1.0 if plant is None else float(np.sign(plant.K))
+    law = law or law_of(record, guess)
     if plant is None:
         # friction and feedback turn the sign of a plant; what OP does about PV shows the
         # controller's direction
@@ -38,7 +44,7 @@ def identify(
         plant, noise = _plant(record, shown if controller is None else controller.sign)
     if controller is None:
         sign = float(np.sign(plant.K))
-        law = law if law.known else _law(record, sign)
+        law = law if law.known or sign == guess else law_of(record, sign)
         if not (np.isfinite(law.Kc) and law.Kc != 0.0):
             raise RecordError(
                 f"{_where(record)}: no controller can be identified: OP does not answer to PV (Kc ="
@@ -57,8 +63,8 @@ def _where(r: LoopRecord) -> str:
     return f"record {r.tag!r}" if r.tag else "record"
 
 
-def _law(r: LoopRecord, sign: float) -> Law:
-    """Return the law from a guess of its tuning: a gain by the sizes of the changes."""
+def law_of(r: LoopRecord, sign: float = 1.0) -> Law:
+    """Return the law from a guess of its tuning: a gain of a sign, by the sizes of the changes."""
     op = op_in_percent(r, False, "")
     rough = float(np.std(np.diff(op))) / (float(np.std(np.diff(r.pv))) or np.inf)
     guess = Stated(sign * (rough or 1.0), 20.0 * r.Ts, r.Ts)

@@ -21,7 +21,7 @@ from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.identified import plausible
 from simbench.gap.effects import NOT_TRIED, recogniser
 from simbench.gap.intake.check import check
-from simbench.gap.intake.identify import identify
+from simbench.gap.intake.identify import identify, law_of
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
@@ -211,10 +211,11 @@ def _identified(record: LoopRecord) -> list[Assessment]:
     """Return the assessments of a record with the loops of both kinds that can be identified from
     it.
     """
-    views, refused = [], None
+    views, refused, law = [], None, law_of(record)
     for process in PROCESSES:
         try:
-            views.append(_fitted(record, identify(replace(record, process=process))))
+            loop = identify(replace(record, process=process), law=law)
+            views.append(_fitted(record, loop))
         except UserError as why:
             refused = why
     if not views:
