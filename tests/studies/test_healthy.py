@@ -1,0 +1,33 @@
+"""The table of what healthy records are worth counts what was asked."""
+
+from results.studies import healthy
+
+
+def test_every_effect_is_asked_in_every_strength_and_healthy_loops_too():
+    drawn = healthy.entries(2, 3)
+    assert len(drawn) == 2 * 3 * len(healthy.EFFECTS) + 3
+    assert sum(one["kind"] == "none" for one in drawn) == 3
+
+
+def test_right_answers_of_an_effect_and_names_of_a_healthy_loop_are_counted_by_records():
+    answers = [
+        ("noise", ["none", "noise", "noise"]),
+        ("noise", ["noise", "noise", "unknown"]),
+        ("none", ["drift", "unknown", "none"]),
+    ]
+    rows = [
+        {"world": "own", "true": true, "n": n, "said": said}
+        for true, every in answers
+        for n, said in enumerate(every)
+    ]
+    counted = healthy.table(rows).loc["own"]
+    assert counted.loc["noise, right"].tolist() == [1, 2, 1, 2]
+    assert counted.loc["healthy, but named"].tolist() == [1, 0, 0, 1]
+
+
+def test_a_record_is_drawn_with_its_history_and_asked_with_each_length_of_it():
+    (entry,) = [one for one in healthy.entries(1, 0) if one["effect"] == "noise"][2:]
+    rows = healthy.asked("own", 0, entry)
+    assert [row["n"] for row in rows] == [0, 1, 2]
+    assert {row["true"] for row in rows} == {"noise"}
+    assert not any(row["said"].startswith("refused") for row in rows)
