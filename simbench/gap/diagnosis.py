@@ -24,7 +24,7 @@ from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import NOISE, SURE, Assessment, assess, capped
+from simbench.gap.decide.assess import NOISE_EFFECT, SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
 from simbench.gap.decide.closure import misfit, not_the_gap, with_closure
@@ -289,7 +289,7 @@ def _not_healthy(record: LoopRecord, baseline: Loop | Partial | None) -> str:
     """Return what a record that is called healthy shows besides load and noise; "" for nothing."""
     found = assess(check(record, with_plant(record, baseline)))
     named, weights = found.chosen[:1], classify(found)
-    if not named or recogniser(named[0]).travel is not None or named[0] == NOISE:
+    if not named or recogniser(named[0]).travel is not None or named[0] == NOISE_EFFECT:
         return ""
     p, effect = weights.probability[named[0]], named[0].replace("_", " ")
     return (
@@ -427,7 +427,7 @@ def report(
                 sizes[e] = rival.before, rival.after
     sizes_of = {"load": [], "noise": []}
     for e, size in assessment.ordinary.items():
-        sizes_of["noise" if e == NOISE else "load"].append(size)
+        sizes_of["noise" if e == NOISE_EFFECT else "load"].append(size)
     ordinary = {what: max(every) for what, every in sizes_of.items() if every}
     lines = {
         e: Ranked(

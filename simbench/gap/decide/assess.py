@@ -42,7 +42,7 @@ from simbench.loop.effects import EFFECTS, NONE, block_of
 SURE = 1000.0  # nats that stand for evidence needing no statistics
 # of the stated noise, from which it is told that there is more: healthy records show it as well
 _MORE_NOISE = 1.1
-NOISE = "noise"
+NOISE_EFFECT = "noise"
 _SECOND = 12.0  # nats a second effect must bring on top of one that explains the same PV
 
 
@@ -161,7 +161,7 @@ def _ordinary(
             out[effect] = about.travel(p, s.record.duration)
     stated = float(np.hypot(s.data.noise, s.data.resolution / np.sqrt(12.0)))
     if s.data.noise > 0.0 and base.theta["noise_std"] > _MORE_NOISE * stated:
-        out[NOISE] = base.theta["noise_std"] / stated
+        out[NOISE_EFFECT] = base.theta["noise_std"] / stated
     return out
 
 
