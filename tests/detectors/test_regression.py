@@ -5,6 +5,7 @@ where a valve sticks and nowhere else.
 import numpy as np
 import pytest
 
+from simbench.detectors.compiled import compiled
 from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.fits import regression as module
 from simbench.detectors.signal.fits.regression import regression
@@ -46,20 +47,55 @@ def test_errors_are_those_of_plain_least_squares(swinging, q):
     op, _, pv = swinging
     data = module._prepared(op, pv, q, beside=False)
     valves = np.array([[4.0, 1.5, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 0.0]])
-    for valve, error in zip(valves, data.errors(valves)):
+    for valve, error, left in zip(valves, data.errors(valves), data.left(valves)):
         moved = valve_position(op, valve[0], valve[1])
         assert error == pytest.approx(by_columns(pv, q, moved), rel=1e-6)
-        left = data.left(valve)
         assert float(left @ left) == pytest.approx(error, rel=1e-6)
+
+
+def positions(op, valves, q=1):
+    """Return the positions (n, valves) in standard deviations, by the plain kernel."""
+    blocks, count = -(-len(valves) // module.LANES), op.size // q
+    v = np.full((blocks, count, module.LANES), np.nan)
+    module._positions(op, np.array(valves, float), q, v)
+    return np.concatenate(v, axis=1)[:, : len(valves)]
 
 
 def test_a_valve_that_stops_within_every_sample_is_the_other_map():
     op = np.array([50.0, 52.0, 53.0, 54.0, 58.0, 57.0, 50.0])
-    moved = np.empty(op.size)
-    assert module._positions(op, 4.0, 2.0, 1.0, 1, moved)
     # He: |OP - v| > 3 moves v to OP less 1 in that direction
     v = np.array([50.0, 50.0, 50.0, 53.0, 57.0, 57.0, 51.0])
-    assert np.allclose(moved, (v - v.mean()) / v.std())
+    assert np.allclose(positions(op, [[4.0, 2.0, 1.0]])[:, 0], (v - v.mean()) / v.std())
+
+
+@pytest.mark.parametrize("q", [1, 3])
+def test_valves_side_by_side_move_as_each_alone_and_compiled_as_plain(swinging, q):
+    op = swinging[0][: 200 * q]
+    rng = np.random.default_rng(3)
+    S = np.append(0.0, rng.uniform(0.1, 12.0, module.LANES))
+    valves = np.column_stack([S, S * rng.uniform(0.0, 1.0, S.size), np.zeros(S.size)])
+    moved = positions(op, valves, q)
+    for mine, (size, jump, _) in zip(moved.T, valves):
+        v = valve_position(op, size, jump).reshape(-1, q).mean(axis=1)
+        moves = v.std() > module._FLAT * np.ptp(op)
+        assert mine == pytest.approx((v - v.mean()) / v.std() if moves else 0.0 * v, abs=1e-9)
+    blocks = module.rows(2 * 200).reshape(2, 200, module.LANES)
+    compiled(module._positions)(op, valves, q, blocks)
+    assert np.array_equal(np.concatenate(blocks, axis=1)[:, : len(valves)], moved)
+
+
+def test_an_error_is_the_same_to_the_bit_wherever_the_valve_stands_among_others(
+    swinging, monkeypatch
+):
+    op, _, pv = swinging
+    data = module._prepared(op, pv, 1, beside=False)
+    S = np.linspace(0.5, 8.0, 3 * module.LANES + 5)
+    valves = np.column_stack([S, 0.4 * S, np.zeros(S.size)])
+    whole = data.errors(valves)
+    assert whole.shape == S.shape
+    assert np.array_equal(data.errors(valves[::-1])[::-1], whole)
+    monkeypatch.setattr(module, "_ROOM", 1)
+    assert np.array_equal(data.errors(valves), whole)
 
 
 @pytest.mark.parametrize("beside", [False, True])
@@ -70,18 +106,20 @@ def test_a_position_that_the_past_knows_explains_nothing(swinging, beside):
     data = module._prepared(op, pv, 1, beside)
     follows_op = np.zeros((1, 3))
     assert data.errors(follows_op)[0] == float(data.rest @ data.rest)
-    assert np.array_equal(data.left(follows_op[0]), data.rest)
+    assert np.array_equal(data.left(follows_op)[0], data.rest)
 
 
-def test_products_with_the_past_are_those_of_the_stacked_columns(swinging):
+@pytest.mark.parametrize("beside", [False, True])
+def test_products_with_the_past_are_those_of_the_stacked_columns(swinging, beside):
     op, _, pv = swinging
-    lags = module._prepared(op, pv, 1, beside=True).lags
-    v, products = np.empty(op.size), np.empty((module._LATE, len(lags.rows)))
-    module._positions(op, 4.0, 1.5, 0.0, 1, v)
-    module._products(v, lags, products)
-    first = op.size - lags.rows.shape[1]
-    late = [v[first - 1 - d : op.size - 1 - d] for d in range(module._LATE)]
-    assert products == pytest.approx(np.array(late) @ lags.rows.T, abs=1e-8)
+    data = module._prepared(op, pv, 1, beside)
+    v, n = data._moved(np.array([[4.0, 1.5, 0.0]])), data.rest.size
+    first = op.size - n
+    back = np.arange(module._LATE + 1)
+    came, went = (v[:, end - 1 - back] for end in (first, op.size))
+    products = data._products(data.shifted @ v, came, went)[0, :, :, 0]
+    late = [v[0, first - 1 - d : op.size - 1 - d, 0] for d in range(module._LATE)]
+    assert products == pytest.approx(np.array(late) @ data.rows.T, abs=1e-8)
 
 
 @pytest.mark.parametrize("beside", [False, True])

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.detectors.compiled import compiled
-from simbench.detectors.signal.stiction_map import start, step
+from simbench.detectors.compiled import LANES, compiled, lanes, rows, wide
 
 _SAMPLES = 30  # per period, after averaging
 _PAST = 36  # averages of PV before one that is predicted
@@ -39,6 +38,8 @@ _LEFT = 1e-4  # of OP's standard deviation, that PV's past leaves of it at least
 _SMALL = 1e-6  # of a signal's standard deviation: no archive tells less
 # shares of the squares of two positions and of their determinant that is left of them at least
 _NEW, _TWO = 1e-8, 1e-6
+_DIGITS = 9  # of an error, as a share of PV's rest: valves that differ by less are alike
+_ROOM = 4_000_000  # positions that are kept at a time
 
 
 class Regression(NamedTuple):
@@ -66,10 +67,11 @@ def regression(op: np.ndarray, pv: np.ndarray, period: float, beside: bool = Fal
     data = _prepared(np.array(op, float), np.asarray(pv, float), q, beside)
     if data is None:
         return Regression(0.0, np.empty((0, 3)))
-    found = [_searched(data, float(np.ptp(op)), stops) for stops in (0.0, 1.0)]
+    found = _searched(data, float(np.ptp(op)))
     best = min(found, key=lambda f: f[1][0])[0][0]
-    sound = data.rest if beside else data.left(_FOLLOWS_OP)
-    gain = gained(_nats(data.left(best)), _nats(sound))
+    sticky, sound = data.left(np.vstack([best, _FOLLOWS_OP]))
+    sound = data.rest if beside else sound
+    gain = gained(_nats(sticky), _nats(sound))
     return Regression(
         gain - 0.5 * _NUMBERS * math.log(sound.size), np.vstack([points for points, _ in found])
     )
@@ -82,9 +84,13 @@ def gained(sticky: np.ndarray, sound: np.ndarray) -> float:
     return float(np.clip(sticky - sound, -_MOST, _MOST).sum())
 
 
-class _Lags(NamedTuple):
-    """Signals in standard deviations, and their past as it is regressed."""
+class _Data(NamedTuple):
+    """OP, and averages of `q` samples in standard deviations: PV and its past as it is regressed,
+    and what PV's past does not explain.
+    """
 
+    raw_op: np.ndarray
+    q: int
     pv: np.ndarray  # (count,)
     op: np.ndarray  # (count,)
     # (c, n): ones, then `past` averages of PV before those that are predicted, the latest first,
@@ -92,37 +98,96 @@ class _Lags(NamedTuple):
     rows: np.ndarray
     past: int
     weights: np.ndarray  # (m, c) of the rows that make orthonormal ones
-
-
-class _Data(NamedTuple):
-    """OP with averages of `q` samples of PV, less what its past explains."""
-
-    raw_op: np.ndarray
-    q: int
-    lags: _Lags
     basis: np.ndarray  # (m, n) orthonormal: what PV's past spans
     rest: np.ndarray  # (n,) of PV
+    shifted: np.ndarray  # (r, count): what is multiplied with the positions, see `_shifted`
 
     def errors(self, points: np.ndarray) -> np.ndarray:
         """Return the squared error that each valve (S, J, stops) leaves, at its best dead time."""
-        return self._tried(points)[0][:, 0]
+        some = LANES * max(1, _ROOM // (LANES * self.pv.size))
+        parts = [points[i : i + some] for i in range(0, len(points), some)]
+        return np.concatenate([self._best(self._moved(part))[0][: len(part)] for part in parts])
 
-    def _tried(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what `_errors` does, and the positions of the last valve."""
-        out, v = np.empty((len(points), 2)), np.empty(self.lags.pv.size)
-        compiled(_errors)(self.raw_op, points, self.q, self.lags, self.rest, out, v)
-        return out, v
+    def left(self, points: np.ndarray) -> list[np.ndarray]:
+        """Return what each valve (S, J, stops) leaves of PV."""
+        v = self._moved(points)
+        late = self._best(v)[1]
+        return [self._without(v[i // LANES, :, i % LANES], late[i]) for i in range(len(points))]
 
-    def left(self, point: np.ndarray) -> np.ndarray:
-        """Return what a valve (S, J, stops) leaves of PV."""
-        out, v = self._tried(point[None, :])
-        if out[0, 1] < 0.0:
+    def _without(self, v: np.ndarray, late: int) -> np.ndarray:
+        """Return what the positions (count,) of a valve leave of PV at a dead time."""
+        if late < 0:
             return self.rest
         n = self.rest.size
-        first = v.size - n - 1 - int(out[0, 1])
+        first = self.pv.size - n - 1 - late
         taps = np.array([v[first - tap :][:n] for tap in range(_TAPS)])
         taps -= (taps @ self.basis.T) @ self.basis
         return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=_TWO**0.5)[0] @ taps
+
+    def _moved(self, points: np.ndarray) -> np.ndarray:
+        """Return the positions of valves as `_positions` gives them."""
+        blocks, count = -(-len(points) // LANES), self.pv.size
+        v = rows(blocks * count).reshape(blocks, count, LANES)
+        compiled(_positions)(self.raw_op, points, self.q, v)
+        return v
+
+    def _best(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least squared error of PV with each valve, and the dead time at which it is
+        left, -1 where PV's past knows where the valve stands.
+        """
+        n, count = self.rest.size, self.pv.size
+        first, whole = count - n, float(self.rest @ self.rest)
+        found = self.shifted @ v
+        # the first and the last but one position of each window: it comes, and has gone, where the
+        # window is one average earlier
+        came, went = (v[:, end - 1 - np.arange(_LATE + 1)] for end in (first, count))
+        along = self.weights @ self._products(found, came, went)
+        latest, sooner = v[:, first - 1 : count - 1], v[:, first - 2 : count - 2]
+        own, next_to = came**2 - went**2, came[:, :-1] * came[:, 1:] - went[:, :-1] * went[:, 1:]
+        own[:, 0], next_to[:, 0] = (np.einsum("bkc,bkc->bc", latest, x) for x in (latest, sooner))
+        own = np.cumsum(own[:, :_LATE], axis=1) - np.einsum("bdmc,bdmc->bdc", along, along)
+        both = np.cumsum(next_to[:, : _LATE - 1], axis=1)
+        b = both - np.einsum("bdmc,bdmc->bdc", along[:, :-1], along[:, 1:])
+        a, c = own[:, :-1], own[:, 1:]
+        one, two = found[:, -_LATE:-1], found[:, -_LATE + 1 :]
+        room = a * c - b * b
+        with np.errstate(all="ignore"):
+            pair = (one * one * c - 2.0 * one * two * b + two * two * a) / room
+            # OP of a loop is a sum of PV: of two positions nothing new is left but one
+            alone = np.maximum(one * one / a, two * two / c)
+        explained = np.where(room > _TWO * a * c, pair, alone)
+        # where PV's past knows where the valve stands nothing is new
+        errors = whole - np.where(np.minimum(a, c) > _NEW * n, explained, 0.0)
+        late = errors.argmin(axis=1)
+        least = np.take_along_axis(errors, late[:, None], axis=1)[:, 0]
+        late = np.where(least < whole, late, -1)
+        return whole * np.round(least / whole, _DIGITS).ravel(), late.ravel()
+
+    def _products(self, found: np.ndarray, came: np.ndarray, went: np.ndarray) -> np.ndarray:
+        """Return the products (blocks, late, c, lanes) of the rows and the positions d + 1 averages
+        before those that are predicted.
+
+        Where both are one average later, the sum has lost its last term and got one before the
+        first.
+        """
+        c, count = len(self.rows), self.pv.size
+        first = count - self.rows.shape[1]
+        k = np.arange(1, self.past + 1)
+        heads, tails = np.ones((2, c - 1))
+        heads[: self.past], tails[: self.past] = self.pv[first - k], self.pv[count - k]
+        k = np.arange(1, c - self.past)
+        heads[self.past :], tails[self.past :] = self.op[first - k], self.op[count - k]
+        out = np.empty((len(found), _LATE, c, LANES))
+        out[:, 0] = found[:, :c]
+        for d in range(1, _LATE):
+            new, old = came[:, d, None], went[:, d, None]
+            out[:, d, 0] = out[:, d - 1, 0] + came[:, d] - went[:, d]
+            out[:, d, 1:] = out[:, d - 1, :-1] + heads[:, None] * new - tails[:, None] * old
+            # the latest average of PV, and of OP, has none before it that is known
+            out[:, d, 1] = found[:, c + d - 1]
+            if c > 1 + self.past:
+                out[:, d, 1 + self.past] = found[:, c + _LATE - 2 + d]
+        return out
 
 
 def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | None:
@@ -136,11 +201,27 @@ def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | N
     if past < _FEWEST or not all(_moves_at_all(x) for x in (u, y)):
         return None
     u, y = ((x - x.mean()) / x.std() for x in (u, y))
-    rows = [np.ones(n - first), *(y[first - k : n - k] for k in range(1, past + 1))]
-    rows = np.array([*rows, *(u[first - k : n - k] for k in range(1, _LATE + 1) if beside)])
-    basis, weights = _orthonormal(rows, 1 + past)
+    lags = [np.ones(n - first), *(y[first - k : n - k] for k in range(1, past + 1))]
+    lags = np.array([*lags, *(u[first - k : n - k] for k in range(1, _LATE + 1) if beside)])
+    basis, weights = _orthonormal(lags, 1 + past)
     rest = y[first:] - (basis @ y[first:]) @ basis
-    return _Data(op, q, _Lags(y, u, rows, past, weights), basis, rest)
+    return _Data(op, q, y, u, lags, past, weights, basis, rest, _shifted(lags, past, rest, n))
+
+
+def _shifted(lags: np.ndarray, past: int, rest: np.ndarray, count: int) -> np.ndarray:
+    """Return rows (r, count) that give with positions all products that are not sums of others: of
+    the lags with the latest position, of the latest lag of PV, and of OP, with every earlier one,
+    and of the rest of PV with all.
+    """
+    first = count - rest.size
+    latest = [lags[1], *lags[1 + past : 2 + past]]
+    every = [(row, 0) for row in lags]
+    every += [(row, d) for row in latest for d in range(1, _LATE)]
+    every += [(rest, d) for d in range(_LATE)]
+    out = np.zeros((len(every), count))
+    for place, (row, d) in zip(out, every, strict=True):
+        place[first - 1 - d : count - 1 - d] = row
+    return out
 
 
 def _orthonormal(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndarray]:
@@ -170,26 +251,41 @@ def _moves_at_all(x: np.ndarray) -> bool:
     return float(x.std()) > _FLAT * float(np.abs(x).max())
 
 
-def _searched(data: _Data, span: float, stops: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best different valves of one map (S, J, stops), of a grid and points about its
-    best, and their errors.
+def _searched(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return of each map, Choudhury's and He's, the best different valves (S, J, stops), of a grid
+    and points about its best, and their errors.
     """
     S, J = np.meshgrid(span * _SIZES, _JUMPS, indexing="ij")
-    points = np.column_stack([S.ravel(), (S * J).ravel(), np.full(S.size, stops)])
-    errors = data.errors(points)
+    valves = [
+        np.column_stack([S.ravel(), (S * J).ravel(), np.full(S.size, stops)])
+        for stops in (0.0, 1.0)
+    ]
+    errors = np.split(data.errors(np.vstack(valves)), 2)
     for near in _NEAR:
-        best = points[np.argsort(errors, kind="stable")[:_KEPT]]
-        best = np.repeat(best, len(_AROUND), axis=0)
-        about = near * np.tile(_AROUND, (_KEPT, 1))
-        S = best[:, 0] * (1.0 + about[:, 0])
-        J = S * np.clip(best[:, 1] / best[:, 0] + about[:, 1], _JUMPS[0], _JUMPS[-1])
-        more = np.column_stack([S, J, best[:, 2]])
-        points, errors = np.vstack([points, more]), np.append(errors, data.errors(more))
+        more = [_about(*found, near) for found in zip(valves, errors, strict=True)]
+        of_more = np.split(data.errors(np.vstack(more)), 2)
+        valves = [np.vstack(both) for both in zip(valves, more, strict=True)]
+        errors = [np.concatenate(both) for both in zip(errors, of_more, strict=True)]
+    return [_different(*found) for found in zip(valves, errors, strict=True)]
+
+
+def _about(valves: np.ndarray, errors: np.ndarray, near: float) -> np.ndarray:
+    """Return valves about the best, with S that differs by a share, and J as far."""
+    best = valves[np.argsort(errors, kind="stable")[:_KEPT]]
+    best = np.repeat(best, len(_AROUND), axis=0)
+    about = near * np.tile(_AROUND, (_KEPT, 1))
+    S = best[:, 0] * (1.0 + about[:, 0])
+    J = S * np.clip(best[:, 1] / best[:, 0] + about[:, 1], _JUMPS[0], _JUMPS[-1])
+    return np.column_stack([S, J, best[:, 2]])
+
+
+def _different(valves: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the best valves that differ, and their errors."""
     order = np.argsort(errors, kind="stable")
-    size, share = np.log(points[order, 0]), points[order, 1] / points[order, 0]
+    size, share = np.log(valves[order, 0]), valves[order, 1] / valves[order, 0]
     cells = np.column_stack([size, share]) // np.array(_APART)
     first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:_VALVES]
-    return points[order[first]], errors[order[first]]
+    return valves[order[first]], errors[order[first]]
 
 
 def _nats(left: np.ndarray) -> np.ndarray:
@@ -198,101 +294,57 @@ def _nats(left: np.ndarray) -> np.ndarray:
     return -0.5 * (np.log(power) + left * left / power)
 
 
-def _positions(op, S, J, stops, q, v):
-    """Fill `v` with the averaged positions of a valve, in standard deviations; return whether it
-    moves.
+def _positions(op, points, q, v):
+    """Fill `v` (blocks, n, lanes) with the averaged positions of valves, side by side, in standard
+    deviations, and 0 of a valve that does not move; the last one is repeated.
 
-    The valve is that of `stiction_map`, or one that stops within every sample (`stops`), which is
-    He's. S = 0: it follows OP.
+    The valves are those of `stiction_map`, or such as stop within every sample (`stops`), which are
+    He's. S = 0: it follows OP. `m` is the direction of a moving valve, 0 of one at rest.
     """
-    count = v.size
-    state, mean = start(op[0], -np.inf, np.inf), 0.0
-    for k in range(count):
-        total = 0.0
-        for i in range(k * q, k * q + q):
-            if stops > 0.0:
-                state = (state[0], state[1], 0.0, state[3])
-            state = step(op[i], state, S, J, -np.inf, np.inf)
-            total += state[0]
-        v[k] = total / q - op[0]
-        mean += v[k] / count
-    power = 0.0
-    for k in range(count):
-        v[k] -= mean
-        power += v[k] * v[k] / count
+    wide()
+    count, base, before = v.shape[1], op[0], op[0]
+    position, m, fs, fd, halts, total, mean = (
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+        lanes(),
+    )
     size = 0.0
     for k in range(op.size):
-        size = max(size, abs(op[k] - op[0]))
-    if not power > (_FLAT * size) ** 2:
-        return False
-    for k in range(count):
-        v[k] /= power**0.5
-    return True
-
-
-def _products(v, lags, products):
-    """Fill row d of `products` (late, c) with the products of `lags.rows` and a valve's positions d
-    + 1 averages before those that are predicted.
-
-    Where both are one average later, the sum has lost its last term and got one before the first.
-    """
-    late, n, count = products.shape[0], lags.rows.shape[1], v.size
-    first = count - n
-    latest = np.dot(lags.rows, v[first - 1 : count - 1])
-    for j in range(latest.size):
-        products[0, j] = latest[j]
-    for d in range(1, late):
-        came, went = v[first - 1 - d], v[count - 1 - d]
-        products[d, 0] = products[d - 1, 0] + came - went
-        for j in range(1, lags.rows.shape[0]):
-            of_op = j > lags.past
-            x, k = (lags.op, j - lags.past) if of_op else (lags.pv, j)
-            if k == 1:
-                products[d, j] = np.dot(lags.rows[j], v[first - 1 - d : count - 1 - d])
-            else:
-                products[d, j] = products[d - 1, j - 1] + came * x[first - k] - went * x[count - k]
-
-
-def _errors(op, points, q, lags, rest, out, v):
-    """Fill each row of `out` with the least squared error of PV with a valve of `points`, and the
-    dead time at which it is left, -1 where PV's past knows where the valve stands; and `v` with the
-    positions of the last of them.
-    """
-    n, count = rest.size, lags.pv.size
-    first = count - n
-    answer = np.empty(_LATE)
-    products = np.empty((_LATE, lags.rows.shape[0]))
-    # of positions with themselves, and with those one average earlier
-    own, next_to = np.empty(_LATE), np.empty(_LATE)
-    whole = np.dot(rest, rest)
-    for i in range(points.shape[0]):
-        out[i, 0], out[i, 1] = whole, -1.0
-        if not _positions(op, points[i, 0], points[i, 1], points[i, 2], q, v):
-            continue
-        _products(v, lags, products)
-        along = np.dot(products, lags.weights.T)
-        latest = v[first - 1 : count - 1]
-        own[0], next_to[0] = np.dot(latest, latest), np.dot(latest, v[first - 2 : count - 2])
-        for d in range(1, _LATE):
-            came, went = v[first - 1 - d], v[count - 1 - d]
-            own[d] = own[d - 1] + came * came - went * went
-            if d + 1 < _LATE:
-                next_to[d] = next_to[d - 1] + came * v[first - 2 - d] - went * v[count - 2 - d]
-        for d in range(_LATE):
-            answer[d] = np.dot(rest, v[first - 1 - d : count - 1 - d])
-        for d in range(_LATE + 1 - _TAPS):
-            a = own[d] - np.dot(along[d], along[d])
-            b = next_to[d] - np.dot(along[d], along[d + 1])
-            c = own[d + 1] - np.dot(along[d + 1], along[d + 1])
-            if not min(a, c) > _NEW * n:
-                # PV's past knows where the valve stands
-                continue
-            one, two = answer[d], answer[d + 1]
-            room = a * c - b * b
-            if room > _TWO * a * c:
-                error = whole - (one * one * c - 2.0 * one * two * b + two * two * a) / room
-            else:
-                # OP of a loop is a sum of PV: of two positions nothing new is left but one
-                error = whole - max(one * one / a, two * two / c)
-            if error < out[i, 0]:
-                out[i, 0], out[i, 1] = error, d
+        size = max(size, abs(op[k] - base))
+    for block in range(v.shape[0]):
+        for c in range(LANES):
+            i = min(block * LANES + c, points.shape[0] - 1)
+            fs[c], fd[c] = 0.5 * (points[i, 0] + points[i, 1]), 0.5 * (points[i, 0] - points[i, 1])
+            position[c], m[c], halts[c], mean[c] = base, 0.0, points[i, 2], 0.0
+        before = base
+        for k in range(count):
+            for c in range(LANES):
+                total[c] = 0.0
+            for j in range(k * q, k * q + q):
+                u = op[j]
+                side = 1.0 if u > before else -1.0 if u < before else 0.0
+                before = u
+                for c in range(LANES):
+                    off = u - position[c]
+                    breaks = 1.0 if off > fs[c] else -1.0 if -off > fs[c] else 0.0
+                    m[c] = m[c] if m[c] != 0.0 and m[c] == side and halts[c] == 0.0 else breaks
+                    position[c] = u - m[c] * fd[c] if m[c] != 0.0 else position[c]
+                    total[c] += position[c]
+            for c in range(LANES):
+                v[block, k, c] = total[c] / q - base
+                mean[c] += v[block, k, c] / count
+        for c in range(LANES):
+            total[c] = 0.0
+        for k in range(count):
+            for c in range(LANES):
+                v[block, k, c] -= mean[c]
+                total[c] += v[block, k, c] * v[block, k, c] / count
+        for c in range(LANES):
+            total[c] = total[c] ** 0.5 if total[c] > (_FLAT * size) ** 2 else np.inf
+        for k in range(count):
+            for c in range(LANES):
+                v[block, k, c] /= total[c]
