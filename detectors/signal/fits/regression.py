@@ -138,8 +138,8 @@ class _Data(NamedTuple):
         n, count = self.rest.size, self.pv.size
         first, whole = count - n, float(self.rest @ self.rest)
         found = self.shifted @ v
-        # the first and the last but one position of each window: it comes, and has gone, where the
-        # window is one average earlier
+        # by dead time: the first position of each window, which came with it, and the one behind
+        # its last, which went
         came, went = (v[:, end - 1 - np.arange(_LATE + 1)] for end in (first, count))
         along = self.weights @ self._products(found, came, went)
         latest, sooner = v[:, first - 1 : count - 1], v[:, first - 2 : count - 2]
@@ -302,7 +302,7 @@ def _positions(op, points, q, v):
     He's. S = 0: it follows OP. `m` is the direction of a moving valve, 0 of one at rest.
     """
     wide()
-    count, base, before = v.shape[1], op[0], op[0]
+    count, base = v.shape[1], op[0]
     position, m, fs, fd, halts, total, mean = (
         lanes(),
         lanes(),

@@ -104,7 +104,8 @@ def _of_one(record: LoopRecord, loop: Loop) -> Healthy:
     free, count = noise.fit(engine, base)
     if free.loglik - base.loglik > size_penalty(s.data.n, count):
         base = free
-    found = {e: c for e, c in fit_candidates(engine, base, _LOADS).items() if c.used}
+    known = [e for e in _LOADS if recogniser(e).fit is not None]
+    found = {e: c for e, c in fit_candidates(engine, base, known).items() if c.used}
     p: dict[str, Parameters] = {e: recogniser(e).numbers(c.fit, s) for e, c in found.items()}
     worth = {e for e, c in found.items() if c.log_likelihood_gain > 0.0}
     duration, sines, slow = record.duration, (), 0.0
