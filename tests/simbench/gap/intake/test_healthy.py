@@ -10,7 +10,7 @@ import pytest
 from simbench.detectors.errors import ParameterError
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
-from simbench.gap.intake.healthy import learn
+from simbench.gap.intake.healthy import Healthy, learn
 from simbench.gap.intake.partial import Partial
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Spec, load_std
@@ -161,3 +161,26 @@ def test_with_healthy_records_or_nothing_to_tell_no_answer_is_left_open(healthy)
         assert not any("ordinary" in line for line in ranking)
         assert all(("none" in line["group"]) == (line["effect"] == "none") for line in ranking)
         assert all(line["effect"] in line["group"] for line in ranking)
+
+
+def test_what_is_ordinary_of_a_record_is_in_its_samples_and_of_its_length():
+    slower = {"sampling": {"Ts": 2.0, "n": 800}}
+    record = recorded(1, **slower)
+    shown = Healthy(noise=0.1, wander=0.01, steps=0.5, sines=((90.0, 1.2),), load=0.3)
+    data = shown.ordinary_in(check(record, Loop.from_table({**BASELINE, **slower}))).data
+    assert data.loads == {"slow": pytest.approx(0.01 * record.duration**0.5), "steps": 0.5}
+    assert data.sines == ((45.0, 1.2),)
+    assert (data.measured, data.most_load) == (True, 0.3)
+
+
+def test_what_rounding_adds_is_no_noise(healthy):
+    rounded = replace(healthy[0], pv=np.round(healthy[0].pv / 0.3) * 0.3)
+    assert learn([rounded], loop).noise == pytest.approx(0.1, rel=0.1)
+
+
+def test_coloured_noise_that_the_loop_file_states_on_pv_is_part_of_it(healthy):
+    coloured = {"type": "coloured", "amplitude": 0.06, "period": 1.0, "at": "output"}
+    other = Loop.from_table({**BASELINE, "disturbance": [coloured]})
+    shown = learn(healthy, other)
+    white = shown.stated_in(other, 1.0).noise.std
+    assert np.hypot(white, 0.06) == pytest.approx(shown.noise)
