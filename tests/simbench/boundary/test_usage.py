@@ -164,6 +164,8 @@ WRONG = [
     ("gap plan REC --baseline LOOP --html REC", "written over"),
     ("gap plan REC --baseline LOOP --limits REC", "TOML"),
     ("gap plan REC --baseline LOOP --test none.csv", "none.csv"),
+    ("gap plan REC --baseline LOOP --healthy none.csv", "none.csv"),
+    ("gap diagnose REC --identify --healthy REC", "states [plant]"),
     ("gap plan REC --baseline LOOP --kind smell", "smell"),
     ("gap plan REC --baseline LOOP --limits LOOP", "loop.toml"),
     ("gap predict REC --set controller.Kc=1", "--baseline"),
