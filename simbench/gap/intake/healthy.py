@@ -90,8 +90,8 @@ def with_plant(record: LoopRecord, baseline: Loop | Partial | None) -> Loop:
     """
     if baseline is None or (isinstance(baseline, Partial) and "plant" in baseline.missing):
         raise ParameterError(
-            "healthy records need a loop file that states [plant]: beside a plant that is estimated"
-            " from the same record nothing tells how large its load is"
+            "a loop file that states [plant] is needed for healthy records: beside a plant that is"
+            " estimated from the same record nothing tells how large its load is"
         )
     return completed(record, baseline)[0]
 
