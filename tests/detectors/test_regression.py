@@ -5,7 +5,6 @@ where a valve sticks and nowhere else.
 import numpy as np
 import pytest
 
-from simbench.detectors.compiled import compiled
 from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.fits import regression as module
 from simbench.detectors.signal.fits.regression import regression
@@ -54,10 +53,8 @@ def test_errors_are_those_of_plain_least_squares(swinging, q):
 
 
 def positions(op, valves, q=1):
-    """Return the positions (n, valves) in standard deviations, by the plain kernel."""
-    blocks, count = -(-len(valves) // module.LANES), op.size // q
-    v = np.full((blocks, count, module.LANES), np.nan)
-    module._positions(op, np.array(valves, float), q, v)
+    """Return the positions (n, valves) in standard deviations."""
+    v = module._positions(op, np.array(valves, float), q)
     return np.concatenate(v, axis=1)[:, : len(valves)]
 
 
@@ -69,7 +66,7 @@ def test_a_valve_that_stops_within_every_sample_is_the_other_map():
 
 
 @pytest.mark.parametrize("q", [1, 3])
-def test_valves_side_by_side_move_as_each_alone_and_compiled_as_plain(swinging, q):
+def test_valves_side_by_side_move_as_each_alone_and_compiled_as_plain(swinging, q, monkeypatch):
     op = swinging[0][: 200 * q]
     rng = np.random.default_rng(3)
     S = np.append(0.0, rng.uniform(0.1, 12.0, module.LANES))
@@ -79,9 +76,8 @@ def test_valves_side_by_side_move_as_each_alone_and_compiled_as_plain(swinging, 
         v = valve_position(op, size, jump).reshape(-1, q).mean(axis=1)
         moves = v.std() > module._FLAT * np.ptp(op)
         assert mine == pytest.approx((v - v.mean()) / v.std() if moves else 0.0 * v, abs=1e-9)
-    blocks = module.rows(2 * 200).reshape(2, 200, module.LANES)
-    compiled(module._positions)(op, valves, q, blocks)
-    assert np.array_equal(np.concatenate(blocks, axis=1)[:, : len(valves)], moved)
+    monkeypatch.setattr(module, "compiled", lambda kernel: kernel)
+    assert np.array_equal(positions(op, valves, q), moved)
 
 
 def test_an_error_is_the_same_to_the_bit_wherever_the_valve_stands_among_others(
@@ -113,7 +109,7 @@ def test_a_position_that_the_past_knows_explains_nothing(swinging, beside):
 def test_products_with_the_past_are_those_of_the_stacked_columns(swinging, beside):
     op, _, pv = swinging
     data = module._prepared(op, pv, 1, beside)
-    v, n = data._moved(np.array([[4.0, 1.5, 0.0]])), data.rest.size
+    v, n = module._positions(op, np.array([[4.0, 1.5, 0.0]]), 1), data.rest.size
     first = op.size - n
     back = np.arange(module._LATE + 1)
     came, went = (v[:, end - 1 - back] for end in (first, op.size))

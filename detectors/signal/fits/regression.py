@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.detectors.compiled import LANES, compiled, lanes, rows, wide
+from simbench.detectors.compiled import LANES, compiled, rows
+from simbench.detectors.signal.fits.hammerstein_kernels import Stretch, Valves, moves
 
 _SAMPLES = 30  # per period, after averaging
 _PAST = 36  # averages of PV before one that is predicted
@@ -106,11 +107,13 @@ class _Data(NamedTuple):
         """Return the squared error that each valve (S, J, stops) leaves, at its best dead time."""
         some = LANES * max(1, _ROOM // (LANES * self.pv.size))
         parts = [points[i : i + some] for i in range(0, len(points), some)]
-        return np.concatenate([self._best(self._moved(part))[0][: len(part)] for part in parts])
+        return np.concatenate(
+            [self._best(_positions(self.raw_op, part, self.q))[0][: len(part)] for part in parts]
+        )
 
     def left(self, points: np.ndarray) -> list[np.ndarray]:
         """Return what each valve (S, J, stops) leaves of PV."""
-        v = self._moved(points)
+        v = _positions(self.raw_op, points, self.q)
         late = self._best(v)[1]
         return [self._without(v[i // LANES, :, i % LANES], late[i]) for i in range(len(points))]
 
@@ -123,13 +126,6 @@ class _Data(NamedTuple):
         taps = np.array([v[first - tap :][:n] for tap in range(_TAPS)])
         taps -= (taps @ self.basis.T) @ self.basis
         return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=_TWO**0.5)[0] @ taps
-
-    def _moved(self, points: np.ndarray) -> np.ndarray:
-        """Return the positions of valves as `_positions` gives them."""
-        blocks, count = -(-len(points) // LANES), self.pv.size
-        v = rows(blocks * count).reshape(blocks, count, LANES)
-        compiled(_positions)(self.raw_op, points, self.q, v)
-        return v
 
     def _best(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the least squared error of PV with each valve, and the dead time at which it is
@@ -294,57 +290,23 @@ def _nats(left: np.ndarray) -> np.ndarray:
     return -0.5 * (np.log(power) + left * left / power)
 
 
-def _positions(op, points, q, v):
-    """Fill `v` (blocks, n, lanes) with the averaged positions of valves, side by side, in standard
-    deviations, and 0 of a valve that does not move; the last one is repeated.
+def _positions(op: np.ndarray, points: np.ndarray, q: int) -> np.ndarray:
+    """Return the averaged positions (blocks, n, lanes) of valves (S, J, stops), side by side, in
+    standard deviations, and 0 of a valve that does not move; the last one is repeated.
 
     The valves are those of `stiction_map`, or such as stop within every sample (`stops`), which are
-    He's. S = 0: it follows OP. `m` is the direction of a moving valve, 0 of one at rest.
+    He's. S = 0: it follows OP.
     """
-    wide()
-    count, base = v.shape[1], op[0]
-    position, m, fs, fd, halts, total, mean = (
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-    )
-    size = 0.0
-    for k in range(op.size):
-        size = max(size, abs(op[k] - base))
-    for block in range(v.shape[0]):
-        for c in range(LANES):
-            i = min(block * LANES + c, points.shape[0] - 1)
-            fs[c], fd[c] = 0.5 * (points[i, 0] + points[i, 1]), 0.5 * (points[i, 0] - points[i, 1])
-            position[c], m[c], halts[c], mean[c] = base, 0.0, points[i, 2], 0.0
-        before = base
-        for k in range(count):
-            for c in range(LANES):
-                total[c] = 0.0
-            for j in range(k * q, k * q + q):
-                u = op[j]
-                side = 1.0 if u > before else -1.0 if u < before else 0.0
-                before = u
-                for c in range(LANES):
-                    off = u - position[c]
-                    breaks = 1.0 if off > fs[c] else -1.0 if -off > fs[c] else 0.0
-                    m[c] = m[c] if m[c] != 0.0 and m[c] == side and halts[c] == 0.0 else breaks
-                    position[c] = u - m[c] * fd[c] if m[c] != 0.0 else position[c]
-                    total[c] += position[c]
-            for c in range(LANES):
-                v[block, k, c] = total[c] / q - base
-                mean[c] += v[block, k, c] / count
-        for c in range(LANES):
-            total[c] = 0.0
-        for k in range(count):
-            for c in range(LANES):
-                v[block, k, c] -= mean[c]
-                total[c] += v[block, k, c] * v[block, k, c] / count
-        for c in range(LANES):
-            total[c] = total[c] ** 0.5 if total[c] > (_FLAT * size) ** 2 else np.inf
-        for k in range(count):
-            for c in range(LANES):
-                v[block, k, c] /= total[c]
+    count, blocks = op.size // q, -(-len(points) // LANES)
+    S, J, stops = np.ascontiguousarray(points.T)
+    at_rest, none = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
+    valves = Valves(stops, S, J, at_rest, at_rest, none, none)
+    record = Stretch(op, op, q, 0, 0, 0, 1.0, -np.inf, np.inf)
+    v, total = rows(blocks * count).reshape(blocks, count, LANES), rows(count + 1)
+    least = _FLAT * np.abs(op - op[0]).max()
+    for block, moved in enumerate(v):
+        compiled(moves)(record, valves, block * LANES, moved.reshape(-1), total)
+        moved -= total[-LANES:] / count
+        size = np.sqrt(np.einsum("kc,kc->c", moved, moved) / count)
+        moved *= 1.0 / np.where(size > least, size, np.inf)
+    return v
