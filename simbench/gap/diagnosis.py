@@ -32,7 +32,7 @@ from simbench.gap.decide.identified import plausible
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
-from simbench.gap.intake.healthy import Healthy, learn, with_plant
+from simbench.gap.intake.healthy import Healthy, check_healthy, learn
 from simbench.gap.intake.partial import Partial, completed, read_baseline
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
@@ -151,8 +151,9 @@ def diagnose_all(
         said = [n for old, new in zip(given, records) for n in new.notes if n not in old.notes]
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        ordinary = learn(healthy, baseline) if healthy else None
-        said += [note for one in healthy if (note := _not_healthy(one, baseline))]
+        controls = [check_healthy(one, baseline) for one in healthy]
+        ordinary = learn(controls) if controls else None
+        said += [note for one in controls if (note := _not_healthy(one))]
         assessment, loops = _assess_all(records, baseline, jobs, tests, ordinary)
         weights = classify(assessment)
         found = report(assessment, weights, ClosedLoops(assessment, seed), loops)
@@ -285,16 +286,16 @@ def assess_with_tests(situation: Situation, tests: Sequence[RecordedTest]) -> As
     return replace(assessment, situation=noted, asked=tuple(t.id for t in tests))
 
 
-def _not_healthy(record: LoopRecord, baseline: Loop | Partial | None) -> str:
+def _not_healthy(s: Situation) -> str:
     """Return what a record that is called healthy shows besides load and noise; "" for nothing."""
-    found = assess(check(record, with_plant(record, baseline)))
+    found = assess(s)
     named, weights = found.chosen[:1], classify(found)
     if not named or recogniser(named[0]).travel is not None or named[0] == NOISE_EFFECT:
         return ""
     p, effect = weights.probability[named[0]], named[0].replace("_", " ")
     return (
-        f"healthy: {record.tag or 'a record'} shows {effect} itself (probability {p:.2f}); only its"
-        " load and noise are taken from it"
+        f"healthy: {s.record.tag or 'a record'} shows {effect} itself (probability {p:.2f}); only"
+        " its load and noise are taken from it"
     )
 
 

@@ -14,7 +14,15 @@ from simbench.gap.closed_loop.stable import stable
 from simbench.gap.effects import load_steps, recogniser
 from simbench.gap.effects._recogniser import clip
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Fit, delay_of, input_gain, lag_of, valve_of
+from simbench.gap.likelihood.model import (
+    SHORTEST_LAG,
+    Fit,
+    delay_of,
+    input_gain,
+    lag_of,
+    load_std,
+    valve_of,
+)
 from simbench.gap.situation import Situation
 from simbench.loop.plant import first_order_like, stretched
 from simbench.scenarios.spec import Loop, Plant
@@ -144,13 +152,10 @@ def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:
     """Return the parts of a fitted load: std of its steady effect on PV, correlation time, second
     time constant (samples).
     """
-    std, period, lag = theta["load"], theta["load_time"], lag_of(theta)
+    std, period, lag = load_std(theta), theta["load_time"], lag_of(theta)
     if lag == kernels.PINK_LOAD:
         return [(std / np.sqrt(3.0), period / kernels.FRACTION**i, 0.0) for i in range(3)]
-    if lag <= 0.1:
-        return [(std, period, 0.0)]
-    a, b = np.exp(-1.0 / period), np.exp(-1.0 / lag)
-    return [(std * float(np.sqrt((1 - b) / (1 + b) * (1 + a * b) / (1 - a * b))), period, lag)]
+    return [(std, period, lag if lag > SHORTEST_LAG else 0.0)]
 
 
 def _rest(situation: Situation, fit: Fit) -> float:

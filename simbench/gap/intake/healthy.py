@@ -71,9 +71,9 @@ class Healthy:
         return replace(s, data=replace(s.data, loads=loads, **known))
 
 
-def learn(records: Sequence[LoopRecord], baseline: Loop | Partial | None) -> Healthy:
+def learn(records: Sequence[Situation]) -> Healthy:
     """Return what healthy records of a loop show: the largest loads, and the mean noise."""
-    each = [_of_one(record, with_plant(record, baseline)) for record in records]
+    each = [_of_one(s) for s in records]
     return Healthy(
         noise=float(np.exp(np.mean([np.log(one.noise) for one in each]))),
         wander=max(one.wander for one in each),
@@ -84,20 +84,19 @@ def learn(records: Sequence[LoopRecord], baseline: Loop | Partial | None) -> Hea
     )
 
 
-def with_plant(record: LoopRecord, baseline: Loop | Partial | None) -> Loop:
-    """Return the loop of a healthy record; its plant must be known, or load could not be told from
-    it.
+def check_healthy(record: LoopRecord, baseline: Loop | Partial | None) -> Situation:
+    """Return a healthy record with its loop, checked; the plant must be known, or load could not be
+    told from it.
     """
     if baseline is None or (isinstance(baseline, Partial) and "plant" in baseline.missing):
         raise ParameterError(
             "a loop file that states [plant] is needed for healthy records: beside a plant that is"
             " estimated from the same record nothing tells how large its load is"
         )
-    return completed(record, baseline)[0]
+    return check(record, completed(record, baseline)[0])
 
 
-def _of_one(record: LoopRecord, loop: Loop) -> Healthy:
-    s = check(record, loop)
+def _of_one(s: Situation) -> Healthy:
     s = replace(s, data=replace(s.data, loads={}, sines=()))
     engine = Engine(s.data, load_memory(s))
     base = engine.base()
@@ -108,7 +107,7 @@ def _of_one(record: LoopRecord, loop: Loop) -> Healthy:
     found = {e: c for e, c in fit_candidates(engine, base, known).items() if c.used}
     p: dict[str, Parameters] = {e: recogniser(e).numbers(c.fit, s) for e, c in found.items()}
     worth = {e for e, c in found.items() if c.log_likelihood_gain > 0.0}
-    duration, sines, slow = record.duration, (), 0.0
+    duration, sines, slow = s.record.duration, (), 0.0
     if "load_drift" in found:
         slow = load_drift.travel(p["load_drift"], duration)
     if "oscillation" in worth:
@@ -116,7 +115,7 @@ def _of_one(record: LoopRecord, loop: Loop) -> Healthy:
             slow = max(slow, float(p["oscillation"]["amplitude"]))
         else:
             fit = found["oscillation"].fit
-            sines = ((fit.theta["period"] * record.Ts, float(np.hypot(*fit.beta[-2:]))),)
+            sines = ((fit.theta["period"] * s.record.Ts, float(np.hypot(*fit.beta[-2:]))),)
     steps = float(p["load_steps"]["size"]) if "load_steps" in worth else 0.0
     rounding = s.data.resolution**2 / 12.0
     std = float(np.sqrt(max(base.theta["noise_std"] ** 2 - rounding, s.data.floor**2)))

@@ -17,6 +17,7 @@ from simbench.gap.likelihood import kernels
 NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
 REDDEST = 0.8  # correlation from sample to sample: noise of more memory has passed a filter
+SHORTEST_LAG = 0.1  # samples; a load with a shorter second time constant has none
 LINEAR = 3  # linear coefficients before those of an effect: gain, bias or ramp, onset
 INNER = "inner"  # a pole that every plant may have in place of some of its dead time
 
@@ -231,7 +232,7 @@ def lag_of(theta: Mapping[str, float]) -> float:
 def load_std(theta: Mapping[str, float]) -> float:
     """Return the standard deviation of the fitted load's steady effect on PV."""
     std, period, lag = theta["load"], theta["load_time"], lag_of(theta)
-    if lag <= 0.1:  # a 1/f load has no second time constant
+    if lag <= SHORTEST_LAG:  # as the mark of a 1/f load is
         return std
     a, b = np.exp(-1.0 / period), np.exp(-1.0 / lag)
     return std * float(np.sqrt((1 - b) / (1 + b) * (1 + a * b) / (1 - a * b)))

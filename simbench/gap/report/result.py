@@ -181,11 +181,10 @@ class GapReport:
         """
         import pandas as pd
 
-        hidden = ("group", "ordinary")
-        lines = [{k: v for k, v in asdict(r).items() if k not in hidden} for r in self.ranking]
-        return pd.DataFrame(
-            [{**x, "parameters": self._sizes(x["effect"], x["parameters"])} for x in lines]
+        lines = pd.DataFrame(
+            [{**asdict(r), "parameters": self._sizes(r.effect, r.parameters)} for r in self.ranking]
         )
+        return lines.drop(columns=["group", "ordinary"])
 
     def plot(self, most: int = 6) -> Any:
         """Draw the most probable effects.

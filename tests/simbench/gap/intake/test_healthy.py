@@ -9,8 +9,9 @@ import pytest
 
 from simbench.detectors.errors import ParameterError
 from simbench.gap.diagnosis import diagnose
+from simbench.gap.intake import healthy as module
 from simbench.gap.intake.check import check
-from simbench.gap.intake.healthy import Healthy, learn
+from simbench.gap.intake.healthy import Healthy, check_healthy
 from simbench.gap.intake.partial import Partial
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Spec, load_std
@@ -34,6 +35,11 @@ def recorded(seed, *effects, loads=(LOAD,), **more):
     """Return a record of the loop with these effects and loads."""
     table = {**BASELINE, "disturbance": list(loads), "effect": list(effects), **more}
     return simulate(Loop.from_table(table), seed=seed).record
+
+
+def learn(records, baseline):
+    """Return what healthy records of a loop show."""
+    return module.learn([check_healthy(record, baseline) for record in records])
 
 
 @pytest.fixture(scope="module")
