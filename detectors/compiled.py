@@ -312,24 +312,27 @@ def _registers():
     """Return the compiled twin of `lanes`: an array on the stack, which LLVM turns into
     registers.
     """
-    import numba as nb
     from llvmlite import ir
     from numba import types
     from numba.core import cgutils
     from numba.extending import intrinsic
+    from numba.np.arrayobj import make_array, populate_array
+
+    row = types.Array(types.float64, 1, "C")
 
     @intrinsic
-    def stack(typing_context):
+    def registers(typing_context):
         def code(context, builder, signature, arguments):
             room = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), LANES))
             room.align = 64
-            return builder.bitcast(room, ir.DoubleType().as_pointer())
+            array = make_array(row)(context, builder)
+            size = context.get_constant(types.intp, LANES)
+            step = context.get_constant(types.intp, 8)
+            start = builder.bitcast(room, ir.DoubleType().as_pointer())
+            populate_array(array, start, [size], [step], step, None)
+            return array._getvalue()
 
-        return types.CPointer(types.float64)(), code
-
-    @nb.njit(inline="always")
-    def registers():
-        return nb.carray(stack(), (LANES,))  # pyright: ignore[reportPrivateImportUsage]
+        return row(), code
 
     return registers
 
@@ -339,22 +342,17 @@ def _widened():
     """Return the compiled twin of `wide`, which writes LLVM's attribute to the function that calls
     it.
     """
-    import numba as nb
     from numba import types
     from numba.extending import intrinsic
 
     @intrinsic
-    def attribute(typing_context):
+    def widened(typing_context):
         def code(context, builder, signature, arguments):
             # llvmlite's own `add` knows attributes without a value only
             set.add(builder.function.attributes, '"prefer-vector-width"="512"')
             return context.get_dummy_value()
 
         return types.void(), code
-
-    @nb.njit(inline="always")
-    def widened():
-        attribute()
 
     return widened
 

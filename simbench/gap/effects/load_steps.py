@@ -87,7 +87,8 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     unit[0] = 0.0
     g = kernels.plant(unit, th["T"] if d.T > 0 else 0.0, 0.0, 0.0)
     response = np.append(g[1:], g[-1])
-    white = kernels.whiten(response[None, :], engine.noise_model(Spec(), th))[0][0]
+    model = engine.noise_model(Spec(), th)
+    white = kernels.whiten(response[None, :], model, kernels.NO_JUMPS)[0][0]
     residual = np.asarray(fit.residual).copy()
     residual[: kernels.SKIP] = 0.0
     energy = np.cumsum(white**2)[::-1]

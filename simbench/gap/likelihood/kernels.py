@@ -65,6 +65,10 @@ class Jumps(NamedTuple):
     size: float
 
 
+# whoever has no jumps passes these: a None would be compiled to kernels of its own
+NO_JUMPS = Jumps(np.zeros(0, np.int64), 0.0)
+
+
 class _Filter(NamedTuple):
     """A Kalman filter, its covariance `P` and gain, and room for its next step."""
 
@@ -278,12 +282,12 @@ def follow(kalman, level, size, gains, variances, covariances):
 
 
 @njit_cached
-def whiten(channels, model, jumps=None):
+def whiten(channels, model, jumps):
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log
     variances.
 
-    `model` is a `NoiseModel`, `jumps` the `Jumps` of its load or None. One steady-state gain serves
-    all channels.
+    `model` is a `NoiseModel`, `jumps` the `Jumps` of its load. One steady-state gain serves all
+    channels.
     """
     T, tau, load_time, load_lag, load, noise, colour, spread, load_walk, walk = model
     m, n = channels.shape
@@ -294,9 +298,7 @@ def whiten(channels, model, jumps=None):
         walk > 0.0,
         abs(colour) > 0.01,
     )
-    count, jump = 0, 0.0
-    if jumps is not None:
-        count, jump = jumps.places.size, jumps.size
+    count, jump = jumps.places.size, jumps.size
     s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured + (count > 0)
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
@@ -377,7 +379,7 @@ def whiten(channels, model, jumps=None):
     live, start, last, since, upcoming = True, 0, -1, -1, 0
     for k in range(n):
         # one more pole is one more sample on the way
-        if jumps is not None and upcoming < count and k >= jumps.places[upcoming] - has_tau:
+        if upcoming < count and k >= jumps.places[upcoming] - has_tau:
             upcoming += 1
             if not live and last < 0:
                 last = follow(kalman, level, jump, gains, variances, covariances)
@@ -444,7 +446,7 @@ def whiten(channels, model, jumps=None):
 
 
 @njit_cached
-def scan(u, kind, points, Td, model, rest, basis, jumps=None):
+def scan(u, kind, points, Td, model, rest, basis, jumps):
     """Return, of many valve maps (points, 3) at one noise model, the plant's answer times PV and
     times itself, whitened.
 

@@ -238,10 +238,10 @@ def load_std(theta: Mapping[str, float]) -> float:
     return std * float(np.sqrt((1 - b) / (1 + b) * (1 + a * b) / (1 - a * b)))
 
 
-def jumps_of(spec: Spec, theta: Mapping[str, float]) -> kernels.Jumps | None:
-    """Return the jumps of the load; None where it does not jump."""
+def jumps_of(spec: Spec, theta: Mapping[str, float]) -> kernels.Jumps:
+    """Return the jumps of the load."""
     if not spec.jumps:
-        return None
+        return kernels.NO_JUMPS
     return kernels.Jumps(np.array(spec.jumps), theta["load_jump"])
 
 

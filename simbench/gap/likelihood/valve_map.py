@@ -57,7 +57,8 @@ class MapSearch:
         lag: float = 0.0,
         late: int = 0,
     ) -> None:
-        self.op, self.mv, self.Ts, self.lag, self.late = op, mv, Ts, lag, late
+        # a copy: kernels would be compiled once more for a record's arrays, which are read-only
+        self.op, self.mv, self.Ts, self.lag, self.late = op.copy(), mv, Ts, lag, late
         self.span = float(np.ptp(op)) or 1.0
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
         # what an archive that reports by exception may hide of OP is no valve's

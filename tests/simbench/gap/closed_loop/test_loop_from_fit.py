@@ -62,7 +62,7 @@ def test_a_load_of_power_one_over_f_is_three_equal_parts_that_add_to_its_std():
     assert np.std(signal) == pytest.approx(2.0, rel=0.03)
     # the filter that whitens such a load in the engine whitens this one
     model = kernels.NoiseModel(1e-2, 0.0, 50.0, kernels.PINK_LOAD, 2.0, 1e-3, 0.0, 5.0)
-    white = kernels.whiten(signal[None, :], model)[0][0, 100:]
+    white = kernels.whiten(signal[None, :], model, kernels.NO_JUMPS)[0][0, 100:]
     assert np.var(white) == pytest.approx(1.0, abs=0.02)
     assert abs(np.mean(white[1:] * white[:-1])) < 0.01
 

@@ -213,7 +213,7 @@ def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, placed
     # PV answers a jump one sample later
     response = 1.0 - np.exp(-np.arange(n) / 5.0)
     model = kernels.NoiseModel(5.0, 0.0, 20.0, 0.5, 0.5, 0.1, 0.1, 10.0)
-    white = kernels.whiten(response[None, :], model)[0][0]
+    white = kernels.whiten(response[None, :], model, kernels.NO_JUMPS)[0][0]
     residual = 0.02 * np.random.default_rng(0).standard_normal(n)
     residual[k:] += 5.0 * white[: n - k]
     data = SimpleNamespace(n=n, T=5.0)

@@ -163,7 +163,7 @@ def test_whitening_is_cholesky_of_the_covariance(T, loads, more):
     lag = kernels.PINK_LOAD if len(loads) == 3 else more.get("lag", 0.0)
     rest = {name: x for name, x in more.items() if name != "lag"}
     model = kernels.NoiseModel(T, 0.0, 15.0, lag, 1.3, NOISE, 0.0, SPREAD)._replace(**rest)
-    white, logs = kernels.whiten(y[None, :], model)
+    white, logs = kernels.whiten(y[None, :], model, kernels.NO_JUMPS)
     # the kernel's gain stands still once it has settled
     assert white[0] == pytest.approx(np.linalg.solve(L, y), abs=2e-4)
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=2e-3)
@@ -202,7 +202,7 @@ def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, places):
 def test_a_channel_by_itself_is_filtered_as_among_others(places):
     y = RNG.standard_normal((3, 200))
     model = kernels.NoiseModel(8.0, 2.0, 15.0, 3.0, 1.3, 0.4, 0.3, 5.0, 0.2, 0.1)
-    jumps = kernels.Jumps(np.array(places), 4.0) if places else None
+    jumps = kernels.Jumps(np.array(places), 4.0) if places else kernels.NO_JUMPS
     among, logs = kernels.whiten(y, model, jumps)
     for i in range(3):
         alone, same = kernels.whiten(y[i : i + 1], model, jumps)
