@@ -63,14 +63,14 @@ def broken(graph, asked=lambda options: True):
         ),
         ("simbench.loop.setup", "simbench.gap.situation", "rooms stand above what they use"),
         (
-            "simbench.blind.claims",
+            "simbench.sealed.withheld.claims",
             "simbench.detectors.signal.oscillation",
-            "the blind check asks no detector",
+            "the withheld check uses nothing of what it judges",
         ),
         (
             "simbench.gap.decide.assess",
-            "simbench.blind.score",
-            "only the command line and the contract know the blind check",
+            "simbench.sealed.withheld.score",
+            "only the command line knows the withheld check",
         ),
         ("simbench.detectors.quality", "simbench.loop.plant", "rooms stand above what they use"),
         ("simbench.detectors.quality", "matplotlib", "detectors is usable alone"),
@@ -98,7 +98,7 @@ PLUGINS = (
     "simbench.loop.controllers",
     "simbench.gap.effects",
     "simbench.figures",
-    "simbench.blind.worlds",
+    "simbench.sealed.withheld.worlds",
 )
 HOSTS = (
     "simbench.detectors.__main__",

@@ -14,13 +14,13 @@ from typing import Any
 import pandas as pd
 from joblib import Parallel, delayed
 
-from simbench.blind.making import PLANTS, STRENGTHS, write_item
-from simbench.blind.menu import csv_of
-from simbench.blind.outcomes import write_whole
-from simbench.blind.world import OWN, WORLDS
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files
 from simbench.loop.effects import NONE, UNKNOWN
+from simbench.sealed.withheld.making import PLANTS, STRENGTHS, write_item
+from simbench.sealed.withheld.menu import csv_of
+from simbench.sealed.withheld.outcomes import write_whole
+from simbench.sealed.withheld.world import OWN, WORLDS
 from simbench.usage import exit_code
 
 EFFECTS = ("load_drift", "load_steps", "oscillation", "noise", "drift")

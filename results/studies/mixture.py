@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from simbench.blind.making import PLANTS
-from simbench.blind.world import PLANNED
+from simbench.sealed.withheld.making import PLANTS
+from simbench.sealed.withheld.world import PLANNED
 
 _NEEDS_T = "time_constant_mismatch"
 

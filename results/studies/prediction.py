@@ -22,10 +22,6 @@ import pandas as pd
 
 from results.studies.mixture import Mixture
 from results.studies.worlds import NAMES, WORLDS
-from simbench.blind.levels import Share
-from simbench.blind.making import write_item
-from simbench.blind.menu import TestPlan
-from simbench.blind.world import Item
 from simbench.detectors.errors import UserError
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
@@ -34,6 +30,10 @@ from simbench.gap.prediction import measure, predict, read_settings
 from simbench.loop.effects import NONE
 from simbench.progress import Progress
 from simbench.scenarios.spec import load_loop
+from simbench.sealed.withheld.levels import Share
+from simbench.sealed.withheld.making import write_item
+from simbench.sealed.withheld.menu import TestPlan
+from simbench.sealed.withheld.world import Item
 
 # of the first world, named before anything was predicted; the next worlds have the next numbers
 SEED = 471720

@@ -31,7 +31,6 @@ from results.studies.plant.stiction_probability import entry
 from results.studies.worlds import WORLDS
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
-from simbench.blind.making import write_item
 from simbench.detectors.judge import judge
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
@@ -42,6 +41,7 @@ from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.files import folder, write_table
 from simbench.progress import Progress
 from simbench.scenarios.grid import load_grid
+from simbench.sealed.withheld.making import write_item
 from simbench.usage import exit_code
 
 GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "refinery"), "real"

@@ -62,7 +62,7 @@ def make(
     The command prints a commitment: a checksum of the key. Publish it before the answers come
     in; it proves later that neither records nor labels were changed.
     """
-    from simbench.bench.exam.making import make_exam
+    from simbench.sealed.exam.making import make_exam
 
     print(f"commitment {make_exam(grid, out, key, n, jobs, seed)}")
     say(f"Publish this checksum of the key now, hand out the folder {out}, and keep {key} secret.")
@@ -92,7 +92,7 @@ def answer(
     resume: Resume = False,
 ) -> None:
     """Judge every record of an exam by detectors or plug-ins, and write the answers."""
-    from simbench.bench.exam.answering import answer_exam
+    from simbench.sealed.exam.answering import answer_exam
 
     say(
         f"{answer_exam(folder, out, method or ['fast'], plugin or [], jobs, resume)} records"
@@ -115,7 +115,7 @@ def commit(
     `exam open` marks answers that were not listed before the first opening: whoever wrote them
     may have known the labels.
     """
-    from simbench.bench.exam.commitments import COMMITMENTS, commit_answers
+    from simbench.sealed.exam.commitments import COMMITMENTS, commit_answers
 
     print(f"sha256 {commit_answers(answers, folder)}")
     say(f"{answers} is listed in {folder / COMMITMENTS}; change it no more.")
@@ -144,12 +144,12 @@ def open_(
 
     The table is that of `simbench score`; its help explains the columns.
     """
-    from simbench.bench.exam.commitments import COMMITMENTS, OPENINGS
-    from simbench.bench.exam.folder import EXAM, LOOPS, RECORDS
-    from simbench.bench.exam.opening import opened_exam
     from simbench.bench.execute.failures import read_failures
     from simbench.bench.score.scoring import score_run
     from simbench.files import refuse_own_input, write_table
+    from simbench.sealed.exam.commitments import COMMITMENTS, OPENINGS
+    from simbench.sealed.exam.folder import EXAM, LOOPS, RECORDS
+    from simbench.sealed.exam.opening import opened_exam
 
     refuse_own_input(
         [labels, report],

@@ -299,8 +299,8 @@ def make(
 
     Continue with `simbench gap withheld answer` and `open`.
     """
-    from simbench.blind.making import Plan
-    from simbench.blind.making import make as write
+    from simbench.sealed.withheld.making import Plan
+    from simbench.sealed.withheld.making import make as write
 
     plan = Plan.of(n, without)
     print(write(out, key, seed, plan=plan, jobs=jobs, world=world, tests=tests))
@@ -320,9 +320,9 @@ def answer(
 
     An interrupted call is continued.
     """
-    from simbench.blind.answering import answer as diagnose_all
-    from simbench.blind.making import without_of
     from simbench.gap.command import one_file
+    from simbench.sealed.withheld.answering import answer as diagnose_all
+    from simbench.sealed.withheld.making import without_of
 
     diagnose = partial(one_file, without=without_of(out))
     print(f"{diagnose_all(out, diagnose, jobs, tests)} records diagnosed")
@@ -342,7 +342,7 @@ def open_sealed(
     as_json: Json = False,
 ) -> None:
     """Decrypt the answers, and score the diagnoses against them."""
-    from simbench.blind.opening import open_ as score_answers
+    from simbench.sealed.withheld.opening import open_ as score_answers
 
     scored = score_answers(out, key, scores, world)
     show(

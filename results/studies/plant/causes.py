@@ -20,7 +20,6 @@ from scipy.signal import lfilter
 
 from results.studies.plant.stiction_probability import PLANTS
 from results.studies.worlds import WORLDS
-from simbench.blind.making import write_item
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge
 from simbench.detectors.prepared import Prepared
@@ -33,6 +32,7 @@ from simbench.gap.stiction.margins import margins
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.spec import Loop
+from simbench.sealed.withheld.making import write_item
 
 CAUSES = (
     "stiction",

@@ -25,7 +25,6 @@ from scipy.special import expit
 from results.studies.plant.answers import answered
 from results.studies.worlds import WORLDS
 from simbench.bench.scenario.resolve import resolve
-from simbench.blind.making import PLANTS, STRENGTHS, write_item
 from simbench.confirm.rig import run_rig
 from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
@@ -41,6 +40,7 @@ from simbench.progress import Progress
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop
+from simbench.sealed.withheld.making import PLANTS, STRENGTHS, write_item
 from simbench.usage import exit_code
 
 STICTION, NOTHING = "stiction", "none"

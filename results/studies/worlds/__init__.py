@@ -6,7 +6,7 @@ results.studies.worlds.refinery` takes it by its module.
 """
 
 from results.studies.worlds import refinery
-from simbench.blind.world import WORLDS
+from simbench.sealed.withheld.world import WORLDS
 
 __all__ = ["NAMES", "WORLDS"]
 

@@ -21,8 +21,8 @@ import pandas as pd
 import pytest
 
 from simbench.bench.execute.lease import LEASE
-from simbench.blind import seal
 from simbench.files import HOST
+from simbench.sealed.withheld import seal
 from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
 from tests.simbench.boundary.test_hostile import write

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 from recorded import FLOW, LOADED, recorded
 
-from simbench.blind.score import true_circumstances
 from simbench.gap import candidates
 from simbench.gap.candidates import (
     LAST,
@@ -30,6 +29,7 @@ from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.effects._alike import indistinguishable
 from simbench.scenarios.spec import Loop
+from simbench.sealed.withheld.score import true_circumstances
 
 SHORT = {"sampling": {"Ts": 1.0, "n": 900}}
 VESSEL = FLOW | {

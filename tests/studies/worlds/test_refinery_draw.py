@@ -9,8 +9,8 @@ import pytest
 
 from results.studies.worlds import refinery
 from results.studies.worlds.refinery import drawing, foreign, loops, oracle, search, simulation
-from simbench.blind.world import WORLD_EFFECTS
 from simbench.detectors.errors import ParameterError
+from simbench.sealed.withheld.world import WORLD_EFFECTS
 
 STRENGTHS = ("weak", "medium", "strong")
 ENTRIES = [

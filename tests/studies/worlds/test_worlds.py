@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from results.studies.worlds import NAMES, WORLDS
-from simbench.blind.making import Plan, make
-from simbench.blind.world import WORLD_EFFECTS
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.effects import BLOCKS, Choice
 from simbench.loop.effects import EFFECTS as VOCABULARY
 from simbench.scenarios.spec import Loop
+from simbench.sealed.withheld.making import Plan, make
+from simbench.sealed.withheld.world import WORLD_EFFECTS
 
 SEED = 11
 STRENGTHS = ("weak", "medium", "strong")
@@ -152,7 +152,8 @@ def test_a_world_names_foreign_kinds_in_at_least_four_blocks(name):
 def test_a_world_imports_nothing_that_it_judges_nor_effects_that_others_install(name):
     place = WORLDS.load(name)
     shared = (
-        place.__name__, "simbench.blind.distance", "simbench.blind.menu", "simbench.blind.world",
+        place.__name__, "simbench.sealed.withheld.distance", "simbench.sealed.withheld.menu",
+        "simbench.sealed.withheld.world",
         "simbench.loop.effects", "simbench.detectors.compiled", "simbench.detectors.errors",
     )  # fmt: skip
     for path in Path(place.__file__).parent.glob("*.py"):

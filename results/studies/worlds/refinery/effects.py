@@ -15,9 +15,9 @@ import numpy as np
 
 from results.studies.worlds.refinery import loads, valves
 from results.studies.worlds.refinery.simulation import Setup
-from simbench.blind.world import WORLD_EFFECTS
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import Choice
+from simbench.sealed.withheld.world import WORLD_EFFECTS
 
 Apply = Callable[[Setup, dict, dict], None]
 

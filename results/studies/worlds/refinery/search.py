@@ -10,8 +10,8 @@ from results.studies.worlds.refinery import foreign, oracle
 from results.studies.worlds.refinery.effects import APPLY, complete
 from results.studies.worlds.refinery.simulation import Setup, build, run
 from results.studies.worlds.refinery.sizes import FOREIGN_SIZES, SIZES, Size
-from simbench.blind.world import WORLD_EFFECTS
 from simbench.detectors.errors import UnknownName
+from simbench.sealed.withheld.world import WORLD_EFFECTS
 
 CLOUD, SHOWN = (
     12,

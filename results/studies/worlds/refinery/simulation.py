@@ -14,8 +14,8 @@ from results.studies.worlds.refinery.controller import FORMS, RULES, WINDUPS, Co
 from results.studies.worlds.refinery.physics import SUBSTEPS, Plant, Sensor, Signals
 from results.studies.worlds.refinery.setpoint import pattern
 from results.studies.worlds.refinery.valves import Valve
-from simbench.blind.menu import TestPlan, operated
 from simbench.detectors.compiled import compiled
+from simbench.sealed.withheld.menu import TestPlan, operated
 
 # random streams of one realisation: an added effect never changes the load or the noise of the loop
 # itself

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from results.studies.worlds import NAMES, WORLDS
-from simbench.blind.making import STRENGTHS, write_item
 from simbench.detectors.records.io import read_record
 from simbench.gap import diagnose
 from simbench.gap.closed_loop.level import level
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
+from simbench.sealed.withheld.making import STRENGTHS, write_item
 
 TABLE = {
     "plant": {"type": "foptd", "K": 2.0, "T": 20.0, "Td": 4.0},

@@ -20,7 +20,6 @@ from random_case import random_case
 
 from results.studies.worlds import NAMES as WORLD_NAMES
 from results.studies.worlds import WORLDS
-from simbench.blind.making import write_item
 from simbench.cli import main
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
@@ -32,6 +31,7 @@ from simbench.gap.stiction.probability import STICKING_VALVES
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
+from simbench.sealed.withheld.making import write_item
 
 MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
 

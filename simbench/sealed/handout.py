@@ -1,0 +1,127 @@
+"""Hand out records without their truth: write the key elsewhere, bind it by a commitment
+(checksum), and ask for answers.
+
+Whoever answers holds no key; whoever opens shows by the commitment that the key was fixed before
+anybody answered.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any
+
+from simbench.detectors.errors import ParameterError, UserError
+from simbench.files import folder, plain_bytes, refuse_own_input, whole_file
+from simbench.safe_path import safe_path
+
+
+def commitment_of(content: bytes) -> str:
+    """Return what is published about secret content: its SHA-256 as 64 hex digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def matches(content: bytes, commitment: str) -> bool:
+    """Return whether secret content is the one that was committed to.
+
+    >>> matches(b"seed 4", commitment_of(b"seed 4")), matches(b"seed 5", commitment_of(b"seed 4"))
+    (True, False)
+    """
+    return hmac.compare_digest(commitment_of(content).encode(), commitment.encode())
+
+
+def refuse_key_inside(what: str, key: Path, place: Path) -> None:
+    """Raise ParameterError when a key would be handed out with the folder that it opens; `what`
+    begins the sentence.
+    """
+    if place.resolve() in (key.resolve(), *key.resolve().parents):
+        raise ParameterError(
+            f"{what}: the key {key} would lie inside {place}; another folder is needed"
+        )
+
+
+def refuse_unwritable_key(key: Path) -> None:
+    """Raise FileError, before minutes of work, when a key cannot be written."""
+    folder(key.parent)
+    refuse_own_input([key], [])
+
+
+def write_key(key: Path, content: bytes) -> None:
+    """Write a key whole, readable by its owner only."""
+    with whole_file(key, "wb") as f:
+        Path(f.name).chmod(0o600)
+        f.write(content)
+
+
+def read_key(what: str, key: Path) -> tuple[bytes, dict[str, Any]]:
+    """Return a key's bytes and the JSON table that they hold; ParameterError for any other file."""
+    try:
+        content = plain_bytes(key)
+        table = json.loads(content)
+    except UserError as error:
+        raise ParameterError(f"{what}: {error}") from None
+    except OSError as error:
+        raise ParameterError(f"{what}: {error.filename} cannot be read: {error.strerror}") from None
+    except (ValueError, RecursionError):
+        table = None
+    if not isinstance(table, dict):
+        raise ParameterError(f"{what}: {key} is no key file")
+    return content, table
+
+
+def ask_in_processes(
+    ask: Callable[..., Any],
+    questions: Mapping[str, tuple],
+    jobs: int,
+    begin: Callable[..., None] | None = None,
+    *given: Any,
+) -> Iterator[tuple[str, Any]]:
+    """Yield the name of each question with what `ask` returns, in the order in which answers come.
+
+    The processes are fresh and inherit nothing of this one, which may know more; each first calls
+    `begin` with what is given. Without `begin`, one job is done in this process.
+    """
+    if jobs == 1 and begin is None:
+        yield from ((name, ask(*question)) for name, question in questions.items())
+        return
+    workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(
+        workers, mp_context=context, initializer=_begin, initargs=(begin, given)
+    )
+    with safe_path():
+        try:
+            asked = {pool.submit(ask, *question): name for name, question in questions.items()}
+            for done in as_completed(asked):
+                yield asked[done], done.result()
+        except BrokenProcessPool:
+            raise UserError(
+                "a worker process died; fewer jobs may leave each more memory: resume the same"
+                " command"
+            ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _begin(begin: Callable[..., None] | None, given: tuple) -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if begin is not None:
+        begin(*given)
+
+
+def _end_with_parent() -> None:
+    """End this process once the one that asks was killed: nobody else would tell it that no
+    question comes.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

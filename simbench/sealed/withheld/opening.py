@@ -1,0 +1,218 @@
+"""Open a withheld folder: check the commitment, score the answers, and write tables and the
+confusion matrix.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from simbench.detectors.errors import ParameterError
+from simbench.files import folder as make_folder
+from simbench.files import write_table
+from simbench.progress import Progress
+from simbench.scenarios.spec import read_toml
+from simbench.sealed.withheld import seal
+from simbench.sealed.withheld.answering import COST, MOST_TESTS, answers_after
+from simbench.sealed.withheld.claims import true_shrinkages
+from simbench.sealed.withheld.levels import Figure, Share, by_effect, levels, median, rank
+from simbench.sealed.withheld.outcomes import write_whole
+from simbench.sealed.withheld.picture import confusion, draw
+from simbench.sealed.withheld.score import judge_record, true_circumstances
+from simbench.sealed.withheld.world import OWN
+
+_OPEN_ANSWERS = "answers.csv"
+
+
+def open_(
+    folder: str | Path,
+    key: str | Path | None = None,
+    out: str | Path | None = None,
+    world: str = OWN,
+) -> dict[str, Any]:
+    """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv
+    of someone else.
+    """
+    folder = Path(folder)
+    out = Path(out) if out is not None else folder / "score"
+    text, commitment = _truth(folder, Path(key) if key is not None else None)
+    truth = _read_answers(text)
+    judged, claims = [], []
+    after: dict[str, list[dict[str, Any]]] = {
+        str(i): [] for i in range(1, MOST_TESTS + 1) if answers_after(folder, i).exists()
+    }
+    for row in Progress(truth, desc="scored", delay=1.0):
+        record, baseline = _record(folder, row["id"])
+        here = true_circumstances(row, baseline, record)
+        answer = _answer(folder / "answers" / f"{row['id']}.json")
+        judged.append(judge_record(row, answer, here))
+        for tests, rows in after.items():
+            later = _answer(answers_after(folder, int(tests)) / f"{row['id']}.json")
+            rows.append(judge_record(row, later, here))
+        if judged[-1]["kind"] == "single" and row.get("case") and answer is not None:
+            claims += [
+                {"id": row["id"], **c}
+                for c in true_shrinkages(
+                    row, answer, record, baseline, here, row.get("world") or world
+                )
+            ]
+    table = pd.DataFrame(judged)
+    figures = levels(table) + _claim_figures(pd.DataFrame(claims)) + _cost(folder)
+    effects = by_effect(table)
+    score = {
+        "commitment": commitment,
+        "records": len(table),
+        "answered": int(table.answered.sum()),
+        "kinds": {str(k): int(n) for k, n in table.kind.value_counts().items()},
+        "figures": [f.row() for f in figures],
+        "by_effect": json.loads(effects.to_json(orient="records")),
+    }
+    if after:
+        score["after_tests"] = {
+            tests: [f.row() for f in levels(pd.DataFrame(rows))] for tests, rows in after.items()
+        }
+    make_folder(out)
+    for name, content in ((_OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
+        write_whole(out / name, content)
+    for name, frame in (
+        ("score", pd.DataFrame(score["figures"])),
+        ("by_effect", effects),
+        ("records", table),
+    ):
+        write_table(frame, out / f"{name}.csv")
+    draw(confusion(table), out)
+    for tests, rows in after.items():
+        write_table(pd.DataFrame(rows), out / f"records-{tests}.csv")
+    later_scores = [
+        f"\nAfter {tests} test(s):\n\n{markdown(levels(pd.DataFrame(rows)), None)}"
+        for tests, rows in after.items()
+    ]
+    return score | {"markdown": markdown(figures, effects) + "".join(later_scores)}
+
+
+def _read_answers(text: str) -> list[dict[str, Any]]:
+    """Return the rows of answers.csv; cells that hold JSON tables are read."""
+    frame = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
+    frame.columns = [c.strip().lower() for c in frame.columns]
+    missing = [c for c in ("id", "block", "effect") if c not in frame]
+    if missing:
+        raise ParameterError(
+            f"withheld: answers.csv lacks the column {missing[0]!r}; it has"
+            f" {', '.join(frame.columns)}"
+        )
+    return [{str(k): _cell(v) for k, v in row.items()} for row in frame.to_dict("records")]
+
+
+def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str:
+    """Return the score as markdown tables; without `effects` the figures alone."""
+    lines = [
+        "| figure (medium and strong) | value | 95 % interval | n | level | holds |",
+        "|---|---|---|---|---|---|",
+    ]
+    for f in figures:
+        value = "-" if f.value is None else f"{f.value:.3f}"
+        interval = "[{:.2f}, {:.2f}]".format(*f.interval) if isinstance(f, Share) and f.n else ""
+        level = "" if f.level is None else f"{'<=' if f.at_most else '>='} {f.level:g}"
+        holds = "" if f.holds is None else "yes" if f.holds else "NO"
+        lines.append(f"| {f.name} | {value} | {interval} | {f.n} | {level} | {holds} |")
+    for measure, title in (
+        ("first", "first answer right"),
+        ("in_group", "right within its group"),
+        ("block_right", "block right"),
+    ):
+        if effects is None:
+            break
+        part = effects[effects.measure == measure]
+        order = [s for s in ("weak", "medium", "strong") if s in set(part.strength)]
+        order += sorted(set(part.strength) - set(order))
+        lines += ["", f"| {title} | " + " | ".join(order) + " |", "|---" * (len(order) + 1) + "|"]
+        for effect, rows in part.groupby("effect", sort=False):
+            cells = {
+                r["strength"]: f"{r['k']}/{r['n']} [{r['lo']:.2f}, {r['hi']:.2f}]"
+                for r in rows.to_dict("records")
+            }
+            lines.append(f"| {effect} | " + " | ".join(cells.get(s, "") for s in order) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _truth(folder: Path, key: Path | None) -> tuple[str, str | None]:
+    if (folder / seal.SEALED).exists():
+        if key is None:
+            raise ParameterError(f"withheld: the answers in {folder} are sealed; a key is needed")
+        text = seal.read(folder, key)
+        return text, (folder / seal.COMMITMENT).read_text(encoding="utf-8").strip()
+    try:
+        return (folder / _OPEN_ANSWERS).read_text(encoding="utf-8"), None
+    except OSError as error:
+        raise ParameterError(
+            f"withheld: {folder} has neither {seal.SEALED} nor a readable {_OPEN_ANSWERS}:"
+            f" {error.strerror}"
+        ) from None
+
+
+def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
+    path = folder / "records" / f"{name}.csv"
+    try:
+        frame = pd.read_csv(path)
+    except OSError as error:
+        raise ParameterError(
+            f"withheld: {path} cannot be read: {error.strerror}; a file of the check is needed"
+        ) from None
+    frame.columns = [str(c).strip().lower() for c in frame.columns]
+    frame = frame.dropna(axis="columns", how="all").ffill().bfill()
+    missing = [c for c in ("op", "pv") if c not in frame]
+    if missing:
+        raise ParameterError(
+            f"withheld: {path} has no {missing[0].upper()}; its columns are"
+            f" {', '.join(frame.columns)}"
+        )
+    return frame, read_toml(path.with_suffix(".toml"))
+
+
+def _answer(path: Path) -> dict[str, Any] | None:
+    try:
+        answer = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except ValueError:
+        raise ParameterError(f"withheld: {path} is no JSON; delete it and answer again") from None
+    return answer if isinstance(answer, dict) else None
+
+
+def _cell(value: str) -> Any:
+    if value.startswith("{"):
+        try:
+            return json.loads(value)
+        except ValueError:
+            return value
+    return value
+
+
+def _claim_figures(claims: pd.DataFrame) -> list[Figure]:
+    if len(claims) < 3:
+        return []
+    best = claims.groupby(["id", "right"]).true.max().unstack().reindex(columns=[True, False])
+    return [
+        rank(
+            "re-simulated shrinkage of candidates: rank correlation with claimed",
+            claims.claimed,
+            claims.true,
+            0.8,
+        ),
+        median("re-simulated shrinkage of the true group, median", best[True]),
+        median("re-simulated shrinkage of the best wrong group, median", best[False]),
+    ]
+
+
+def _cost(folder: Path) -> list[Figure]:
+    path = folder / COST
+    if not path.exists():
+        return []
+    cost = pd.read_csv(path).cpu_s
+    mean = Figure("CPU-seconds per record, mean", float(cost.mean()), len(cost))
+    return [mean] if len(cost) else []

@@ -1,0 +1,241 @@
+"""The blind check keeps its word: same seed, same records; answers unreadable without the key;
+nobody peeks while answering.
+"""
+
+import csv
+import hashlib
+import io
+import json
+import os
+import re
+import signal
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simbench.cli import main
+from simbench.detectors.errors import ParameterError
+from simbench.loop.effects import EFFECTS
+from simbench.scenarios.spec import Loop
+from simbench.sealed.withheld import seal
+from simbench.sealed.withheld.answering import answer
+from simbench.sealed.withheld.making import Plan, make
+from simbench.sealed.withheld.opening import open_
+
+PLAN = Plan(1, 2, 0, 1, ("noise", "gain_mismatch"), ("medium",))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    place = tmp_path_factory.mktemp("withheld")
+    commitment = make(place / "set", place / "keys" / "set.key", seed=4, plan=PLAN)
+    return place / "set", place / "keys" / "set.key", commitment
+
+
+def answers_of(folder, key):
+    return list(csv.DictReader(io.StringIO(seal.read(folder, key))))
+
+
+def test_the_folder_holds_neutral_records_baselines_and_no_plain_answers(made):
+    folder, _, commitment = made
+    names = sorted(p.name for p in (folder / "records").iterdir())
+    assert names == [f"r000{i}.{end}" for i in range(1, 6) for end in ("csv", "toml")]
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "answers.sealed",
+        "commitment.txt",
+        "records",
+    ]
+    assert (folder / "commitment.txt").read_text().strip() == commitment
+    for path in (folder / "records").glob("*.toml"):
+        loop = Loop.from_table(tomllib.loads(path.read_text()), path.name)
+        assert not loop.effect
+        assert not loop.disturbance
+        assert not any(word in path.read_text() for word in EFFECTS if word != "noise")
+
+
+def test_ids_are_shuffled_and_mv_is_written_where_the_answers_say_so(made):
+    folder, key, _ = made
+    rows = answers_of(folder, key)
+    kinds = [row["kind"] for row in rows]
+    assert kinds != sorted(kinds, key=["single", "none", "two", "foreign"].index)
+    for row in rows:
+        header = (folder / "records" / f"{row['id']}.csv").read_text().split("\n", 1)[0]
+        assert ("mv" in header.split(",")) == (row["mv"] == "True")
+
+
+def test_sealed_answers_show_nothing(made):
+    content = (made[0] / "answers.sealed").read_bytes()
+    assert not any(word.encode() in content for word in (*EFFECTS, "single", "none", "id,"))
+    counts = np.bincount(np.frombuffer(content, np.uint8), minlength=256)
+    assert counts.max() < 4 * counts.mean()  # no letter is frequent
+    assert made[1].stat().st_mode & 0o077 == 0
+
+
+def test_the_commitment_is_the_hash_of_salt_and_answers(made):
+    folder, key, commitment = made
+    salt = bytes.fromhex(json.loads(key.read_text())["salt"])
+    assert hashlib.sha256(salt + seal.read(folder, key).encode()).hexdigest() == commitment
+
+
+@pytest.mark.parametrize("broken", ["answers", "commitment", "key", "both"])
+def test_a_changed_answer_commitment_or_key_is_noticed(made, tmp_path, broken):
+    folder, key, published = made
+    content, parts = bytearray((folder / seal.SEALED).read_bytes()), json.loads(key.read_text())
+    content[50] ^= broken in ("answers", "both")
+    parts["key"] = "00" * 32 if broken == "key" else parts["key"]
+    # a forger who writes a new commitment with changed answers does not know the key file's
+    forged = {"commitment": "0" * 64, "both": hashlib.sha256(bytes(content)).hexdigest()}
+    (tmp_path / seal.SEALED).write_bytes(bytes(content))
+    (tmp_path / seal.COMMITMENT).write_text(forged.get(broken, published))
+    (tmp_path / "key").write_text(json.dumps(parts))
+    with pytest.raises(ParameterError, match="commitment"):
+        open_(tmp_path, tmp_path / "key")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a process is killed")
+def test_a_call_killed_between_key_and_records_begins_anew_and_its_seed_gives_the_same_set(
+    made, tmp_path, monkeypatch
+):
+    child = os.fork()
+    if child == 0:
+        monkeypatch.setattr(Path, "rename", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
+        make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
+    assert (tmp_path / "k").exists()
+    assert not (tmp_path / "set" / "records").exists()
+    with pytest.raises(ParameterError, match="exists already"):
+        make(tmp_path / "other", tmp_path / "k", seed=4, plan=PLAN)
+    again = make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
+    assert again != made[2]  # salted: equal answers must not show
+    assert seal.read(tmp_path / "set", tmp_path / "k") == seal.read(*made[:2])
+    assert {f.name for f in (tmp_path / "set").iterdir()} == {f.name for f in made[0].iterdir()}
+    for path in (made[0] / "records").iterdir():
+        assert path.read_bytes() == (tmp_path / "set" / "records" / path.name).read_bytes()
+
+
+def test_wrong_use_ends_in_one_sentence(made, tmp_path):
+    folder, key, _ = made
+    (tmp_path / "text.key").write_text("hello")
+    for out, file, word in (
+        (tmp_path / "a", tmp_path / "a" / "sub" / "key", "inside"),
+        (folder, tmp_path / "key", "holds records already"),
+        (tmp_path / "a", key, "exists already"),
+    ):
+        with pytest.raises(ParameterError, match=word):
+            make(out, file, seed=1, plan=PLAN)
+    for file, word in (
+        (None, "a key is needed"),
+        (tmp_path / "no.key", "cannot be read"),
+        (tmp_path / "text.key", "no key file"),
+    ):
+        with pytest.raises(ParameterError, match=word):
+            open_(folder, file)
+    with pytest.raises(ParameterError, match=r"no records/\*\.csv"):
+        answer(tmp_path, print)
+
+
+PEEK = '''
+import json
+from pathlib import Path
+
+
+def peek(record, baseline):
+    """Tell what it could read."""
+    readable = {}
+    places = "answers.sealed commitment.txt answers.csv answers/a.json score/answers.csv"
+    for name in places.split():
+        for path in (record.parent.parent / name, record.parent / ".." / name):
+            try:
+                path.read_bytes()
+                readable[name] = True
+            except PermissionError:
+                readable[name] = False
+    read = {"n": len(record.read_text()), "baseline": "[plant]" in baseline.read_text()}
+    return {"effect": "none", "block": "none", "readable": readable, **read}
+
+'''
+
+
+@pytest.fixture
+def peek(tmp_path, monkeypatch):
+    (tmp_path / "withheld_fake_diagnosis.py").write_text(PEEK)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    from withheld_fake_diagnosis import peek
+
+    return peek
+
+
+def test_an_answering_process_can_read_the_records_and_nothing_else(theirs, peek):
+    for name in ("answers.sealed", "commitment.txt"):
+        (theirs / name).write_text("secret")
+    (theirs / "score").mkdir()
+    (theirs / "score" / "answers.csv").write_text("secret")
+    assert answer(theirs, peek, jobs=2) == 3
+    given = json.loads((theirs / "answers" / "a.json").read_text())
+    assert set(given["readable"].values()) == {False}
+    assert given["n"] > 10
+    assert given["baseline"]
+    assert (theirs / "cost.csv").read_text().count("\n") == 4
+
+
+def test_answering_resumes_and_tries_failures_again(theirs, in_this_process):
+    first, second = (theirs / "answers" / f"{name}.json" for name in "ab")
+    broken = ["a"]
+
+    def diagnose(record, baseline):
+        if record.stem in broken:
+            raise ValueError("no idea")
+        return {"effect": "none", "block": "none"}
+
+    assert answer(theirs, diagnose) == 3
+    assert "no idea" in json.loads(first.read_text())["error"]
+    second.write_text(json.dumps({"effect": "kept"}))
+    broken.clear()
+    assert answer(theirs, diagnose) == 1
+    assert [json.loads(f.read_text())["effect"] for f in (first, second)] == ["none", "kept"]
+    assert answer(theirs, diagnose) == 0
+
+
+def test_a_record_without_baseline_is_refused(theirs):
+    (theirs / "records" / "b.toml").unlink()
+    with pytest.raises(ParameterError, match=r"b\.csv has no baseline"):
+        answer(theirs, print)
+
+
+def test_an_effect_may_be_hidden_from_the_library_that_is_asked(tmp_path, capsys):
+    """Every record has it, nobody may name it, and "unknown" is right."""
+    words = ["gap", "withheld"]
+    place, key = str(tmp_path / "set"), str(tmp_path / "set.key")
+    plan = replace(Plan.of(3, "detuning"), strengths=("strong",))
+    make(place, key, seed=4, plan=plan)
+    (row,) = answers_of(Path(place), Path(key))
+    assert (row["effect"], row["foreign"], row["block"]) == ("unknown", "detuning", "controller")
+    assert main([*words, "answer", place]) == 0
+    said = json.loads((tmp_path / "set" / "answers" / "r0001.json").read_text())
+    assert said["effect"] != "detuning"
+    assert main([*words, "open", place, "--key", key, "--json"]) == 0
+    text = (tmp_path / "set" / "score" / "records.csv").read_text()
+    (judged,) = csv.DictReader(io.StringIO(text))
+    assert (judged["kind"], judged["foreign"]) == ("foreign", "detuning")
+    (tmp_path / "set" / "without.txt").write_text("detunign")
+    capsys.readouterr()
+    assert main([*words, "answer", place]) == 2
+    assert "detuning" in capsys.readouterr().err
+    with pytest.raises(ParameterError, match="did you mean 'detuning'"):
+        Plan.of(100, "detunning")
+
+
+def test_the_tutorial_s_world_draws_a_set_that_is_sealed(tmp_path, monkeypatch):
+    page = Path(__file__).parents[4] / "docs" / "site" / "tutorials" / "own_world.md"
+    (cell,) = re.findall(r"%%writefile (tank\.py)\n(.*?)```", page.read_text(), re.DOTALL)
+    (tmp_path / "worlds_of_mine").mkdir()
+    (tmp_path / "worlds_of_mine" / cell[0]).write_text(cell[1])
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    make("set", "set.key", seed=4, plan=PLAN, world="worlds_of_mine.tank")
+    rows = answers_of(Path("set"), Path("set.key"))
+    assert sorted(row["kind"] for row in rows) == ["foreign", "none", "none", "single", "single"]

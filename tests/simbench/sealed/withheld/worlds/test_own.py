@@ -1,0 +1,217 @@
+"""The generator: its loop is right, its faults vanish at strength zero, and its strengths are what
+they are called.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from simbench.detectors.errors import ParameterError
+from simbench.sealed.withheld.distance import cloud, features
+from simbench.sealed.withheld.making import Plan
+from simbench.sealed.withheld.world import WORLD_EFFECTS
+from simbench.sealed.withheld.worlds.own import drawing, faults, items, loops, oracle, sizes
+from simbench.sealed.withheld.worlds.own import simulator as sim
+
+RNG = np.random.default_rng
+
+
+def plain(plant="foptd", controller="PI", **changes):
+    """A quiet loop that logs everything on time, in the contract's PI form."""
+    case = drawing.draw(RNG(7), plant=plant, sp_moves=True, mv=True)
+    Ti = case.Ti if controller == "PI" else 0.0
+    quiet = dict.fromkeys(("load_std", "mv_noise", "log_is_late", "play", "smooth_gap"), 0.0)
+    quiet |= {"controller": controller, "Ti": Ti, "noise_std": 1e-9 * case.unit, "n": 600}
+    return replace(case, **quiet, form=sim.VELOCITY, integral=sim.BACKWARD, **changes)
+
+
+def sampled_twin(case, setup):
+    """The contract's loop, one plain step per sample: exact plant under a held valve, whole-sample
+    dead time, velocity PI.
+    """
+    d = round(case.Td / case.Ts)
+    moved = [case.op0] * (d + 1)
+    a = math.exp(-case.Ts / case.T)
+    x, u, before = 0.0, case.op0, None
+    op, pv = [], []
+    for r in setup.sp:
+        y = case.pv0 + x
+        e = r - y
+        before = e if before is None else before
+        if case.controller == "P":
+            u = case.op0 + case.sign * case.Kc * e
+        else:
+            u += case.sign * case.Kc * (e - before + case.Ts / case.Ti * e)
+        before, u = e, min(max(u, 0.0), 100.0)
+        op.append(u)
+        pv.append(y)
+        moved = [u, *moved[:-1]]
+        v = moved[d] - case.op0
+        x = a * x + (1 - a) * case.K * v if case.plant == "foptd" else x + case.Ts * case.K * v
+    return np.array(op), np.array(pv)
+
+
+@pytest.mark.parametrize("plant", ["foptd", "integrating"])
+@pytest.mark.parametrize("controller", ["PI", "P"])
+def test_the_plain_loop_is_the_sampled_loop_of_the_contract(plant, controller):
+    case = plain(plant, controller)
+    case = replace(case, Td=3 * case.Ts)
+    run = loops.simulate(case, 0)
+    op, pv = sampled_twin(case, loops.prepare(case, 0))
+    np.testing.assert_allclose(run.op, op[case.warm_up :], atol=1e-5)
+    np.testing.assert_allclose(run.pv, pv[case.warm_up :], atol=1e-5 * case.unit)
+
+
+def test_integral_variants_differ_but_settle_alike():
+    case = plain()
+    runs = [
+        loops.simulate(replace(case, integral=i, steps=()), 0)
+        for i in (sim.BACKWARD, sim.FORWARD, sim.TRAPEZOID)
+    ]
+    for run in runs:
+        assert abs(run.pv[-1] - case.pv0) < 1e-3 * case.unit
+    stepped = [loops.simulate(replace(case, integral=i), 0).op for i in (sim.BACKWARD, sim.FORWARD)]
+    assert np.abs(stepped[0] - stepped[1]).max() > 1e-3
+
+
+def test_a_late_log_shows_op_one_sample_older():
+    case = plain()
+    now, late = loops.simulate(case, 0), loops.simulate(replace(case, log_is_late=True), 0)
+    np.testing.assert_array_equal(late.op[1:], now.op[:-1])
+    np.testing.assert_array_equal(late.pv, now.pv)
+
+
+@pytest.mark.parametrize("friction", [sim.KARNOPP, sim.STRIBECK])
+def test_the_stem_breaks_away_at_half_s_plus_j_and_slips_by_j(friction):
+    S, J = 4.0, 1.5
+    p = sim.Physics(friction=friction, fs=(S + J) / 2, fc=(S - J) / 2)
+    x, w, moved_at = 50.0, 0.0, None
+    for u in 50.0 + 1e-4 * np.arange(40_000):  # 0.1 % per 1000 sub-steps: quasi-static
+        x, w = sim._stem(u, x, w, p, 1.0 / sim.SUBSTEPS)
+        if w != 0.0 and moved_at is None:
+            moved_at = u
+        if w == 0.0 and moved_at is not None:
+            break
+    assert moved_at == pytest.approx(50 + (S + J) / 2, abs=0.01)
+    # Stribeck's friction grows again as the stem slows down: it slips less far
+    assert x - 50.0 == pytest.approx(J, abs=0.1 if friction == sim.KARNOPP else 0.3)
+
+
+@pytest.mark.parametrize("name", [*WORLD_EFFECTS, *faults.FOREIGN])
+def test_every_fault_shows_at_full_strength_and_can_be_tested_in_a_slow_loop(name):
+    plant = faults.NEEDS_PLANT.get(name, "foptd")
+    case = replace(drawing.draw(RNG(4), plant=plant, sp_moves=True), play=0.0)
+    habit = sizes.Habit(case.op0 - 10, case.op0 + 10, 4.0, 2.0 * case.unit)
+    size = sizes.scale(name, case, habit, RNG(1))
+    weak, strong = size(0.0), size(1.0)
+    if name in WORLD_EFFECTS:
+        known = WORLD_EFFECTS[name].parameters
+        for k, v in [*weak.items(), *strong.items()]:
+            assert isinstance(v, str) or known[k].low <= v <= known[k].high
+    fault = faults.fault(name, strong)
+    a, b = loops.simulate(case, 3), loops.simulate(case, 3, (fault,))
+    assert max(np.abs(a.op - b.op).max(), np.abs(a.pv - b.pv).max() / case.unit) > 0.05
+    slow = replace(case, speed=400.0 * case.Ts, n=100)
+    assert np.isfinite(loops.simulate(slow, 3, (fault,)).pv).all()
+
+
+@pytest.mark.parametrize("colour", ["white", "ou", "ar2", "pink", "flicker", "bluish", "heavy"])
+def test_coloured_noise_has_unit_variance_and_its_colour(colour):
+    x = np.concatenate([loops.coloured(colour, 4000, 10.0, RNG(i)) for i in range(30)])
+    assert x.var() == pytest.approx(1.0, rel=0.08)
+    r1 = np.mean(x[1:] * x[:-1])
+    expected = {"white": 0.0, "heavy": 0.0, "bluish": -0.2 / 1.04, "ou": math.exp(-0.1)}
+    if colour in expected:
+        assert r1 == pytest.approx(expected[colour], abs=0.03)
+    else:
+        assert r1 > (0.05 if colour == "flicker" else 0.5)
+
+
+def test_features_do_not_see_the_operating_point_or_the_unit_of_pv():
+    case = drawing.draw(RNG(2), plant="foptd", sp_moves=True)
+    run = loops.simulate(case, 1)
+    values, _ = features(run, case.scale)
+    moved = loops.Signals(run.sp + 7.0 * case.unit, run.op + 3.0, run.pv + 7.0 * case.unit, run.mv)
+    np.testing.assert_allclose(features(moved, case.scale)[0], values, atol=1e-6)
+    scaled = replace(case, unit=10 * case.unit, noise_std=10 * case.noise_std, K=10 * case.K)
+    tenfold = loops.Signals(10 * run.sp, run.op, 10 * run.pv, run.mv)
+    np.testing.assert_allclose(features(tenfold, scaled.scale)[0], values, atol=1e-6)
+
+
+def test_a_run_of_the_same_loop_is_as_far_as_the_floor_and_a_changed_one_farther():
+    case = drawing.draw(RNG(2), plant="foptd", sp_moves=True)
+    usual = cloud([loops.simulate(case, 100 + i) for i in range(16)], case.scale)
+
+    def distance(seed, *acts):
+        return usual.distance(features(loops.simulate(case, seed, acts), case.scale)[0])
+
+    same = np.mean([distance(i) for i in range(12)])
+    assert same == pytest.approx(usual.floor, rel=0.35)
+    assert distance(0, faults.fault("gain_mismatch", {"factor": 2.0})) > 2 * same
+
+
+@pytest.mark.parametrize(
+    ("ratio", "name"), [(1.29, "none"), (1.3, "weak"), (2.0, "medium"), (4.0, "strong")]
+)
+def test_strength_names_follow_the_bands(ratio, name):
+    assert oracle.strength_of(ratio) == name
+
+
+@pytest.mark.parametrize(
+    ("effect", "strength"), [("noise", "medium"), ("noise", "strong"), ("deadband", "weak")]
+)
+def test_the_drawn_record_lies_in_its_band_and_the_oracle_can_be_asked_again(effect, strength):
+    item = items.draw_item(
+        3, 0, {"kind": "single", "effect": effect, "strength": strength, "mv": True}
+    )
+    lo, hi = oracle.STRENGTHS[strength]
+    assert lo <= item.answer["ratio"] <= hi
+    case, seed = loops.TrueLoop.from_dict(item.answer["case"]), item.answer["seed"]
+    acts = (faults.fault(effect, item.answer["parameters"]),)
+    again = oracle.ratio(case, seed, acts, oracle.reference(case, seed).cloud)
+    assert again.expected == pytest.approx(item.answer["ratio"], abs=1e-3)
+    np.testing.assert_array_equal(loops.simulate(case, seed, acts).pv, item.signals.pv)
+
+
+def test_two_effects_are_not_one_group_and_plainly_visible():
+    answer = items.draw_item(5, 1, {"kind": "two", "mv": False}).answer
+    assert not any({answer["effect"], answer["effect2"]} <= same for same in items._SAME)
+    assert min(answer["ratio"], 2.2) == 2.2
+
+
+def test_the_nominal_plant_is_within_ten_percent_and_a_mismatch_counts_from_it_exactly():
+    for i in range(40):
+        case = drawing.draw(RNG(i))
+        K, T, Td = case.nominal
+        logged = case.Td - case.Ts * case.log_is_late
+        for nominal, true in ((K, case.K), (T, case.T), (Td, logged)):
+            assert 0.8999 <= nominal / true <= 1.1001
+    exact = items._named(case, ("gain_mismatch",))
+    assert exact.nominal[0] == case.K
+    assert exact.nominal[1:] == case.nominal[1:]
+
+
+def test_the_usual_plan_holds_what_the_levels_need():
+    entries = Plan.of(600).entries(list(faults.FOREIGN))
+    single = [e for e in entries if e["kind"] == "single"]
+    assert len(entries) == 600
+    assert len(single) >= 300
+    assert len({(e["effect"], e["strength"]) for e in single}) == 66
+    assert sum(e["kind"] == "none" for e in entries) >= 100
+    assert 0.4 < np.mean([e["mv"] for e in entries]) < 0.6
+    assert {e["plant"] for e in single} == {"foptd", "integrating"}
+    with pytest.raises(ParameterError, match="at least 1 is needed"):
+        Plan.of(0)
+
+
+@pytest.mark.parametrize("n", [1, 5, 24, 99])
+def test_a_small_plan_is_spread_over_all_kinds(n):
+    entries = Plan.of(n).entries(list(faults.FOREIGN))
+    assert len(entries) == n
+    whole = Plan.of(100).entries(list(faults.FOREIGN))
+    assert all(e in whole for e in entries)
+    if n >= 24:
+        assert {e["kind"] for e in entries} == {"single", "none", "two", "foreign"}
+        assert len({e.get("effect") for e in entries if e["kind"] == "single"}) >= min(n // 3, 20)
