@@ -295,7 +295,7 @@ def make(
         ),
     ] = None,
 ) -> None:
-    """Make a blind test of `gap diagnose`: records with hidden effects, and encrypted answers.
+    """Make a blind test of `gap diagnose`: records with hidden effects, and their answers in a key.
 
     Continue with `simbench gap withheld answer` and `open`.
     """
@@ -341,7 +341,7 @@ def open_sealed(
     world: World = "own",
     as_json: Json = False,
 ) -> None:
-    """Decrypt the answers, and score the diagnoses against them."""
+    """Take the answers from the key, and score the diagnoses against them."""
     from simbench.sealed.withheld.opening import open_ as score_answers
 
     scored = score_answers(out, key, scores, world)

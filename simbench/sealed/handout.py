@@ -61,8 +61,10 @@ def write_key(key: Path, content: bytes) -> None:
         f.write(content)
 
 
-def read_key(what: str, key: Path) -> tuple[bytes, dict[str, Any]]:
-    """Return a key's bytes and the JSON table that they hold; ParameterError for any other file."""
+def read_key(what: str, key: Path, place: Path, commitment: str) -> dict[str, Any]:
+    """Return the JSON table that a key holds; ParameterError for any other file, and for the key of
+    another folder than the `place` that holds the commitment.
+    """
     try:
         content = plain_bytes(key)
         table = json.loads(content)
@@ -74,7 +76,12 @@ def read_key(what: str, key: Path) -> tuple[bytes, dict[str, Any]]:
         table = None
     if not isinstance(table, dict):
         raise ParameterError(f"{what}: {key} is no key file")
-    return content, table
+    if not matches(content, commitment):
+        raise ParameterError(
+            f"{what}: the SHA-256 of {key} is not the commitment in {place}; another key was made"
+            " for it"
+        )
+    return table
 
 
 def ask_in_processes(

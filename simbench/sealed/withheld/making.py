@@ -1,4 +1,6 @@
-"""Draw records for the blind test, write them under neutral names, and encrypt the answers."""
+"""Draw records for the blind test, write them under neutral names, and keep the answers in the
+key.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,8 @@ from simbench.loop.effects import EFFECTS, UNKNOWN, block_of
 from simbench.progress import Progress
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
-from simbench.sealed.handout import refuse_key_inside, refuse_unwritable_key
-from simbench.sealed.withheld import outcomes, seal
+from simbench.sealed.handout import commitment_of, refuse_key_inside, refuse_unwritable_key
+from simbench.sealed.withheld import outcomes, truth
 from simbench.sealed.withheld.menu import csv_of
 from simbench.sealed.withheld.world import OWN, PLANNED, WORLDS
 
@@ -179,7 +181,7 @@ def make(
     if (out / "records").exists():
         raise ParameterError(f"withheld: {out} holds records already; choose a new folder")
     # one without records is of a call that was killed: it begins anew
-    if key.exists() and not seal.is_key_of(key, out):
+    if key.exists() and not truth.is_key_of(key, out):
         raise ParameterError(f"withheld: {key} exists already; choose a new file")
     drawn_by = WORLDS.load(world)
     if tests and not hasattr(drawn_by, "test"):
@@ -203,8 +205,8 @@ def make(
         hidden = {"foreign": plan.without, "block": block_of(plan.without)}
         about |= {"effect": UNKNOWN, **hidden}
     answers = [item.answer | about | {"id": name} for name, item in named.items()]
-    sealed = seal.seal(_answers_csv(answers))
-    print(f"commitment {sealed.commitment}", file=sys.stderr, flush=True)
+    content = truth.key_to(_answers_csv(answers))
+    print(f"commitment {commitment_of(content)}", file=sys.stderr, flush=True)
     half = out / ".records"  # until all of it is written; a call that was killed begins anew
     rmtree(half, ignore_errors=True)
     try:
@@ -214,11 +216,11 @@ def make(
             outcomes.write(out, drawn_by.test, named, jobs)
         if plan.without is not None:
             outcomes.write_whole(out / WITHOUT, f"{plan.without}\n")
-        seal.write(sealed, out, key)
+        truth.write(content, out, key)
         half.rename(out / "records")
     finally:
         rmtree(half, ignore_errors=True)
-    return sealed.commitment
+    return commitment_of(content)
 
 
 def without_of(folder: str | Path) -> str | None:

@@ -17,13 +17,13 @@ from simbench.files import folder as make_folder
 from simbench.files import write_table
 from simbench.progress import Progress
 from simbench.scenarios.spec import read_toml
-from simbench.sealed.withheld import seal
 from simbench.sealed.withheld.answering import COST, MOST_TESTS, answers_after
 from simbench.sealed.withheld.claims import true_shrinkages
 from simbench.sealed.withheld.levels import Figure, Share, by_effect, levels, median, rank
 from simbench.sealed.withheld.outcomes import write_whole
 from simbench.sealed.withheld.picture import confusion, draw
 from simbench.sealed.withheld.score import judge_record, true_circumstances
+from simbench.sealed.withheld.truth import COMMITMENT, read
 from simbench.sealed.withheld.world import OWN
 
 _OPEN_ANSWERS = "answers.csv"
@@ -35,8 +35,8 @@ def open_(
     out: str | Path | None = None,
     world: str = OWN,
 ) -> dict[str, Any]:
-    """Score answers/ID.json of a folder against its sealed answers, or against a plain answers.csv
-    of someone else.
+    """Score answers/ID.json of a folder against the answers in its key, or against a plain
+    answers.csv of someone else.
     """
     folder = Path(folder)
     out = Path(out) if out is not None else folder / "score"
@@ -141,16 +141,17 @@ def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str
 
 
 def _truth(folder: Path, key: Path | None) -> tuple[str, str | None]:
-    if (folder / seal.SEALED).exists():
+    if (folder / COMMITMENT).exists():
         if key is None:
-            raise ParameterError(f"withheld: the answers in {folder} are sealed; a key is needed")
-        text = seal.read(folder, key)
-        return text, (folder / seal.COMMITMENT).read_text(encoding="utf-8").strip()
+            raise ParameterError(
+                f"withheld: the answers to {folder} are in its key alone; a key is needed"
+            )
+        return read(folder, key)
     try:
         return (folder / _OPEN_ANSWERS).read_text(encoding="utf-8"), None
     except OSError as error:
         raise ParameterError(
-            f"withheld: {folder} has neither {seal.SEALED} nor a readable {_OPEN_ANSWERS}:"
+            f"withheld: {folder} has neither {COMMITMENT} nor a readable {_OPEN_ANSWERS}:"
             f" {error.strerror}"
         ) from None
 

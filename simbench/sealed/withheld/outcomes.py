@@ -1,5 +1,5 @@
 """Simulate what every available test would show for each record of a blind test; each result is
-encrypted, opened on request, and logged.
+packed, opened on request, and logged.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ import pytest
 
 from simbench.bench.execute.lease import LEASE
 from simbench.files import HOST
-from simbench.sealed.withheld import seal
+from simbench.sealed.withheld import truth
 from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
 from tests.simbench.boundary.test_hostile import write
@@ -53,7 +53,7 @@ HEAVY = {
 }
 # what differs between two runs of the same bits: times, and digests of files that hold times
 TIMES = ("times", "runtime_s", "median_ms", "cpu_s", "tables", "checksum")
-SECRETS = ("made/answers.sealed", "made/commitment.txt", "made.key")  # drawn anew in each call
+SECRETS = ("made/commitment.txt", "made.key")  # drawn anew in each call
 CLOCK = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?")
 
 
@@ -100,7 +100,7 @@ def contents(folder) -> dict[str, object]:
             table = pd.read_parquet(file) if name.endswith(".parquet") else pd.read_csv(file)
             found[name] = table[[c for c in table if c not in TIMES]].to_csv()
         elif name in SECRETS:
-            found[name] = seal.is_key_of(folder / SECRETS[-1], folder / "made")
+            found[name] = truth.is_key_of(folder / SECRETS[-1], folder / "made")
         elif name.endswith("html"):
             found[name] = CLOCK.sub(b"", file.read_bytes())
     return found

@@ -263,7 +263,7 @@ def test_someone_elses_folder_is_scored_with_what_it_has(theirs):
     [
         ("id,effect\na,stiction\n", "lacks the column 'block'"),
         ("id,block,effect\nz,valve,stiction\n", r"z.csv cannot be read"),
-        (None, r"neither answers.sealed nor a readable answers.csv"),
+        (None, r"neither commitment.txt nor a readable answers.csv"),
     ],
 )
 def test_unreadable_folders_end_in_one_sentence(theirs, text, message):

@@ -13,14 +13,13 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from simbench.cli import main
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.spec import Loop
-from simbench.sealed.withheld import seal
+from simbench.sealed.withheld import truth
 from simbench.sealed.withheld.answering import answer
 from simbench.sealed.withheld.making import Plan, make
 from simbench.sealed.withheld.opening import open_
@@ -36,18 +35,14 @@ def made(tmp_path_factory):
 
 
 def answers_of(folder, key):
-    return list(csv.DictReader(io.StringIO(seal.read(folder, key))))
+    return list(csv.DictReader(io.StringIO(truth.read(folder, key)[0])))
 
 
 def test_the_folder_holds_neutral_records_baselines_and_no_plain_answers(made):
     folder, _, commitment = made
     names = sorted(p.name for p in (folder / "records").iterdir())
     assert names == [f"r000{i}.{end}" for i in range(1, 6) for end in ("csv", "toml")]
-    assert sorted(p.name for p in folder.iterdir()) == [
-        "answers.sealed",
-        "commitment.txt",
-        "records",
-    ]
+    assert sorted(p.name for p in folder.iterdir()) == ["commitment.txt", "records"]
     assert (folder / "commitment.txt").read_text().strip() == commitment
     for path in (folder / "records").glob("*.toml"):
         loop = Loop.from_table(tomllib.loads(path.read_text()), path.name)
@@ -66,30 +61,25 @@ def test_ids_are_shuffled_and_mv_is_written_where_the_answers_say_so(made):
         assert ("mv" in header.split(",")) == (row["mv"] == "True")
 
 
-def test_sealed_answers_show_nothing(made):
-    content = (made[0] / "answers.sealed").read_bytes()
-    assert not any(word.encode() in content for word in (*EFFECTS, "single", "none", "id,"))
-    counts = np.bincount(np.frombuffer(content, np.uint8), minlength=256)
-    assert counts.max() < 4 * counts.mean()  # no letter is frequent
-    assert made[1].stat().st_mode & 0o077 == 0
+def test_the_key_alone_holds_the_answers_and_only_its_owner_reads_it(made):
+    folder, key, _ = made
+    assert {row["effect"] for row in answers_of(folder, key)} > {"noise", "none"}
+    assert key.stat().st_mode & 0o077 == 0
 
 
-def test_the_commitment_is_the_hash_of_salt_and_answers(made):
-    folder, key, commitment = made
-    salt = bytes.fromhex(json.loads(key.read_text())["salt"])
-    assert hashlib.sha256(salt + seal.read(folder, key).encode()).hexdigest() == commitment
+def test_the_commitment_is_the_hash_of_the_key(made):
+    _, key, commitment = made
+    assert hashlib.sha256(key.read_bytes()).hexdigest() == commitment
+    assert len(bytes.fromhex(json.loads(key.read_text())["salt"])) == 32
 
 
-@pytest.mark.parametrize("broken", ["answers", "commitment", "key", "both"])
-def test_a_changed_answer_commitment_or_key_is_noticed(made, tmp_path, broken):
-    folder, key, published = made
-    content, parts = bytearray((folder / seal.SEALED).read_bytes()), json.loads(key.read_text())
-    content[50] ^= broken in ("answers", "both")
-    parts["key"] = "00" * 32 if broken == "key" else parts["key"]
-    # a forger who writes a new commitment with changed answers does not know the key file's
-    forged = {"commitment": "0" * 64, "both": hashlib.sha256(bytes(content)).hexdigest()}
-    (tmp_path / seal.SEALED).write_bytes(bytes(content))
-    (tmp_path / seal.COMMITMENT).write_text(forged.get(broken, published))
+@pytest.mark.parametrize("broken", ["answers", "salt", "commitment"])
+def test_a_changed_answer_salt_or_commitment_is_noticed(made, tmp_path, broken):
+    _, key, published = made
+    parts = json.loads(key.read_text())
+    if broken in parts:
+        parts[broken] = parts[broken].replace("0", "1", 1)
+    (tmp_path / "commitment.txt").write_text("0" * 64 if broken == "commitment" else published)
     (tmp_path / "key").write_text(json.dumps(parts))
     with pytest.raises(ParameterError, match="commitment"):
         open_(tmp_path, tmp_path / "key")
@@ -111,7 +101,7 @@ def test_a_call_killed_between_key_and_records_begins_anew_and_its_seed_gives_th
         make(tmp_path / "other", tmp_path / "k", seed=4, plan=PLAN)
     again = make(tmp_path / "set", tmp_path / "k", seed=4, plan=PLAN)
     assert again != made[2]  # salted: equal answers must not show
-    assert seal.read(tmp_path / "set", tmp_path / "k") == seal.read(*made[:2])
+    assert answers_of(tmp_path / "set", tmp_path / "k") == answers_of(*made[:2])
     assert {f.name for f in (tmp_path / "set").iterdir()} == {f.name for f in made[0].iterdir()}
     for path in (made[0] / "records").iterdir():
         assert path.read_bytes() == (tmp_path / "set" / "records" / path.name).read_bytes()
@@ -120,6 +110,10 @@ def test_a_call_killed_between_key_and_records_begins_anew_and_its_seed_gives_th
 def test_wrong_use_ends_in_one_sentence(made, tmp_path):
     folder, key, _ = made
     (tmp_path / "text.key").write_text("hello")
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    (tmp_path / "bare.key").write_text("{}")
+    (bare / "commitment.txt").write_text(hashlib.sha256(b"{}").hexdigest())
     for out, file, word in (
         (tmp_path / "a", tmp_path / "a" / "sub" / "key", "inside"),
         (folder, tmp_path / "key", "holds records already"),
@@ -134,6 +128,8 @@ def test_wrong_use_ends_in_one_sentence(made, tmp_path):
     ):
         with pytest.raises(ParameterError, match=word):
             open_(folder, file)
+    with pytest.raises(ParameterError, match="no key file"):
+        open_(bare, tmp_path / "bare.key")
     with pytest.raises(ParameterError, match=r"no records/\*\.csv"):
         answer(tmp_path, print)
 
@@ -146,7 +142,7 @@ from pathlib import Path
 def peek(record, baseline):
     """Tell what it could read."""
     readable = {}
-    places = "answers.sealed commitment.txt answers.csv answers/a.json score/answers.csv"
+    places = "commitment.txt answers.csv answers/a.json score/answers.csv"
     for name in places.split():
         for path in (record.parent.parent / name, record.parent / ".." / name):
             try:
@@ -170,8 +166,7 @@ def peek(tmp_path, monkeypatch):
 
 
 def test_an_answering_process_can_read_the_records_and_nothing_else(theirs, peek):
-    for name in ("answers.sealed", "commitment.txt"):
-        (theirs / name).write_text("secret")
+    (theirs / "commitment.txt").write_text("secret")
     (theirs / "score").mkdir()
     (theirs / "score" / "answers.csv").write_text("secret")
     assert answer(theirs, peek, jobs=2) == 3
