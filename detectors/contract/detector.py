@@ -1,5 +1,13 @@
 """Test a detector against its contract: its description, and its behaviour on plain, rescaled and
 dead records.
+
+Six plain records for every process type the method is made for, judged as
+`simbench.detectors.judge` does; the verdict must not follow the unit of PV, of OP or of time, nor
+the sign of both, nor how densely a record is sampled, nor, where the method claims it, the
+direction of time, nor change the second time, nor follow what was asked before, nor a noise of
+1e-6. A detector asked directly about a dead record answers, or refuses in one sentence
+(`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds no
+other. Not a benchmark: a detector that keeps the contract may still be wrong everywhere else.
 """
 
 from __future__ import annotations
@@ -7,19 +15,19 @@ from __future__ import annotations
 import inspect
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Iterator
+from dataclasses import replace
 from types import ModuleType, SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from simbench.detectors.contract.engine import ContractRules, Fault
 from simbench.detectors.contract.watch import Guarded, call_guarded
 from simbench.detectors.example_loop import CASES, example_record
 from simbench.detectors.judge import judge_one
 from simbench.detectors.method import Method, Threshold
-from simbench.detectors.plugins.registry import PluginFolder, methods
+from simbench.detectors.plugins.registry import methods
 from simbench.detectors.prepared import Prepared, prepare, thinned
 from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.oscillation import Oscillation
@@ -35,122 +43,7 @@ THINNED = (2, 4, 8)  # samples of a dense record to one
 _DEAD = ("constant", "short", "no period")
 
 
-class _Fault(NamedTuple):
-    """What a plug-in does wrong on one record."""
-
-    what: str
-    where: str
-
-
-@dataclass(frozen=True)
-class Contract:
-    """Whether a plug-in keeps its contract."""
-
-    # kind, name: "detector", "valve", "effect", "recogniser", "world" or "grid", and its id
-    kind: str
-    name: str
-    broken: tuple[str, ...]  # one sentence for every point that does not hold
-    notes: tuple[str, ...] = ()  # what is no breach and still good to know
-
-    @property
-    def kept(self) -> bool:
-        """Whether no point is broken."""
-        return not self.broken
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the findings as JSON types."""
-        return {
-            "kind": self.kind,
-            "name": self.name,
-            "kept": self.kept,
-            "broken": list(self.broken),
-            "notes": list(self.notes),
-        }
-
-    def as_text(self) -> str:
-        """Return the findings, one line each."""
-        summary = (
-            "keeps its contract"
-            if self.kept
-            else f"breaks its contract in {len(self.broken)} places"
-        )
-        lines = [f"{self.kind} {self.name}: {summary}".replace("in 1 places", "in one place")]
-        return "\n".join(
-            [
-                *lines,
-                *(f"  broken: {b}" for b in self.broken),
-                *(f"  note: {n}" for n in self.notes),
-            ]
-        )
-
-
-def check_detector(name: str) -> Contract:
-    """Check a detector against its contract.
-
-    Notes
-    -----
-    Six plain records for every process type the method is made for, judged as
-    `simbench.detectors.judge` does; the verdict must not follow the unit of PV, of OP or of time,
-    nor the sign of both, nor how densely a record is sampled, nor, where the method claims it, the
-    direction of time, nor change the second time, nor follow what was asked before, nor a noise of
-    1e-6. A detector asked directly about a dead record answers, or refuses in one sentence
-    (`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds
-    no other. Not a benchmark: a
-    detector that keeps the contract may still be wrong everywhere else.
-
-    Examples
-    --------
-    >>> check_detector("horch").broken
-    ()
-    """
-    module = methods.load(name)
-    faults = list(_description(module))
-    if faults:  # nothing further can be asked of it
-        return Contract("detector", name, tuple(faults))
-    broken: list[str | _Fault] = [*_thresholds(module)]
-    for process in module.METHOD.process:
-        broken += _cases(name, module, process)
-        broken += _order(name, module, process)
-        broken += _faint_noise(name, module, process)
-        broken += _units(name, module, process)
-        broken += _moves(name, module, process)
-        broken += _inputs(name, module, process)
-        broken += _dead(module, process)
-    return Contract("detector", name, tuple(_each_once(broken)))
-
-
-def _each_once(found: Iterable[str | _Fault]) -> Iterator[str]:
-    """Return each sentence once, and a fault of several records with the first of them and their
-    number.
-    """
-    places: dict[str, list[str]] = {}
-    for one in found:
-        what, where = (one, "") if isinstance(one, str) else one
-        places.setdefault(what, []).append(where)
-    for what, where in places.items():
-        more = len(set(where)) - 1
-        others = f", and in {more} other case{'s' * (more > 1)}" if more else ""
-        yield f"{what}, {where[0]}{others}" if where[0] else what
-
-
-def check_added(
-    folder: PluginFolder, check: Callable[[str], Contract], path: str | Path
-) -> Contract:
-    """Import a file as a plug-in of a folder and check it; what it does besides is broken too."""
-    name = Path(path).stem
-    added = call_guarded(lambda: folder.add_file(path))
-    if added.refusal is not None:
-        raise added.refusal
-    try:
-        contract = check(name)
-    finally:
-        folder.forget(name)
-    return replace(
-        contract, broken=(*(f"{fault}, when imported" for fault in added.faults), *contract.broken)
-    )
-
-
-def _description(module: ModuleType) -> Iterator[str]:
+def _description(name: str, module: ModuleType) -> Iterator[str]:
     method = module.METHOD
     if not isinstance(method, Method):
         yield f"METHOD is a {type(method).__name__}, a simbench.detectors.method.Method is needed"
@@ -184,7 +77,7 @@ def _description(module: ModuleType) -> Iterator[str]:
         )
 
 
-def _thresholds(module: ModuleType) -> Iterator[str]:
+def _thresholds(name: str, module: ModuleType) -> Iterator[str]:
     for key, rule in module.METHOD.thresholds.items():
         if not isinstance(rule, Threshold):
             yield (
@@ -202,7 +95,7 @@ def _thresholds(module: ModuleType) -> Iterator[str]:
                 yield f"threshold {key}: {word} is empty"
 
 
-def _cases(name: str, module: ModuleType, process: str) -> Iterator[str | _Fault]:
+def _cases(name: str, module: ModuleType, process: str) -> Iterator[str | Fault]:
     """Judge the six plain records, and the first of them once more at the end."""
     first, best = _judged(name, module, example_record("stiction", process)), math.inf
     for case in CASES:
@@ -211,7 +104,7 @@ def _cases(name: str, module: ModuleType, process: str) -> Iterator[str | _Fault
             first if case == "stiction" else _judged(name, module, example_record(case, process))
         )
         if judged.faults:
-            yield from (_Fault(fault, f"on {on}") for fault in judged.faults)
+            yield from (Fault(fault, f"on {on}") for fault in judged.faults)
             continue
         verdict: Verdict = judged.value
         if case in module.METHOD.exempt:
@@ -358,7 +251,7 @@ def _inputs(name: str, module: ModuleType, process: str) -> Iterator[str]:
             yield f"writes into what it was given: {key!r} is another after detect ({process})"
 
 
-def _dead(module: ModuleType, process: str) -> Iterator[_Fault]:
+def _dead(name: str, module: ModuleType, process: str) -> Iterator[Fault]:
     for case in _DEAD:
         prepared = Prepared(
             replace(example_record("noise" if case == "no period" else case, process))
@@ -368,7 +261,7 @@ def _dead(module: ModuleType, process: str) -> Iterator[_Fault]:
         answer = call_guarded(lambda p=prepared: module.detect(p, **module.METHOD.defaults()))
         faults = answer.faults or ([] if answer.refusal else list(wrong_types(answer.value)))
         where = f"asked directly about a dead record ({case}, {process})"
-        yield from (_Fault(fault, where) for fault in faults)
+        yield from (Fault(fault, where) for fault in faults)
 
 
 def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
@@ -406,3 +299,12 @@ def _difference(first: Guarded, second: Guarded) -> str:
     a, b = ({"answer": f.faults} if f.faults else f.value.as_json() for f in (first, second))
     key = next((k for k in a if a[k] != b.get(k)), "answer")
     return f", {key} {a.get(key)!r} and {b.get(key)!r}"
+
+
+DETECTOR_RULES = ContractRules(
+    "detector",
+    methods,
+    (_description, _thresholds),
+    (_cases, _order, _faint_noise, _units, _moves, _inputs, _dead),
+    cases=lambda module: module.METHOD.process,
+)

@@ -3,29 +3,52 @@ grid.
 """
 
 import ast
-from collections.abc import Callable
 from pathlib import Path
 
-from simbench.contract.effect import check_effect
+from simbench.contract.effect import EFFECT_RULES
 from simbench.contract.grid import check_grid
-from simbench.contract.law import check_controller, check_plant
-from simbench.contract.valve import check_valve
-from simbench.detectors.contract.detector import Contract, check_added, check_detector
-from simbench.detectors.errors import ParameterError
+from simbench.contract.law import CONTROLLER_RULES, PLANT_RULES
+from simbench.contract.valve import VALVE_RULES
+from simbench.detectors.contract.detector import DETECTOR_RULES
+from simbench.detectors.contract.engine import Contract
+from simbench.detectors.errors import ParameterError, nearest
 from simbench.detectors.plugins.host import Host, PluginError
-from simbench.detectors.plugins.registry import PluginFolder, methods
-from simbench.loop.effects import PLUGINS as EFFECTS
-from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES
+from simbench.detectors.plugins.registry import PluginFolder
 
 CONTRACT_SECONDS = 600.0  # for all that is asked of one plug-in
 # an effect may hold a valve's steps too: the kind of which most is there, the first of equals
-CONTRACTS: dict[str, tuple[PluginFolder, Callable[[str], Contract]]] = {
-    "detector": (methods, check_detector),
-    "effect": (EFFECTS, check_effect),
-    "valve": (VALVES, check_valve),
-    "plant": (PLANT_PLUGINS, check_plant),
-    "controller": (CONTROLLER_PLUGINS, check_controller),
-}
+_RULES = (DETECTOR_RULES, EFFECT_RULES, VALVE_RULES, PLANT_RULES, CONTROLLER_RULES)
+CONTRACTS = {rules.kind: rules for rules in _RULES}
+
+
+def check(kind: str, name: str) -> Contract:
+    """Check an installed plug-in against the contract of its kind.
+
+    Parameters
+    ----------
+    kind : str
+        "detector", "effect", "valve", "plant" or "controller".
+    name : str
+        Id of the plug-in, as `simbench list` shows it.
+
+    Returns
+    -------
+    Contract
+        kept, broken (one sentence for every point that does not hold) and notes.
+
+    Raises
+    ------
+    simbench.detectors.errors.UserError
+        When the kind or the name is unknown.
+
+    Examples
+    --------
+    >>> check("valve", "kano").broken
+    ()
+    """
+    if kind not in CONTRACTS:
+        raise ParameterError(f"contract: kind {kind!r}; {nearest(kind, CONTRACTS)}")
+    return CONTRACTS[kind].check(name)
 
 
 def check_file(path: str | Path) -> Contract:
@@ -40,15 +63,15 @@ def check_file(path: str | Path) -> Contract:
     path, kind = Path(path), kind_of(path)
     if kind == "grid":
         return check_grid(path)
-    (folder, check), defined = CONTRACTS[kind], _defined(path)
-    missing = [name for name in folder.required if name not in defined]
+    rules, defined = CONTRACTS[kind], _defined(path)
+    missing = [name for name in rules.folder.required if name not in defined]
     if missing:
         return Contract(
             kind,
             path.stem,
             (f"{', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not defined",),
         )
-    return check(path.stem) if folder.own_file(path) else check_added(folder, check, path)
+    return rules.check(path.stem) if rules.folder.own_file(path) else rules.check_added(path)
 
 
 def check_in_subprocess(path: str | Path, seconds: float = CONTRACT_SECONDS) -> Contract:
@@ -74,9 +97,9 @@ def kind_of(path: str | Path) -> str:
     if path.suffix == ".toml":
         return "grid"
     defined = _defined(path)
-    kind = max(CONTRACTS, key=lambda k: _share(CONTRACTS[k][0], defined))
-    if _share(CONTRACTS[kind][0], defined) < 0.5:
-        needs = "; ".join(f"a {k} {', '.join(f.required)}" for k, (f, _) in CONTRACTS.items())
+    kind = max(CONTRACTS, key=lambda k: _share(CONTRACTS[k].folder, defined))
+    if _share(CONTRACTS[kind].folder, defined) < 0.5:
+        needs = "; ".join(f"a {k} {', '.join(r.folder.required)}" for k, r in CONTRACTS.items())
         raise ParameterError(f"{path} is no plug-in by what it defines; needed are for {needs}")
     return kind
 

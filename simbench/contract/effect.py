@@ -11,7 +11,7 @@ import numpy as np
 
 from simbench.contract.band import band_fault
 from simbench.contract.rules import schema_faults, shown
-from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.engine import ContractRules
 from simbench.detectors.contract.watch import Guarded, call_guarded
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
@@ -45,24 +45,7 @@ _NOT_DIAGNOSED = (
 )
 
 
-def check_effect(name: str) -> Contract:
-    """Check an effect against its contract; how it is recognised too, where that is known.
-
-    Examples
-    --------
-    >>> check_effect("valve_lag").broken
-    ()
-    """
-    module = PLUGINS.load(name)
-    broken = list(_description(module))
-    if broken:
-        return Contract("effect", name, tuple(broken))
-    broken = [*_no_strength(name, module), *_some_strength(name, module)]
-    notes = [] if name in RECOGNISERS.names() else [_NOT_DIAGNOSED]
-    return Contract("effect", name, tuple(broken), tuple(notes))
-
-
-def _description(module: ModuleType) -> Iterator[str]:
+def _description(name: str, module: ModuleType) -> Iterator[str]:
     if ": " not in (module.__doc__ or "").strip().partition("\n\n")[0]:
         yield 'the file does not begin with "Name: what it does."'
     if not str(module.SOURCE).strip():
@@ -123,7 +106,7 @@ def _away(rule: Number, i: int, up: bool) -> float:
     )
 
 
-def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
+def _no_strength(name: str, module: ModuleType, case: object) -> Iterator[str]:
     for table in (_EFFECT_LOOP, _LEVEL):
         answer, plain = (
             _run(name, no_strength(module), table),
@@ -139,7 +122,7 @@ def _no_strength(name: str, module: ModuleType) -> Iterator[str]:
             )
 
 
-def _some_strength(name: str, module: ModuleType) -> Iterator[str]:
+def _some_strength(name: str, module: ModuleType, case: object) -> Iterator[str]:
     plain, refused = simulate(Loop.from_table(_EFFECT_LOOP), seed=3).record, ""
     for table in strengths(module):
         answer = _run(name, table)
@@ -192,3 +175,12 @@ def _run(
 
 def _same(a: LoopRecord, b: LoopRecord) -> bool:
     return all(np.array_equal(getattr(a, s), getattr(b, s)) for s in ("op", "pv", "mv", "sp"))
+
+
+EFFECT_RULES = ContractRules(
+    "effect",
+    PLUGINS,
+    (_description,),
+    (_no_strength, _some_strength),
+    notes=lambda name, module: [] if name in RECOGNISERS.names() else [_NOT_DIAGNOSED],
+)

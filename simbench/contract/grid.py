@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from simbench.bench.scenario.resolve import resolve
-from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.engine import Contract, each_once
 from simbench.detectors.contract.watch import call_guarded
 from simbench.loop.resolve import resolve_loop
 from simbench.scenarios.errors import SpecError
@@ -41,8 +41,9 @@ def check_grid(path: str | Path) -> Contract:
         groups = list(grid.groups())
     except SpecError as error:
         return Contract("grid", path.stem, (str(error),))
-    broken = [*_words(grid, groups), *_scenarios(grid, groups)]
-    return Contract("grid", path.stem, tuple(dict.fromkeys(broken)))
+    return Contract(
+        "grid", path.stem, each_once([*_words(grid, groups), *_scenarios(grid, groups)])
+    )
 
 
 def _words(grid: Grid, groups: list[Group]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from simbench.contract.rules import both_ways, head_faults, inside, schema_faults, shown
-from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.engine import ContractRules
 from simbench.detectors.contract.watch import call_guarded
 from simbench.detectors.errors import UserError
 from simbench.detectors.plugins.registry import PluginFolder
@@ -39,40 +39,27 @@ _SAME = 1e-6  # share of its answer by which a plant may miss its claimed transf
 _LONG = 20_000  # samples under a constant error
 
 
-def check_plant(name: str) -> Contract:
-    """Check a plant against its contract."""
-    return _check("plant", PLANT_PLUGINS, name)
-
-
-def check_controller(name: str) -> Contract:
-    """Check a controller against its contract."""
-    return _check("controller", CONTROLLER_PLUGINS, name)
-
-
-def _check(kind: str, folder: PluginFolder, name: str) -> Contract:
-    module = folder.load(name)
-    broken = list(_description(kind, module))
-    if broken:
-        return Contract(kind, name, tuple(broken))
-    table = {
+def _table(module: ModuleType) -> dict[str, Any]:
+    """Return a value of every parameter that a loop file must state."""
+    return {
         key: inside(rule, 2.0) for key, rule in module.PARAMETERS.items() if rule.default is None
     }
-    loop = {**_LOOP, kind: {"type": name, **table, **({"Td": 2.3} if kind == "plant" else {})}}
+
+
+def _setup(kind: str, name: str, module: ModuleType) -> Setup:
+    """Return the loop in which a plug-in is asked."""
+    table = {"type": name, **_table(module), **({"Td": 2.3} if kind == "plant" else {})}
+    return resolve_loop(Loop.from_table({**_LOOP, kind: table}), 1)
+
+
+def _takes_its_parameters(kind: str, name: str, module: ModuleType) -> Iterator[str]:
     try:
-        setup = resolve_loop(Loop.from_table(loop), 1)
+        _setup(kind, name, module)
     except (UserError, ValueError) as error:
-        return Contract(kind, name, (f"refuses the parameters {shown(table)}: {error}",))
-    answers = _plant_faults(setup) if kind == "plant" else _controller_faults(setup)
-    broken = [f"{fault}, at {shown(table)}" for fault in (*answers, *_loop_faults(loop))]
-    return Contract(
-        kind,
-        name,
-        tuple(dict.fromkeys(broken)),
-        tuple(filter(None, [kernel.runs_plainly(module.step)])),
-    )
+        yield f"refuses the parameters {shown(_table(module))}: {error}"
 
 
-def _description(kind: str, module: ModuleType) -> Iterator[str]:
+def _description(kind: str, name: str, module: ModuleType) -> Iterator[str]:
     yield from head_faults(kind, module, "INTEGRATING" if kind == "plant" else "INTEGRAL")
     faults = list(schema_faults(module.PARAMETERS))
     yield from faults
@@ -114,9 +101,10 @@ def _is_state(state: Any, first: Any) -> bool:
     return isinstance(state, tuple) and 0 < len(state) == len(first)
 
 
-def _plant_faults(setup: Setup) -> Iterator[str]:
+def _plant_faults(name: str, module: ModuleType, case: object) -> Iterator[str]:
+    setup = _setup("plant", name, module)
     assert setup.plant_plugin is not None
-    module, p = setup.plant_plugin
+    p = setup.plant_plugin[1]
 
     under = partial(
         _walked,
@@ -148,9 +136,10 @@ def _plant_faults(setup: Setup) -> Iterator[str]:
             )
 
 
-def _controller_faults(setup: Setup) -> Iterator[str]:
+def _controller_faults(name: str, module: ModuleType, case: object) -> Iterator[str]:
+    setup = _setup("controller", name, module)
     assert setup.control_plugin is not None
-    module, p = setup.control_plugin
+    p = setup.control_plugin[1]
 
     under = partial(
         _walked,
@@ -181,12 +170,28 @@ def _controller_faults(setup: Setup) -> Iterator[str]:
         )
 
 
-def _loop_faults(table: dict[str, Any]) -> Iterator[str]:
+def _loop_faults(kind: str, name: str, module: ModuleType, case: object) -> Iterator[str]:
     records, faults = both_ways(
-        lambda plain: run_setup(resolve_loop(Loop.from_table(table), 1), plain=plain).record
+        lambda plain: run_setup(_setup(kind, name, module), plain=plain).record
     )
     yield from faults
     if records and any(
         not np.array_equal(*(getattr(record, s) for record in records)) for s in ("pv", "op")
     ):
         yield "gives other numbers compiled than in plain Python"
+
+
+def _rules(kind: str, folder: PluginFolder, answers: Callable[..., Iterator[str]]) -> ContractRules:
+    return ContractRules(
+        kind,
+        folder,
+        (partial(_description, kind), partial(_takes_its_parameters, kind)),
+        (answers, partial(_loop_faults, kind)),
+        cases=lambda module: [_table(module)],
+        where=lambda table: f"at {shown(table)}",
+        notes=lambda name, module: filter(None, [kernel.runs_plainly(module.step)]),
+    )
+
+
+PLANT_RULES = _rules("plant", PLANT_PLUGINS, _plant_faults)
+CONTROLLER_RULES = _rules("controller", CONTROLLER_PLUGINS, _controller_faults)

@@ -1,5 +1,9 @@
-"""Test a valve model against its contract: description, step function, and the stick band that it
-states.
+"""Test a valve model or stage against its contract: description, step function, and the stick band
+that it states.
+
+The band is measured under an OP that creeps to and fro, with two sets of parameters, and held
+against `mapped_SJ`: what a benchmark calls sticky is what the valve maps on, so a wrong label there
+falsifies every score.
 """
 
 from collections.abc import Iterator
@@ -10,46 +14,13 @@ import numpy as np
 
 from simbench.contract.band import band_fault
 from simbench.contract.rules import both_ways, head_faults, inside, schema_faults, shown
-from simbench.detectors.contract.detector import Contract
+from simbench.detectors.contract.engine import ContractRules
 from simbench.detectors.contract.watch import call_guarded
 from simbench.detectors.errors import UserError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.response import valve_response
 
 _AT_REST = 1e-6  # % of travel by which MV may settle where it starts
-
-
-def check_valve(name: str) -> Contract:
-    """Check a valve model or stage against its contract.
-
-    Notes
-    -----
-    The band is measured under an OP that creeps to and fro, with two sets of parameters, and held
-    against `mapped_SJ`: what a benchmark calls sticky is what the valve maps on, so a wrong label
-    there falsifies every score.
-
-    Examples
-    --------
-    >>> check_valve("kano").broken
-    ()
-    """
-    module = VALVES.load(name)
-    broken = list(_description(module))
-    if broken:
-        return Contract("valve", name, tuple(broken))
-    tables, refused = _example_tables(module)
-    if not tables:
-        return Contract("valve", name, (f"refuses the parameters of its own ranges: {refused}",))
-    for table in tables:
-        faults = (
-            list(_step_faults(module, table))
-            or list(_run_faults(name, table))
-            or list(_label_faults(module, table))
-        )
-        broken += [f"{fault}, with {shown(table)}" for fault in faults]
-        if faults:
-            break
-    return Contract("valve", name, tuple(broken))
 
 
 def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
@@ -75,7 +46,7 @@ def _example_tables(module: ModuleType) -> tuple[list[dict[str, Any]], str]:
     return [t for i, t in enumerate(tables) if t not in tables[:i]], refused
 
 
-def _description(module: ModuleType) -> Iterator[str]:
+def _description(name: str, module: ModuleType) -> Iterator[str]:
     yield from head_faults("valve", module, "FRICTION")
     yield from schema_faults(module.PARAMETERS)
     if module.FRICTION is True and not hasattr(module, "mapped_SJ"):
@@ -84,7 +55,13 @@ def _description(module: ModuleType) -> Iterator[str]:
         )
 
 
-def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
+def _takes_its_ranges(name: str, module: ModuleType) -> Iterator[str]:
+    tables, refused = _example_tables(module)
+    if not tables:
+        yield f"refuses the parameters of its own ranges: {refused}"
+
+
+def _step_faults(name: str, module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
     """Take a few samples by hand: the state is a tuple of floats of one length, and a function of
     what is given.
     """
@@ -121,8 +98,7 @@ def _step_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
         yield "is not deterministic: the same OP gives another MV the second time"
 
 
-def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
-    module = VALVES.load(name)
+def _run_faults(name: str, module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
     rng = np.random.default_rng(1)
     op = np.clip(50.0 + np.cumsum(rng.normal(0.0, 8.0, 80) * (rng.random(80) > 0.25)), -10.0, 110.0)
     given = op.copy()
@@ -151,7 +127,7 @@ def _run_faults(name: str, table: dict[str, Any]) -> Iterator[str]:
         )
 
 
-def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
+def _label_faults(name: str, module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
     p = valve_parameters(module, table, 1.0)
     answer = call_guarded(
         lambda: module.mapped_SJ(p) if hasattr(module, "mapped_SJ") else (0.0, 0.0)
@@ -171,3 +147,14 @@ def _label_faults(module: ModuleType, table: dict[str, Any]) -> Iterator[str]:
         yield f"says FRICTION = {module.FRICTION} and maps on S = {S:g}"
     elif fault := band_fault([(module, p)], S, J):
         yield fault
+
+
+VALVE_RULES = ContractRules(
+    "valve",
+    VALVES,
+    (_description, _takes_its_ranges),
+    (_step_faults, _run_faults, _label_faults),
+    cases=lambda module: _example_tables(module)[0],
+    where=lambda table: f"with {shown(table)}",
+    first_alone=True,
+)

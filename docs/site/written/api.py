@@ -11,9 +11,8 @@ from text import heading, plain, table
 PACKAGES = ("simbench", "simbench.gap", "simbench.detectors", "simbench.scenarios")
 # what a plug-in's author calls in addition to them
 FURTHER = {
-    "simbench.detectors.contract.detector": ("check_detector",),
     "simbench.detectors.judge": ("judge",),
-    "simbench.contract": ("check_file", "check_valve", "check_effect", "check_grid"),
+    "simbench.contract": ("check_file", "check", "check_grid"),
     "simbench.figures": ("make_figures", "draw_path"),
     "simbench.catalogue": ("catalogue",),
     "simbench.scenarios.grid": ("load_grid",),

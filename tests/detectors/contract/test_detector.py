@@ -8,7 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from simbench.detectors.contract.detector import Contract, check_detector
+from simbench.detectors.contract.detector import DETECTOR_RULES
+from simbench.detectors.contract.engine import Contract
 from simbench.detectors.contract.watch import call_guarded
 from simbench.detectors.errors import RecordError
 from simbench.detectors.example_loop import CASES, example_record
@@ -139,7 +140,7 @@ def contract_of(tmp_path):
     def check(text: str) -> Contract:
         (tmp_path / "own.py").write_text(text)
         name = methods.add_file(tmp_path / "own.py")
-        return check_detector(name)
+        return DETECTOR_RULES.check(name)
 
     yield check
     methods.forget("own")
@@ -147,7 +148,7 @@ def contract_of(tmp_path):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_detector_keeps_its_contract(name):
-    assert check_detector(name).broken == ()
+    assert DETECTOR_RULES.check(name).broken == ()
 
 
 @pytest.mark.parametrize("name", NAMES)

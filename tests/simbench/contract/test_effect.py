@@ -2,7 +2,7 @@
 
 import pytest
 
-from simbench.contract.effect import check_effect, no_strength, strengths
+from simbench.contract.effect import EFFECT_RULES, no_strength, strengths
 from simbench.loop.effects import PLUGINS
 
 BIAS = '''"""Bias: the transmitter reads too much."""
@@ -92,7 +92,7 @@ QUICK = ("stiction", "slew_limit", "valve_lag", "extra_lag", "noise")
     ],
 )
 def test_every_effect_keeps_its_contract(name):
-    contract = check_effect(name)
+    contract = EFFECT_RULES.check(name)
     assert (contract.broken, contract.notes) == ((), ())
 
 

@@ -5,7 +5,7 @@ caught.
 import pytest
 
 from simbench.contract.band import measured_band
-from simbench.contract.valve import check_valve
+from simbench.contract.valve import VALVE_RULES
 from simbench.loop.parameters import VALVES, valve_parameters
 
 PLAY = '''"""A play."""
@@ -68,7 +68,7 @@ BROKEN = [
 
 @pytest.mark.parametrize("name", VALVES.names())
 def test_every_valve_keeps_its_contract_and_its_label_is_measured(name):
-    assert check_valve(name).broken == ()
+    assert VALVE_RULES.check(name).broken == ()
 
 
 def test_a_strangers_play_keeps_it(contract_of):
