@@ -10,9 +10,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from theory_check import cycles_from_midway, starts
 
-from results.studies import theory_check as verify
-from results.studies.theory_check import Errors, starts
 from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.theory import table_check
@@ -22,7 +21,7 @@ from simbench.theory.describing import deadzone, first_harmonic, intersections, 
 from simbench.theory.half_cycle import _move, _product, _residual, _solved, half_cycles, standing
 from simbench.theory.march import reversals
 from simbench.theory.predict import as_text
-from simbench.theory.sampled import mapped_valve, nearest_map, sampled_loop
+from simbench.theory.sampled import mapped_valve, nearest_map, sampled_loop, ultimate_gain
 from simbench.theory.tables import CONDITIONS, _reason, cell, refined, table_11_3
 
 
@@ -306,13 +305,7 @@ def test_the_loops_that_check_a_cell_cover_delays_resets_gains_and_jumps():
             assert delayed > 0
 
 
-def test_errors_and_starts_of_the_check_of_theory(loop):
-    text = str(Errors(np.array([[1, 2], [3, 4]]), np.array([0.01, 0.02]), np.array([])))
-    assert "predicted no            1       2" in text
-    assert "predicted yes           3       4" in text
-    assert "median 1.500 %" in text
-    assert "largest 2.00 %" in text
-    assert "amplitude" not in text
+def test_starts_of_the_check_of_theory(loop):
     made = loop(S=5.0, J=2.0, Kc=2.0, Ts=0.5)  # breaks away at 3.5
     begun = list(starts(made))
     assert [round(start["kick"], 9) for _, start in begun[:3]] == pytest.approx([3.675, 5.6, 10.5])
@@ -332,7 +325,7 @@ def test_the_ultimate_gain_of_pure_first_order_lag_and_delay(loop):
     w = 0.844
     for _ in range(50):
         w = (np.pi - np.arctan(10 * w)) / 2
-    assert verify.ultimate_gain(made) == pytest.approx(np.hypot(1, 10 * w), rel=3e-3)
+    assert ultimate_gain(made) == pytest.approx(np.hypot(1, 10 * w), rel=3e-3)
 
 
 @pytest.mark.parametrize(
@@ -346,54 +339,10 @@ def test_half_periods_that_vary_by_more_than_a_hundredth_are_reported(loop, irre
     assert ("half periods" in reason) == bool(words)
 
 
-def test_kicks_are_counted_from_nought(monkeypatch):
-    """Of three loops one has no cycle, one no kick, and the third starts from the larger kick
-    alone.
-    """
-    cycles = iter([None, "a cycle", "a cycle"])
-    monkeypatch.setattr(verify, "drawn_loops", lambda seed: iter("abc"))
-    monkeypatch.setattr(verify, "sampled_loop", lambda loop: loop)
-    monkeypatch.setattr(verify, "exact_cycle", lambda sampled: next(cycles))
-    monkeypatch.setattr(verify, "kick_min", lambda sampled, cycle: None if sampled == "b" else 2.0)
-    monkeypatch.setattr(
-        verify, "simulated_cycle", lambda loop, kick: (1.0, 1.0) if kick > 2.0 else None
-    )
-    assert verify.kicks(1, 0) == (1, 1)
-
-
-@pytest.mark.parametrize(
-    ("what", "loops", "words"),
-    [
-        ("predictions", 60, "exact cycle\nfew are off\n\nswitching times alone\nnone"),
-        (
-            "kicks",
-            100,
-            "1.02 kick_min starts the cycle and 0.9 does not: 7 of 100; no kick starts 3 others",
-        ),
-        ("existence-p", 100, "K Kc J/S in 1.05..4: 9 of 100 cycle; in 0.3..0.95: 1 of 100"),
-        ("existence-pi", 300, "right: 297 of 300"),
-    ],
-)
-def test_the_command_asks_for_its_number_of_loops_and_reports_what_it_counted(
-    monkeypatch, capsys, what, loops, words
-):
-    monkeypatch.setattr("sys.argv", ["verify", what])
-    asked = []
-    answers = {"predictions": ("few are off", "none"), "kicks": (7, 3), "existence_p": (9, 1)}
-    answers["existence_pi"] = Errors(
-        np.array([[40, 1], [2, 257]]), np.array([0.01]), np.array([0.02])
-    )
-    for name, answer in answers.items():
-        monkeypatch.setattr(verify, name, lambda n, seed, answer=answer: asked.append(n) or answer)
-    verify.main()
-    assert asked == [loops]
-    assert capsys.readouterr().out.startswith(words + "\n")
-
-
 def test_a_p_loop_held_midway_cycles_with_room_and_stays_without():
     """Gain 4, S = 5: room when g J > S, so 2.5 % of jump cycle and 0.5 % stay."""
-    assert verify._cycles_from_midway(4.0, 2.0, 2.5)
-    assert not verify._cycles_from_midway(4.0, 2.0, 0.5)
+    assert cycles_from_midway(4.0, 2.0, 2.5)
+    assert not cycles_from_midway(4.0, 2.0, 0.5)
 
 
 def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):

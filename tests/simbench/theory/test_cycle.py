@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from theory_check import simulated_cycle
 
-from results.studies.theory_check import simulated_cycle
 from simbench.detectors.errors import ParameterError
 from simbench.loop.simulate import simulate
 from simbench.theory.cycle import after_load_step, cycle_start, exact_cycle, on_half_cycle, settled

@@ -1,10 +1,7 @@
-"""Theory against simulation of random loops: `python -m results.studies.theory_check predictions
-[--loops N] [--seed N]`.
-"""
+"""Theory against simulation of random loops."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,7 +17,6 @@ from simbench.theory.cycle import exact_cycle
 from simbench.theory.half_cycle import half_cycles
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 from simbench.theory.tables import refined
-from simbench.usage import exit_code
 
 S = 5.0  # cycles scale with S; J/S, Kc/Ku, Ti/T, Td/T and Ts/Td decide
 LONGEST = 5_000_000  # samples
@@ -34,21 +30,6 @@ class Errors:
     # period, amplitude: (n,) relative errors of the prediction, one per simulated cycle
     period: np.ndarray
     amplitude: np.ndarray
-
-    def __str__(self) -> str:
-        lines = [
-            "                 no cycle  cycles (simulated)",
-            f"predicted no     {self.table[0, 0]:8d}  {self.table[0, 1]:6d}",
-            f"predicted yes    {self.table[1, 0]:8d}  {self.table[1, 1]:6d}",
-        ]
-        for name, errors in (("period", self.period), ("amplitude", self.amplitude)):
-            if errors.size:
-                median, high, largest = 100 * np.percentile(errors, [50, 95, 100])
-                lines.append(
-                    f"{name} error: median {median:.3f} %, 95th percentile {high:.3f} %, largest"
-                    f" {largest:.2f} %"
-                )
-        return "\n".join(lines)
 
 
 def drawn_loops(seed: int) -> Iterator[Loop]:
@@ -174,13 +155,11 @@ def predictions(loops: int, seed: int) -> tuple[Errors, Errors]:
     return Errors(tables[0], *columns[0]), Errors(tables[1], *columns[1])
 
 
-def kicks(loops: int, seed: int) -> tuple[int, int]:
-    """Simulate 1.02 and 0.9 times the predicted smallest kick of random loops that have one.
-
-    Loops that the larger kick starts and the smaller does not; loops drawn that cycle, but from no
-    kick.
+def kicks(loops: int, seed: int) -> int:
+    """Simulate 1.02 and 0.9 times the predicted smallest kick of random loops that have one; return
+    how many the larger starts and the smaller does not.
     """
-    right = tried = unreachable = 0
+    right = tried = 0
     draw = drawn_loops(seed)
     while tried < loops:
         loop = next(draw)
@@ -188,34 +167,17 @@ def kicks(loops: int, seed: int) -> tuple[int, int]:
         cycle = exact_cycle(sampled)
         kick = None if cycle is None else kick_min(sampled, cycle)
         if kick is None:
-            unreachable += cycle is not None
             continue
         tried += 1
         above, below = (simulated_cycle(loop, kick=factor * kick) for factor in (1.02, 0.9))
         right += above is not None and below is None
-    return right, unreachable
+    return right
 
 
-def existence_p(loops: int, seed: int) -> tuple[int, int]:
-    """Start self-regulating P loops with stick-slip midway between the bounds that a cycle needs.
-
-    `seed`: of the draw: K Kc J/S in 1.05..4 or 0.3..0.95, Td/T in {0, 0.2, 1}, Kc 0.1..0.8 of the
-    ultimate gain.
-
-    Loops that cycle at the end of 400 T, of those with K Kc J/S above 1 and of those below.
+def cycles_from_midway(gain: float, Td: float, J: float) -> bool:
+    """Return whether a self-regulating P loop (T = 10 s) with stick-slip cycles at the end of 400 T
+    that begin midway between the bounds that a cycle needs.
     """
-    rng = np.random.default_rng(seed)
-    counts = [0, 0]
-    for i, bounds in enumerate(((1.05, 4.0), (0.3, 0.95))):
-        for _ in range(loops):
-            Td = float(rng.choice([0.0, 2.0, 10.0]))
-            gain = rng.uniform(0.1, 0.8) * {0.0: 10.0, 2.0: 8.5, 10.0: 2.26}[Td]
-            J = rng.uniform(*bounds) * S / gain
-            counts[i] += _cycles_from_midway(gain, Td, J)
-    return counts[0], counts[1]
-
-
-def _cycles_from_midway(gain: float, Td: float, J: float) -> bool:
     loop = Loop.from_table(
         {
             "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": Td},
@@ -255,35 +217,3 @@ def existence_pi(loops: int, seed: int) -> Errors:
                 np.abs(np.array(c) / (cycle.period, cycle.amplitude) - 1) for c in simulated
             )
     return Errors(table, *np.array(errors).reshape(-1, 2).T)
-
-
-def main() -> None:
-    """Run one comparison and print it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["predictions", "kicks", "existence-p", "existence-pi"])
-    parser.add_argument("--loops", type=int)
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    loops = (
-        asked.loops
-        or {"predictions": 60, "kicks": 100, "existence-p": 100, "existence-pi": 300}[asked.what]
-    )
-    if asked.what == "predictions":
-        exact, switching = predictions(loops, asked.seed)
-        print(f"exact cycle\n{exact}\n\nswitching times alone\n{switching}")
-    elif asked.what == "kicks":
-        right, unreachable = kicks(loops, asked.seed)
-        print(
-            f"1.02 kick_min starts the cycle and 0.9 does not: {right} of {loops}; no kick starts"
-            f" {unreachable} others"
-        )
-    elif asked.what == "existence-p":
-        above, below = existence_p(loops, asked.seed)
-        print(f"K Kc J/S in 1.05..4: {above} of {loops} cycle; in 0.3..0.95: {below} of {loops}")
-    else:
-        errors = existence_pi(loops, asked.seed)
-        print(f"right: {np.trace(errors.table)} of {loops}\n{errors}")
-
-
-if __name__ == "__main__":
-    raise SystemExit(exit_code(main))
