@@ -141,24 +141,6 @@ def with_ordinary_load(
     return base, candidates
 
 
-def with_higher_order(
-    engine: Engine, base: Fit, candidates: dict[str, Candidate]
-) -> tuple[Fit, dict[str, Candidate]]:
-    """Allow to every candidate a plant of higher order than the baseline's, if any candidate is
-    likelier than the base.
-
-    Parameters and returns are those of `with_ordinary_load`.
-    """
-    if max((c.log_likelihood_gain for c in candidates.values()), default=0.0) <= 0.0:
-        return base, candidates
-    other = engine.of_higher_order(base)
-    if other is base:
-        return base, candidates
-    brought = other.loglik - base.loglik - size_penalty(engine.data.n, 1.0)
-    fitted = {e: c for e, c in candidates.items() if c.fit is not base}
-    return other, candidates | _on_top_of(engine, other, brought, fitted)
-
-
 def _on_top_of(
     engine: Engine, base: Fit, brought: float, candidates: dict[str, Candidate]
 ) -> dict[str, Candidate]:

@@ -17,7 +17,6 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import (
     SHORTEST_LAG,
     Fit,
-    delay_of,
     input_gain,
     lag_of,
     load_std,
@@ -51,7 +50,7 @@ def fixed_loop(
         numbers = {
             "K": fit.K / per if fit.K * d.K > 0 else base.plant.K,
             # an OP that was archived late hides as many samples of the dead time
-            "Td": (delay_of(fit.spec, fit.theta) + d.late) * Ts,
+            "Td": (fit.theta["Td"] + d.late) * Ts,
         }
         numbers |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
         for effect in (*effects, *situation.stated):

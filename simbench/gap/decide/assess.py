@@ -1,9 +1,9 @@
 """Fit and score all effects on one record, and test the residuals; what no effect explains leads to
 the answer "unknown".
 
-The steps stand in `assess`: fit every effect (`_fitted`), let load and plant be richer
-(`with_ordinary_load`, `with_higher_order`), score (`_scores`), choose one or two
-(`_choose_effects`), and test what the best model does not explain (`tests_of`).
+The steps stand in `assess`: fit every effect (`_fitted`), let the load be richer
+(`with_ordinary_load`), score (`_scores`), choose one or two (`_choose_effects`), and test what the
+best model does not explain (`tests_of`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from simbench.gap.candidates import (
     Fitted,
     fit_candidates,
     possible_effects,
-    with_higher_order,
     with_ordinary_load,
 )
 from simbench.gap.decide.beside_tests import (
@@ -43,7 +42,7 @@ SURE = 1000.0  # nats that stand for evidence needing no statistics
 # of the stated noise, from which it is told that there is more: healthy records show it as well
 _MORE_NOISE = 1.1
 NOISE_EFFECT = "noise"
-_SECOND = 12.0  # nats a second effect must bring on top of one that explains the same PV
+_SECOND = 12.0  # nats a second effect must bring on top of the first
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +54,9 @@ class Assessment(Fitted):
     `mv_unexplained` whether MV strays as no map makes it; `valve_seen` whether MV was recorded,
     here or in a test; `other_records` the assessments of the loop's other records, judged together
     with this one; `stiction` its probability under an identified baseline, None where it cannot be
-    judged; `asked` the tests of the menu that were run;
-    `before_higher_order` the candidates before the plant was allowed a higher order; `by_lab` the
-    nats of lab samples in `log_likelihood_gains`; `ordinary` the loads (% of travel) and the noise
-    (factor of the stated one) that are more than the baseline states, and no more than any loop
-    has, by effect.
+    judged; `asked` the tests of the menu that were run; `by_lab` the nats of lab samples in
+    `log_likelihood_gains`; `ordinary` the loads (% of travel) and the noise (factor of the stated
+    one) that are more than the baseline states, and no more than any loop has, by effect.
     """
 
     log_likelihood_gains: dict[str, float] = field(default_factory=dict)
@@ -70,7 +67,6 @@ class Assessment(Fitted):
     other_records: tuple[Assessment, ...] = ()
     stiction: float | None = None
     asked: tuple[str, ...] = ()
-    before_higher_order: dict[str, Candidate] = field(default_factory=dict)
     by_lab: dict[str, float] = field(default_factory=dict)
     ordinary: dict[str, float] = field(default_factory=dict)
 
@@ -109,8 +105,7 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     record = situation
     situation, maps, engine, base, candidates = _fitted(situation, tests)
     ordinary = _ordinary(situation, engine, base, candidates)
-    base, with_load = with_ordinary_load(engine, base, candidates, _stated(situation))
-    base, candidates = with_higher_order(engine, base, with_load)
+    base, candidates = with_ordinary_load(engine, base, candidates, _stated(situation))
     gains, parameters = _scores(situation, base, engine.main(base), candidates, maps[0])
     by_lab = lab_gains(tests, base, parameters, gains)
     gains = capped({e: gain + by_lab.get(e, 0.0) for e, gain in gains.items()}) | dict.fromkeys(
@@ -137,7 +132,6 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
         on_top,
         maps[1],
         bool(maps[0]),
-        before_higher_order=with_load,
         by_lab=by_lab,
         ordinary=ordinary,
     )
@@ -186,16 +180,14 @@ def _choose_effects(
     final, on_top = base, {}
     if len(chosen) < 2:
         best = next((e for e in order if block_of(e) not in {block_of(c) for c in chosen}), None)
-        if best is not None and gains[best] > (
-            _least_nats_of_second(chosen[0], s, best) if chosen else 0.0
-        ):
+        if best is not None and gains[best] > (_SECOND if chosen else 0.0):
             chosen.append(best)
             final = candidates[best].fit if best in candidates else base
     if len(chosen) == 1:
         others = [e for e in order if block_of(e) not in map(block_of, chosen)]
         on_top = _gains_on_top(s, engine, final, others, gains, candidates)
         runner = max(on_top, key=lambda e: on_top[e], default=None)
-        if runner is not None and on_top[runner] > _least_nats_of_second(chosen[0], s, runner):
+        if runner is not None and on_top[runner] > _SECOND:
             chosen.append(runner)
             if runner in candidates:
                 final = fit_candidates(engine, final, [runner])[runner].fit
@@ -273,14 +265,6 @@ def _scores(
         if masked or effect in stated:
             gains[effect] = min(gains[effect], 0.0)
     return gains, parameters
-
-
-def _least_nats_of_second(first: str, s: Situation, effect: str) -> float:
-    """Return the nats asked of a second effect: those of a first one where OP alone proves the
-    other and PV is whole.
-    """
-    by_op = first in s.proven and block_of(first) == "controller"
-    return LEAST_NATS if by_op and block_of(effect) != "sensor" else _SECOND
 
 
 def _gains_on_top(

@@ -5,13 +5,13 @@ from __future__ import annotations
 from simbench.gap.effects._mismatch import dead_times, released
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
-from simbench.gap.likelihood.model import Fit, Spec, delay_of
+from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return the dead time beyond the baseline's (s); an OP archived late hides a sample of it."""
-    return {"extra": (delay_of(fit.spec, fit.theta) + s.data.late - s.data.Td) * s.record.Ts}
+    return {"extra": (fit.theta["Td"] + s.data.late - s.data.Td) * s.record.Ts}
 
 
 def smallest(probe: Probe) -> tuple[float, str]:

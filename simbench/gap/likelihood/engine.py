@@ -16,16 +16,13 @@ import numpy as np
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import (
     HOLDING,
-    INNER,
     REDDEST,
     Data,
     Fit,
     Spec,
-    delay_of,
     jumps_of,
     lag_of,
     load_std,
-    size_penalty,
     valve_of,
 )
 
@@ -39,9 +36,6 @@ _LOAD_EDGE = 0.15  # standard deviation of the logarithm of a load beyond those 
 # multiples of a baseline's gain between which another one is looked for (four simulators draw .25
 # to 4): below, a load explains all and the valve nothing, as it can in any loop at rest
 _MISMATCH = (0.2, 10.0)
-_POLES_OF_LOAD = ("extra", INNER)  # poles that the load passes as well
-# share of the dead time that may be a lag of the plant; a lag is looked for from shares of that
-_HALF = 0.5
 _LOGS = {"T", "load_time", "load_lag", "load", "noise_std"}
 _SHAPING = {"T", "Td"}  # nuisances that change signals, not only the noise model
 _QUICK = 0.08  # share of the longest memory a load may have: below it the prior ...
@@ -108,25 +102,9 @@ class Engine:
         ]
         return max([best, *tries], key=lambda f: f.loglik)
 
-    def of_higher_order(self, base: Fit) -> Fit:
-        """Return the fit with a lag in place of some dead time where that is plainly likelier: dead
-        times stand for lags.
-        """
-        if not self.data.trusted or self.data.Td == 0.0 or base.spec.pole:
-            return base
-        spec, Td = replace(base.spec, pole=INNER), base.theta["Td"]
-        taus = [share * _HALF * self.data.Td for share in (0.2, 0.5)]
-        tries = [
-            self.fit(spec, {**base.theta, "tau": tau, "Td": max(Td - tau, 0.0)}) for tau in taus
-        ]
-        best = max(tries, key=lambda f: f.loglik)
-        return best if best.loglik > base.loglik + size_penalty(self.data.n, 1.0) else base
-
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
         """Return the search interval of one parameter."""
         d = self.data
-        if name == "tau" and spec.pole == INNER:
-            return 0.05, 0.05 + _HALF * d.Td
         for number in spec.effect_numbers:
             if number.name == name:
                 return number.low(d), number.high(d)
@@ -136,8 +114,6 @@ class Engine:
         if name == "T":
             wide = 20.0 if "T" in spec.free else 1.25
             return d.T / wide, d.T * wide
-        if name == "Td" and spec.pole == INNER:
-            return 0.0, 1.25 * d.Td + 0.5 + d.late
         if name == "Td":
             wide = (
                 5.0 + max(3.0 * d.Td, 2.0 * d.T)
@@ -218,7 +194,7 @@ class Engine:
         """Return what moves PV besides the plant's input."""
         return kernels.NoiseModel(
             theta["T"] if self.data.T > 0 else 0.0,
-            theta["tau"] if spec.pole in _POLES_OF_LOAD else 0.0,
+            theta["tau"] if spec.pole == "extra" else 0.0,
             theta["load_time"],
             lag_of(theta),
             theta["load"],
@@ -272,9 +248,7 @@ class Engine:
             if "Td" not in spec.free:
                 # an archive that lags by a sample hides one sample of dead time
                 wide = _NOMINAL * d.Td + d.late / 2 + 0.05
-                out.append(
-                    _over(delay_of(spec, theta) - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03)
-                )
+                out.append(_over(theta["Td"] - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03))
         if d.measured:
             out.append(max(np.log(load_std(theta) / d.most_load), 0.0) / _LOAD_EDGE)
         if d.noise > 0 and "noise_std" not in spec.free:

@@ -19,7 +19,6 @@ HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
 REDDEST = 0.8  # correlation from sample to sample: noise of more memory has passed a filter
 SHORTEST_LAG = 0.1  # samples; a load with a shorter second time constant has none
 LINEAR = 3  # linear coefficients before those of an effect: gain, bias or ramp, onset
-INNER = "inner"  # a pole that every plant may have in place of some of its dead time
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,11 +258,6 @@ def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarra
     if kind == kernels.CURVE:
         return kernels.valve(u, kind, theta["R"], 0.0, 0.0)
     return kernels.valve(u, kind, theta["S"], theta["J"], spec.start * theta["S"] / 2)
-
-
-def delay_of(spec: Spec, theta: Mapping[str, float]) -> float:
-    """Return the dead time (samples) that includes a lag of the plant."""
-    return theta["Td"] + (theta["tau"] if spec.pole == INNER else 0.0)
 
 
 def size_penalty(n: int, count: float) -> float:

@@ -303,7 +303,7 @@ def _of_any_spectrum(left: np.ndarray) -> np.ndarray:
 def _band_of(assessment: Assessment) -> float:
     """Return the fitted band over OP's range; 0 where none was fitted."""
     # friction may have been taken out of the library
-    one = (assessment.before_higher_order or assessment.candidates).get(FRICTION)
+    one = assessment.candidates.get(FRICTION)
     op = assessment.situation.op
     span = float(np.quantile(op, 0.99) - np.quantile(op, 0.01)) or 1.0
     return one.fit.theta["S"] / span if one is not None and one.used else 0.0
@@ -322,8 +322,6 @@ def _measured(assessment: Assessment) -> Friction:
         )
         gain = max(gains[FRICTION], gains[_BAND])
         return Friction(assessment, FrictionEvidence(gain - max(*rivals, 0.0), float(gain > 0.0)))
-    gains = gains | {
-        e: float(c.log_likelihood_gain) for e, c in assessment.before_higher_order.items()
-    }
+    gains = gains | {e: float(c.log_likelihood_gain) for e, c in assessment.candidates.items()}
     gain = gains[FRICTION] - max(gains[OUTSIDE], 0.0)
     return Friction(assessment, FrictionEvidence(gain, _band_of(assessment)))

@@ -18,7 +18,6 @@ from simbench.gap.candidates import (
     possible_effects,
     proven,
     smallest_detectable,
-    with_higher_order,
     with_ordinary_load,
 )
 from simbench.gap.effects import left_out, recogniser
@@ -197,46 +196,6 @@ def test_jumps_of_a_load_that_wanders_are_an_event_and_named_last():
         engine, bare, fit_candidates(engine, bare, ["load_steps", "noise"])
     )
     assert fitted["load_steps"].log_likelihood_gain == LAST
-
-
-SLOW = FLOW | {"plant": {"type": "foptd", "K": 1.5, "T": 20, "Td": 12.0}, "noise": {"std": 0.02}}
-
-
-def lagged(Td, tau):
-    """Return the effects that bring anything once the plant may be of higher order, and the base;
-    the baseline says Td = 12.
-    """
-    quiet = [{"type": "coloured", "amplitude": 0.15, "period": 30.0}]
-    plant = SLOW["plant"] | {"Td": Td}
-    lag = [{"name": "extra_lag", "tau": tau}]
-    s = situation(SLOW, plant=plant, disturbance=quiet, effect=lag, sampling=FLOW["sampling"])
-    engine = Engine(s.data, load_memory(s))
-    base, fitted = (
-        engine.base(),
-        fit_candidates(engine, engine.base(), ["extra_lag", "dead_time_mismatch"]),
-    )
-    assert fitted["extra_lag"].log_likelihood_gain > 20.0
-    other, allowed = with_higher_order(engine, base, fitted)
-    return other, {e for e, c in allowed.items() if c.log_likelihood_gain > 5.0}
-
-
-def test_a_lag_in_place_of_some_dead_time_is_a_plant_of_higher_order_and_no_effect():
-    base, effects = lagged(8.5, 4.0)
-    assert base.theta["tau"] == pytest.approx(4.0, rel=0.3)
-    assert effects == set()
-
-
-def test_a_lag_on_top_of_the_dead_time_is_an_effect():
-    _, effects = lagged(12.0, 9.0)
-    assert "extra_lag" in effects
-
-
-def test_a_plant_is_of_the_baselines_order_where_nothing_asks_for_more(plain):
-    engine = Engine(plain.data, load_memory(plain))
-    base = engine.base()
-    fitted = fit_candidates(engine, base, ["gain_mismatch"])
-    assert with_higher_order(engine, base, fitted) == (base, fitted)
-    assert engine.of_higher_order(base) is base
 
 
 @pytest.mark.parametrize(("heavy", "share"), [(False, 1.0), (True, 0.05)])

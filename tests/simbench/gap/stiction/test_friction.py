@@ -71,7 +71,6 @@ def view(base, sticky, integrating=False, price=4.0, n=400):
         base=none,
         situation=situation,
         candidates={FRICTION: stuck},
-        before_higher_order={},
     )
 
 
