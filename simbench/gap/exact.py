@@ -2,8 +2,7 @@
 derivative action, missed executions, a frozen sensor.
 
 A term of the controller is fitted to the first part of the record and judged by what it leaves on
-the rest, compared with the best law without it. Terms that no effect has are rivals: where one of
-them explains OP better, nothing is shown.
+the rest, compared with the best law without it.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ def controller_term(s: Situation, first: int) -> Term | None:
     aligned = [_Controller(s, late) for late in sorted({law.late, 1})]
     plain = min((one.left({}, one.newest) for one in aligned), key=aligned[0].misfit)
     terms = [one.idle(first, plain) for one in aligned]
-    terms += [one.fitted(*term, first, plain) for one in aligned for term in one.terms()]
+    terms += [one.derivative(guess, first, plain) for one in aligned for guess in one.guesses()]
     best = max(filter(None, terms), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
     least = -np.log(_MEAN_EXPLAINS) * (s.record.n - first) if law.averaged else -np.inf
@@ -106,27 +105,20 @@ class _Controller:
 
     def left(self, numbers: _Numbers, newest: float) -> np.ndarray:
         """Return what a law leaves of OP (n - 1,), each sample from the recorded one before."""
-        e, get = self.e, numbers.get
-        counts = e * (get("gain", 1.0) + get("square", 0.0) * np.abs(e)) + get(
-            "side", 0.0
-        ) * np.abs(e)
-        change = np.diff(counts)
-        adds = newest * counts[1:] + (1.0 - newest) * counts[:-1]
-        du = self.Kc * (change - (1.0 - get("weight", 1.0)) * self.moves) + self.Ki * adds
-        du = du * np.maximum(1.0 + get("schedule", 0.0) * (self.op[:-1] - self.op.mean()), 0.05)
-        if get("Td", 0.0):
-            follow = 1.0 / (1.0 + get("filter", 0.0) / self.Ts)
+        e, change = self.e, np.diff(self.e)
+        du = self.Kc * change + self.Ki * (newest * e[1:] + (1.0 - newest) * e[:-1])
+        if Td := numbers.get("Td", 0.0):
+            follow = 1.0 / (1.0 + numbers["filter"] / self.Ts)
             slope = lfilter([follow], [1.0, follow - 1.0], change - self.moves)
-            du = du + self.Kc * get("Td", 0.0) / self.Ts * np.diff(np.append(0.0, slope))
-        down, up = (self.Ts / x if x > 0.0 else np.inf for x in (get("down", 0.0), get("up", 0.0)))
-        return np.diff(self.op) - np.clip(du, -down, up)
+            du = du + self.Kc * Td / self.Ts * np.diff(np.append(0.0, slope))
+        return np.diff(self.op) - du
 
     def misfit(self, left: np.ndarray) -> float:
         """Return the mean size of what is left; digits bound it from below."""
         return float(np.mean(np.abs(left))) + self.unit
 
-    def fitted(self, name: str, guess: _Numbers, first: int, plain: np.ndarray) -> Term | None:
-        """Return a term with its numbers fitted robustly to the first part, from a guess.
+    def derivative(self, guess: _Numbers, first: int, plain: np.ndarray) -> Term | None:
+        """Return a derivative term, its numbers fitted robustly to the first part from a guess.
 
         How the integral counts the newest error is fitted too: under another form other numbers are
         the same law.
@@ -136,7 +128,7 @@ class _Controller:
         def misfit(x: np.ndarray) -> np.ndarray:
             return self.left(dict(zip(guess, x)), x[-1])[:first] / scale
 
-        box = [*((0.0 if m in _POSITIVE else -np.inf, np.inf) for m in guess), (-0.1, 1.1)]
+        box = [*((0.0, np.inf) for _ in guess), (-0.1, 1.1)]
         with np.errstate(all="ignore"):
             solution = scipy.optimize.least_squares(
                 misfit,
@@ -152,22 +144,13 @@ class _Controller:
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
         if ratio >= _EXPLAINS:
             return None
-        return Term(name, numbers, -float(np.log(ratio)) * left[first:].size)
+        return Term("derivative", numbers, -float(np.log(ratio)) * left[first:].size)
 
-    def terms(self) -> Iterator[tuple[str, _Numbers]]:
-        """Yield form and first guess of each term that may be missing."""
-        for name in ("square", "side", "schedule"):
-            yield "regime", {"gain": 1.0, name: 0.0}
+    def guesses(self) -> Iterator[_Numbers]:
+        """Yield numbers of a derivative term from which its fit may start."""
         pace = abs(self.Kc / self.Ki) * self.Ts if self.Ki else 10 * self.Ts
         for share in (0.05, 0.3, 1.0):
-            yield "derivative", {"Td": share * pace, "filter": 0.1 * share * pace}
-        yield "weight", {"weight": 0.5}
-        fall, rise = (
-            self.Ts / max(float(np.quantile(side * np.diff(self.op), 0.95)), self.unit)
-            for side in (-1.0, 1.0)
-        )
-        for guess in ({"down": fall}, {"up": rise}, {"down": fall, "up": rise}):
-            yield "ramps", guess
+            yield {"Td": share * pace, "filter": 0.1 * share * pace}
 
     def idle(self, first: int, plain: np.ndarray) -> Term | None:
         """Return the term of a controller that does not run in some samples, where OP rests though
@@ -196,9 +179,6 @@ class _Controller:
             return None
         length = float(idle.sum()) / len(runs) * self.Ts
         return Term("idle", {"share": share, "length": length}, read_off(idle, _REPEATS, first))
-
-
-_POSITIVE = ("gain", "Td", "filter", "down", "up")
 
 
 @lru_cache(maxsize=4)
