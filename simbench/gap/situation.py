@@ -59,8 +59,7 @@ class Situation:
     engine's input; `proven` the parameters of effects that the controller's law or single samples
     show without doubt; `notes` what the reader must know; `frozen` and `unexplained_law` why the
     controller is none of the known ones. `trusted`: the baseline's plant is its author's, not
-    identified; `tuned`: its controller is. `valve_lag` is the time constant (s) of a sound valve
-    that the baseline's dead time holds, 0 where MV shows none.
+    identified; `tuned`: its controller is.
     """
 
     record: LoopRecord
@@ -78,7 +77,6 @@ class Situation:
     frozen: bool = False
     unexplained_law: str = ""
     proven: dict[str, dict[str, float | str]] = field(default_factory=dict)
-    valve_lag: float = 0.0
 
     @property
     def where(self) -> str:

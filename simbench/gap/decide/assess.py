@@ -22,18 +22,16 @@ from simbench.gap.candidates import (
     with_ordinary_load,
 )
 from simbench.gap.decide.beside_tests import (
-    VALVE_LAG,
     Maps,
     by_stem,
     joint_engine,
     lab_gains,
     valve_maps,
-    with_lag_in_dead_time,
 )
 from simbench.gap.effects import NOT_TRIED, Parameters, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Fit, later
+from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.residual_tests import tests_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory
 from simbench.loop.effects import EFFECTS, NONE, block_of
@@ -117,11 +115,8 @@ def assess(situation: Situation, tests: Sequence[ModelledTest] = ()) -> Assessme
     # the limits are those of one record, and what a plant of higher order does not explain adds up
     # over several
     left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
-    lag = situation.valve_lag / record.record.Ts
-    alone = {
-        id(f): later(engine.main(f), lag)
-        for f in (base, final, *(c.fit for c in candidates.values()))
-    }
+    fits = (base, final, *(c.fit for c in candidates.values()))
+    alone = {id(f): engine.main(f) for f in fits}
     candidates = {e: replace(c, fit=alone[id(c.fit)]) for e, c in candidates.items()}
     situation = replace(situation, data=record.data)
     fitted = (situation, alone[id(base)], candidates, parameters, chosen, alone[id(final)])
@@ -199,48 +194,18 @@ def _fitted(
 ) -> tuple[Situation, tuple[Maps, bool], Engine, Fit, dict[str, Candidate]]:
     """Return the situation with the engine's data, what MV says, the engine, its base and every
     effect fitted on top.
-
-    A lag of MV is part of the baseline's dead time, unless PV answers later as no other effect
-    explains it so well.
     """
     maps = valve_maps(s, tests)
-    within = with_lag_in_dead_time(s, maps[0])
-    if within is s:
-        s, engine, base, candidates = _by_maps(s, tests, maps[0])
-        return s, maps, engine, base, candidates
-    maps_within, strays = valve_maps(within, tests)
-    within, engine, base, candidates = _by_maps(within, tests, maps_within)
-    later_by = joint_engine(s, tests, maps[0]).base().loglik - base.loglik
-    if later_by <= max(LEAST_NATS, *(c.log_likelihood_gain for c in candidates.values())):
-        return within, (maps_within, strays), engine, base, candidates
-    # MV shows the lag, but only PV that the baseline lacks it
-    gain, p = maps[0][VALVE_LAG]
-    s, engine, base, candidates = _by_maps(s, tests, maps[0])
-    return (
-        s,
-        ({**maps_within, VALVE_LAG: (min(gain, later_by), p)}, strays),
-        engine,
-        base,
-        candidates,
-    )
-
-
-def _by_maps(
-    s: Situation, tests: Sequence[ModelledTest], maps: Maps
-) -> tuple[Situation, Engine, Fit, dict[str, Candidate]]:
-    """Return the situation with the engine's data, the engine, its base and every effect on top,
-    under one reading of MV.
-    """
     if tests:
-        engine: Engine = joint_engine(s, tests, maps)
+        engine: Engine = joint_engine(s, tests, maps[0])
     else:
-        data = by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps)
+        data = by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps[0])
         engine = Engine(data, load_memory(s))
     shown = {e: p for t in tests for e, p in t.proven.items()}
     s = replace(s, data=engine.data, proven={**shown, **s.proven})
     base = engine.base()
     by_mv = s.record.mv is not None or any(t.mv is not None for t in tests)
-    return s, engine, base, fit_candidates(engine, base, possible_effects(s, by_mv))
+    return s, maps, engine, base, fit_candidates(engine, base, possible_effects(s, by_mv))
 
 
 def _scores(

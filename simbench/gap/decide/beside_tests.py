@@ -13,9 +13,9 @@ from simbench.gap.candidates import Fitted
 from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
-from simbench.gap.likelihood.model import Data, Fit, Spec, later
+from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.search import likeliest
-from simbench.gap.likelihood.valve_map import MapSearch, lagged, share_of
+from simbench.gap.likelihood.valve_map import MapSearch, share_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
 
@@ -23,7 +23,6 @@ from simbench.loop.effects import EFFECTS
 _BY_MV = 10.0
 _EARLY = 0.1  # of a sample, by which MV must be logged early before its time is believed
 _DIGITS = 6  # decimals of MV (%) that are read
-VALVE_LAG = "valve_lag"
 _MOVES = 1e-6  # % that OP must move before MV shows anything
 _SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # multiples of a fitted drift, at which lab samples are asked
 # nats by which another plant must explain a test better than any explanation of the record ...
@@ -43,7 +42,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     powers = np.zeros(3)
     for op, mv, Ts in seen:
         expected = np.clip(through_valve(op, s.baseline, Ts), 0.0, 100.0)
-        search = MapSearch(op, mv, Ts, expected, s.expected_band, s.valve_lag / Ts, s.data.late)
+        search = MapSearch(op, mv, Ts, expected, s.expected_band, s.data.late)
         maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))
@@ -55,19 +54,6 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
             total[e] = (before + gain, p if gain >= before else kept)
     # of all records together: one in which a limit hardly acts shows another map
     return total, bool(powers[0] > powers[1:].max())
-
-
-def with_lag_in_dead_time(s: Situation, maps: Maps) -> Situation:
-    """Return the record with a lag of MV taken out of its baseline's dead time, where that can hold
-    it.
-
-    Every actuator lags, and a plant identified from OP has that in its dead time.
-    """
-    gain, numbers = maps.get(VALVE_LAG, (0.0, {}))
-    tau, Ts = float(numbers.get("tau", 0.0)), s.record.Ts
-    if gain <= 0.0 or tau / Ts > s.data.Td or not s.trusted:
-        return s
-    return replace(s, data=replace(s.data, Td=s.data.Td - tau / Ts), valve_lag=tau)
 
 
 def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:
@@ -91,7 +77,6 @@ def by_stem(
     sound = maps[winner][0] <= _BY_MV
     effect = None if sound else {"name": winner, **maps[winner][1]}
     made = through_valve(op, s.baseline, Ts, effect)
-    made = lagged(made, s.valve_lag / Ts)
     if mv is not None:
         steps = np.diff(np.unique(np.round(mv, _DIGITS)))
         digit = float(steps.min()) if steps.size else 0.0
@@ -143,8 +128,6 @@ def other_plants(fitted: Fitted, s: Situation, tests: Sequence[ModelledTest]) ->
     """Return of each test in words its plant, where it is another than under the
     likeliest fits of the record.
     """
-    lag = s.valve_lag / s.record.Ts
-    s = replace(s, data=replace(s.data, Td=s.data.Td - lag))
     engine = joint_engine(s, tests, valve_maps(s, tests)[0])
     likely = sorted(
         (c for c in fitted.candidates.values() if c.used), key=lambda c: -c.log_likelihood_gain
@@ -152,9 +135,7 @@ def other_plants(fitted: Fitted, s: Situation, tests: Sequence[ModelledTest]) ->
     fits = [fitted.base, *(c.fit for c in likely if c.log_likelihood_gain > 0.0)]
     # signals and jumps of an effect are of one record
     plain = replace(fitted.base, spec=Spec(pink=fitted.base.spec.pink))
-    bare = [later(f, -lag) for f in fits if not f.spec.channels and not f.spec.jumps] or [
-        later(plain, -lag)
-    ]
+    bare = [f for f in fits if not f.spec.channels and not f.spec.jumps] or [plain]
     # a controller that answers nothing but the load shows load and plant in one, and any plant with
     # its load
     return [

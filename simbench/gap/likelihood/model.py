@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -207,11 +207,6 @@ class Fit:
     def K(self) -> float:
         """Plant gain."""
         return float(self.beta[0])
-
-
-def later(fit: Fit, by: float) -> Fit:
-    """Return a fit with `by` samples more dead time, all else as it is."""
-    return replace(fit, theta={**fit.theta, "Td": fit.theta["Td"] + by})
 
 
 def input_gain(fit: Fit, data: Data) -> float:

@@ -41,8 +41,6 @@ class MapSearch:
         MV (%) as the baseline's valve makes it.
     band : float
         Dead-band (%) of the baseline's valve: where in it MV began is anybody's guess.
-    lag : float
-        Time constant (samples) of a sound valve, after every map; 0 for none.
     late : int
         Samples by which the archive may have stored OP late.
     """
@@ -54,11 +52,10 @@ class MapSearch:
         Ts: float,
         expected: np.ndarray,
         band: float = 0.0,
-        lag: float = 0.0,
         late: int = 0,
     ) -> None:
         # a copy: kernels would be compiled once more for a record's arrays, which are read-only
-        self.op, self.mv, self.Ts, self.lag, self.late = op.copy(), mv, Ts, lag, late
+        self.op, self.mv, self.Ts, self.late = op.copy(), mv, Ts, late
         self.span = float(np.ptp(op)) or 1.0
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
         # what an archive that reports by exception may hide of OP is no valve's
@@ -73,7 +70,6 @@ class MapSearch:
         MV may be logged at any time between OP's last sample and this one, or as a mean over it;
         and before OP, where that was stored late.
         """
-        v = lagged(v, self.lag, self.mv[0])
         others = [np.append(v[0], v[:-1])] + [np.append(v[1:], v[-1])] * bool(self.late)
         left = [self.mv - v - share_of(self.mv - v, other - v) * (other - v) for other in others]
         return 0.5 * self.op.size * np.log(min(float(np.mean(x * x)) for x in left) + self.fine)
@@ -140,7 +136,7 @@ class MapSearch:
         first = int(starts[np.argmax(way[starts + size - 1] - way[starts])])
         here = slice(first, first + size)
         op, mv = self.op[here], self.mv[here]
-        return MapSearch(op, mv, self.Ts, op, lag=self.lag, late=self.late)
+        return MapSearch(op, mv, self.Ts, op, late=self.late)
 
     def peaks(self, kind: int, grid: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
         """Return level and numbers at the bottoms below the best few points of a grid: peaks are

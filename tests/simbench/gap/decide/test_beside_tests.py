@@ -2,14 +2,12 @@
 another plant is found.
 """
 
-from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from simbench import Loop
-from simbench.gap.decide.assess import assess
 from simbench.gap.decide.beside_tests import joint_engine, lab_gains, valve_maps
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.check import check
@@ -64,9 +62,7 @@ def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():
         valve=Part(name="ideal"), controller=SimpleNamespace(Kc=1.0), effect=()
     )
     record = SimpleNamespace(Ts=1.0, mv=mv)
-    s = SimpleNamespace(
-        data=data, op=op, baseline=baseline, record=record, integrating=False, valve_lag=0.0
-    )
+    s = SimpleNamespace(data=data, op=op, baseline=baseline, record=record, integrating=False)
     seen = joint_engine(s, [], {"stiction": (0.0, {})}).parts[0].data.u
     np.testing.assert_array_equal(seen[:100], op[:100])
     np.testing.assert_array_equal(seen[100:], mv[100:])
@@ -84,47 +80,10 @@ MORE = {
 MORE |= {"setpoint": {"steps": [[100, 55], [350, 48], [600, 53]]}}
 
 
-def lagging(Td, tau):
-    """Return the record of a loop with a valve that lags, MV logged, beside a baseline of dead time
-    6 without it.
-    """
-    true, stated = (
-        Loop(plant={"type": "foptd", "K": 1, "T": 20, "Td": td}, **MORE) for td in (Td, 6)
-    )
-    return check(
-        true.with_("effect", [{"name": "valve_lag", "tau": tau}]).simulate(3).record, stated
-    )
-
-
-@cache
-def assessed(Td, tau):
-    return assess(lagging(Td, tau))
-
-
-@pytest.mark.parametrize(
-    ("Td", "tau", "within"),
-    [
-        (4.0, 2.0, True),
-        pytest.param(6.0, 5.0, False, marks=pytest.mark.slow),
-        (6.0, 9.0, False),
-    ],
-)
-def test_a_lag_of_mv_that_the_dead_time_holds_is_no_effect(Td, tau, within):
-    assessment = assessed(Td, tau)
-    assert assessment.situation.valve_lag == pytest.approx(tau if within else 0.0, rel=0.1)
-    assert (assessment.chosen[:1] == ["valve_lag"]) == (not within)
-    # what is handed on is the baseline's dead time again
-    assert assessment.situation.data.Td == lagging(Td, tau).data.Td
-    assert assessment.base.theta["Td"] == pytest.approx(6.0, rel=0.15)
-
-
-def test_of_a_lag_that_the_dead_time_could_hold_only_pv_shows_that_it_is_missing():
-    nats = [assessed(6.0, tau).log_likelihood_gains["valve_lag"] for tau in (2.0, 9.0)]
-    assert 5.0 < nats[0] < 0.5 * nats[1]
-
-
 def test_mv_strays_only_where_no_map_explains_all_its_records_together():
-    s = lagging(6.0, 2.0)
+    loop = Loop(plant={"type": "foptd", "K": 1, "T": 20, "Td": 6}, **MORE)
+    lags = loop.with_("effect", [{"name": "valve_lag", "tau": 2.0}])
+    s = check(lags.simulate(3).record, loop)
     rng = np.random.default_rng(4)
 
     def recorded(n, spread):
