@@ -257,14 +257,11 @@ def _gains_on_top(
 # cases more, and effects rightly in 1 of 115
 LEAST_NATS = 7.0
 # what the residual tests of whole models do not exceed (98 to 99 % of development records), and the
-# block that fails beyond; a direction that no effect owns must bring three nats more than an effect
-# must
+# block that fails beyond
 RESIDUAL_LIMITS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
     "bursts": (40.0, "sensor"),
-    "shape nats": (8.0, "valve"),
-    "aging nats": (8.0, "process"),
 }
 _GUESSED = 4.0  # factor on the limits where a valve's slips in the record are guessed
 _PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for
@@ -302,7 +299,7 @@ def failures(assessment: Assessment) -> list[tuple[float, str, str]]:
     for name, (limit, block) in RESIDUAL_LIMITS.items():
         limit *= _GUESSED if loose else 1.0
         message = (
-            f"the best model does not explain everything ({name.removesuffix(' nats')}:"
+            f"the best model does not explain everything ({name}:"
             f" {assessment.tests[name]:.0f}, limit {limit:.0f})"
         )
         out.append((max(assessment.tests[name], 0.0) / limit, block, message))

@@ -15,8 +15,6 @@ BLOCKS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
     "bursts": (40.0, "sensor"),
-    "shape nats": (8.0, "valve"),
-    "aging nats": (8.0, "process"),
 }
 QUIET = dict.fromkeys(BLOCKS, 0.0)
 

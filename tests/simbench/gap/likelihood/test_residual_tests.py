@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Data, Spec
-from simbench.gap.likelihood.residual_tests import generic_directions, residual_tests
+from simbench.gap.likelihood.residual_tests import residual_tests
 
 N = 4000 + kernels.SKIP
 RNG = np.random.default_rng(0)
@@ -61,41 +60,3 @@ def test_one_huge_innovation_counts_as_six_standard_deviations():
     odd[[2000, 2300]], six[[2000, 2300]] = (50.0, -50.0), (6.0, -6.0)
     assert of(odd) == pytest.approx(of(six), abs=0.05)
     assert of(six)["memory"] != pytest.approx(of(WHITE)["memory"], abs=1e-3)
-
-
-class Asked:
-    """An engine that notes which signals it is asked to add, and gives 50 nats for them."""
-
-    def __init__(self, u, y, T, Td):
-        self.data, self.asked = Data(u, y, 1.0, T, Td, 0.1), []
-
-    def evaluate(self, spec, theta):
-        self.asked.append([np.asarray(c) for c in spec.channels])
-        return (-150.0,)
-
-
-def directions(u, y=None, T=1e-3, Td=0.0, integrating=False):
-    engine = Asked(u, u if y is None else y, 0.0 if integrating else T, Td)
-    values = generic_directions(
-        engine, SimpleNamespace(spec=Spec(), theta={"T": T, "Td": Td}, loglik=-200.0)
-    )
-    return values, dict(zip(("shape", "aging"), engine.asked))
-
-
-def test_every_direction_pays_for_its_numbers():
-    values, _ = directions(OP)
-    numbers = {"shape nats": 2, "aging nats": 2}
-    assert values == pytest.approx(
-        {name: 50.0 - 0.5 * count * np.log(N) for name, count in numbers.items()}
-    )
-
-
-def test_shapes_are_powers_of_mv_and_aging_grows_from_the_middle_of_the_record():
-    # a plant of no time constant hands MV on a sample later, less its start
-    _, asked = directions(OP)
-    v = OP - OP.mean()
-    size, t = np.std(v), np.linspace(-1.0, 1.0, N)
-    expected = {"shape": [v**2 / size, v**3 / size**2], "aging": [v * t, v * t**2]}
-    for name, signals in expected.items():
-        for channel, x in zip(asked[name], signals, strict=True):
-            assert channel[1:] == pytest.approx((x - x[0])[:-1], abs=1e-6)
