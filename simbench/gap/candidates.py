@@ -11,6 +11,7 @@ import numpy as np
 
 from simbench.gap.effects import Parameters, Recogniser, recogniser
 from simbench.gap.effects._smallest import Probe
+from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.situation import Situation
@@ -86,13 +87,30 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
         try_it = recogniser(effect).fit
         assert try_it is not None, effect
         fit, count = try_it(engine, base)
-        gain = (
-            fit.loglik
-            - base.loglik
-            - size_penalty(engine.data.n, count + engine.more_numbers(fit.spec, base.spec))
+        gain = _brought(engine, base, fit) - size_penalty(
+            engine.data.n, count + engine.more_numbers(fit.spec, base.spec)
         )
         out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out
+
+
+def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
+    """Return the nats of a fit over the base; what the size of innovations alone tells counts by
+    their tails (White 1982).
+
+    Rare large innovations, as shots, steps or heavy-tailed noise leave, make a variance uncertain,
+    and no signal: without this two of 79 real records, one with wild samples, get an answer that
+    leaves a wider gap; of 376 simulated ones none changes.
+    """
+    nats = fit.loglik - base.loglik
+    if nats <= 0.0 or not (fit.spec.walk or fit.spec.load_walk or "noise_std" in fit.spec.free):
+        return nats
+    x = np.asarray(fit.residual)[kernels.SKIP :]
+    tails = 0.5 * (float(np.mean(x**4) / np.mean(x**2) ** 2) - 1.0)
+    by_size = (
+        engine.evaluate(replace(fit.spec, channels=base.spec.channels), fit.theta)[0] - base.loglik
+    )
+    return nats if tails <= 1.0 or by_size <= 0.0 else nats - by_size * (1.0 - 1.0 / tails)
 
 
 def with_ordinary_load(

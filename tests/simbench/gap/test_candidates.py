@@ -3,11 +3,14 @@ large as is said.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 from recorded import FLOW, LOADED, recorded
 
+from simbench.gap import candidates
 from simbench.gap.candidates import (
     LAST,
     alike,
@@ -20,6 +23,7 @@ from simbench.gap.candidates import (
 from simbench.gap.effects import left_out, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Spec
 from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.effects._alike import indistinguishable
@@ -192,3 +196,22 @@ def test_jumps_of_a_load_that_wanders_are_an_event_and_named_last():
         engine, bare, fit_candidates(engine, bare, ["load_steps", "noise"])
     )
     assert fitted["load_steps"].log_likelihood_gain == LAST
+
+
+@pytest.mark.parametrize(("heavy", "share"), [(False, 1.0), (True, 0.05)])
+def test_what_only_the_size_of_innovations_tells_counts_less_where_their_tails_are_heavy(
+    heavy, share
+):
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal(4000)
+    if heavy:
+        x[::100] *= 20.0
+    base, fit = (SimpleNamespace(loglik=level, spec=Spec(), residual=x) for level in (0.0, 30.0))
+    engine = SimpleNamespace(evaluate=lambda spec, theta: (30.0, None, None))
+    fit.theta = {}
+    # another signal, as a plant's other gain makes it, counts in full
+    assert candidates._brought(engine, base, fit) == 30.0
+    fit.spec = Spec(walk=True)
+    assert candidates._brought(engine, base, fit) == pytest.approx(
+        30.0 * share, rel=0.15 if not heavy else 1.0
+    )
