@@ -5,9 +5,11 @@ from types import SimpleNamespace
 import pytest
 
 from simbench.gap.decide.assess import (
+    LEAST_NATS,
     RESIDUAL_LIMITS,
     SURE,
     Assessment,
+    _least_nats_of_second,
     capped,
 )
 
@@ -102,3 +104,19 @@ def test_no_likelihood_outranks_what_single_samples_prove_and_the_best_keep_thei
     many = capped({"a": -10.0, "b": 12.0, "c": 901.0, "d": 2990.0, "e": 3000.0})
     assert many == {"a": -10.0, "b": 12.0, "c": 500.0, "d": 890.0, "e": 900.0}
     assert max(many.values()) < SURE == 1000.0
+
+
+@pytest.mark.parametrize(("first", "proven", "second", "as_a_first"), [
+    ("detuning", True, "time_constant_mismatch", True), ("saturation", True, "load_steps", True),
+    ("error_deadband", True, "valve_lag", True), ("saturation", True, "noise", False),
+    ("detuning", False, "time_constant_mismatch", False), ("outliers", True, "load_steps", False),
+    ("stiction", False, "load_drift", False),
+])  # fmt: skip
+def test_with_what_op_alone_proves_a_second_effect_needs_what_a_first_one_does(
+    first, proven, second, as_a_first
+):
+    asked = _least_nats_of_second(
+        first, SimpleNamespace(proven={first: {}} if proven else {}), second
+    )
+    assert (asked == LEAST_NATS) is as_a_first
+    assert asked >= LEAST_NATS
