@@ -99,8 +99,8 @@ def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
     their tails (White 1982).
 
     Rare large innovations, as shots, steps or heavy-tailed noise leave, make a variance uncertain,
-    and no signal: without this two of 79 real records, one with wild samples, get an answer that
-    leaves a wider gap; of 376 simulated ones none changes.
+    and no signal: without this one of 79 real records, which has wild samples, gets an answer that
+    leaves a wider gap; of 326 simulated ones none changes.
     """
     nats = fit.loglik - base.loglik
     if nats <= 0.0 or not (fit.spec.walk or fit.spec.load_walk or "noise_std" in fit.spec.free):

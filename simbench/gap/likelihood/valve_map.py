@@ -165,10 +165,6 @@ def share_of(left: np.ndarray, way: np.ndarray) -> float:
 
 
 def lagged(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
-    """Return a signal after a first-order lag of `tau` samples, begun at `first` or at rest;
-    itself after none.
-    """
-    if tau <= 0.0:
-        return op
+    """Return a signal after a first-order lag of `tau` samples, begun at `first` or at rest."""
     a, start = np.exp(-1.0 / tau), op[0] if first is None else first
     return start + lfilter([1.0 - a], [1.0, -a], op - start, (1.0 - a) * (start - op[0]))

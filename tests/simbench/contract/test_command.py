@@ -10,7 +10,8 @@ import pytest
 import simbench.detectors as detectors
 import simbench.scenarios as scenarios
 from simbench.cli import main
-from simbench.contract import kind_of
+from simbench.contract import check, kind_of
+from simbench.detectors.errors import ParameterError, UserError
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import VALVES
 
@@ -86,3 +87,11 @@ def test_what_is_no_plugin_is_exit_2_in_one_sentence(tmp_path, capsys, name, tex
     assert answer.out == ""
     assert words in answer.err
     assert len(answer.err.strip().splitlines()) == 1
+
+
+def test_an_unknown_kind_or_name_is_refused_with_the_nearest_one():
+    assert check("valve", "deadband").kept
+    with pytest.raises(ParameterError, match="kind 'valv'; did you mean 'valve'"):
+        check("valv", "kano")
+    with pytest.raises(UserError, match="unknown valve 'kanno': did you mean 'kano'"):
+        check("valve", "kanno")

@@ -23,7 +23,7 @@ from simbench.gap.candidates import (
 from simbench.gap.effects import left_out, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Spec
+from simbench.gap.likelihood.model import Spec, size_penalty
 from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.effects._alike import indistinguishable
@@ -196,6 +196,14 @@ def test_jumps_of_a_load_that_wanders_are_an_event_and_named_last():
         engine, bare, fit_candidates(engine, bare, ["load_steps", "noise"])
     )
     assert fitted["load_steps"].log_likelihood_gain == LAST
+
+
+def test_a_candidate_gains_what_its_fit_brought_less_the_price_of_its_numbers(plain, monkeypatch):
+    engine = Engine(plain.data, load_memory(plain))
+    base = engine.base()
+    monkeypatch.setattr(candidates, "_brought", lambda engine, base, fit: 100.0)
+    gain = fit_candidates(engine, base, ["gain_mismatch"])["gain_mismatch"].log_likelihood_gain
+    assert gain == pytest.approx(100.0 - size_penalty(plain.data.n, 1.0))
 
 
 @pytest.mark.parametrize(("heavy", "share"), [(False, 1.0), (True, 0.05)])
