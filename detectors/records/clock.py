@@ -13,7 +13,8 @@ from itertools import takewhile
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.roles import entries, plain
+from simbench.detectors.records.dialects import entries
+from simbench.detectors.records.roles import plain
 
 _DATES = (
     "%d.%m.%Y",

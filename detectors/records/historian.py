@@ -12,14 +12,10 @@ import numpy as np
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.roles import (
-    PARAMETER_COLUMNS,
     QUALITY_OF,
-    TAG_COLUMNS,
-    TIME_NAMES,
-    VALUES,
     ends_with,
-    entries,
     is_time,
     parse,
     plain,
@@ -40,19 +36,7 @@ _NO_VALUE = set(
     not available, error, failed, #value!, #ref!, #div/0!, no value, off-scan, undefined, invalid
 """)
 )
-_GOOD = set(
-    entries("good, g, ok, valid, true, gut, bon, bonne, buena, bueno, buono, 好, 良好, 正常")
-)
-_BAD = set(
-    entries("""
-    bad, b, invalid, false, schlecht, mauvais, mauvaise, mala, malo, cattivo, 坏, 差, 错误
-""")
-)
-_UNSURE = set(
-    entries("""
-    uncertain, questionable, doubtful, u, q, substituted, annotated, unsicher, incertain, 不确定
-""")
-)
+_GOOD, _BAD, _UNSURE = (set(words(what)) for what in ("good", "bad", "unsure"))
 _FIRST_SURE = (
     "opcquality",
     "qstatus",
@@ -121,7 +105,7 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
     if not all(isinstance(c, list) for c in sheet.columns.values()):
         return
     time = chosen.get("t") or next(
-        (n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None), ""
+        (n for n in sheet.columns if ends_with(n, words("time")) is not None), ""
     )
     cells, columns = sheet.columns.get(time, []), list(sheet.columns.values())
     samples = [
@@ -156,7 +140,8 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     """
     units = {name: unit(name) for name in sheet.columns}
     time = chosen.get("t") or next(
-        (n for n in sheet.columns if ends_with(n, TIME_NAMES) is not None or plain(n) == "t"), None
+        (n for n in sheet.columns if ends_with(n, words("time")) is not None or plain(n) == "t"),
+        None,
     )
     if not all(isinstance(c, list) for c in sheet.columns.values()):
         return units  # columns of numbers have no room for texts
@@ -343,14 +328,14 @@ def apply_quality(
     }
     if QUALITY_OF in chosen:
         about = {n: [] for n in sheet.columns if n == chosen[QUALITY_OF]}
-    for name, words in about.items():
-        if any(_sure(other) and not _sure(name) and about[other] in ([], words) for other in about):
+    for name, whose in about.items():
+        if any(_sure(other) and not _sure(name) and about[other] in ([], whose) for other in about):
             continue
         neighbour = _neighbour(name, list(sheet.columns), about, roles)
         mine = [
             r
             for r in signals
-            if (roles[r] == neighbour if neighbour else not words or _about(words, roles[r], r))
+            if (roles[r] == neighbour if neighbour else not whose or _about(whose, roles[r], r))
         ]
         if not mine:
             continue
@@ -418,13 +403,13 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
     low = {**spaced, **low}
     parts = [
         next((low[w] for w in among if w in low), None)
-        for among in (TIME_NAMES, TAG_COLUMNS, VALUES)
+        for among in (words("time"), words("tag"), words("value"))
     ]
     if parts[0] is None:
-        parts[0] = next((n for n in names if ends_with(n, TIME_NAMES) is not None), None)
+        parts[0] = next((n for n in names if ends_with(n, words("time")) is not None), None)
     if None in parts or len(set(parts)) < 3:
         return None
-    extra = next((low[w] for w in PARAMETER_COLUMNS if w in low and low[w] not in parts), None)
+    extra = next((low[w] for w in words("parameter") if w in low and low[w] not in parts), None)
     return str(parts[0]), [str(parts[1]), *([extra] if extra else [])], str(parts[2])
 
 

@@ -25,6 +25,7 @@ from simbench.detectors.record import (
 )
 from simbench.detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
 from simbench.detectors.records.clock import CALENDAR, seconds
+from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
 from simbench.detectors.records.historian import (
     apply_quality,
@@ -41,12 +42,8 @@ from simbench.detectors.records.mode import AUTO, CAS, MAN, mode
 from simbench.detectors.records.one_signal import join, signal_files
 from simbench.detectors.records.roles import (
     ASKED,
-    CLOCKS,
-    DATES,
     MODE,
     SIGNALS,
-    TIME_NAMES,
-    entries,
     find_loops,
     find_time,
     is_loop,
@@ -456,9 +453,7 @@ def _record(
             names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
             raise _with_ranges(no_column(role, roles, names, where), table)
     other = [
-        (r, n)
-        for r, n in roles.items()
-        if r not in (MODE, *chosen) and (parse(n).rank or parse(n).role != r)
+        (r, n) for r, n in roles.items() if r not in (MODE, *chosen) and (not parse(n).is_standard)
     ]
     sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in other]
     modes, given = None, Ts
@@ -590,7 +585,7 @@ def _wide(
         )
         sheet.notes += [] if name is None else [f"time: {name!r} holds time stamps"]
     if name is None:
-        names = ", ".join(TIME_NAMES[:6])
+        names = ", ".join(words("time")[:6])
         raise RecordError(
             f"{where}: no time column ({names}) and no sampling period Ts given; either is needed",
             "--ts 1",
@@ -613,7 +608,9 @@ def _wide(
 def _join_dates(sheet: Sheet) -> None:
     """Join a column of dates and one of clock times, in both."""
     low = {plain(n): n for n in sheet.columns}
-    date, clock = (next((low[w] for w in among if w in low), None) for among in (DATES, CLOCKS))
+    date, clock = (
+        next((low[w] for w in among if w in low), None) for among in (words("date"), words("clock"))
+    )
     dates, clocks = sheet.columns.get(date or ""), sheet.columns.get(clock or "")
     if not date or not clock or not isinstance(dates, list) or not isinstance(clocks, list):
         return

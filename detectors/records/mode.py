@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbench.detectors.records.roles import entries
+from simbench.detectors.records.dialects import entries
 
 AUTO, MAN, CAS = "AUTO", "MAN", "CAS"
 _WORDS = {

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.roles import entries
+from simbench.detectors.records.dialects import entries
 
 BLANK = "\0"  # begins the name of a column that has none
 MOST_ROWS = 1_000_000  # of a sheet

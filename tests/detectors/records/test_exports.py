@@ -676,6 +676,13 @@ ignition: milliseconds | counts milliseconds since 1970
 elapsed minutes | is in min
 """.strip().splitlines()
 )
+# whose names say too little -> the columns that the user names
+NAMELESS = {
+    "french: longer words": {"op": "Sortie régulateur", "pv": "Mesure débit"},
+    "letters of DIN": {"op": "TIC5.Y", "pv": "TIC5.X"},
+    "nothing between": {"op": "FIC101OP", "pv": "FIC101PV"},
+    "numbered": {"op": "OP2", "pv": "PV2"},
+}
 QUIET = {
     "pi: sampled, time per tag",
     "pi: long",
@@ -690,7 +697,13 @@ QUIET = {
 def test_export_is_read_right(tmp_path, name):
     export = READ[name] if isinstance(READ[name], tuple) else (READ[name], "csv", {})
     content, suffix, options = export
-    record = read_record(written(tmp_path, content, suffix), **options)
+    file = written(tmp_path, content, suffix)
+    if name in NAMELESS:
+        with pytest.raises(RecordError) as caught:
+            read_record(file, **options)
+        assert "pv=NAME" in caught.value.cure
+        options = {**options, "columns": NAMELESS[name]}
+    record = read_record(file, **options)
     assert right(record, "compressed" in name), (record.n, record.Ts, record.notes)
     assert NOTES.get(name, "") in " | ".join(record.notes)
     assert not (name in QUIET and record.notes)

@@ -1,0 +1,30 @@
+"""The table of dialects: small, and every word of it is recognised as what its column says."""
+
+import pytest
+
+from simbench.detectors.records.dialects import DIALECTS, words
+from simbench.detectors.records.roles import is_quality, is_time, parse, plain
+
+
+def test_the_table_has_at_most_fifteen_rows_of_names_of_their_own():
+    names = [dialect.name for dialect in DIALECTS]
+    assert len(set(names)) == len(names) <= 15
+
+
+@pytest.mark.parametrize("role", ["pv", "op", "sp", "mv", "mode"])
+def test_every_word_for_a_signal_is_that_signal_of_the_loop_before_it(role):
+    for word in words(role):
+        name = parse(f"FIC101.{word}")
+        assert (name.role, name.loop, name.word) == (role, ("fic101",), word)
+
+
+def test_every_word_for_a_time_or_a_quality_is_one():
+    assert all(map(is_time, words("time")))
+    assert all(map(is_quality, words("quality")))
+
+
+def test_words_are_written_as_names_are_compared():
+    for dialect in DIALECTS:
+        for what in vars(dialect).keys() - {"name"}:
+            for word in words(what):
+                assert word == plain(word), (dialect.name, what)
