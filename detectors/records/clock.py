@@ -1,20 +1,15 @@
-"""Read time columns: seconds, time stamps with day or month first, AM and PM, and the day counts of
-spreadsheets.
-"""
+"""Read time columns: seconds, seconds since 1970, and time stamps with day or month first."""
 
 from __future__ import annotations
 
 import re
-from calendar import month_abbr
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
-from itertools import takewhile
 
 import numpy as np
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records.dialects import entries
-from simbench.detectors.records.roles import plain
 
 _DATES = (
     "%d.%m.%Y",
@@ -27,9 +22,7 @@ _DATES = (
     "%d/%m/%y",
     "%m/%d/%y",
     "%d.%m.%y",
-    "%Y-%m-%d",
     "%d %b %Y",
-    "%d. %b %Y",
     "%d/%b/%Y",
     "%Y.%m.%d",
     "%b %d, %Y",
@@ -44,29 +37,9 @@ _CLOCKS = (
     "%I:%M:%S.%f %p",
     "%H:%M",
     "%I:%M %p",
-    "%H:%M:%S:%f",
 )
-_COMPACT = "%Y%m%d%H%M%S"
-_FORMS = ("iso", *(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS, _COMPACT)
+_FORMS = (*(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS)
 _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
-# months of other languages, by their first letters without accents
-_MONTHS = {
-    begins: month
-    for month, beginnings in {
-        "Jan": "janv, ene, gen",
-        "Feb": "fev",
-        "Mar": "mar, mrz, maerz",
-        "Apr": "avr, abr",
-        "May": "mai, mag",
-        "Jun": "juin, giu",
-        "Jul": "juil, lug",
-        "Aug": "aou, ago",
-        "Sep": "set, sept",
-        "Oct": "okt, ott",
-        "Dec": "dez, dic",
-    }.items()
-    for begins in entries(beginnings)
-}
 _UNITS = {
     name: size
     for size, names in {
@@ -79,35 +52,19 @@ _UNITS = {
     }.items()
     for name in entries(names)
 }
-# counts from which a time is one of these, how many make a second, and how many seconds before 1970
-# they begin
-_EPOCHS = (
-    (7e17, 1e9, 0.0, "nanoseconds since 1970"),
-    (6e17, 1e7, 62_135_596_800.0, "ticks of .NET"),
-    (1e17, 1e7, 11_644_473_600.0, "ticks of Windows since 1601"),
-    (1e14, 1e6, 0.0, "microseconds since 1970"),
-    (1e11, 1e3, 0.0, "milliseconds since 1970"),
-)
-_SHEET_DAYS = (
-    25_000.0,
-    80_000.0,
-)  # days since 1900 in which a spreadsheet counts the years 1968 to 2119
-_MATLAB_DAYS = (
-    718_000.0,
-    774_000.0,
-)  # days since year 0 in which MATLAB counts the years 1965 to 2119
-_DAY_1970 = {"of a spreadsheet": 25_569.0, "of MATLAB": 719_529.0}
-# the second that is now and then added to the last minute of a day
-_LEAP = re.compile(r"(?<=:59:)60(?!\d)")
+# what a time may count since 1970, how many make a second
+_SINCE_1970 = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+_THIS_CENTURY = (9.4e8, 4.1e9)  # s since 1970
+_MOST_SECONDS = 1e10  # a time without a unit is no seconds beyond; .NET counts more
+# days of a spreadsheet (years 1968 to 2119) and of MATLAB (1965 to 2119)
+_DAYS = ((25_000.0, 80_000.0), (718_000.0, 774_000.0))
+_DAY_STEP = 0.2  # s; a sampling period below, in a time that may count days, is asked for
 CALENDAR = 1e8  # s since 1970 from which a time is one of the calendar
 _HOUR = 3600.0  # s by which clocks are set forward in spring, and back in autumn
 _REGULAR, _MOSTLY = 0.01, 0.8  # of the usual step that one may differ, and how many steps must not
 _FEW_ALIKE = 0.01  # share of times given twice, up to which the clock is as fine as the samples
-_LONG = 5000  # rows from which a column of time stamps is read as a whole
-_DAY_STEP, _SECOND_STEP = (
-    0.002,
-    0.2,
-)  # steps below the first are days (173 s), above the second seconds; between: refused
+_NEEDED = "seconds, or a time stamp like 2024-05-31 14:05:00, is needed"
+_COUNT = "--ts SECONDS"  # counts the samples in place of the clock
 
 
 def seconds(
@@ -213,20 +170,17 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
     finite = t[np.isfinite(t)]
     if finite.size < 2 or re.split(r"[^a-z]+", name.lower())[-1] in ("s", "sec", "seconds"):
         return t
-    for least, a_second, before, word in _EPOCHS:
-        if finite.min() > least:
-            notes.append(f"time: {name} counts {word}")
-            return t / a_second - before
+    least, most = float(finite.min()), float(finite.max())
+    for word, size in _SINCE_1970.items():
+        if _THIS_CENTURY[0] < least / size and most / size < _THIS_CENTURY[1]:
+            notes.append(f"time: {name} counts {word} since 1970")
+            return t / size
+    if most > _MOST_SECONDS:
+        raise RecordError(f"{where}: {name} begins with {finite[0]:.15g}; {_NEEDED}", _COUNT)
     step = float(np.median(np.diff(finite)))
-    for (first, last), whose in ((_SHEET_DAYS, "of a spreadsheet"), (_MATLAB_DAYS, "of MATLAB")):
-        if first < finite.min() and finite.max() < last and 0 < step < _SECOND_STEP:
-            if step > _DAY_STEP:
-                both = f"{step:.3g} s, or {step * 86400:.3g} s if it counts the days {whose}"
-                raise RecordError(
-                    f"{where}: {name} rises by {both}; name the column t_s, or write time stamps"
-                )
-            notes.append(f"time: {name} counts the days {whose}")
-            return np.round((t - _DAY_1970[whose]) * 86400.0, 3)
+    if 0 < step < _DAY_STEP and any(first < least and most < last for first, last in _DAYS):
+        days = f"{step:.3g} s, or {step * 86400:.3g} s if it counts days; {_NEEDED}"
+        raise RecordError(f"{where}: {name} rises by {days}", _COUNT)
     return t
 
 
@@ -239,46 +193,60 @@ def _read(
     notes: list[str],
 ) -> np.ndarray:
     """Read a column of texts: as a whole it decides between numbers, day first and month first."""
-    texts = (
-        [_ZONE.sub("", text) for text in texts]
-        if _ZONE.search(texts[0] if texts else "")
-        else texts
-    )
-    if texts and re.search(r"[^\W\d_]{3,}", texts[0]):
-        texts = [re.sub(r"[^\W\d_]{3,}\.?", _month, text) for text in texts]
-    leap = np.array([":59:60" in text for text in texts])
-    if leap.any():
-        notes.append(f"time: the leap second of {name} is read as a second of its own")
-        t = _read([_LEAP.sub("59", text) for text in texts], unit, name, where, place, notes)
-        begins = np.diff(leap if t[0] <= t[-1] else leap[::-1], prepend=False) & (
-            leap if t[0] <= t[-1] else leap[::-1]
-        )
-        added = np.cumsum(begins)
-        return t + (added if t[0] <= t[-1] else added[::-1])
-    counted = (
-        "number" if not re.fullmatch(r"(19|20)\d{12}", texts[0] if texts else "") else _COMPACT
-    )
-    plain = list(takewhile(lambda x: x is not None, (_time(text, counted) for text in texts)))
-    if len(plain) == len(texts):
-        return _counted(np.array(plain, dtype=float), unit, name, where, notes)
-    furthest, whole = len(plain), {}
-    forms = [f for f in _FORMS if _time(texts[0], f) is not None]
-    for form in forms:
-        if (fast := _at_once(texts, form)) is not None:
-            whole[form] = fast
-            if form == "iso":  # no other form begins with the year and a dash
-                break
-    for form in () if whole else forms:
-        t = list(takewhile(lambda x: x is not None, (_time(text, form) for text in texts)))
-        furthest = max(furthest, len(t))
-        if len(t) == len(texts):
-            whole[form] = np.array(t, dtype=float)
-            if form == "iso":
-                break
-    if not whole:
-        needed = "seconds, or a timestamp like 2024-05-31 14:05:00, is needed"
-        raise RecordError(f"{where}, {place(furthest)}: {name} is {texts[furthest]!r}; {needed}")
-    return _likeliest(whole, name, where, notes)
+    if texts and _ZONE.search(texts[0]):
+        texts = [_ZONE.sub("", text) for text in texts]
+    readings = {"number": np.array([_number(text) for text in texts])}
+    if np.isfinite(readings["number"]).all():
+        return _counted(readings["number"], unit, name, where, notes)
+    readings["iso"] = np.array([_iso(text) for text in texts])
+    if not np.isfinite(readings["iso"]).all():
+        readings |= _stamps(texts)
+    whole = {form: t for form, t in readings.items() if np.isfinite(t).all()}
+    if whole:
+        return _likeliest(whole, name, where, notes)
+    reading = max(readings.values(), key=_furthest)
+    row = _furthest(reading)
+    step = float(np.median(np.diff(reading[:row]))) if row > 1 else np.nan
+    # rows that begin with the newest must not be counted, and a time that is missing is no sample's
+    cure = "" if step <= 0 or not all(texts) else f"--ts {step:g}" if step > 0 else _COUNT
+    raise RecordError(f"{where}, {place(row)}: {name} is {texts[row]!r}; {_NEEDED}", cure)
+
+
+def _furthest(t: np.ndarray) -> int:
+    """Return the first row that a reading does not understand."""
+    return int(np.argmax(np.isnan(t)))
+
+
+def _number(text: str) -> float:
+    try:
+        # which Python reads as nothing, and no plant writes
+        return float(text.replace(",", ".")) if "_" not in text else np.nan
+    except ValueError:
+        return np.nan
+
+
+def _iso(text: str) -> float:
+    try:
+        stamp = datetime.fromisoformat(text)
+    except ValueError:
+        return np.nan
+    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+
+
+def _stamps(texts: list[str]) -> dict[str, np.ndarray]:
+    """Return the times of texts in every form that the first of them has, NaN where another has
+    not.
+    """
+    import pandas as pd
+
+    cells, out = pd.Series(texts), {}
+    decimal = cells.str.replace(",", ".")
+    for form in _FORMS:
+        written = decimal if "%f" in form else cells
+        if not pd.isna(pd.to_datetime(written.iloc[0], format=form, errors="coerce")):
+            t = pd.to_datetime(written, format=form, errors="coerce").to_numpy("datetime64[ns]")
+            out[form] = np.where(np.isnat(t), np.nan, t.astype(np.int64) * 1e-9)
+    return out
 
 
 def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[str]) -> np.ndarray:
@@ -308,41 +276,3 @@ def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[
     if any(t[0] != rising[form][0] for t in rising.values()):
         notes.append(f"time: {name} read as {form}; day and month may stand the other way round")
     return rising[form]
-
-
-def _month(match: re.Match) -> str:
-    word = plain(match[0].rstrip("."))
-    if word[:3].capitalize() in month_abbr:
-        return word[:3].capitalize()
-    return next((month for begins, month in _MONTHS.items() if word.startswith(begins)), match[0])
-
-
-def _at_once(texts: list[str], form: str) -> np.ndarray | None:
-    """Read a long column as a whole where that is the same as cell by cell; None where it cannot
-    be.
-    """
-    if len(texts) < _LONG:
-        return None
-    import pandas as pd
-
-    cells = pd.Series(texts).str.replace(",", ".") if "%f" in form else pd.Series(texts)
-    try:
-        stamps = pd.to_datetime(cells, format="ISO8601" if form == "iso" else form, utc=True)
-    except (ValueError, OverflowError):
-        return None
-    return (
-        None if stamps.hasnans else stamps.to_numpy(dtype="datetime64[ns]").astype(np.int64) * 1e-9
-    )
-
-
-def _time(text: str, form: str) -> float | None:
-    try:
-        if form == "number":
-            return float(text.replace(",", ".")) if "_" not in text else None
-        if form == "iso":
-            stamp = datetime.fromisoformat(text)
-        else:
-            stamp = datetime.strptime(text.replace(",", ".") if "%f" in form else text, form)
-    except ValueError:
-        return None
-    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()

@@ -676,12 +676,18 @@ ignition: milliseconds | counts milliseconds since 1970
 elapsed minutes | is in min
 """.strip().splitlines()
 )
-# whose names say too little -> the columns that the user names
-NAMELESS = {
-    "french: longer words": {"op": "Sortie régulateur", "pv": "Mesure débit"},
-    "letters of DIN": {"op": "TIC5.Y", "pv": "TIC5.X"},
-    "nothing between": {"op": "FIC101OP", "pv": "FIC101PV"},
-    "numbered": {"op": "OP2", "pv": "PV2"},
+# whose names or times say too little -> what is asked, and what the user then gives
+ASKING = {
+    "french: longer words": ("pv=NAME", {"columns": {"pv": "Mesure débit"}}),
+    "letters of DIN": ("op=NAME,pv=NAME", {"columns": {"op": "TIC5.Y", "pv": "TIC5.X"}}),
+    "nothing between": ("op=NAME,pv=NAME", {"columns": {"op": "FIC101OP", "pv": "FIC101PV"}}),
+    "numbered": ("op=NAME,pv=NAME", {"columns": {"op": "OP2", "pv": "PV2"}}),
+    "german months": ("--ts SECONDS", {"Ts": TS}),
+    "days of a spreadsheet": ("--ts SECONDS", {"Ts": TS}),
+    "ticks of .NET": ("--ts SECONDS", {"Ts": TS}),
+    "ticks of Windows": ("--ts SECONDS", {"Ts": TS}),
+    "digits of a date": ("--ts SECONDS", {"Ts": TS}),
+    "milliseconds after a colon": ("--ts SECONDS", {"Ts": TS}),
 }
 QUIET = {
     "pi: sampled, time per tag",
@@ -698,11 +704,12 @@ def test_export_is_read_right(tmp_path, name):
     export = READ[name] if isinstance(READ[name], tuple) else (READ[name], "csv", {})
     content, suffix, options = export
     file = written(tmp_path, content, suffix)
-    if name in NAMELESS:
+    if name in ASKING:
+        asked, given = ASKING[name]
         with pytest.raises(RecordError) as caught:
             read_record(file, **options)
-        assert "pv=NAME" in caught.value.cure
-        options = {**options, "columns": NAMELESS[name]}
+        assert asked in caught.value.cure
+        options = {**options, **given}
     record = read_record(file, **options)
     assert right(record, "compressed" in name), (record.n, record.Ts, record.notes)
     assert NOTES.get(name, "") in " | ".join(record.notes)
@@ -1113,7 +1120,7 @@ OPEN = {
     ),
     "a tenth of a spreadsheet's day": (
         wide("time,OP,PV", [45000 + 0.1 * k for k in K], OP, PV),
-        "days of a spreadsheet",
+        "8.64e.03 s if it counts days",
     ),
     "quality in part": (
         wide("Time,OP,PV,Quality", stamps(), OP, PV, ["Sort of", *FLAG[1:]]),

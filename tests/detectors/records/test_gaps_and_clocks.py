@@ -78,21 +78,20 @@ def test_an_hour_without_samples_at_another_time_is_no_clock_change(tmp_path):
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
-def test_a_leap_second_is_a_further_second(tmp_path, newest_first):
+def test_a_leap_second_is_counted_where_the_oldest_sample_comes_first(tmp_path, newest_first):
     began = datetime(2016, 12, 31, 23, 57, tzinfo=UTC)
     times = [
         (began + timedelta(seconds=k - (k > 180))).strftime("%Y-%m-%d %H:%M:%S") for k in range(N)
     ]
     times[180] = "2016-12-31 23:59:60"
-    order = slice(None, None, -1 if newest_first else 1)
+    rows = [f"{t},{a},{b}" for t, a, b in zip(times, OP, PV)][:: -1 if newest_first else 1]
     file = tmp_path / "rec.csv"
-    file.write_text(
-        "time,OP,PV\n" + "\n".join([f"{t},{a},{b}" for t, a, b in zip(times, OP, PV)][order]) + "\n"
-    )
-    record = read_record(file)
-    assert (record.Ts, record.n) == (1.0, N)
-    assert np.allclose(record.pv, PV)
-    assert not any(note.startswith("gaps") for note in record.notes)
+    file.write_text("\n".join(["time,OP,PV", *rows]) + "\n")
+    with pytest.raises(RecordError, match="time is '2016-12-31 23:59:60'") as caught:
+        read_record(file)
+    assert caught.value.cure == ("" if newest_first else "--ts 1")
+    if not newest_first:
+        assert np.allclose(read_record(file, Ts=1.0).pv, PV)
 
 
 def long_table(path, times):
