@@ -6,16 +6,17 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from simbench.detectors.errors import RecordError
+from simbench.detectors.errors import RecordError, nearest
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.roles import (
     QUALITY_OF,
     ends_with,
+    is_quality,
     is_time,
     parse,
     plain,
@@ -37,11 +38,10 @@ _NO_VALUE = set(
 """)
 )
 _GOOD, _BAD, _UNSURE = (set(words(what)) for what in ("good", "bad", "unsure"))
-_FIRST_SURE = (
-    "opcquality",
-    "qstatus",
-    "qlevel",
-)  # where a historian writes several, these have one meaning
+# where a historian writes several, these have one meaning
+_FIXED_MEANING = ("opcquality", "qstatus", "qlevel")
+# the number of a bad sample in a column of yes and no, or of a share, by the last word of its name
+_FLAGS = {"validity": 0, "confidence": 0, "good": 0, "qlevel": 0, "bad": 1}
 _SPANS = {
     "ma": ("mA", 4.0, 20.0),
     "m%": ("m%", 0.0, 1e5),
@@ -321,77 +321,54 @@ def apply_quality(
     """Blank the samples that a quality column calls bad; of several about one signal, by the one of
     known meaning.
     """
-    if chosen.get(QUALITY_OF, "").lower() == "none":
+    asked = chosen.get(QUALITY_OF, "")
+    if asked.lower() == "none":
         return
-    about = {
-        n: a for n in sheet.columns if n not in roles.values() and (a := quality_of(n)) is not None
-    }
-    if QUALITY_OF in chosen:
-        about = {n: [] for n in sheet.columns if n == chosen[QUALITY_OF]}
-    for name, whose in about.items():
-        if any(_sure(other) and not _sure(name) and about[other] in ([], whose) for other in about):
+    names = [n for n in sheet.columns if n not in roles.values()]
+    if asked and asked not in names:
+        raise RecordError(f"{where}: no column {asked!r} for quality, {nearest(asked, names)}")
+    names = [n for n in names if (n == asked if asked else is_quality(n))]
+    known = [n for n in names if _last_word(n) in _FIXED_MEANING]
+    for name in names:
+        mine = [role for role in signals if _is_about(name, roles[role], role, sheet, roles)]
+        if name not in known and any(
+            _is_about(other, roles[role], role, sheet, roles) for other in known for role in mine
+        ):
             continue
-        neighbour = _neighbour(name, list(sheet.columns), about, roles)
-        mine = [
-            r
-            for r in signals
-            if (roles[r] == neighbour if neighbour else not whose or _about(whose, roles[r], r))
-        ]
-        if not mine:
-            continue
-        bad, unsure, understood = _judged(
-            sheet.columns[name], name, where, _wonderware(sheet.columns)
-        )
-        if not understood:
-            sheet.notes.append(f"quality: column {name!r} is not understood and counts for nothing")
-        for role in mine if bad.any() else ():
-            signals[role][bad] = np.nan
-        if bad.any():
-            sheet.notes.append(
-                f"quality: {int(bad.sum())} samples that {name!r} calls bad count as missing"
-            )
-        if unsure:
-            sheet.notes.append(f"quality: {unsure} samples that {name!r} calls uncertain are kept")
+        judged = _judged(sheet.columns[name], name, where) if mine else None
+        if judged is None:
+            what = [f"column {name!r} is not understood and counts for nothing"] if mine else []
+        else:
+            bad, unsure = judged
+            for role in mine if bad.any() else ():
+                signals[role][bad] = np.nan
+            counts = ((int(bad.sum()), "bad count as missing"), (unsure, "uncertain are kept"))
+            what = [f"{n} samples that {name!r} calls {which}" for n, which in counts if n]
+        sheet.notes += [f"quality: {sentence}" for sentence in what]
 
 
-def _neighbour(
-    name: str, names: list[str], about: Mapping[str, list[str]], roles: Mapping[str, str]
-) -> str | None:
-    """Return the column that one of several qualities of one name follows, or precedes; None of
-    the only one.
+def _is_about(name: str, column: str, role: str, sheet: Sheet, roles: Mapping[str, str]) -> bool:
+    """Whether a quality speaks of a signal: it stands next to its column where several have one
+    name, or names its column, its loop or the signal, or nothing.
     """
-    alike = [n for n in about if re.sub(r"\.\d+$", "", n) == re.sub(r"\.\d+$", "", name)]
-    if len(alike) < 2:
-        return None
-    side = -1 if names[names.index(alike[0]) - 1] in roles.values() else 1
-    return names[(names.index(name) + side) % len(names)]
+    names = list(sheet.columns)
+    alike = [n for n in names if is_quality(n) and _unnumbered(n) == _unnumbered(name)]
+    if len(alike) > 1:
+        side = -1 if names[names.index(alike[0]) - 1] in roles.values() else 1
+        return names[(names.index(name) + side) % len(names)] == column
+    whose = quality_of(name) or []
+    named, mine = parse(".".join(whose)), parse(column)
+    if named.role:
+        return named.role == role and named.loop in ((), mine.loop)
+    return not whose or tuple(whose) == mine.loop
 
 
-def _sure(name: str) -> bool:
-    return plain(name).replace("_", " ").split()[-1] in _FIRST_SURE or plain(name).endswith(
-        "opcquality"
-    )
+def _unnumbered(name: str) -> str:
+    return re.sub(r"\.\d+$", "", name)
 
 
-def _wonderware(names: Iterable[str]) -> bool:
-    """Whether a table is one of Wonderware, whose Quality is 0 where it is good."""
-    return any(
-        plain(n) in ("vvalue", "qualitydetail", "opcquality") or plain(n).startswith("ww")
-        for n in names
-    )
-
-
-def _about(words: Sequence[str], column: str, role: str) -> bool:
-    """Whether a quality's name speaks of a signal: of its column, its loop, or the signal
-    itself.
-    """
-    named = parse(".".join(words))
-    mine = parse(column)
-    return (
-        named.role == role and named.loop in ((), mine.loop)
-        if named.role
-        else tuple(words) == mine.loop
-    )
+def _last_word(name: str) -> str:
+    return plain(_unnumbered(name)).replace("_", " ").split()[-1]
 
 
 def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
@@ -523,41 +500,36 @@ def _without_sentinels(x: np.ndarray, name: str, sheet: Sheet) -> np.ndarray:
     return x
 
 
-def _judged(
-    cells: Sequence[object], name: str, where: str, inverted: bool
-) -> tuple[np.ndarray, int, bool]:
-    """Return which samples are bad, how many unsure, and whether the column speaks of quality at
-    all.
+def _judged(cells: Sequence[object], name: str, where: str) -> tuple[np.ndarray, int] | None:
+    """Return which samples are bad and how many unsure, by the codes of OPC, by words or by a flag;
+    None where the column speaks of no quality.
     """
     texts = ["" if c is None or c != c else plain(c) for c in cells]
-    words = {t: _word(t) for t in set(texts)}
-    kinds = {k for k in words.values() if isinstance(k, int)}
-    if kinds and kinds == set(words.values()) - {""}:
-        codes = np.array([192 if words[t] == "" else words[t] for t in texts], dtype=int)
-        last = re.sub(r"\.\d+$", "", plain(name)).replace("_", " ").split()[-1]
-        flag = max(kinds) <= 1 and 1 in kinds and not inverted and last in ("qlevel", "good")
-        if last in ("validity", "confidence") or flag:
-            return codes == 0, 0, True
-        if last == "bad" and max(kinds) <= 1:
-            return codes == 1, 0, True
-        if inverted and not _sure(name) and last != "detail" and "detail" not in last:
-            return (codes == 1) | (codes == 24), int(np.isin(codes, (16, 133)).sum()), True
-        if max(kinds) < 192 and max(kinds) != 128:  # which PCS 7 writes for good
-            sentence = (
-                f"{where}: quality {name!r} holds {min(kinds)}; 0 to 255 with 192 as good is known,"
-                " or words"
+    means = {t: _word(t) for t in set(texts)}
+    said, last = {m for t, m in means.items() if t}, _last_word(name)
+    if said and all(isinstance(m, int) for m in said):
+        codes = np.array([192 if t == "" else means[t] for t in texts], dtype=int)
+        most = max(said)
+        if last in _FLAGS and (most <= 1 or last in ("validity", "confidence")):
+            return codes == _FLAGS[last], 0
+        if most < 192 and most != 128:  # which PCS 7 writes for good
+            raise RecordError(
+                f"{where}: quality {name!r} holds {min(said)}; 0 to 255 with 192 as good is known,"
+                " or words",
+                "--columns quality=none",
             )
-            raise RecordError(sentence, "--columns quality=none")
         codes &= 255  # OPC UA and historians keep more above the lowest byte
-        return codes < 64, int(((codes >= 64) & (codes < 192)).sum()), True
-    odd = sorted(t for t, k in words.items() if t and k not in _GOOD | _BAD | _UNSURE)
-    if odd and len(odd) < len(set(texts) - {""}):
+        return codes < 64, int(((codes >= 64) & (codes < 192)).sum())
+    odd = sorted(t for t, m in means.items() if t and m not in _MARKS)
+    if odd and len(odd) < len(said):
         sentence = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
         raise RecordError(sentence, "--columns quality=none")
+    if odd:
+        return None
     # a flag named Bad is true where the sample is bad
-    flagged = _GOOD if plain(name).endswith("bad") else _BAD
-    bad = np.array([words[t] in flagged for t in texts], dtype=bool)
-    return bad & (not odd), 0 if odd else sum(words[t] in _UNSURE for t in texts), not odd
+    flagged = _GOOD if last == "bad" else _BAD
+    bad = np.array([means[t] in flagged for t in texts], dtype=bool)
+    return bad, sum(means[t] in _UNSURE for t in texts)
 
 
 def _word(text: str) -> str | int:

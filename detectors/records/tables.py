@@ -29,6 +29,7 @@ MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
 _DELIMITERS = ",;\t|"
+_CHINESE = ("时间", "日期", "位号", "测量值", "设定值", "输出")
 _PREAMBLE = 60  # lines in which the header is looked for
 _OFTEN = entries("""
     time, timestamp, datetime, date, value, zeit, zeitstempel, horodatage, fecha, quality,
@@ -87,13 +88,9 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
             return {"": Sheet(_from_frame(_parquet(path)))}
         if suffix in (".xlsx", ".xls"):
             sheets = _workbook(path)
-            whose = [
-                name for name, rows in sheets.items() if any(map(is_head, rows[:_PREAMBLE]))
-            ] or list(sheets)[:1]
-            return {
-                n: _table(path, sheets[n], list(range(1, len(sheets[n]) + 1)), is_head)
-                for n in whose
-            }
+            starts = {n: [*map(is_head, rows[:_PREAMBLE])] for n, rows in sheets.items()}
+            whose = [n for n, heads in starts.items() if any(heads)] or list(sheets)[:1]
+            return {n: _of_workbook(path, sheets[n], starts[n]) for n in whose}
     except RecordError:
         raise
     except ImportError:
@@ -189,6 +186,14 @@ def _workbook(path: Path) -> dict[str, list[list[str]]]:
     }
 
 
+def _of_workbook(path: Path, rows: list[list[str]], heads: list[bool]) -> Sheet:
+    """Return the table of a sheet, which begins at the first row that is a head."""
+    start = heads.index(True) if any(heads) else 0
+    sheet = _table(path, rows, list(range(1, len(rows) + 1)), start)
+    sheet.notes[:0] = _left_out(sum(any(map(str.strip, row)) for row in rows[:start]))
+    return sheet
+
+
 def _from_frame(frame) -> Columns:
     frame = frame.reset_index() if frame.index.dtype.kind == "M" or frame.index.name else frame
     return {
@@ -211,81 +216,63 @@ def _cell(value: object) -> str:
 
 
 def _decoded(path: Path) -> tuple[str, list[str]]:
+    """Return a file's text by the first encoding that all of it has, and the note on a guess."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise RecordError(f"file {path} cannot be read: {error.strerror}") from error
     head = data[:4096]
-    wide = [len(half) > 8 and half.count(0) > 0.4 * len(half) for half in (head[0::2], head[1::2])]
-    marked = head.startswith((b"\xff\xfe", b"\xfe\xff"))
-    if b"\0" in head and not marked and (wide[0] == wide[1] or head[wide[0] :: 2].count(0)):
-        raise RecordError(
-            f"file {path} is binary; a text table (CSV), .parquet, .xlsx or .mat is needed"
-        )
-    if marked or b"\0" in head:
-        code = "utf-16" if marked else "utf-16-be" if wide[0] else "utf-16-le"
-        try:
-            return data.decode(code), []
-        except UnicodeDecodeError as error:
+    if b"\0" in head and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        # of UTF-16 without a mark every other byte is 0
+        code = next(
+            (c for c, half in (("utf-16-be", head[0::2]), ("utf-16-le", head[1::2]))
+             if half.count(0) > 0.4 * len(half) and head.count(0) == half.count(0)), ""
+        )  # fmt: skip
+        if not code:
+            raise RecordError(
+                f"file {path} is binary; a text table (CSV), .parquet, .xlsx or .mat is needed"
+            )
+    else:
+        code = "utf-16" if b"\0" in head else "utf-8-sig"
+    try:
+        return data.decode(code), []
+    except UnicodeDecodeError as error:
+        if code != "utf-8-sig":
             raise RecordError(
                 f"file {path} is damaged UTF-16 text (byte {error.start}); whole ones are needed"
             ) from error
-    try:
-        return data.decode("utf-8-sig"), []
-    except UnicodeDecodeError as error:
         chinese = data.decode("gb18030", errors="replace")
-        if re.search("时间|日期|位号|测量值|设定值|输出", chinese[:4096]):
-            return chinese, [f"file: byte {error.start} is not UTF-8, read as GB 18030"]
-        note = (
-            f"file: byte {error.start} is not UTF-8, read as Windows-1252; numbers are the same in"
-            " both"
-        )
-        return data.decode("cp1252", errors="replace"), [note]
+        spoken = any(word in chinese[:4096] for word in _CHINESE)
+        guess = "GB 18030" if spoken else "Windows-1252; numbers are the same in both"
+        text = chinese if spoken else data.decode("cp1252", errors="replace")
+        return text, [f"file: byte {error.start} is not UTF-8, read as {guess}"]
 
 
 def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
-    """Read text by the delimiter under which a line names the signals; pandas' sniffer guesses, and
-    gives no note.
+    """Read text by the delimiter under which a line names the signals; pandas would guess it
+    without a note, and fill up lines that are too short.
     """
     text, notes = _decoded(path)
     lines = text.splitlines()
-    start, head, above = 0, lines[0] if lines else "", []
-    delimiter = max(_DELIMITERS, key=head.count)
-    for i, line in enumerate(lines[:_PREAMBLE]):
-        fit = [
-            d
-            for d in _DELIMITERS
-            if d in line and is_head(next(_cells(path, [line], d), ([], 0))[0])
-        ]
-        if fit:
-            start, delimiter = i, max(fit, key=line.count)
-            above = (
-                next(_cells(path, [lines[i - 1]], delimiter), ([], 0))[0]
-                if i and lines[i - 1][:1] != "#"
-                else []
-            )
-            break
-    # columns apart by spaces
-    if not any(d in line for line in lines[:_PREAMBLE] for d in _DELIMITERS):
-        start = next((i for i, line in enumerate(lines[:_PREAMBLE]) if is_head(line.split())), -1)
-        lines = (
-            [*lines[:start], *(" ".join(line.split()) for line in lines[start:])]
-            if start >= 0
-            else lines
-        )
-        start, delimiter = max(start, 0), " " if start >= 0 else delimiter
-    rows, numbers = [], []
-    for cells, line in _cells(path, lines[start:], delimiter):
-        if cells and cells != [""]:
-            rows.append(cells)
-            numbers.append(start + line)
-    sheet = _table(path, rows, numbers, lambda cells: True, above)
+    first = lines[:_PREAMBLE]
+    marks = [d for d in _DELIMITERS if any(d in line for line in first)]
+    if not marks and any(is_head(line.split()) for line in first):  # columns apart by spaces
+        lines, marks = [" ".join(line.split()) for line in lines], [" "]
+    split = {d: [next(_cells(path, [line], d), ([], 0))[0] for line in first] for d in marks}
+    heads = [(i, -line.count(d), d) for d, rows in split.items()
+             for i, line in enumerate(first) if is_head(rows[i])]  # fmt: skip
+    start, _, delimiter = min(heads, default=(0, 0, max(_DELIMITERS, key="".join(first[:1]).count)))
+    found = [(cells, start + line) for cells, line in _cells(path, lines[start:], delimiter)]
+    found = [(cells, line) for cells, line in found if cells and cells != [""]]
+    sheet = _table(path, [cells for cells, _ in found], [line for _, line in found], 0)
     skipped = sum(bool(line.strip()) for line in lines[:start])
-    sheet.notes = (
-        notes + [f"file: {skipped} lines above the header left out"] * (skipped > 0) + sheet.notes
-    )
+    sheet.notes = notes + _left_out(skipped) + sheet.notes
     sheet.delimiter = delimiter
     return sheet
+
+
+def _left_out(lines: int) -> list[str]:
+    return [f"file: {lines} lines above the header left out"] * (lines > 0)
 
 
 def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[str], int]]:
@@ -299,93 +286,44 @@ def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[
         ) from error
 
 
-def _table(
-    path: Path,
-    rows: list[list[str]],
-    lines: list[int],
-    is_head: Callable[[Sequence[str]], bool],
-    above: Sequence[str] = (),
-) -> Sheet:
-    """Name the columns by the first row that does, else by the first row; a row of loops above it
-    names them further.
-    """
-    start = next((i for i, row in enumerate(rows[:_PREAMBLE]) if is_head(row)), 0)
-    names = [name.strip() for name in rows[start]] if rows else []
-    while (
-        len(names) > 1
-        and not names[-1]
-        and all(len(r) < len(names) or not r[len(names) - 1].strip() for r in rows[start:])
-    ):
-        names.pop()
-    over = rows[start - 1] if start else above
-    merged = _merged(names, [c.strip() for c in over])
-    names = _distinct(merged)
-    several_times = "" in names or names != merged
-    again = rows.count(rows[start]) - 1 if rows else 0
-    if again > 0:  # exports written one after the other
-        lines = [line for i, line in enumerate(lines) if i <= start or rows[i] != rows[start]]
-        rows = [row for i, row in enumerate(rows) if i <= start or row != rows[start]]
-    body, kept = rows[start + 1 :], lines[start + 1 :]
-    even = all(len(row) == len(names) for row in body)
-    if not even:
-        body, kept = [], []
-    for row, line in () if even else zip(rows[start + 1 :], lines[start + 1 :], strict=True):
-        while len(row) > len(names) and not row[-1].strip():
-            row.pop()
-        if len(row) < len(names) and several_times:
-            # of a time column per tag, the shorter series have ended
-            row += [""] * (len(names) - len(row))
+def _table(path: Path, rows: list[list[str]], lines: list[int], start: int) -> Sheet:
+    """Name the columns by the row `start`; the rows below it are the samples."""
+    head = rows[start] if rows else []
+    if not any(name.strip() for name in head):
+        raise RecordError(
+            f"file {path} has no header line; the names of its columns are needed first"
+        )
+    names = _distinct([name.strip() for name in head])
+    below = [(row, line) for row, line in zip(rows[start + 1 :], lines[start + 1 :], strict=True)]
+    body = [(row, line) for row, line in below if row != head]  # exports one after the other
+    again = len(below) - len(body)
+    if any(len(row) != len(names) for row, _ in body):
+        while names[-1] == "" and all("" == "".join(row[len(names) - 1 :]) for row, _ in body):
+            names.pop()
+        # of a column of times per tag, the shorter series have ended
+        body = [(_fitted(row, len(names), "" in names), line) for row, line in body]
+    for row, line in body:
         if len(row) != len(names):
             raise RecordError(
                 f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are"
                 " needed"
             )
-        body.append(row)
-        kept.append(line)
-    names = [name or f"{BLANK}{i}" for i, name in enumerate(names)] if any(names) else names
-    if not any(names):
-        raise RecordError(
-            f"file {path} has no header line; the names of its columns are needed first"
-        )
+    names = [name or f"{BLANK}{i}" for i, name in enumerate(names)]
     times = Counter(n.lower() for n in names)
-    twice = next((n for n in names if n and times[n.lower()] > 1), None)
+    twice = next((n for n in names if times[n.lower()] > 1), None)
     if twice:
         raise RecordError(f"file {path}: column {twice!r} appears twice; one is needed")
-    columns = dict(
-        zip(
-            names,
-            (list(c) for c in zip(*body, strict=True)) if body else [[] for _ in names],
-            strict=True,
-        )
-    )
-    skipped = sum(any(c.strip() for c in row) for row in rows[:start])
-    note = [f"file: {skipped} lines above the header left out"] * (skipped > 0)
-    return Sheet(
-        columns,
-        kept,
-        "",
-        note + [f"file: {again} repetitions of the header left out"] * (again > 0),
-    )
+    cells = zip(*(row for row, _ in body), strict=True) if body else ([] for _ in names)
+    notes = [f"file: {again} repetitions of the header left out"] * (again > 0)
+    columns: Columns = {name: list(column) for name, column in zip(names, cells, strict=True)}
+    return Sheet(columns, [line for _, line in body], "", notes)
 
 
-def _merged(names: list[str], over: list[str]) -> list[str]:
-    """Put the names of a row above, each over several columns, before the names of the columns that
-    it covers.
-    """
-    over = (over + [""] * len(names))[: len(names)]
-    low = [n.lower() for n in names if n]
-    covers = any(over[1:]) and (not over[0] or not names[0] or len(set(low)) < len(low))
-    if not covers or len(set(filter(None, over))) >= max(len(names) - 1, 2) or not names:
-        return names
-    out, last = [], ""
-    for name, above in zip(names, over, strict=True):
-        last = above or last
-        out.append(
-            f"{last}.{name}"
-            if name and last and not (last == over[0] and name == names[0])
-            else name or above
-        )
-    return out
+def _fitted(row: list[str], size: int, shorter: bool) -> list[str]:
+    """Return a row without empty cells beyond its columns, and with those that have ended."""
+    extra = row[size:] if not "".join(row[size:]).strip() else []
+    row = row[: len(row) - len(extra)]
+    return row + [""] * (size - len(row)) if shorter else row
 
 
 def _distinct(names: list[str]) -> list[str]:
