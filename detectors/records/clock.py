@@ -175,7 +175,7 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
         if _THIS_CENTURY[0] < least / size and most / size < _THIS_CENTURY[1]:
             notes.append(f"time: {name} counts {word} since 1970")
             return t / size
-    if most > _MOST_SECONDS:
+    if least > _MOST_SECONDS:
         raise RecordError(f"{where}: {name} begins with {finite[0]:.15g}; {_NEEDED}", _COUNT)
     step = float(np.median(np.diff(finite)))
     if 0 < step < _DAY_STEP and any(first < least and most < last for first, last in _DAYS):
@@ -214,7 +214,7 @@ def _read(
 
 def _furthest(t: np.ndarray) -> int:
     """Return the first row that a reading does not understand."""
-    return int(np.argmax(np.isnan(t)))
+    return int(np.argmax(~np.isfinite(t)))
 
 
 def _number(text: str) -> float:

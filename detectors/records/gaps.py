@@ -15,7 +15,7 @@ MOST_MISSING = 0.20  # share of a record that may be missing
 _WORTH = 0.5
 # sampling periods from one sample to the next: beyond, whole numbers no longer count them
 _FURTHEST = 1e12
-_SHORTEST = 3  # samples of a record
+SHORTEST = 3  # samples of a record
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
@@ -54,7 +54,7 @@ def whole(
     if missing > MOST_MISSING * size:
         segment = hi - lo + 1
         inside = segment - int(known[(place >= lo) & (place <= hi)].sum())
-        usable = segment >= _SHORTEST and inside <= MOST_MISSING * segment
+        usable = segment >= SHORTEST and inside <= MOST_MISSING * segment
         if not (usable and longest_segment):
             sentence = (
                 f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%}"

@@ -102,30 +102,19 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
     """Take rows off a table that are no samples: below it such as sum it up, and such as repeat the
     one above.
     """
-    if not all(isinstance(c, list) for c in sheet.columns.values()):
+    if not _is_text(sheet):
         return
-    time = chosen.get("t") or next(
-        (n for n in sheet.columns if ends_with(n, words("time")) is not None), ""
-    )
-    cells, columns = sheet.columns.get(time, []), list(sheet.columns.values())
-    samples = [
-        i
-        for i, cell in enumerate(cells[-_SUMMARY:], max(len(cells) - _SUMMARY, 0))
-        if any(map(str.isdigit, str(cell)))
-    ]
+    columns, cells = list(sheet.columns.values()), sheet.columns.get(_time_name(sheet, chosen), [])
+    first = max(len(cells) - _SUMMARY, 0)
+    samples = [i for i in range(first, len(cells)) if re.search(r"\d", str(cells[i]))]
     end = samples[-1] + 1 if samples else len(cells)
-    if end < len(cells):
-        sheet.notes.append(
-            f"file: {len(cells) - end} lines below the samples left out:"
-            f" {', '.join(map(str, cells[end:]))}"
-        )
     again = {i for i in range(1, end) if cells[i] == cells[i - 1] and cells[i]}
     # where stamps are coarse, samples may be alike
-    again = (
-        again
-        if end - len(again) > 2 and all(c[i] == c[i - 1] for i in again for c in columns)
-        else set()
-    )
+    if end - len(again) < 3 or any(c[i] != c[i - 1] for i in again for c in columns):
+        again = set()
+    if end < len(cells):
+        below = ", ".join(map(str, cells[end:]))
+        sheet.notes.append(f"file: {len(cells) - end} lines below the samples left out: {below}")
     if again:
         sheet.notes.append(f"time: {len(again)} rows that repeat the one above left out")
     if again or end < len(cells):
@@ -135,47 +124,29 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
 
 
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
-    """Take rows of units or descriptions off the head of a table and return the units of its
-    columns.
+    """Take units and descriptions out of a table, in rows below its head or after every number, and
+    return the units of its columns.
     """
     units = {name: unit(name) for name in sheet.columns}
-    time = chosen.get("t") or next(
-        (n for n in sheet.columns if ends_with(n, words("time")) is not None or plain(n) == "t"),
-        None,
-    )
-    if not all(isinstance(c, list) for c in sheet.columns.values()):
+    if not _is_text(sheet):
         return units  # columns of numbers have no room for texts
+    time = _time_name(sheet, chosen)
     for _ in range(3):
-        first = {
-            n: str(c[0]).strip() for n, c in sheet.columns.items() if isinstance(c, list) and c
-        }
+        first = {n: str(c[0]).strip() for n, c in sheet.columns.items() if c}
         cells = [c for n, c in first.items() if n != time and c]
-        clock = first.get(time, "") if time else ""
         if (
             not cells
             or any(_numeric(c) or _state(c) for c in cells)
-            or any(ch.isdigit() for ch in clock)
+            or re.search(r"\d", first.get(time, ""))
         ):
             break
         units |= {n: c.strip("[]() ").lower() for n, c in first.items() if c}
         for column in sheet.columns.values():
             del column[0]  # pyright: ignore[reportIndexIssue]
-        sheet.notes.append(
-            f"file: {sheet.place(0)} taken as units or descriptions:"
-            f" {', '.join(filter(None, first.values()))}"
-        )
+        said = ", ".join(filter(None, first.values()))
+        sheet.notes.append(f"file: {sheet.place(0)} taken as units or descriptions: {said}")
         del sheet.lines[:1]
-    nameless = {
-        n: {plain(cell) for cell in c} - {""}
-        for n, c in sheet.columns.items()
-        if n.startswith(BLANK)
-    }
-    renamed = {
-        n: f"Status.{i}"
-        for i, (n, cells) in enumerate(nameless.items(), 1)
-        if cells and cells <= _MARKS
-    }
-    sheet.columns = {renamed.get(n, n): c for n, c in sheet.columns.items()}
+    sheet.columns = {_named(i, n, c): c for i, (n, c) in enumerate(sheet.columns.items())}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
         if name == time or not written or not _numeric(written[1]) or plain(written[2]) in _MARKS:
@@ -188,6 +159,20 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
         sheet.columns[name] = [c.removesuffix(mark).rstrip() for c in cells]
         units[name] = units.get(name) or mark.lower()
     return units
+
+
+def _named(place: int, name: str, cells: Sequence[object]) -> str:
+    """Return a name for a column without one that holds qualities only."""
+    said = {plain(cell) for cell in cells} - {""} if name.startswith(BLANK) else set()
+    return f"Status.{place}" if said and said <= _MARKS else name
+
+
+def _is_text(sheet: Sheet) -> bool:
+    return all(isinstance(cells, list) for cells in sheet.columns.values())
+
+
+def _time_name(sheet: Sheet, chosen: Mapping[str, str]) -> str:
+    return chosen.get("t") or next((n for n in sheet.columns if is_time(n)), "")
 
 
 def op_span(
@@ -507,15 +492,16 @@ def _judged(cells: Sequence[object], name: str, where: str) -> tuple[np.ndarray,
     texts = ["" if c is None or c != c else plain(c) for c in cells]
     means = {t: _word(t) for t in set(texts)}
     said, last = {m for t, m in means.items() if t}, _last_word(name)
-    if said and all(isinstance(m, int) for m in said):
+    numbers = {m for m in said if isinstance(m, int)}
+    if said and said == numbers:
         codes = np.array([192 if t == "" else means[t] for t in texts], dtype=int)
-        most = max(said)
+        most = max(numbers)
         if last in _FLAGS and (most <= 1 or last in ("validity", "confidence")):
             return codes == _FLAGS[last], 0
         if most < 192 and most != 128:  # which PCS 7 writes for good
             raise RecordError(
-                f"{where}: quality {name!r} holds {min(said)}; 0 to 255 with 192 as good is known,"
-                " or words",
+                f"{where}: quality {name!r} holds {min(numbers)}; 0 to 255 with 192 as good is"
+                " known, or words",
                 "--columns quality=none",
             )
         codes &= 255  # OPC UA and historians keep more above the lowest byte

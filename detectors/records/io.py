@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from simbench.detectors.record import (
 from simbench.detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
 from simbench.detectors.records.clock import CALENDAR, seconds
 from simbench.detectors.records.dialects import entries, words
-from simbench.detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, whole
+from simbench.detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, SHORTEST, whole
 from simbench.detectors.records.historian import (
     apply_quality,
     is_head,
@@ -52,6 +52,7 @@ from simbench.detectors.records.roles import (
     parse,
     plain,
     several_loops,
+    shown,
     unit,
 )
 from simbench.detectors.records.tables import BLANK, Sheet, range_of, read_sheets, read_table
@@ -273,62 +274,40 @@ def _of_file(
     tag: str | None,
     *,
     columns: Mapping[str, str] | None = None,
-    Ts: float | None = None,
     single: bool = False,
-    automatic: bool = True,
     in_columns: bool = False,
-    **about: Any,
+    **given: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:
     """Return the records of a file by tag, and what was refused; of `single` only one is asked for.
 
     A tag names the only loop where no column names one, unless it must stand `in_columns`.
     """
-    about = {k: v for k, v in about.items() if v is not None}
+    given = {k: v for k, v in given.items() if v is not None}
     chosen, where = dict(columns or {}), str(path)
-    if path.suffix.lower() == ".mat":
-        from simbench.detectors.records.isdb import read_loop
-
-        cells, facts = read_loop(path, tag)
-        Ts = Ts if Ts is not None else facts.pop("Ts", None)
-        table = _Opened(Sheet(cells), {}, None, where)
-        made = _record(
-            table,
-            find_loops(list(cells), chosen, where)[""],
-            chosen,
-            Ts,
-            {**facts, **about},
-            where,
-            automatic,
-        )
-        return {made.tag: made}, {}
     loops: dict[str, tuple[_Opened, dict[str, str]]] = {}
     tables = _opened(path, chosen, tag)
     for sheet, table in tables.items():
         names = list(table.parts or table.sheet.columns)
         only = (bool(sheet) or (tag is not None and not in_columns)) and not names_loops(names)
-        if only and not sheet and not chosen:
+        if only and not (sheet or chosen or table.about):
             table.sheet.notes.append(f"tag: no column names a loop; the only one is read as {tag}")
         try:
             named = find_loops(names, chosen, where, None if only or len(tables) > 1 else tag)
         except RecordError as error:
             raise _with_ranges(error, table) from None
         for name, roles in named.items():
-            label = (
-                (name or sheet or tag or "")
-                if len(named) > 1 or sheet or tag is not None
-                else printable(table.loop or path.stem)
-            )
+            label = name or sheet or tag or ""
+            if len(named) == 1 and not sheet and tag is None:
+                label = printable(table.loop or path.stem)
             loops[label if label not in loops else f"{sheet} {label}"] = table, roles
     mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
     if not mine or (single and len(mine) > 1):
         raise several_loops({name: roles for name, (_, roles) in loops.items()}, where)
     records, refused = {}, {}
     for label, (table, roles) in mine.items():
+        about = {"tag": printable(label or path.stem), **table.about, **given}
         try:
-            known = {"tag": printable(label or path.stem), **about}
-            records[label] = _record(
-                table.with_separate_notes(), roles, chosen, Ts, known, where, automatic
-            )
+            records[label] = _record(table.with_separate_notes(), roles, chosen, about)
         except RecordError as error:
             refused[label] = (
                 error
@@ -378,7 +357,8 @@ def _label(text: str, where: str) -> str:
 @dataclass
 class _Opened:
     """A file's table with the units of its columns and, where signals have separate times, a
-    part per tag; `loop` is the tag of one whose signals have a file each.
+    part per tag; `loop` is the tag of one whose signals have a file each, `about` what the file
+    states.
     """
 
     sheet: Sheet
@@ -386,14 +366,11 @@ class _Opened:
     parts: dict[str, Sheet] | None
     where: str
     loop: str = ""
+    about: dict[str, Any] = field(default_factory=dict)
 
     def with_separate_notes(self) -> _Opened:
         """Return the same with separate notes, for one of several loops."""
-        parts = (
-            None
-            if self.parts is None
-            else {name: replace(p, notes=[]) for name, p in self.parts.items()}
-        )
+        parts = self.parts and {name: replace(p, notes=[]) for name, p in self.parts.items()}
         return replace(self, sheet=replace(self.sheet, notes=[*self.sheet.notes]), parts=parts)
 
 
@@ -401,9 +378,15 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
     """Return a file's table, of a workbook with several those of its sheets by name, or the one
     that a tag names.
     """
+    where = str(path)
+    if path.suffix.lower() == ".mat":
+        from simbench.detectors.records.isdb import read_loop
+
+        cells, about = read_loop(path, tag)
+        return {"": _Opened(Sheet(cells), {}, None, where, about["tag"], about)}
     if not chosen and (joined := join(path)) is not None:
         sheet = Sheet({}, notes=[*joined.notes])
-        return {"": _Opened(sheet, joined.units, joined.parts, str(path), joined.tag)}
+        return {"": _Opened(sheet, joined.units, joined.parts, where, joined.tag)}
     sheets = read_sheets(path, lambda cells: is_head(cells, chosen))
     if len(sheets) > 1 and tag is not None:
         sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets
@@ -412,7 +395,7 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
         take_rows(sheet, chosen)
         units = take_units(sheet, chosen)
         _join_dates(sheet)
-        out[name if several else ""] = _Opened(sheet, units, unfold(sheet), str(path))
+        out[name if several else ""] = _Opened(sheet, units, unfold(sheet), where)
     return out
 
 
@@ -422,65 +405,41 @@ def _with_ranges(error: RecordError, table: _Opened) -> RecordError:
     """
     if f"={ASKED}" not in error.cure:
         return error
-    cells = {
-        n: c
-        for part in (table.parts or {"": table.sheet}).values()
-        for n, c in part.columns.items()
-    }
+    cells = table.sheet.columns
     if table.parts:
         cells = {name: list(part.columns.values())[-1] for name, part in table.parts.items()}
-    named = [(n, c) for n, c in cells.items() if not n.startswith(BLANK)]
-    ranges = ", ".join(f"{n[:60]} ({range_of(c)})" for n, c in named[:12]) + (
-        ", ..." if len(named) > 12 else ""
-    )
-    return RecordError(f"{error.sentence}; columns are: {ranges}", error.cure)
+    ranges = [f"{n[:60]} ({range_of(c)})" for n, c in cells.items() if not n.startswith(BLANK)]
+    return RecordError(f"{error.sentence}; columns are: {shown(ranges, 90)}", error.cure)
 
 
 def _record(
-    table: _Opened,
-    roles: dict[str, str],
-    chosen: Mapping[str, str],
-    Ts: float | None,
-    about: dict,
-    where: str,
-    automatic: bool,
+    table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], about: dict[str, Any]
 ) -> LoopRecord:
+    """Return the record of one loop of a table, with the notes on all that was done to it."""
+    sheet, where, longest = table.sheet, table.where, bool(about.pop("longest_segment", False))
+    automatic, Ts = about.pop("automatic", True), about.pop("Ts", None)
     if Ts is not None and not 0 < Ts < np.inf:
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
-    sheet, longest = table.sheet, bool(about.pop("longest_segment", False))
     for role in ("pv", "op"):
         if role not in roles:
             names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
             raise _with_ranges(no_column(role, roles, names, where), table)
-    other = [
-        (r, n) for r, n in roles.items() if r not in (MODE, *chosen) and (not parse(n).is_standard)
-    ]
-    sheet.notes += [f"columns: {role.upper()} is {name!r}" for role, name in other]
-    modes, given = None, Ts
-    if table.parts is None:
-        t, signals, modes = _wide(table, roles, chosen, Ts, where)
-    else:
-        parts = {role: table.parts[name] for role, name in roles.items()}
-        t, signals, given = _long({r: p for r, p in parts.items() if r != MODE}, chosen, Ts, where)
-        if MODE in parts:
-            when, words = read_series(parts[MODE], MODE, where, chosen)
-            modes = last_known(t, when, words, "")
-        sheet.notes += [note for part in parts.values() for note in part.notes]
-    if t.size < 3:
-        raise RecordError(f"{where}: {t.size} samples; at least 3 are needed")
+    other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen)]
+    sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if not parse(n).is_standard]
+    read = _wide if table.parts is None else _long
+    t, signals, modes, given = read(table, roles, chosen, Ts)
+    if t.size < SHORTEST:
+        raise RecordError(f"{where}: {t.size} samples; at least {SHORTEST} are needed")
     named = table.units.get(roles["op"]) or unit(roles["op"])
     span = op_span(named, about.get("op_span"), signals["op"], where, sheet.notes)
     about |= {} if span is None else {"op_span": span}
     held = None if modes is None else _mode_held(modes, roles[MODE], sheet.notes)
-    if held is not None and automatic:
-        t, signals, share = _automatic(t, signals, held, sheet.notes)
-        about = {**about, "meta": {"automatic": share, **about.get("meta", {})}}
+    meta: dict[str, Any] = {}
     began, recorded = float(t[0]), t
-    series = {
-        r: (t[np.isfinite(x)], x[np.isfinite(x)])
-        for r, x in signals.items()
-        if np.isfinite(x).any()
-    }
+    if held is not None and automatic:
+        t, signals, meta["automatic"] = _automatic(t, signals, held, sheet.notes)
+        began = float(t[0])
+    series = {r: _known(t, x) for r, x in signals.items() if np.isfinite(x).any()}
     if given is None and _on_change(t, series):
         t, signals, Ts, notes = hold(series, base_step(t), where)
         late = [r for r, x in signals.items() if not np.isfinite(x).all()]
@@ -491,7 +450,8 @@ def _record(
         t, signals, notes = whole(t, signals, Ts, where, longest)
     begins = float(t[0]) + (0.0 if t[0] >= began else began)
     if began > CALENDAR:  # events are shared by records of the same time only
-        about = {**about, "meta": {"start": begins, **about.get("meta", {})}}
+        meta["start"] = begins
+    about["meta"] = {**meta, **about.get("meta", {})}
     record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
     if held is not None and not automatic and (held == MAN).any():
         times = begins + (np.arange(record.n) + 0.5) * Ts
@@ -557,32 +517,24 @@ def _outside(record: LoopRecord, where: str) -> list[str]:
     return notes
 
 
-def _wide(
-    table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None, where: str
-):
-    """Read a table with a column per signal: times, signals and modes as they stand in it, NaN
-    where unknown.
+def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None):
+    """Read a table with a column per signal: times, signals (NaN where unknown), modes, and the
+    sampling period where it is given.
     """
-    sheet, units = table.sheet, table.units
+    sheet, where = table.sheet, table.where
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
     signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
     apply_quality(sheet, roles, signals, where, chosen)
     n = signals["pv"].size
-    if n < 3:
-        raise RecordError(f"{where}: {n} samples; at least 3 are needed")
+    if n < SHORTEST:
+        raise RecordError(f"{where}: {n} samples; at least {SHORTEST} are needed")
     modes = mode(sheet.columns[roles[MODE]]) if MODE in roles else None
     if Ts is not None:
-        return np.arange(n) * float(Ts), signals, modes
+        return np.arange(n) * float(Ts), signals, modes, Ts
     name = find_time(list(sheet.columns), chosen, where)
     if name is None:
-        name = next(
-            (
-                n
-                for n, cells in sheet.columns.items()
-                if n not in roles.values() and is_stamped(cells)
-            ),
-            None,
-        )
+        free = {n: cells for n, cells in sheet.columns.items() if n not in roles.values()}
+        name = next((n for n, cells in free.items() if is_stamped(cells)), None)
         sheet.notes += [] if name is None else [f"time: {name!r} holds time stamps"]
     if name is None:
         names = ", ".join(words("time")[:6])
@@ -590,19 +542,35 @@ def _wide(
             f"{where}: no time column ({names}) and no sampling period Ts given; either is needed",
             "--ts 1",
         )
+    # where every row holds the value of one signal, the next may have the same time
+    apart = not np.any(np.isfinite(signals["op"]) & np.isfinite(signals["pv"]))
     t = seconds(
         sheet.columns[name],
         name,
         where,
-        unit=units.get(name, ""),
+        unit=table.units.get(name, ""),
         place=sheet.place,
         notes=sheet.notes,
+        again=apart,
         signals=signals,
     )
     if t[0] > t[-1]:
         t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}
         modes = None if modes is None else modes[::-1]
-    return t, signals, modes
+    if not apart:
+        return t, signals, modes, None
+    series = {role: _known(t, x) for role, x in signals.items()}
+    times, signals, Ts = _together(series, None, where, sheet.notes)
+    modes = modes if modes is None else last_known(times, t, modes, "")
+    return times, signals, modes, Ts
+
+
+def _known(t: np.ndarray, x: np.ndarray) -> Series:
+    """Return the samples that are known; of two at one time the later one holds."""
+    known = np.isfinite(x)
+    t, x = t[known], x[known]
+    last = np.append(np.diff(t) > 0, True)[: t.size]
+    return t[last], x[last]
 
 
 def _join_dates(sheet: Sheet) -> None:
@@ -628,15 +596,27 @@ def _join_dates(sheet: Sheet) -> None:
     ]
 
 
-def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | None, where: str):
-    """Put the tags of a long table side by side; returns also the sampling period, where it was
+def _long(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None):
+    """Read a table whose signals have separate times, as `_wide` does another."""
+    parts, where = {role: (table.parts or {})[name] for role, name in roles.items()}, table.where
+    series = {role: read_series(part, role, where, chosen) for role, part in parts.items()}
+    stored = series.pop(MODE, None)
+    notes: list[str] = []
+    t, signals, given = _together(series, Ts, where, notes)
+    modes = None if stored is None else last_known(t, *stored, "")
+    table.sheet.notes += [note for part in parts.values() for note in part.notes] + notes
+    return t, signals, modes, given
+
+
+def _together(series: Mapping[str, Series], Ts: float | None, where: str, remarks: list[str]):
+    """Put signals with separate times side by side; returns also the sampling period, where it was
     needed to do so.
     """
-    series = {role: read_series(part, role, where, chosen) for role, part in parts.items()}
     for role in ("op", "pv"):
-        if series[role][0].size < 3:
+        if series[role][0].size < SHORTEST:
             raise RecordError(
-                f"{where}: {series[role][0].size} samples of {role.upper()}; at least 3 are needed"
+                f"{where}: {series[role][0].size} samples of {role.upper()}; at least {SHORTEST}"
+                " are needed"
             )
     times = np.unique(np.concatenate([series["op"][0], series["pv"][0]]))
     step = base_step(times)
@@ -666,7 +646,7 @@ def _long(parts: Mapping[str, Sheet], chosen: Mapping[str, str], Ts: float | Non
         )
         raise RecordError(sentence, f"--ts {usual:.3g}")
     t, signals, step, notes = hold(series, Ts, where)
-    parts["pv"].notes += notes or [
+    remarks += notes or [
         "archive: OP and PV have times of their own; OP is the last value before each PV"
     ]
     return t, signals, step

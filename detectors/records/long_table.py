@@ -16,7 +16,6 @@ from simbench.detectors.records.roles import ends_with, is_quality, is_time, par
 from simbench.detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
-_LOOKED = 60  # rows by which a table is recognised to hold one value each
 _TIMES = ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t")
 PART_TIME = "t"  # the column of times in a part
 
@@ -29,31 +28,7 @@ def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
     columns = long_columns(names)
     if columns is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
         return _long(sheet, *columns)
-    return _paired(sheet) or _interleaved(sheet)
-
-
-def _interleaved(sheet: Sheet) -> dict[str, Sheet] | None:
-    """Take apart a table with a column per signal in which every row holds the value of one."""
-    names = [
-        n for n, c in sheet.columns.items() if parse(n).role is not None and isinstance(c, list)
-    ]
-    time = next((n for n in sheet.columns if is_time(n)), None)
-    begin = [sheet.columns[n][:_LOOKED] for n in names]
-    if not all(isinstance(cell, str) for cells in begin for cell in cells):
-        return None
-    there = {parse(n).role for n, cells in zip(names, begin, strict=True) if any(cells)}
-    if (
-        time is None
-        or not {"pv", "op"} <= there
-        or any(sum(map(bool, row)) > 1 for row in zip(*begin, strict=True))
-    ):
-        return None
-    parts = {}
-    for name in names:
-        parts[name] = sheet.part(
-            {PART_TIME: time, name: name}, [i for i, cell in enumerate(sheet.columns[name]) if cell]
-        )
-    return parts
+    return _paired(sheet)
 
 
 def read_series(

@@ -287,9 +287,9 @@ def unit(name: str) -> str:
     return time[1] if time else parse(name).unit
 
 
-def shown(names: Sequence[str]) -> str:
+def shown(names: Sequence[str], width: int = 60) -> str:
     """Return the first names of many, for a message."""
-    return ", ".join(str(name)[:60] for name in names[:12]) + (", ..." if len(names) > 12 else "")
+    return ", ".join(name[:width] for name in names[:12]) + (", ..." if len(names) > 12 else "")
 
 
 def ends_with(name: str, among: Sequence[str]) -> list[str] | None:

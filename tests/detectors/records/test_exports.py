@@ -699,18 +699,28 @@ QUIET = {
 }
 
 
+def export(name):
+    """Return what a file holds, the end of its name, and the options with which it is read."""
+    content, suffix, options = (
+        READ[name] if isinstance(READ[name], tuple) else (READ[name], "csv", {})
+    )
+    return content, suffix, {**options, **ASKING.get(name, ("", {}))[1]}
+
+
+@pytest.mark.parametrize("name", ASKING)
+def test_what_names_or_times_leave_open_is_asked_for(tmp_path, name):
+    content, suffix, options = export(name)
+    asked, given = ASKING[name]
+    known = {key: value for key, value in options.items() if key not in given}
+    with pytest.raises(RecordError) as caught:
+        read_record(written(tmp_path, content, suffix), **known)
+    assert asked in caught.value.cure
+
+
 @pytest.mark.parametrize("name", READ)
 def test_export_is_read_right(tmp_path, name):
-    export = READ[name] if isinstance(READ[name], tuple) else (READ[name], "csv", {})
-    content, suffix, options = export
-    file = written(tmp_path, content, suffix)
-    if name in ASKING:
-        asked, given = ASKING[name]
-        with pytest.raises(RecordError) as caught:
-            read_record(file, **options)
-        assert asked in caught.value.cure
-        options = {**options, **given}
-    record = read_record(file, **options)
+    content, suffix, options = export(name)
+    record = read_record(written(tmp_path, content, suffix), **options)
     assert right(record, "compressed" in name), (record.n, record.Ts, record.notes)
     assert NOTES.get(name, "") in " | ".join(record.notes)
     assert not (name in QUIET and record.notes)

@@ -114,8 +114,7 @@ def test_every_export_reaches_every_verb_as_the_same_record(
     tmp_path, caught, monkeypatch, verb, step
 ):
     for name in list(exports.READ)[READERS.index(verb) % step :: step]:
-        export = exports.READ[name]
-        content, suffix, options = export if isinstance(export, tuple) else (export, "csv", {})
+        content, suffix, options = exports.export(name)
         file = exports.written(tmp_path, content, suffix)
         words = VERBS[verb].format(f=file).split()
         asked = {"columns": "--columns", "tag": "--tag", "Ts": "--ts"}
