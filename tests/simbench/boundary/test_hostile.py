@@ -3,6 +3,7 @@ sentence each.
 """
 
 import os
+from importlib import import_module
 from importlib.resources import files
 
 import numpy as np
@@ -149,11 +150,8 @@ def test_a_folder_closed_to_its_reader_is_named(here):
     root = os.geteuid() == 0
     here.chmod(0o777)
     # the other user could not read what is imported later
-
-    import matplotlib.font_manager  # noqa: F401
-
-    import simbench.trust.command  # noqa: F401
-
+    for module in ("email.parser", "matplotlib.font_manager", "simbench.trust.command"):
+        import_module(module)
     if root:
         for above in (here, *list(here.parents)[:3]):
             above.chmod(above.stat().st_mode | 0o011)
