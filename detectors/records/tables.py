@@ -262,9 +262,12 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     heads = [(i, -line.count(d), d) for d, rows in split.items()
              for i, line in enumerate(first) if is_head(rows[i])]  # fmt: skip
     start, _, delimiter = min(heads, default=(0, 0, max(_DELIMITERS, key="".join(first[:1]).count)))
-    found = [(cells, start + line) for cells, line in _cells(path, lines[start:], delimiter)]
-    found = [(cells, line) for cells, line in found if cells and cells != [""]]
-    sheet = _table(path, [cells for cells, _ in found], [line for _, line in found], 0)
+    rows, numbers = [], []
+    for cells, line in _cells(path, lines[start:], delimiter):
+        if cells and cells != [""]:
+            rows.append(cells)
+            numbers.append(start + line)
+    sheet = _table(path, rows, numbers, 0)
     skipped = sum(bool(line.strip()) for line in lines[:start])
     sheet.notes = notes + _left_out(skipped) + sheet.notes
     sheet.delimiter = delimiter
@@ -294,29 +297,30 @@ def _table(path: Path, rows: list[list[str]], lines: list[int], start: int) -> S
             f"file {path} has no header line; the names of its columns are needed first"
         )
     names = _distinct([name.strip() for name in head])
-    below = [(row, line) for row, line in zip(rows[start + 1 :], lines[start + 1 :], strict=True)]
-    body = [(row, line) for row, line in below if row != head]  # exports one after the other
-    again = len(below) - len(body)
-    if any(len(row) != len(names) for row, _ in body):
-        while names[-1] == "" and all("" == "".join(row[len(names) - 1 :]) for row, _ in body):
+    body, lines, again = rows[start + 1 :], lines[start + 1 :], rows.count(head) - 1
+    if again:  # exports one after the other
+        lines = [line for row, line in zip(body, lines, strict=True) if row != head]
+        body = [row for row in body if row != head]
+    if any(len(row) != len(names) for row in body):
+        while names[-1] == "" and all("" == "".join(row[len(names) - 1 :]) for row in body):
             names.pop()
         # of a column of times per tag, the shorter series have ended
-        body = [(_fitted(row, len(names), "" in names), line) for row, line in body]
-    for row, line in body:
-        if len(row) != len(names):
-            raise RecordError(
-                f"{path}, line {line}: {len(row)} cells; the header has {len(names)}, as many are"
-                " needed"
-            )
+        body = [_fitted(row, len(names), "" in names) for row in body]
+    odd = next((i for i, row in enumerate(body) if len(row) != len(names)), None)
+    if odd is not None:
+        raise RecordError(
+            f"{path}, line {lines[odd]}: {len(body[odd])} cells; the header has {len(names)}, as"
+            " many are needed"
+        )
     names = [name or f"{BLANK}{i}" for i, name in enumerate(names)]
     times = Counter(n.lower() for n in names)
     twice = next((n for n in names if times[n.lower()] > 1), None)
     if twice:
         raise RecordError(f"file {path}: column {twice!r} appears twice; one is needed")
-    cells = zip(*(row for row, _ in body), strict=True) if body else ([] for _ in names)
+    cells = zip(*body, strict=True) if body else ([] for _ in names)
     notes = [f"file: {again} repetitions of the header left out"] * (again > 0)
     columns: Columns = {name: list(column) for name, column in zip(names, cells, strict=True)}
-    return Sheet(columns, [line for _, line in body], "", notes)
+    return Sheet(columns, lines, "", notes)
 
 
 def _fitted(row: list[str], size: int, shorter: bool) -> list[str]:
