@@ -63,7 +63,7 @@ CALENDAR = 1e8  # s since 1970 from which a time is one of the calendar
 _HOUR = 3600.0  # s by which clocks are set forward in spring, and back in autumn
 _REGULAR, _MOSTLY = 0.01, 0.8  # of the usual step that one may differ, and how many steps must not
 _FEW_ALIKE = 0.01  # share of times given twice, up to which the clock is as fine as the samples
-_NEEDED = "seconds, or a time stamp like 2024-05-31 14:05:00, is needed"
+_NEEDED = "seconds, or a timestamp like 2024-05-31 14:05:00, is needed"
 _COUNT = "--ts SECONDS"  # counts the samples in place of the clock
 
 
@@ -207,8 +207,9 @@ def _read(
     reading = max(readings.values(), key=_furthest)
     row = _furthest(reading)
     step = float(np.median(np.diff(reading[:row]))) if row > 1 else np.nan
-    # rows that begin with the newest must not be counted, and a time that is missing is no sample's
-    cure = "" if step <= 0 or not all(texts) else f"--ts {step:g}" if step > 0 else _COUNT
+    # rows that begin with the newest must not be counted, nor such as are no samples
+    samples = all(re.search(r"\d", text) for text in texts)
+    cure = "" if step <= 0 or not samples else f"--ts {step:g}" if step > 0 else _COUNT
     raise RecordError(f"{where}, {place(row)}: {name} is {texts[row]!r}; {_NEEDED}", cure)
 
 
@@ -239,7 +240,7 @@ def _stamps(texts: list[str]) -> dict[str, np.ndarray]:
     """
     import pandas as pd
 
-    cells, out = pd.Series(texts), {}
+    cells, out = pd.Series([" ".join(text.split()) for text in texts]), {}
     decimal = cells.str.replace(",", ".")
     for form in _FORMS:
         written = decimal if "%f" in form else cells

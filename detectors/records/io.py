@@ -425,7 +425,7 @@ def _record(
             names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
             raise _with_ranges(no_column(role, roles, names, where), table)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen)]
-    sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if not parse(n).is_standard]
+    sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if parse(n).word != r]
     read = _wide if table.parts is None else _long
     t, signals, modes, given = read(table, roles, chosen, Ts)
     if t.size < SHORTEST:
@@ -592,7 +592,8 @@ def _join_dates(sheet: Sheet) -> None:
             for c, ms in zip(clocks, parts, strict=True)
         ]
     sheet.columns[date] = sheet.columns[clock] = [
-        f"{str(d).split(' ')[0]} {c}" for d, c in zip(dates, clocks, strict=True)
+        f"{str(d).strip().split(' ')[0]} {str(c).strip()}"
+        for d, c in zip(dates, clocks, strict=True)
     ]
 
 

@@ -51,11 +51,6 @@ class Name:
     word: str
     unit: str
 
-    @property
-    def is_standard(self) -> bool:
-        """Whether the signal is called by its standard name."""
-        return self.word == self.role
-
 
 @lru_cache(4096, typed=True)
 def plain(text: object) -> str:
@@ -169,7 +164,7 @@ def _picked(
         best = (
             [n for n in among if plain(n) == role]
             or [n for n in among if role == MODE and "actual" in plain(n)]
-            or [n for n in among if parse(n).is_standard]
+            or [n for n in among if parse(n).word == role]
             or among
         )
         if len(best) > 1:

@@ -305,7 +305,8 @@ def _table(path: Path, rows: list[list[str]], lines: list[int], start: int) -> S
         while names[-1] == "" and all("" == "".join(row[len(names) - 1 :]) for row in body):
             names.pop()
         # of a column of times per tag, the shorter series have ended
-        body = [_fitted(row, len(names), "" in names) for row in body]
+        shorter = "" in names or any(name.endswith(".1") for name in names)
+        body = [_fitted(row, len(names), shorter) for row in body]
     odd = next((i for i, row in enumerate(body) if len(row) != len(names)), None)
     if odd is not None:
         raise RecordError(

@@ -157,6 +157,16 @@ READ = {
         ALL,
         "%Y-%m-%d %H:%M:%S",
     ),
+    "pi: sampled, shorter rows where a series has ended": paired(
+        ("Time", "FIC101.PV", "Time", "FIC101.OP", "Time", "FIC101.SP"),
+        {**ALL, "SP": [0]},
+        "%Y-%m-%d %H:%M:%S",
+    )
+    .replace(",,\n", "\n")
+    .removesuffix(",,"),
+    "two spaces between date and time": wide(
+        "Date, Time,PV,OP,SP", stamps("%d/%m/%Y "), stamps(" %H:%M:%S"), PV, OP, SP
+    ),
     "pi: server in the path": three(
         "Timestamp", r"\\PISRV\FIC101.PV", r"\\PISRV\FIC101.OP", r"\\PISRV\FIC101.SP", WORDS
     ),
@@ -671,6 +681,7 @@ pi: sampled with status | 2 samples that 'Status' calls bad count as missing
 compressed, long | archive: PV holds its last stored value
 compressed, wide | archive: OP holds its last stored value
 foxboro | PV is 'UNIT1:FIC101.MEAS'
+yokogawa: MV and SV | OP is 'FIC101.MV'
 deltav: parameters | OP is 'FIC101/PID1/OUT.CV'
 ignition: milliseconds | counts milliseconds since 1970
 elapsed minutes | is in min
@@ -1111,6 +1122,15 @@ def test_a_tag_names_the_loop_of_a_file_whose_columns_name_none_but_not_of_every
 def test_the_time_of_the_calendar_is_kept(tmp_path):
     record = read_record(written(tmp_path, three("Time", "PV", "OP", "SP"), "csv"))
     assert record.meta["start"] == pytest.approx((START - datetime(1970, 1, 1)).total_seconds())
+
+
+@pytest.mark.parametrize("line", ["Average,1210,50,1210", ",1210,50,1210"])
+def test_rows_that_may_be_no_samples_are_never_to_be_counted(tmp_path, line):
+    head, *lines = three("Time", "PV", "OP", "SP").splitlines()
+    file = written(tmp_path, "\n".join([head, *lines[:100], line, *lines[100:]]), "csv")
+    with pytest.raises(RecordError, match=r"line 102: Time is '(Average)?'") as caught:
+        read_record(file)
+    assert caught.value.cure == ""
 
 
 LONG = "%Y-%m-%d %H:%M:%S"
