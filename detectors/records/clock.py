@@ -203,7 +203,7 @@ def _read(
         readings |= _stamps(texts)
     whole = {form: t for form, t in readings.items() if np.isfinite(t).all()}
     if whole:
-        return _likeliest(whole, name, where, notes)
+        return _likeliest(whole, name, notes)
     reading = max(readings.values(), key=_furthest)
     row = _furthest(reading)
     step = float(np.median(np.diff(reading[:row]))) if row > 1 else np.nan
@@ -250,24 +250,13 @@ def _stamps(texts: list[str]) -> dict[str, np.ndarray]:
     return out
 
 
-def _likeliest(whole: dict[str, np.ndarray], name: str, where: str, notes: list[str]) -> np.ndarray:
+def _likeliest(whole: dict[str, np.ndarray], name: str, notes: list[str]) -> np.ndarray:
     """Choose between readings: where they differ in their steps, time that rises without a jump of
     days decides.
     """
     rising = {f: t for f, t in whole.items() if np.all(np.diff(t) > 0)} or whole
-    spans = sorted((float(t[-1] - t[0]), f) for f, t in rising.items())
-    form = spans[0][1]
-    others = [
-        f for s, f in spans[1:] if not np.allclose(np.diff(rising[f]), np.diff(rising[spans[0][1]]))
-    ]
-    if others:
-        largest = [float(np.diff(rising[f]).max()) for f in (form, others[0])]
-        if largest[0] > 0.1 * largest[1]:
-            sentence = (
-                f"{where}: {name} can be read as {form} and as {others[0]}; write dates as"
-                " 2024-05-31"
-            )
-            raise RecordError(sentence, f"--ts {float(np.median(np.diff(rising[form]))):g}")
+    form = min(rising, key=lambda f: (float(rising[f][-1] - rising[f][0]), f))
+    if not all(np.allclose(np.diff(t), np.diff(rising[form])) for t in rising.values()):
         notes.append(
             f"time: {name} read as {form}, as any other order of day and month leaves holes of days"
         )

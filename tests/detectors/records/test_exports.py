@@ -628,6 +628,28 @@ READ = {
     ),
     "time in brackets": wide("t [ms],PV,OP,SP", 5000 * K, PV, OP, SP),
     "elapsed minutes": wide("Elapsed (min),PV,OP,SP", [f"{k / 12:.6f}" for k in K], PV, OP, SP),
+    "day first, over midnight": wide(
+        "Time,PV,OP,SP",
+        [(t + timedelta(minutes=65)).strftime("%d/%m/%Y %H:%M:%S") for t in T],
+        PV,
+        OP,
+        SP,
+    ),
+    "a number for no data": wide(
+        "Time,PV,OP,SP",
+        stamps(),
+        [-9999 if k in (40, 41) else v for k, v in enumerate(PV)],
+        OP,
+        SP,
+    ),
+    "compressed, long": (
+        "Tag,Time,Value\n" + rows("%Y-%m-%d %H:%M:%S", "{n},{t},{v}", keep=COMPRESSED)
+    ),
+    "compressed, wide": wide(
+        "Time,PV,OP,SP",
+        stamps(),
+        *([v if k in COMPRESSED[n] else "" for k, v in enumerate(x)] for n, x in LOOP),
+    ),
     "flag named bad": wide("Time,PV,PV_bad,OP", stamps(), BAD, [int(k in (40, 41)) for k in K], OP),
     "two exports in one file": "".join(
         three("Time", "PV", "OP", "SP").splitlines(True)[i]
@@ -730,6 +752,7 @@ def test_what_names_or_times_leave_open_is_asked_for(tmp_path, name):
 
 @pytest.mark.parametrize("name", READ)
 def test_export_is_read_right(tmp_path, name):
+    assert {*NOTES, *QUIET, *ASKING} <= {*READ}
     content, suffix, options = export(name)
     record = read_record(written(tmp_path, content, suffix), **options)
     assert right(record, "compressed" in name), (record.n, record.Ts, record.notes)
