@@ -163,7 +163,6 @@ def _picked(
             continue
         best = (
             [n for n in among if plain(n) == role]
-            or [n for n in among if role == MODE and "actual" in plain(n)]
             or [n for n in among if parse(n).word == role]
             or among
         )

@@ -302,8 +302,6 @@ def _table(path: Path, rows: list[list[str]], lines: list[int], start: int) -> S
         lines = [line for row, line in zip(body, lines, strict=True) if row != head]
         body = [row for row in body if row != head]
     if any(len(row) != len(names) for row in body):
-        while names[-1] == "" and all("" == "".join(row[len(names) - 1 :]) for row in body):
-            names.pop()
         # of a column of times per tag, the shorter series have ended
         shorter = "" in names or any(name.endswith(".1") for name in names)
         body = [_fitted(row, len(names), shorter) for row in body]

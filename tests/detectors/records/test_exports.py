@@ -1156,6 +1156,17 @@ def test_rows_that_may_be_no_samples_are_never_to_be_counted(tmp_path, line):
     assert caught.value.cure == ""
 
 
+def test_of_two_columns_for_a_signal_the_one_of_its_plain_name_is_taken_else_one_is_asked_for(
+    tmp_path,
+):
+    cells = stamps(), PV, [x + 1 for x in PV], OP
+    record = read_record(written(tmp_path, wide("Time,PV,PV_avg,OP", *cells), "csv"))
+    assert np.array_equal(record.pv, PV)
+    with pytest.raises(RecordError, match=r"PV\.raw or PV_avg may be PV") as caught:
+        read_record(written(tmp_path, wide("Time,PV.raw,PV_avg,OP", *cells), "csv"))
+    assert caught.value.cure == "--columns pv=NAME"
+
+
 LONG = "%Y-%m-%d %H:%M:%S"
 # what is open -> (content, part of the question)
 OPEN = {
