@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from simbench.detectors.errors import RecordError, nearest
+from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.roles import (
@@ -310,8 +310,6 @@ def apply_quality(
     if asked.lower() == "none":
         return
     names = [n for n in sheet.columns if n not in roles.values()]
-    if asked and asked not in names:
-        raise RecordError(f"{where}: no column {asked!r} for quality, {nearest(asked, names)}")
     names = [n for n in names if (n == asked if asked else is_quality(n))]
     known = [n for n in names if _last_word(n) in _FIXED_MEANING]
     for name in names:

@@ -43,6 +43,7 @@ from simbench.detectors.records.one_signal import join, signal_files
 from simbench.detectors.records.roles import (
     ASKED,
     MODE,
+    QUALITY_OF,
     SIGNALS,
     find_loops,
     find_time,
@@ -390,12 +391,15 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
     sheets = read_sheets(path, lambda cells: is_head(cells, chosen))
     if len(sheets) > 1 and tag is not None:
         sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets
-    several, out = len(sheets) > 1, {}
+    several, out, quality = len(sheets) > 1, {}, chosen.get(QUALITY_OF, "none")
     for name, sheet in sheets.items():
+        if quality.lower() != "none" and quality not in sheet.columns:
+            known = nearest(quality, sheet.columns)
+            raise RecordError(f"{where}: no column {quality!r} for quality, {known}")
         take_rows(sheet, chosen)
         units = take_units(sheet, chosen)
         _join_dates(sheet)
-        out[name if several else ""] = _Opened(sheet, units, unfold(sheet), where)
+        out[name if several else ""] = _Opened(sheet, units, unfold(sheet, quality), where)
     return out
 
 
@@ -407,7 +411,8 @@ def _with_ranges(error: RecordError, table: _Opened) -> RecordError:
         return error
     cells = table.sheet.columns
     if table.parts:
-        cells = {name: list(part.columns.values())[-1] for name, part in table.parts.items()}
+        # of a part: its times, its values, and a quality
+        cells = {name: list(part.columns.values())[1] for name, part in table.parts.items()}
     ranges = [f"{n[:60]} ({range_of(c)})" for n, c in cells.items() if not n.startswith(BLANK)]
     return RecordError(f"{error.sentence}; columns are: {shown(ranges, 90)}", error.cure)
 

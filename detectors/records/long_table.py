@@ -20,15 +20,15 @@ _TIMES = ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t")
 PART_TIME = "t"  # the column of times in a part
 
 
-def unfold(sheet: Sheet) -> dict[str, Sheet] | None:
+def unfold(sheet: Sheet, quality: str = "") -> dict[str, Sheet] | None:
     """Take a table apart whose signals have separate times, tag by tag; None where they share
-    one.
+    one. `quality` is the name of a column that is one, besides those whose names say so.
     """
     names = list(sheet.columns)
     columns = long_columns(names)
     if columns is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
-        return _long(sheet, *columns)
-    return _paired(sheet)
+        return _long(sheet, *columns, quality)
+    return _paired(sheet, quality)
 
 
 def read_series(
@@ -59,7 +59,7 @@ def read_series(
     return t[known & last], x[known & last]
 
 
-def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, Sheet]:
+def _long(sheet: Sheet, time: str, tags: list[str], value: str, quality: str) -> dict[str, Sheet]:
     cells = [sheet.columns[name] for name in tags]
     tag_of_row = [str(v).strip() for v in cells[0]]
     if len(tags) > 1 and not {"pv", "op"} <= {parse(n).role for n in set(tag_of_row)}:
@@ -67,15 +67,15 @@ def _long(sheet: Sheet, time: str, tags: list[str], value: str) -> dict[str, She
     rows: dict[str, list[int]] = {}
     for i, name in enumerate(tag_of_row):
         rows.setdefault(name, []).append(i)
-    others = [n for n in sheet.columns if is_quality(n) and n not in (time, value, *tags)]
-    also = {n: n for n in others}
+    others = [n for n in sheet.columns if n not in (time, value, *tags)]
+    also = {n: n for n in others if is_quality(n) or n == quality}
     return {
         name: sheet.part({PART_TIME: time, name or "value": value, **also}, mine)
         for name, mine in rows.items()
     }
 
 
-def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
+def _paired(sheet: Sheet, quality: str) -> dict[str, Sheet] | None:
     """Take apart a table that has a column of times before every signal, as PI DataLink writes
     compressed data.
     """
@@ -101,7 +101,7 @@ def _paired(sheet: Sheet) -> dict[str, Sheet] | None:
             for i, c in enumerate(sheet.columns[time])
             if str(c if c is not None else "").strip() not in ("", "NaT")
         ]
-        after = {n: n for n in names[at + 1 : at + 2] if is_quality(n)}
+        after = {n: n for n in names[at + 1 : at + 2] if is_quality(n) or n == quality}
         parts[name] = sheet.part({PART_TIME: time, name: value, **after}, there)
     return parts if len(parts) > 1 and {"pv", "op"} <= {parse(n).role for n in parts} else None
 

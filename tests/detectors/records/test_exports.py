@@ -1156,6 +1156,47 @@ def test_rows_that_may_be_no_samples_are_never_to_be_counted(tmp_path, line):
     assert caught.value.cure == ""
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        wide("Time,PV,OP,Trust", stamps(), BAD, OP, FLAG),
+        "Tag,Time,Value,Trust\n"
+        + "".join(
+            f"{n},{t},{x[k]},{FLAG[k] if n == 'PV' else 'Good'}\n"
+            for k, t in enumerate(stamps())
+            for n, x in (("PV", BAD), ("OP", OP))
+        ),
+        wide("Time,PV,Trust,Time,OP", stamps(), BAD, FLAG, stamps(), OP),
+    ],
+)
+def test_the_column_that_is_named_as_the_quality_counts_whatever_the_table_is_like(
+    tmp_path, content
+):
+    file = written(tmp_path, content, "csv")
+    record = read_record(file, columns={"quality": "Trust"})
+    assert "quality: 2 samples that 'Trust' calls bad count as missing" in record.notes
+    assert np.abs(record.pv - PV).max() < 5 * BAND_PV
+    with pytest.raises(RecordError, match="no column 'Trst' for quality, did you mean 'Trust'"):
+        read_record(file, columns={"quality": "Trst"})
+
+
+def test_codes_of_opc_are_bad_below_64_and_uncertain_below_192_whatever_stands_above_a_byte(
+    tmp_path,
+):
+    codes = [{40: 63, 41: 0, 50: 64, 51: 191, 60: 192 + 1024}.get(int(k), 192) for k in K]
+    record = read_record(
+        written(tmp_path, wide("Time,PV,OP,Quality", stamps(), BAD, OP, codes), "csv")
+    )
+    assert "quality: 2 samples that 'Quality' calls bad count as missing" in record.notes
+    assert "quality: 2 samples that 'Quality' calls uncertain are kept" in record.notes
+
+
+def test_the_ranges_in_a_hint_are_those_of_values_not_of_qualities(tmp_path):
+    content, suffix, _ = export("letters of DIN")
+    with pytest.raises(RecordError, match=rf"TIC5.X \({PV.min():.4g} to {PV.max():.4g}\)"):
+        read_record(written(tmp_path, content, suffix))
+
+
 def test_of_two_columns_for_a_signal_the_one_of_its_plain_name_is_taken_else_one_is_asked_for(
     tmp_path,
 ):
