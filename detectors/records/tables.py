@@ -221,23 +221,15 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
         data = path.read_bytes()
     except OSError as error:
         raise RecordError(f"file {path} cannot be read: {error.strerror}") from error
-    head = data[:4096]
-    if b"\0" in head and not head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        # of UTF-16 without a mark every other byte is 0
-        code = next(
-            (c for c, half in (("utf-16-be", head[0::2]), ("utf-16-le", head[1::2]))
-             if half.count(0) > 0.4 * len(half) and head.count(0) == half.count(0)), ""
-        )  # fmt: skip
-        if not code:
-            raise RecordError(
-                f"file {path} is binary; a text table (CSV), .parquet, .xlsx or .mat is needed"
-            )
-    else:
-        code = "utf-16" if b"\0" in head else "utf-8-sig"
+    wide = _utf16(data[:4096])
+    if not wide and b"\0" in data[:4096]:
+        raise RecordError(
+            f"file {path} is binary; a text table (CSV), .parquet, .xlsx or .mat is needed"
+        )
     try:
-        return data.decode(code), []
+        return data.decode(wide or "utf-8-sig"), []
     except UnicodeDecodeError as error:
-        if code != "utf-8-sig":
+        if wide:
             raise RecordError(
                 f"file {path} is damaged UTF-16 text (byte {error.start}); whole ones are needed"
             ) from error
@@ -246,6 +238,16 @@ def _decoded(path: Path) -> tuple[str, list[str]]:
         guess = "GB 18030" if spoken else "Windows-1252; numbers are the same in both"
         text = chinese if spoken else data.decode("cp1252", errors="replace")
         return text, [f"file: byte {error.start} is not UTF-8, read as {guess}"]
+
+
+def _utf16(head: bytes) -> str:
+    """Return in which UTF-16 a text begins, "" in none: without a mark every other byte is 0."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    for code, half in (("utf-16-be", head[0::2]), ("utf-16-le", head[1::2])):
+        if half.count(0) > 0.4 * len(half) and half.count(0) == head.count(0):
+            return code
+    return ""
 
 
 def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
@@ -258,10 +260,7 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     marks = [d for d in _DELIMITERS if any(d in line for line in first)]
     if not marks and any(is_head(line.split()) for line in first):  # columns apart by spaces
         lines, marks = [" ".join(line.split()) for line in lines], [" "]
-    split = {d: [next(_cells(path, [line], d), ([], 0))[0] for line in first] for d in marks}
-    heads = [(i, -line.count(d), d) for d, rows in split.items()
-             for i, line in enumerate(first) if is_head(rows[i])]  # fmt: skip
-    start, _, delimiter = min(heads, default=(0, 0, max(_DELIMITERS, key="".join(first[:1]).count)))
+    start, delimiter = _begin(path, lines[:_PREAMBLE], marks, is_head)
     rows, numbers = [], []
     for cells, line in _cells(path, lines[start:], delimiter):
         if cells and cells != [""]:
@@ -272,6 +271,17 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     sheet.notes = notes + _left_out(skipped) + sheet.notes
     sheet.delimiter = delimiter
     return sheet
+
+
+def _begin(
+    path: Path, lines: list[str], marks: list[str], is_head: Callable[[Sequence[str]], bool]
+) -> tuple[int, str]:
+    """Return the first line that is a head, else the first, and the delimiter of its cells."""
+    for i, line in enumerate(lines):
+        fit = [d for d in marks if is_head(next(_cells(path, [line], d), ([], 0))[0])]
+        if fit:
+            return i, max(fit, key=line.count)
+    return 0, max(_DELIMITERS, key="".join(lines[:1]).count)
 
 
 def _left_out(lines: int) -> list[str]:
