@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from simbench.bench.score.baseline import read_book
+from simbench.bench.score.pairing import pair
 from simbench.bench.score.scoring import axis_codes, home_of
 from simbench.bench.score.shipped import with_shipped
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
@@ -153,13 +154,10 @@ def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled") -> _C
     """Compare every method with itself in another run; see `compare`. `first` is this run, `second`
     the other.
     """
-    _, at, other_at = np.intersect1d(book.ids, other.ids, return_indices=True)
+    at, other_at, *_ = pair(book, other)
     common = [m for m in book.methods if m in other.methods]
-    if not at.size or not common:
-        what = "scenario" if not at.size else "method"
-        raise RunError(
-            f"the two runs have no {what} in common; compare runs of the same grid and seed"
-        )
+    if not common:
+        raise RunError("the two runs have no method in common; one is needed")
     use = (book.truth[truth][at] >= 0) & (other.truth[truth][other_at] >= 0)
     right, theirs = (
         _right(book, truth)[:, at][:, use],

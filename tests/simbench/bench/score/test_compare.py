@@ -78,9 +78,9 @@ def test_two_runs_are_compared_method_by_method_in_any_order(run, book):
     assert worse.pairs.set_index("first")["differ"].to_dict() == {"good": True, "fair": False}
 
 
-def test_runs_without_a_common_scenario_are_refused(run, book):
-    with pytest.raises(UserError, match="no scenario in common"):
-        between_runs(run, book(run.verdict, TRUTH, ids=[f"x{i}" for i in range(N)]))
+def test_runs_without_a_common_method_are_refused(run, book):
+    with pytest.raises(UserError, match="no method in common"):
+        between_runs(run, book(run.verdict[:1], TRUTH, methods=("another",)))
 
 
 def test_from_folders_with_texts_that_hold_the_numbers(tmp_path):
