@@ -81,6 +81,7 @@ def _parts(name: object) -> list[str]:
     rest = re.sub(r"[\[(][^\])]*[\])]?", " ", text[lead.end() :] if lead else text)
     rest = re.sub(r"(?<=[a-zà-ÿ]{2})(?=[A-Z][a-z])", " ", rest)  # SetPoint
     whole = plain(f"{lead[1]} {rest}" if lead else rest)
+    whole = re.sub(r"(?<=\d)(?=(?:pv|op|sp|sv|mv|mode)$)", " ", whole)  # FIC101PV
     return re.findall(r"[^\W_]+|%", whole)
 
 

@@ -713,7 +713,6 @@ elapsed minutes | is in min
 ASKING = {
     "french: longer words": ("pv=NAME", {"columns": {"pv": "Mesure débit"}}),
     "letters of DIN": ("op=NAME,pv=NAME", {"columns": {"op": "TIC5.Y", "pv": "TIC5.X"}}),
-    "nothing between": ("op=NAME,pv=NAME", {"columns": {"op": "FIC101OP", "pv": "FIC101PV"}}),
     "numbered": ("op=NAME,pv=NAME", {"columns": {"op": "OP2", "pv": "PV2"}}),
     "german months": ("--ts SECONDS", {"Ts": TS}),
     "days of a spreadsheet": ("--ts SECONDS", {"Ts": TS}),
