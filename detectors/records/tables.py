@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -189,7 +190,8 @@ def _workbook(path: Path) -> dict[str, list[list[str]]]:
 def _of_workbook(path: Path, rows: list[list[str]], heads: list[bool]) -> Sheet:
     """Return the table of a sheet, which begins at the first row that is a head."""
     start = heads.index(True) if any(heads) else 0
-    sheet = _table(path, rows, list(range(1, len(rows) + 1)), start)
+    above = rows[start - 1] if start else []
+    sheet = _table(path, rows, list(range(1, len(rows) + 1)), start, above)
     sheet.notes[:0] = _left_out(sum(any(map(str.strip, row)) for row in rows[:start]))
     return sheet
 
@@ -266,7 +268,8 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
         if cells and cells != [""]:
             rows.append(cells)
             numbers.append(start + line)
-    sheet = _table(path, rows, numbers, 0)
+    above = next(_cells(path, lines[max(start - 1, 0) : start], delimiter), ([], 0))[0]
+    sheet = _table(path, rows, numbers, 0, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
     sheet.notes = notes + _left_out(skipped) + sheet.notes
     sheet.delimiter = delimiter
@@ -299,14 +302,18 @@ def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[
         ) from error
 
 
-def _table(path: Path, rows: list[list[str]], lines: list[int], start: int) -> Sheet:
-    """Name the columns by the row `start`; the rows below it are the samples."""
+def _table(
+    path: Path, rows: list[list[str]], lines: list[int], start: int, above: Sequence[str] = ()
+) -> Sheet:
+    """Name the columns by the row `start`, alike ones by the row `above`, too; the rows below are
+    the samples.
+    """
     head = rows[start] if rows else []
     if not any(name.strip() for name in head):
         raise RecordError(
             f"file {path} has no header line; the names of its columns are needed first"
         )
-    names = _distinct([name.strip() for name in head])
+    names = _of_loops(_distinct([name.strip() for name in head]), above)
     body, lines, again = rows[start + 1 :], lines[start + 1 :], rows.count(head) - 1
     if again:  # exports one after the other
         lines = [line for row, line in zip(body, lines, strict=True) if row != head]
@@ -337,6 +344,15 @@ def _fitted(row: list[str], size: int, shorter: bool) -> list[str]:
     extra = row[size:] if not "".join(row[size:]).strip() else []
     row = row[: len(row) - len(extra)]
     return row + [""] * (size - len(row)) if shorter else row
+
+
+def _of_loops(names: list[str], above: Sequence[str]) -> list[str]:
+    """Put the loop in a merged cell above before the names that several columns have."""
+    out, loop = [], ""
+    for name, over in zip_longest(names, above[: len(names)], fillvalue=""):
+        loop = over.strip() or loop
+        out.append(f"{loop}.{name}" if name and loop and names.count(name) > 1 else name)
+    return out
 
 
 def _distinct(names: list[str]) -> list[str]:

@@ -1054,6 +1054,18 @@ def test_cure_takes_the_place_of_the_option_that_was_wrong():
     assert cured(typed, "--columns 'op=B C'") == "simbench trust a.csv --columns 'pv=A,op=B C'"
 
 
+@pytest.mark.parametrize("suffix", ["csv", "xlsx"])
+def test_loops_in_merged_cells_above_columns_of_one_name_tell_them_apart(tmp_path, suffix):
+    heads = [["", "FIC101", "", "LIC7", ""], ["Time", "PV", "OP", "PV", "OP"]]
+    rows_of_both = [*heads, *zip(*TWO, strict=True)]
+    text = "\n".join(",".join(map(str, row)) for row in rows_of_both) + "\n"
+    file = written(tmp_path, text if suffix == "csv" else sheet(rows_of_both), suffix)
+    records, refused = read_records(file)
+    assert (list(records), refused) == (["FIC101", "LIC7"], {})
+    assert np.array_equal(records["LIC7"].op, PV)
+    assert np.array_equal(records["FIC101"].pv, PV)
+
+
 def test_every_loop_of_a_file_is_a_record(tmp_path):
     file = written(tmp_path, wide("Time,FIC101.PV,FIC101.OP,LIC7.PV,LIC7.OP", *TWO), "csv")
     records, refused = read_records(file)
