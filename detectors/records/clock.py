@@ -195,22 +195,29 @@ def _read(
     """Read a column of texts: as a whole it decides between numbers, day first and month first."""
     if texts and _ZONE.search(texts[0]):
         texts = [_ZONE.sub("", text) for text in texts]
-    readings = {"number": np.array([_number(text) for text in texts])}
-    if np.isfinite(readings["number"]).all():
-        return _counted(readings["number"], unit, name, where, notes)
-    readings["iso"] = np.array([_iso(text) for text in texts])
-    if not np.isfinite(readings["iso"]).all():
-        readings |= _stamps(texts)
-    whole = {form: t for form, t in readings.items() if np.isfinite(t).all()}
+    numbers = _read_by(_number, texts)
+    if np.isfinite(numbers).all():
+        return _counted(numbers, unit, name, where, notes)
+    iso = _read_by(_iso, texts)
+    if np.isfinite(iso).all():
+        return iso
+    stamps = _stamps(texts)
+    whole = {form: t for form, t in stamps.items() if np.isfinite(t).all()}
     if whole:
         return _likeliest(whole, name, notes)
-    reading = max(readings.values(), key=_furthest)
+    reading = max((numbers, iso, *stamps.values()), key=_furthest)
     row = _furthest(reading)
     step = float(np.median(np.diff(reading[:row]))) if row > 1 else np.nan
     # rows that begin with the newest must not be counted, nor such as are no samples
     samples = all(re.search(r"\d", text) for text in texts)
     cure = "" if step <= 0 or not samples else f"--ts {step:g}" if step > 0 else _COUNT
     raise RecordError(f"{where}, {place(row)}: {name} is {texts[row]!r}; {_NEEDED}", cure)
+
+
+def _read_by(read: Callable[[str], float], texts: list[str]) -> np.ndarray:
+    """Return the times of texts, NaN where they are none, and all NaN where the first is none."""
+    begins = not texts or np.isfinite(read(texts[0]))
+    return np.array([read(text) for text in texts] if begins else [np.nan] * len(texts))
 
 
 def _furthest(t: np.ndarray) -> int:

@@ -76,7 +76,7 @@ DIALECTS = (
     Dialect(
         "Siemens",
         tag="varname, var name",
-        value="varvalue",
+        value="varvalue, var value",
         pv="pv in",
         op="lmn",
     ),

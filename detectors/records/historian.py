@@ -22,6 +22,7 @@ from simbench.detectors.records.roles import (
     plain,
     quality_of,
     unit,
+    words_of,
 )
 from simbench.detectors.records.tables import BLANK, Sheet
 
@@ -358,9 +359,7 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
     """Return which columns of a long table are time, tag (with what names its signal apart) and
     value; None: not long.
     """
-    low = {re.sub(r"^ip trend ", "", plain(n).replace("_", " ").strip()): n for n in names}
-    spaced = {" ".join(parse(n).loop) if parse(n).role is None else plain(n): n for n in names}
-    low = {**spaced, **low}
+    low = {words_of(n): n for n in names}
     parts = [
         next((low[w] for w in among if w in low), None)
         for among in (words("time"), words("tag"), words("value"))

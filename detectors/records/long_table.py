@@ -10,13 +10,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from simbench.detectors.records.clock import seconds
+from simbench.detectors.records.dialects import words
 from simbench.detectors.records.historian import apply_quality, long_columns, read_numbers
 from simbench.detectors.records.mode import mode
 from simbench.detectors.records.roles import ends_with, is_quality, is_time, parse
 from simbench.detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
-_TIMES = ("timestamp", "time", "zeit", "zeitstempel", "datum", "date", "t")
 PART_TIME = "t"  # the column of times in a part
 
 
@@ -92,7 +92,7 @@ def _paired(sheet: Sheet, quality: str) -> dict[str, Sheet] | None:
         if value is None:
             return None
         # FIC101.PV.Time names its signal too
-        of_time = ".".join(ends_with(time, _TIMES) or ())
+        of_time = ".".join(ends_with(time, words("time")) or ())
         name = next((n for n in (value, time, of_time) if parse(n).role is not None), None)
         if name is None or name in parts:
             return None

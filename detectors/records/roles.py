@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import lru_cache
+from functools import cache, lru_cache
 from shlex import quote
 
 from simbench.detectors.errors import RecordError, nearest
@@ -20,7 +20,8 @@ ASKED = "NAME"  # used in a hint for the column that the user alone can name
 _ROLE_OF = {word: role for role in (*SIGNALS, MODE) for word in words(role)}
 
 
-def _any_of(among: Sequence[str]) -> str:
+@cache
+def _any_of(among: tuple[str, ...]) -> str:
     """Return a pattern of some words, the longest first."""
     return "|".join(map(re.escape, sorted(among, key=len, reverse=True)))
 
@@ -31,11 +32,12 @@ _UNIT = (
     "pct|percent|prozent|%|k?pa|mpa|hpa|barg?|mbar|psig?|degc|degf|n?m3 ?hr?|kg ?hr?|kg ?s|l ?min|"
     "lpm|gpm|mm|cm|ma|v|volt|counts|cnt|ppm|rpm|celsius|hz|mmhg|scfm|t ?ph|t ?h|c|m"
 )
-_WORD = rf"(?P<word>{_any_of([*_ROLE_OF])})"
+_WORD = rf"(?P<word>{_any_of((*_ROLE_OF,))})"
 _LOOP_FIRST = re.compile(rf"(?:(?P<loop>.+?) )??{_WORD}(?: (?:{_SUFFIX}))*(?: (?P<unit>{_UNIT}))?")
 _SIGNAL_FIRST = re.compile(rf"{_WORD} (?P<loop>.*\d.*)(?P<unit>)")  # PV_FIC101
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
-_TIME = re.compile(rf"(?:.* )?(?:{_any_of([w for w in words('time') if w not in ('t', 't s')])})")
+_WHOLE_TIMES = tuple(word for word in words("time") if word not in ("t", "t s"))
+_TIME = re.compile(rf"(?:.* )?(?:{_any_of(_WHOLE_TIMES)})")
 _TIME_UNIT = re.compile(r"(?:t|time|timestamp|elapsed)_(?!stamp|string)([a-z]+)")
 # a transmitter or indicator of a position, by the letters of ISA-5.1: ZT1010, ZI-1010, ZIT1010A; ZC
 # is a controller, ZS a switch
@@ -63,7 +65,7 @@ def plain(text: object) -> str:
 def parse(name: str) -> Name:
     """Take the name of a column apart."""
     bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", name)
-    text = " ".join(_parts(name))
+    text = words_of(name)
     found = _LOOP_FIRST.fullmatch(text) or _SIGNAL_FIRST.fullmatch(text)
     loop = tuple((found["loop"] or "").split()) if found else (*text.split(),)
     role, word = (_ROLE_OF[found["word"]], found["word"]) if found else (None, "")
@@ -74,15 +76,17 @@ def parse(name: str) -> Name:
     return Name(loop, role, word, _SAME_UNIT.get(unit_of, unit_of))
 
 
-def _parts(name: object) -> list[str]:
-    """Return the words of a name, whatever separates them, without what stands in brackets."""
+def words_of(name: object) -> str:
+    """Return the words of a name with spaces between, whatever separates them, without what stands
+    in brackets.
+    """
     text = str(name).strip()
     lead = re.match(r"\[([^\]]*)\](?=.)", text)  # of a server: [default]Unit1/FIC101/PV
     rest = re.sub(r"[\[(][^\])]*[\])]?", " ", text[lead.end() :] if lead else text)
     rest = re.sub(r"(?<=[a-zà-ÿ]{2})(?=[A-Z][a-z])", " ", rest)  # SetPoint
     whole = plain(f"{lead[1]} {rest}" if lead else rest)
     whole = re.sub(r"(?<=\d)(?=(?:pv|op|sp|sv|mv|mode)$)", " ", whole)  # FIC101PV
-    return re.findall(r"[^\W_]+|%", whole)
+    return " ".join(re.findall(r"[^\W_]+|%", whole))
 
 
 def find_loops(
@@ -107,7 +111,7 @@ def find_loops(
     if tag is not None:
         whole = _tagged(whole, tag)
         if not whole:
-            asked = _parts(tag)
+            asked = words_of(tag).split()
             if not any(_within(asked, parse(n).loop) for n in names):
                 raise _no_loop(names, groups, tag, where)
             groups = {loop: signals for loop, signals in groups.items() if _within(asked, loop)}
@@ -123,7 +127,7 @@ def find_loops(
 
 def is_loop(name: str, tag: str) -> bool:
     """Whether a loop's name, which may be a path, holds the words of a tag."""
-    return _within(_parts(tag), _parts(name))
+    return _within(words_of(tag).split(), words_of(name).split())
 
 
 def names_loops(names: Sequence[str]) -> bool:
@@ -137,7 +141,7 @@ def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict
     """
     roles: dict[str, str] = {}
     for given, name in chosen.items():
-        role = "t" if " ".join(_parts(given)) in words("time") else given
+        role = "t" if words_of(given) in words("time") else given
         if role not in (*_ROLES, QUALITY_OF):
             raise RecordError(
                 f"{where}: column mapping for {role!r}; {nearest(role, (*_ROLES, QUALITY_OF))}"
@@ -206,10 +210,10 @@ def _one(
 
 def find_time(names: Sequence[str], chosen: Mapping[str, str], where: str) -> str | None:
     """Return the column of time; None without one."""
-    given = next((n for r, n in chosen.items() if " ".join(_parts(r)) in words("time")), None)
+    given = next((n for r, n in chosen.items() if words_of(r) in words("time")), None)
     if given is not None and given not in names:
         raise RecordError(f"{where}: no column {given!r} for t, {nearest(given, names)}")
-    exact = [n for w in words("time") for n in names if " ".join(_parts(n)) == w]
+    exact = [n for w in words("time") for n in names if words_of(n) == w]
     among = [given] if given is not None else exact[:1] or [n for n in names if is_time(n)]
     if len(among) > 1:
         sentence = f"{where}: {' or '.join(among)} may be the time; one is needed"
@@ -219,7 +223,7 @@ def find_time(names: Sequence[str], chosen: Mapping[str, str], where: str) -> st
 
 def is_time(name: str) -> bool:
     """Whether a name is that of a time, with its unit after an underscore or a tag before it."""
-    text = " ".join(_parts(name))
+    text = words_of(name)
     return bool(text in ("t", "t s") or _TIME.fullmatch(text) or _TIME_UNIT.fullmatch(plain(name)))
 
 
@@ -287,9 +291,9 @@ def shown(names: Sequence[str], width: int = 60) -> str:
     return ", ".join(name[:width] for name in names[:12]) + (", ..." if len(names) > 12 else "")
 
 
-def ends_with(name: str, among: Sequence[str]) -> list[str] | None:
+def ends_with(name: str, among: tuple[str, ...]) -> list[str] | None:
     """Return the words of a name before one of some endings, or None without one."""
-    found = re.fullmatch(rf"(?:(.*?) )??(?:{_any_of(among)})", " ".join(_parts(name)))
+    found = re.fullmatch(rf"(?:(.*?) )??(?:{_any_of(among)})", words_of(name))
     return (found[1] or "").split() if found else None
 
 
@@ -310,7 +314,7 @@ def _tagged(
     whole: Mapping[tuple[str, ...], dict[str, list[str]]], tag: str
 ) -> dict[tuple[str, ...], dict[str, list[str]]]:
     """Return the loops of exactly a tag, else those whose path ends with it, else holds it."""
-    asked = tuple(_parts(tag))
+    asked = tuple(words_of(tag).split())
     for fits in (
         lambda loop: loop == asked,
         lambda loop: loop[-len(asked) :] == asked,

@@ -268,7 +268,7 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
         if cells and cells != [""]:
             rows.append(cells)
             numbers.append(start + line)
-    above = next(_cells(path, lines[max(start - 1, 0) : start], delimiter), ([], 0))[0]
+    above = _first_row(path, lines[max(start - 1, 0) : start], delimiter)
     sheet = _table(path, rows, numbers, 0, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
     sheet.notes = notes + _left_out(skipped) + sheet.notes
@@ -281,7 +281,7 @@ def _begin(
 ) -> tuple[int, str]:
     """Return the first line that is a head, else the first, and the delimiter of its cells."""
     for i, line in enumerate(lines):
-        fit = [d for d in marks if is_head(next(_cells(path, [line], d), ([], 0))[0])]
+        fit = [d for d in marks if is_head(_first_row(path, [line], d))]
         if fit:
             return i, max(fit, key=line.count)
     return 0, max(_DELIMITERS, key="".join(lines[:1]).count)
@@ -289,6 +289,10 @@ def _begin(
 
 def _left_out(lines: int) -> list[str]:
     return [f"file: {lines} lines above the header left out"] * (lines > 0)
+
+
+def _first_row(path: Path, lines: list[str], delimiter: str) -> list[str]:
+    return next(_cells(path, lines, delimiter), ([], 0))[0]
 
 
 def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[tuple[list[str], int]]:
