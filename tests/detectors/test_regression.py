@@ -54,7 +54,7 @@ def test_errors_are_those_of_plain_least_squares(swinging, q):
 
 def positions(op, valves, q=1):
     """Return the positions (n, valves) in standard deviations."""
-    v = module._positions(op, np.array(valves, float), q)
+    v, _ = module._positions(op, np.array(valves, float), q, 1)
     return np.concatenate(v, axis=1)[:, : len(valves)]
 
 
@@ -94,6 +94,13 @@ def test_an_error_is_the_same_to_the_bit_wherever_the_valve_stands_among_others(
     assert np.array_equal(data.errors(valves), whole)
 
 
+def test_sums_of_positions_are_those_of_their_window(swinging):
+    v, sums = module._positions(swinging[0], np.array([[4.0, 1.5, 0.0], [0.0, 0.0, 0.0]]), 1, 40)
+    latest, before = v[0, 40:-1], v[0, 39:-2]
+    assert sums[0, 0] == pytest.approx((latest * latest).sum(axis=0), rel=1e-12)
+    assert sums[0, 1] == pytest.approx((latest * before).sum(axis=0), rel=1e-12)
+
+
 @pytest.mark.parametrize("beside", [False, True])
 def test_a_position_that_the_past_knows_explains_nothing(swinging, beside):
     """OP of a proportional controller is a sum of PV's past: what is left of it is rounding."""
@@ -109,7 +116,7 @@ def test_a_position_that_the_past_knows_explains_nothing(swinging, beside):
 def test_products_with_the_past_are_those_of_the_stacked_columns(swinging, beside):
     op, _, pv = swinging
     data = module._prepared(op, pv, 1, beside)
-    v, n = module._positions(op, np.array([[4.0, 1.5, 0.0]]), 1), data.rest.size
+    v, n = data._moved(np.array([[4.0, 1.5, 0.0]]))[0], data.rest.size
     first = op.size - n
     back = np.arange(module._LATE + 1)
     came, went = (v[:, end - 1 - back] for end in (first, op.size))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.detectors.compiled import LANES, compiled, rows
+from simbench.detectors.compiled import LANES, compiled, lanes, rows, wide
 from simbench.detectors.signal.fits.hammerstein_kernels import Stretch, Valves, moves
 
 _SAMPLES = 30  # per period, after averaging
@@ -107,15 +107,16 @@ class _Data(NamedTuple):
         """Return the squared error that each valve (S, J, stops) leaves, at its best dead time."""
         some = LANES * max(1, _ROOM // (LANES * self.pv.size))
         parts = [points[i : i + some] for i in range(0, len(points), some)]
-        return np.concatenate(
-            [self._best(_positions(self.raw_op, part, self.q))[0][: len(part)] for part in parts]
-        )
+        return np.concatenate([self._best(*self._moved(part))[0][: len(part)] for part in parts])
 
     def left(self, points: np.ndarray) -> list[np.ndarray]:
         """Return what each valve (S, J, stops) leaves of PV."""
-        v = _positions(self.raw_op, points, self.q)
-        late = self._best(v)[1]
+        v, squares = self._moved(points)
+        late = self._best(v, squares)[1]
         return [self._without(v[i // LANES, :, i % LANES], late[i]) for i in range(len(points))]
+
+    def _moved(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return _positions(self.raw_op, points, self.q, self.pv.size - self.rest.size - 1)
 
     def _without(self, v: np.ndarray, late: int) -> np.ndarray:
         """Return what the positions (count,) of a valve leave of PV at a dead time."""
@@ -127,9 +128,10 @@ class _Data(NamedTuple):
         taps -= (taps @ self.basis.T) @ self.basis
         return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=_TWO**0.5)[0] @ taps
 
-    def _best(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _best(self, v: np.ndarray, squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the least squared error of PV with each valve, and the dead time at which it is
-        left, -1 where PV's past knows where the valve stands.
+        left, -1 where PV's past knows where the valve stands; positions and their sums are those of
+        `_positions`.
         """
         n, count = self.rest.size, self.pv.size
         first, whole = count - n, float(self.rest @ self.rest)
@@ -138,9 +140,8 @@ class _Data(NamedTuple):
         # its last, which went
         came, went = (v[:, end - 1 - np.arange(_LATE + 1)] for end in (first, count))
         along = self.weights @ self._products(found, came, went)
-        latest, sooner = v[:, first - 1 : count - 1], v[:, first - 2 : count - 2]
         own, next_to = came**2 - went**2, came[:, :-1] * came[:, 1:] - went[:, :-1] * went[:, 1:]
-        own[:, 0], next_to[:, 0] = (np.einsum("bkc,bkc->bc", latest, x) for x in (latest, sooner))
+        own[:, 0], next_to[:, 0] = squares[:, 0], squares[:, 1]
         own = np.cumsum(own[:, :_LATE], axis=1) - np.einsum("bdmc,bdmc->bdc", along, along)
         both = np.cumsum(next_to[:, : _LATE - 1], axis=1)
         b = both - np.einsum("bdmc,bdmc->bdc", along[:, :-1], along[:, 1:])
@@ -224,11 +225,12 @@ def _orthonormal(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndarray]:
     """Return orthonormal rows (m, n) that span some rows, the first of them of PV and the others of
     OP, and what of each row (m, c) is in them.
     """
-    left, sizes, right = np.linalg.svd(rows[:of_pv], full_matrices=False)
+    # upright: of a matrix that lies LAPACK takes twice as long
+    left, sizes, right = np.linalg.svd(rows[:of_pv].T, full_matrices=False)
     # what a smooth past repeats to this share is rounding
     kept = sizes > _SMALL * sizes[0]
-    basis, weights = right[kept], np.zeros((int(kept.sum()), len(rows)))
-    weights[:, :of_pv] = (left[:, kept] / sizes[kept]).T
+    basis, weights = left.T[kept], np.zeros((int(kept.sum()), len(rows)))
+    weights[:, :of_pv] = right[kept] / sizes[kept, None]
     # in a loop some of OP's past is a sum of PV's: what is left of it is rounding
     for k in range(of_pv, len(rows)):
         once = basis @ rows[k]
@@ -290,9 +292,13 @@ def _nats(left: np.ndarray) -> np.ndarray:
     return -0.5 * (np.log(power) + left * left / power)
 
 
-def _positions(op: np.ndarray, points: np.ndarray, q: int) -> np.ndarray:
+def _positions(
+    op: np.ndarray, points: np.ndarray, q: int, first: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the averaged positions (blocks, n, lanes) of valves (S, J, stops), side by side, in
-    standard deviations, and 0 of a valve that does not move; the last one is repeated.
+    standard deviations, and 0 of a valve that does not move; the last one is repeated. And sums
+    (blocks, 2, lanes): of their squares, and of their products with the position before, from
+    `first` to the last but one.
 
     The valves are those of `stiction_map`, or such as stop within every sample (`stops`), which are
     He's. S = 0: it follows OP.
@@ -303,10 +309,42 @@ def _positions(op: np.ndarray, points: np.ndarray, q: int) -> np.ndarray:
     valves = Valves(stops, S, J, at_rest, at_rest, none, none)
     record = Stretch(op, op, q, 0, 0, 0, 1.0, -np.inf, np.inf)
     v, total = rows(blocks * count).reshape(blocks, count, LANES), rows(count + 1)
-    least = _FLAT * np.abs(op - op[0]).max()
-    for block, moved in enumerate(v):
-        compiled(moves)(record, valves, block * LANES, moved.reshape(-1), total)
-        moved -= total[-LANES:] / count
-        size = np.sqrt(np.einsum("kc,kc->c", moved, moved) / count)
-        moved *= 1.0 / np.where(size > least, size, np.inf)
-    return v
+    squares, least = np.empty((blocks, 2, LANES)), _FLAT * np.abs(op - op[0]).max()
+    for block, (moved, sums) in enumerate(zip(v, squares, strict=True)):
+        stands = compiled(_stands)
+        stands(record, valves, block * LANES, least, first, moved.reshape(-1), total, sums)
+    return v, squares
+
+
+def _stands(record, valves, block, least, first, v, total, sums):
+    """Fill `v` with the averaged positions of a block of valves in standard deviations, 0 where
+    that is not above `least`, `total` as `moves` does, and `sums` as `_positions` says.
+    """
+    wide()
+    moves(record, valves, block, v, total)
+    n = v.size // LANES
+    mean, scale, one, two = lanes(), lanes(), lanes(), lanes()
+    for c in range(LANES):
+        mean[c] = total[np.uintp(n * LANES + c)] / n
+        scale[c] = one[c] = two[c] = 0.0
+    for k in range(n):
+        row = np.uintp(k * LANES)
+        for c in range(LANES):
+            off = v[row + np.uintp(c)] - mean[c]
+            v[row + np.uintp(c)] = off
+            scale[c] += off * off
+    for c in range(LANES):
+        size = math.sqrt(scale[c] / n)
+        scale[c] = 1.0 / size if size > least else 0.0
+    for k in range(n):
+        row = np.uintp(k * LANES)
+        for c in range(LANES):
+            v[row + np.uintp(c)] *= scale[c]
+    for k in range(first, n - 1):
+        row, before = np.uintp(k * LANES), np.uintp((k - 1) * LANES)
+        for c in range(LANES):
+            now = v[row + np.uintp(c)]
+            one[c] += now * now
+            two[c] += now * v[before + np.uintp(c)]
+    for c in range(LANES):
+        sums[0, c], sums[1, c] = one[c], two[c]
