@@ -8,6 +8,7 @@ noise level and the numbers of the effect are searched. Time unit is one sample,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -133,8 +134,8 @@ class Engine:
         self, spec: Spec, theta: Mapping[str, float]
     ) -> tuple[float, np.ndarray, np.ndarray]:
         """Return penalised log-likelihood, linear coefficients and standardised innovations."""
-        left, level, beta, white, _ = self._terms(spec, theta)
-        return -0.5 * float(left @ left) - level, beta, white[0] - beta @ white[1:]
+        fit = self.at(spec, theta)
+        return fit.loglik, fit.beta, fit.residual
 
     def _terms(
         self, spec: Spec, theta: Mapping[str, float]
@@ -164,17 +165,13 @@ class Engine:
             y = np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
             tau = 0.0
         moved = d.shaped(valve_of(spec, theta, d.u))
-        g = kernels.plant(moved, T, theta["Td"], tau)
         # the input before the record may have stood elsewhere
-        begin = [kernels.plant(d.shaped(self.onset), T, theta["Td"], tau)]
+        inputs = [moved, d.shaped(self.onset)]
         if spec.valve in HOLDING:
             # and a valve that holds may stand anywhere in its band until it first moves
-            begin.append(
-                kernels.plant(
-                    d.shaped((moved == moved[0]).cumprod().astype(float)), T, theta["Td"], tau
-                )
-            )
-        return np.vstack([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
+            inputs.append(d.shaped((moved == moved[0]).cumprod().astype(float)))
+        g, *begin = kernels.plants(np.array(inputs), T, theta["Td"], tau)
+        return np.array([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
 
     def _whiten(
         self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray
@@ -182,13 +179,12 @@ class Engine:
         """Return the channels' innovations over their standard deviation, and the part of
         -log-likelihood that is no square.
         """
-        d = self.data
-        tau = theta.get("tau", 0.0)
-        model = self.noise_model(spec, theta)
-        white, log_var = kernels.whiten(channels, model, jumps_of(spec, theta))
-        count = d.n - kernels.SKIP
-        jacobian = count * np.log(-np.expm1(-1.0 / tau)) if spec.pole == "sensor" else 0.0
-        return white, 0.5 * (log_var + count * np.log(2 * np.pi)) + jacobian
+        model, jumps = self.noise_model(spec, theta), jumps_of(spec, theta)
+        white, log_var = kernels.whiten(channels, model, jumps)
+        count, jacobian = self.data.n - kernels.SKIP, 0.0
+        if spec.pole == "sensor":
+            jacobian = count * math.log(-math.expm1(-1.0 / theta["tau"]))
+        return white, 0.5 * (log_var + count * math.log(2 * math.pi)) + jacobian
 
     def noise_model(self, spec: Spec, theta: Mapping[str, float]) -> kernels.NoiseModel:
         """Return what moves PV besides the plant's input."""
@@ -209,9 +205,7 @@ class Engine:
         """Return the linear coefficients and how far, in standard deviations, the gain lies outside
         its prior.
         """
-        A, b = N[1:, 1:].copy(), N[1:, 0].copy()
-        # a channel that does nothing (no step yet, a zone never met) must not make it singular
-        A.flat[:: len(A) + 1] += 1e-12 * float(np.trace(A)) + 1e-300
+        A, b = _regular(N[1:, 1:]), N[1:, 0].copy()
         beta = np.linalg.solve(A, b)
         K = self.data.K
         low, high = self._gains(spec)
@@ -284,9 +278,9 @@ class Engine:
         value, damping = 0.5 * float(now[0] @ now[0]) + now[1], 1e-2
         for _ in range(steps):
             J, slope = self._derivatives(spec, names, x, box, unpack, now)
-            gradient = J.T @ now[0] + slope
-            J = self._without_linear(spec, now, J)
-            curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
+            gradient = J @ now[0] + slope
+            J = self._without_linear(now, J)
+            curvature = J @ J.T + (2.0 / self.data.n) * np.outer(slope, slope)
             free = ~(((x <= box[:, 0]) & (gradient > 0)) | ((x >= box[:, 1]) & (gradient < 0)))
             gained = 0.0
             for _ in range(6):
@@ -307,7 +301,7 @@ class Engine:
                 damping *= 10.0
             if gained < _LAST_STEP_NATS:
                 break
-        return self.at(spec, unpack(x))
+        return _fit(spec, unpack(x), now)
 
     def _searched(
         self, spec: Spec, names: tuple[str, ...], theta: Mapping[str, float]
@@ -335,14 +329,14 @@ class Engine:
         unpack: Callable,
         now: tuple,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of `left` and `level` (see `_terms`) with the linear coefficients
-        held.
+        """Return the derivatives of `left` (p, n) and `level` (p,), see `_terms`, with the linear
+        coefficients held.
         """
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
-        J, slope = np.empty((left.size, x.size)), np.empty(x.size)
+        J, slope = np.empty((x.size, left.size)), np.empty(x.size)
         shaping = _SHAPING | {number.name for number in spec.effect_numbers if number.shapes}
-        surprise = left[self.data.n - kernels.SKIP]
+        count = self.data.n - kernels.SKIP
         for i, name in enumerate(names):
             step = _WHITE if name == "colour" and abs(x[i]) < _WHITE else STEP
             h = step if x[i] + step <= box[i, 1] else -step
@@ -354,30 +348,29 @@ class Engine:
                 signals = self._channels(spec, theta)
                 changed = signals[0] - beta @ signals[1:]
             white, higher = self._whiten(spec, theta, changed[None, :])
-            other = np.concatenate(
-                [white[0, kernels.SKIP :], [surprise], self._surprises(spec, theta)]
-            )
-            J[:, i], slope[i] = (other - left) / h, (higher - level) / h
+            J[i, :count], J[i, count] = white[0, kernels.SKIP :], left[count]
+            J[i, count + 1 :] = self._surprises(spec, theta)
+            J[i] -= left
+            J[i] /= h
+            slope[i] = (higher - level) / h
         return J, slope
 
-    def _without_linear(self, spec: Spec, now: tuple, J: np.ndarray) -> np.ndarray:
+    def _without_linear(self, now: tuple, J: np.ndarray) -> np.ndarray:
         """Return derivatives less what the linear coefficients, fitted anew, would take back (Golub
         & Pereyra 1973).
         """
         left, _, _, white, _ = now
-        X = np.zeros((left.size, white.shape[0] - 1))
         count = white.shape[1] - kernels.SKIP
-        X[:count] = white[1:, kernels.SKIP :].T
+        X = np.zeros((white.shape[0] - 1, left.size))
+        X[:, :count] = white[1:, kernels.SKIP :]
         if left[count] != 0.0:
             # the gain lies at the edge of its prior, which holds it
-            X[count, 0] = -1.0 / (_EDGE * self.data.K)
-        Q = np.linalg.qr(X)[0]
-        return J - Q @ (Q.T @ J)
+            X[0, count] = -1.0 / (_EDGE * self.data.K)
+        return J - np.linalg.solve(_regular(X @ X.T), X @ J.T).T @ X
 
     def at(self, spec: Spec, theta: Mapping[str, float]) -> Fit:
         """Return the fit at given nonlinear parameters."""
-        loglik, beta, residual = self.evaluate(spec, theta)
-        return Fit(spec, loglik, dict(theta), beta, residual)
+        return _fit(spec, dict(theta), self._terms(spec, theta))
 
     def scattered(self, fit: Fit, count: int, scale: float, rng: np.random.Generator) -> list[Fit]:
         """Draw fits about the likeliest by the likelihood's curvature there (Laplace), standard
@@ -392,16 +385,15 @@ class Engine:
         x[logs] = np.log(x[logs])
         now = self._terms(spec, unpack(x))
         J, slope = self._derivatives(spec, names, x, box, unpack, now)
-        J = self._without_linear(spec, now, J)
-        curvature = J.T @ J + (2.0 / self.data.n) * np.outer(slope, slope)
+        J = self._without_linear(now, J)
+        curvature = J @ J.T + (2.0 / self.data.n) * np.outer(slope, slope)
         # a parameter of which the record tells nothing moves no further than one step of the search
         curvature += (
             np.eye(len(curvature)) / np.where(logs, 1.0, np.maximum(np.ptp(box, axis=1), 1e-9)) ** 2
         )
         root = np.linalg.cholesky(np.linalg.inv(curvature))
         used = now[3][:, kernels.SKIP :]
-        precision = used[1:] @ used[1:].T
-        precision.flat[:: len(precision) + 1] += 1e-12 * float(np.trace(precision)) + 1e-300
+        precision = _regular(used[1:] @ used[1:].T)
         gain_std = scale * float(np.sqrt(np.linalg.inv(precision)[0, 0]))
         wide = 20.0 if "K" in spec.free or not self.data.trusted else 1.0 + _NOMINAL + _EDGE
         low, high = sorted((self.data.K / wide, self.data.K * wide))
@@ -475,6 +467,22 @@ class Engine:
         ]
         trials.sort(key=lambda trial: -self.evaluate(spec, trial)[0])
         return [self.at(spec, trial) for trial in trials[:keep]]
+
+
+def _fit(spec: Spec, theta: dict[str, float], terms: tuple) -> Fit:
+    """Return the fit whose likelihood is made of some terms, see `Engine._terms`."""
+    left, level, beta, white, _ = terms
+    loglik = -0.5 * float(left @ left) - level
+    return Fit(spec, loglik, theta, beta, white[0] - beta @ white[1:])
+
+
+def _regular(squares: np.ndarray) -> np.ndarray:
+    """Return products of channels (m, m) that a channel that does nothing (no step yet, a zone
+    never met) does not make singular.
+    """
+    out = squares.copy()
+    out.flat[:: len(out) + 1] += 1e-12 * float(np.trace(out)) + 1e-300
+    return out
 
 
 def _over(x: float, width: float, edge: float) -> float:

@@ -205,7 +205,7 @@ def _respond(v, T, Td, out, weight):
 
 
 @njit_cached
-def _plants(v, T, Td, tau):
+def plants(v, T, Td, tau):
     """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start
     (`tau` > 0: one more pole).
     """
@@ -225,8 +225,8 @@ def _plants(v, T, Td, tau):
 
 @njit_cached
 def plant(v, T, Td, tau):
-    """Return the unit plant's answer to MV `v` (n,) as `_plants` does."""
-    return _plants(v.reshape(1, v.size), T, Td, tau)[0]
+    """Return the unit plant's answer to MV `v` (n,) as `plants` does."""
+    return plants(v.reshape(1, v.size), T, Td, tau)[0]
 
 
 @njit_cached
@@ -463,7 +463,7 @@ def scan(u, kind, points, Td, model, rest, basis, jumps):
         for i in range(many):
             p = points[first + i]
             copied(valve(u, kind, p[0], p[1], p[2]), batch[i])
-        now = _plants(batch[:many], model.T, Td, model.tau)
+        now = plants(batch[:many], model.T, Td, model.tau)
         white = whiten(now, model, jumps)[0]
         for i in range(many):
             for k in range(SKIP):
