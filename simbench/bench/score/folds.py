@@ -15,6 +15,9 @@ MOST_ORDERED = 20_000
 _FOLDS = 5
 _ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
 _LEAST = 100  # loops below which gradient boosting has nothing to split
+# trees, and leaves of each: with twice the trees of four times the leaves the AUC of 12 sets of
+# loops is .54 as well, where noise is asked for .998, and it takes four times as long
+_TREES, _LEAVES = 50, 8
 _MOST = 5_000  # loops that it learns from; of more these are drawn at random
 
 
@@ -141,7 +144,9 @@ def _boosted(
         # two threads on a busy machine wait for each other for minutes
         with one_thread():
             for there, here in learned:
-                model = HistGradientBoostingClassifier(random_state=0)
+                model = HistGradientBoostingClassifier(
+                    max_iter=_TREES, max_leaf_nodes=_LEAVES, random_state=0
+                )
                 model.fit(features[there], label[there])
                 said[here] = model.predict_proba(features[here])[:, 1]
     return said
