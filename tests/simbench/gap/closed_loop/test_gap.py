@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from simbench.gap.closed_loop import gap
 from simbench.gap.closed_loop.gap import closed, held_out, measure
 from simbench.gap.closed_loop.summary_features import features
 
@@ -23,6 +24,14 @@ WHITE = np.random.default_rng(0).standard_normal((2, N))
 )
 def test_the_share_that_closes_is_of_what_lies_above_the_floor(before, after, share):
     assert closed(before, after, 1.0) == pytest.approx(share)
+
+
+@pytest.mark.parametrize(("n", "count"), [(1000, 64), (8000, 32), (10**6, 8)])
+def test_the_shorter_a_record_the_more_often_its_loop_is_simulated(n, count, monkeypatch):
+    asked = []
+    monkeypatch.setattr(gap, "run_with_seeds", lambda loop, seed, count, kick: asked.append(count))
+    assert gap.simulate_runs(SimpleNamespace(record=SimpleNamespace(n=n)), None, 0) is None
+    assert asked == [count]
 
 
 @pytest.mark.parametrize(("off", "resolvable"), [(0.9, False), (2.0, True)])
