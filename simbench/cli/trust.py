@@ -8,6 +8,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from simbench.cli.common import (
+    Jobs,
     Json,
     MethodIds,
     Page,
@@ -20,7 +21,8 @@ from simbench.cli.common import (
 
 
 @app.command(
-    "trust", epilog=examples("trust rec.csv", "trust rec.csv --loop loop.toml --html trust.html")
+    "trust",
+    epilog=examples("trust rec.csv -j 4", "trust rec.csv --loop loop.toml --html trust.html"),
 )
 @reads()
 def trust_(
@@ -34,6 +36,7 @@ def trust_(
         ),
     ] = None,
     method: MethodIds = None,
+    jobs: Jobs = 1,
     html: Page = None,
     as_json: Json = False,
     *,
@@ -53,6 +56,6 @@ def trust_(
     """
     from simbench.trust.command import trust_file
 
-    trust = trust_file(path, loop, method or ["all"], html=html, **about)
+    trust = trust_file(path, loop, method or ["all"], html=html, jobs=jobs, **about)
     show_result(trust, as_json)
     say_assumed([trust.record], as_json)

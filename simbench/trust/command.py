@@ -19,13 +19,15 @@ def trust_file(
     methods: Sequence[str] = ("all",),
     *,
     html: str | Path | None = None,
+    jobs: int = 1,
     **about: Any,
 ) -> Trust:
     """Say of a record file which detector to believe, what could have been seen, and how probable
     stiction is.
     """
     refuse_own_input([html], [path, loop])
-    trusted = trust(read_record(path, **about), None if loop is None else load_loop(loop), methods)
+    record, known = read_record(path, **about), None if loop is None else load_loop(loop)
+    trusted = trust(record, known, methods, jobs=jobs)
     if html is not None:
         from simbench.trust.page import write_page
 

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbench.detectors.judge import judge
 from simbench.detectors.verdict import STICTION
 from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archived, without
-from simbench.trust.replicates import Change, draw_replicates
+from simbench.trust.replicates import Change, draw_replicates, judged
 
 _REPLICATES = 24  # of each kind, per remedy
 _WORTH = 0.2  # by which a remedy must raise sensitivity minus false alarms to be named
@@ -64,15 +63,18 @@ def remedies(
     percent: float,
     unit: str,
     seed: int,
+    jobs: int,
 ) -> tuple[Remedy, ...]:
     """Simulate what could be recorded otherwise, and return what would show more, best first."""
     before = max(
-        share - alarms for _, share, alarms in _shares(candidates, methods, cell, Change(), seed)
+        share - alarms
+        for _, share, alarms in _shares(candidates, methods, cell, Change(), seed, jobs)
     )
     S, tried = cell[0] * percent, []
     for what, change in _changes(candidates, cell[0]):
         name, share, alarms = max(
-            _shares(candidates, methods, cell, change, seed), key=lambda row: row[1] - row[2]
+            _shares(candidates, methods, cell, change, seed, jobs),
+            key=lambda row: row[1] - row[2],
         )
         tried.append(Remedy(what, name, S, unit, share, alarms, before))
     worth = sorted((r for r in tried if r.gain >= _WORTH), key=lambda r: -r.gain)
@@ -115,7 +117,12 @@ def _changes(a: CandidateLoops, S: float) -> list[tuple[str, Change]]:
 
 
 def _shares(
-    a: CandidateLoops, methods: Sequence[str], cell: tuple[float, float], change: Change, seed: int
+    a: CandidateLoops,
+    methods: Sequence[str],
+    cell: tuple[float, float],
+    change: Change,
+    seed: int,
+    jobs: int,
 ) -> list[tuple[str, float, float]]:
     """Return per method the share of sticky and of healthy replicates that it calls stiction."""
     replicates = draw_replicates(
@@ -125,7 +132,7 @@ def _shares(
     if sticky.all() or not sticky.any():
         return [("", 0.0, 0.0)]
     called = np.array(
-        [[v.verdict == STICTION for v in judge(t.record, methods)] for t in replicates]
+        [[v.verdict == STICTION for v in row] for row in judged(replicates, methods, jobs)]
     )
     return [
         (m, float(called[sticky, i].mean()), float(called[~sticky, i].mean()))

@@ -7,13 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.detectors.verdict import Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.loop.plant import stretched
 from simbench.loop.simulate import simulate
+from simbench.safe_path import safe_path
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, Plant, SetPoint
 
@@ -83,6 +87,16 @@ def draw_replicates(
     bases = [_base(loop, around.record, change) for loop in bases]
     drawn = (_replicate(around, bases, S, J, change, [seed, i]) for i, (S, J) in enumerate(plan))
     return [t for t in drawn if t is not None]
+
+
+def judged(
+    replicates: Sequence[Replicate], methods: Sequence[str], jobs: int
+) -> list[list[Verdict]]:
+    """Return what every method says of every replicate, in order, asked in so many processes."""
+    asked = (delayed(judge)(t.record, methods) for t in replicates)
+    with safe_path():
+        verdicts: list[Any] = list(Parallel(n_jobs=jobs)(asked))
+    return verdicts
 
 
 @dataclass(frozen=True, eq=False)

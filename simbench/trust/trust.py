@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
 
@@ -38,7 +38,7 @@ from simbench.trust.power import (
     smallest_visible,
 )
 from simbench.trust.remedies import Remedy, remedies
-from simbench.trust.replicates import Replicate, draw_replicates
+from simbench.trust.replicates import Replicate, draw_replicates, judged
 from simbench.trust.result import MethodTrust, Trust, likely
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ def trust(
     each: int = _EACH,
     help_wanted: bool = True,
     seed: int = 0,
+    jobs: int = 1,
     **signals: Unpack[RecordSignals],
 ) -> Trust:
     """Return which detector is most reliable on this loop, which stiction its record could have
@@ -83,6 +84,9 @@ def trust(
         Simulate what would help where the record shows too little.
     seed : int
         Root of every random stream.
+    jobs : int
+        Worker processes that judge the replicates, -1 for one on every core; the answer is the
+        same. Detectors of the caller are asked in this process.
     **signals
         op, pv, sp, mv, Ts in place of a record, and what is known of it, as in `simbench.detect`.
 
@@ -124,21 +128,21 @@ def trust(
             as_record(record, **signals),
             load_loop(loop) if isinstance(loop, (str, Path)) else loop,
             choose_methods(asked),
-            (healthy, each),
-            help_wanted,
-            seed,
+            _Effort(healthy, each, help_wanted, seed, 1 if user_defined else jobs),
         )
 
 
-def _trust(
-    record: LoopRecord,
-    loop: Loop | None,
-    names: list[str],
-    counts: tuple[int, int],
-    help_wanted: bool,
-    seed: int,
-) -> Trust:
-    healthy, each = counts
+class _Effort(NamedTuple):
+    """What is simulated, and by how many worker processes it is judged; as in `trust`."""
+
+    healthy: int
+    each: int
+    help_wanted: bool
+    seed: int
+    jobs: int
+
+
+def _trust(record: LoopRecord, loop: Loop | None, names: list[str], effort: _Effort) -> Trust:
     refuse_wrong_forms(names)
     # with a loop file, outliers and a frozen sensor are effects that the diagnosis weighs
     record = repaired(record) if loop is None else record
@@ -161,8 +165,10 @@ def _trust(
         return _without_replicates(record, verdicts, str(why), from_record(prepared, str(why))[0])
     conclusion = from_record(prepared, candidates)[0] if diagnosis is None else diagnosis.conclusion
     share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
-    sound = max(round(share * healthy), min(healthy, _FEWEST_OF_LONG))
-    replicates = draw_replicates(candidates, sound, max(round(share * each), 2), seed=seed)
+    sound = max(round(share * effort.healthy), min(effort.healthy, _FEWEST_OF_LONG))
+    replicates = draw_replicates(
+        candidates, sound, max(round(share * effort.each), 2), seed=effort.seed
+    )
     sticky = np.array([t.S > 0 for t in replicates], dtype=bool)
     if min(sticky.sum(), (~sticky).sum()) < FEW:
         whose = "loop file's" if candidates.trusted else "identified"
@@ -171,7 +177,7 @@ def _trust(
             " does"
         )
         return _without_replicates(record, verdicts, why, conclusion, candidates)
-    return _weighed(record, conclusion, candidates, names, verdicts, replicates, help_wanted, seed)
+    return _weighed(record, conclusion, candidates, names, verdicts, replicates, effort)
 
 
 def _weighed(
@@ -181,12 +187,11 @@ def _weighed(
     names: list[str],
     verdicts_here: list[Verdict],
     replicates: list[Replicate],
-    help_wanted: bool,
-    seed: int,
+    effort: _Effort,
 ) -> Trust:
     S, J = (np.array([getattr(t, k) for t in replicates]) for k in "SJ")
     sticky = S > 0
-    verdicts = [judge(t.record, names) for t in replicates]
+    verdicts = judged(replicates, names, effort.jobs)
     of = [[row[i] for row in verdicts] for i in range(len(names))]
     rules = [readings(name, v, sticky) for name, v in zip(names, of)]
     # a method made for other loops is no guide however well it did
@@ -205,9 +210,15 @@ def _weighed(
     )
     seen = smallest_visible(shown)
     helps: tuple[Remedy, ...] = ()
-    if help_wanted and conclusion.verdict != STICTION:
+    if effort.help_wanted and conclusion.verdict != STICTION:
         helps = remedies(
-            candidates, names, _invisible(shown, seen), candidates.percent, record.S_unit, seed
+            candidates,
+            names,
+            _invisible(shown, seen),
+            candidates.percent,
+            record.S_unit,
+            effort.seed,
+            effort.jobs,
         )
     scaled = tuple(_in_units(c, candidates.percent) for c in shown)
     rows = [

@@ -41,6 +41,10 @@ def test_plain_stiction_is_called_so(trusted):
     assert trusted.probability > 0.75
 
 
+def test_workers_change_no_answer(sticky, trusted):
+    assert trust(sticky, **FEW, jobs=2).as_json() == trusted.as_json()
+
+
 def test_a_wild_sample_changes_no_verb_s_conclusion(sticky, trusted, tmp_path, capsys):
     pv = np.array(sticky.pv)
     pv[pv.size // 2] = 1e9
