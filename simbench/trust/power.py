@@ -5,7 +5,7 @@ over S and J, an advised threshold, and the smallest visible stiction.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -17,6 +17,8 @@ POWER = 0.8  # sensitivity from which a size is called visible
 _ALARMS = 0.05  # share of healthy replicates that a threshold chosen here may call sticky
 # by which a threshold chosen here must be right more often than the published rule to be advised
 _BETTER = 0.03
+_DRAWS = 200  # of the shares found, for the range of the smallest visible size
+_Z = 1.96  # standard deviations of a 95 % interval
 
 
 @dataclass(frozen=True)
@@ -30,20 +32,22 @@ class Cell:
     share: float
     lo: float
     hi: float
+    n: int  # replicates
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rule:
     """How a method should be read on this loop: by its published rule, or by the score above which
     stiction is called.
 
     `right` is the share of replicates answered right, sticky and healthy ones counting the same; an
-    abstention is not right.
+    abstention is not right. `hits` (n,) are the replicates answered right.
     """
 
     method: str
     cut: float | None
     right: float
+    hits: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=bool), repr=False)
 
     def verdict_of(self, verdict: Verdict) -> str:
         """Return what this rule reads out of a verdict."""
@@ -69,7 +73,7 @@ def cells_of(S: np.ndarray, J: np.ndarray, called: np.ndarray) -> list[Cell]:
     for _, s, j in keys:
         here = called[(s == S) & (j == J)]
         lo, hi = wilson(here.sum(), here.size)
-        out.append(Cell(float(s), float(j), float(here.mean()), float(lo), float(hi)))
+        out.append(Cell(float(s), float(j), float(here.mean()), float(lo), float(hi), here.size))
     return out
 
 
@@ -91,29 +95,53 @@ def smallest_visible(cells: Sequence[Cell]) -> tuple[float, float] | None:
     return best
 
 
+def range_of_visible(cells: Sequence[Cell], seed: int) -> tuple[float, float]:
+    """Return the 90 % interval of the S that `smallest_visible` gives, inf where it gives none.
+
+    Shares are drawn from Jeffreys' posterior: what other replicates might have shown.
+    """
+    rng, found = np.random.default_rng([seed, 47]), []
+    called = np.array([c.share * c.n for c in cells])
+    missed = np.array([c.n for c in cells]) - called
+    for shares in rng.beta(called + 0.5, missed + 0.5, (_DRAWS, len(cells))):
+        drawn = [replace(c, share=float(x)) for c, x in zip(cells, shares, strict=True)]
+        found.append((smallest_visible(drawn) or (np.inf,))[0])
+    lo, hi = np.quantile(found, [0.05, 0.95], method="nearest")
+    return float(lo), float(hi)
+
+
+def cannot_tell_apart(one: Rule, other: Rule, sticky: np.ndarray) -> bool:
+    """Return whether the 95 % interval of the difference between two rules' accuracies on the same
+    replicates reaches 0.
+    """
+    difference = one.hits.astype(float) - other.hits
+    # one replicate more that each alone answers right: few never show a difference exactly
+    sides = [np.append(difference[kind], [-1.0, 1.0]) for kind in (sticky, ~sticky)]
+    variance = sum(0.25 * float(d.var()) / d.size for d in sides)
+    return abs(one.right - other.right) <= _Z * variance**0.5
+
+
 def readings(method: str, verdicts: Sequence[Verdict], sticky: np.ndarray) -> list[Rule]:
     """Return the readings of a method here: its published rule, and a threshold on its score
     that healthy replicates set.
     """
-    called = np.array([v.verdict == STICTION for v in verdicts])
-    undecided = np.array([v.verdict == NO_DECISION for v in verdicts])
-    published = Rule(method, None, _right(called, sticky, ~undecided))
+    said = np.array([v.verdict for v in verdicts])
+    hits = said == np.where(sticky, STICTION, NO_STICTION)
+    published = Rule(method, None, _share_right(hits, sticky), hits)
     # what could not be scored is no alarm, and no finding either
     scores = np.array([v.score if v.score == v.score else -np.inf for v in verdicts])
     cut = _cut(scores[~sticky])
     if not np.isfinite(cut):
         return [published]
-    half = np.arange(sticky.size) % 2 == 0
-    tried = [
-        _right(scores[here] > _cut(scores[~here & ~sticky]), sticky[here]) for here in (half, ~half)
-    ]
-    chosen = Rule(method, cut, float(np.mean(tried)))
+    hits, half = np.empty(sticky.size, dtype=bool), np.arange(sticky.size) % 2 == 0
+    for here in (half, ~half):
+        hits[here] = (scores[here] > _cut(scores[~here & ~sticky])) == sticky[here]
+    chosen = Rule(method, cut, _share_right(hits, sticky), hits)
     return [chosen, published] if chosen.right > published.right + _BETTER else [published, chosen]
 
 
-def _right(called: np.ndarray, sticky: np.ndarray, decided: np.ndarray | None = None) -> float:
-    quiet = ~called if decided is None else ~called & decided
-    return 0.5 * (float(called[sticky].mean()) + float(quiet[~sticky].mean()))
+def _share_right(hits: np.ndarray, sticky: np.ndarray) -> float:
+    return 0.5 * (float(hits[sticky].mean()) + float(hits[~sticky].mean()))
 
 
 def _cut(healthy: np.ndarray) -> float:

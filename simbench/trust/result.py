@@ -16,6 +16,8 @@ from simbench.gap.stiction.probability import LIKELIER
 from simbench.trust.power import POWER, Cell, Rule
 from simbench.trust.remedies import Remedy
 
+_MOST_RIVALS = 4  # names of methods that a sentence holds
+
 
 @dataclass(frozen=True)
 class MethodTrust:
@@ -43,8 +45,10 @@ class Trust:
 
     `methods` are ordered: those that agree with the conclusion first, the most accurate on
     simulated replicates first. `most_accurate` is the reading that is most often right on the
-    replicates, whether it agrees or not; `smallest_visible` (S, J in the unit of the record's S)
-    and `power` are its own. `twins` are S and J (%) of each replicate.
+    replicates, whether it agrees or not; `smallest_visible` (S, J in the unit of the record's S),
+    `visible_range` (the 90 % interval of that S, inf beyond the sizes tried) and `power` are its
+    own. `rivals` are the methods whose accuracy the replicates cannot tell from the first one's.
+    `twins` are S and J (%) of each replicate.
     """
 
     conclusion: Conclusion
@@ -57,6 +61,8 @@ class Trust:
     record: LoopRecord = field(repr=False)
     candidates: CandidateLoops | None = field(repr=False, default=None)
     most_accurate: Rule | None = None
+    visible_range: tuple[float, float] = (np.inf, np.inf)
+    rivals: tuple[str, ...] = ()
 
     @property
     def probability(self) -> float | None:
@@ -97,12 +103,15 @@ class Trust:
         """Return the smallest stiction that the most accurate method detects on replicates."""
         if self.most_accurate is None:
             return f"no simulated replicates: {self.notes[0]}"
-        seen = self.smallest_visible
-        size = (
-            "none of the sizes tried"
-            if seen is None
-            else f"S = {seen[0]:.2g}, J = {seen[1]:.2g} {self.record.S_unit}"
-        )
+        seen, (lo, hi) = self.smallest_visible, self.visible_range
+        unit = self.record.S_unit
+        if seen is not None:
+            most = f"{hi:.2g}" if np.isfinite(hi) else "beyond the sizes tried"
+            size = f"S = {seen[0]:.2g} (90 % interval {lo:.2g} to {most}), J = {seen[1]:.2g} {unit}"
+        elif np.isfinite(lo):
+            size = f"none of the sizes tried (90 % interval of S from {lo:.2g} {unit} on)"
+        else:
+            size = "none of the sizes tried"
         return (
             f"smallest stiction that {_reading(self.most_accurate)} detects in at least 4 of 5"
             f" simulated replicates of this loop: {size}"
@@ -111,7 +120,18 @@ class Trust:
     def _asides(self) -> list[str]:
         """Return the most reliable method, where there is one."""
         best = self.best
-        return [] if best is None else [f"most reliable method here: {_reading(best.rule)}"]
+        if best is None:
+            return []
+        return [f"most reliable method here: {_reading(best.rule)}{self._ties()}"]
+
+    def _ties(self) -> str:
+        """Return, after a semicolon, from which methods the first one cannot be told."""
+        if not self.rivals:
+            return ""
+        more = len(self.rivals[_MOST_RIVALS:])
+        *names, last = [*self.rivals[:_MOST_RIVALS], *([f"{more} more"] if more else [])]
+        named = f"{', '.join(names)} and {last}" if names else last
+        return f"; these replicates cannot tell it from {named}"
 
     def power_line(self) -> str:
         """Return in one line the smallest visible stiction, and the most reliable method."""
@@ -155,7 +175,7 @@ class Trust:
             lines.append(
                 f"Most reliable method here: {_reading(best.rule)}. Its verdict:"
                 f" {best.verdict_here.replace('_', ' ')}. Its accuracy on the replicates is"
-                f" {best.rule.right:.0%}, {why}."
+                f" {best.rule.right:.0%}, {why}{self._ties()}."
             )
         return lines
 

@@ -32,8 +32,10 @@ from simbench.scenarios.spec import Loop, load_loop
 from simbench.trust.power import (
     Cell,
     Rule,
+    cannot_tell_apart,
     cells_of,
     likelihood_ratio,
+    range_of_visible,
     readings,
     smallest_visible,
 )
@@ -208,7 +210,15 @@ def _weighed(
     rows.sort(
         key=lambda m: (m.verdict.applicable is False, m.verdict_here != wanted, -m.rule.right)
     )
-    seen = smallest_visible(shown)
+    seen, ends = smallest_visible(shown), range_of_visible(shown, effort.seed)
+    first = rows[0]
+    rivals = [
+        m.rule.method
+        for m in rows[1:]
+        if (m.verdict.applicable is False) == (first.verdict.applicable is False)
+        and (m.verdict_here == wanted) == (first.verdict_here == wanted)
+        and cannot_tell_apart(first.rule, m.rule, sticky)
+    ]
     helps: tuple[Remedy, ...] = ()
     if effort.help_wanted and conclusion.verdict != STICTION:
         helps = remedies(
@@ -238,6 +248,8 @@ def _weighed(
         record=record,
         candidates=candidates,
         most_accurate=rules[keenest][0],
+        visible_range=(ends[0] * candidates.percent, ends[1] * candidates.percent),
+        rivals=tuple(rivals),
     )
 
 

@@ -1,5 +1,7 @@
 """Power on twins: shares by cell, the smallest size that shows, the threshold to use."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,15 +9,17 @@ from simbench.detectors.verdict import Verdict
 from simbench.trust.power import (
     Cell,
     Rule,
+    cannot_tell_apart,
     cells_of,
     likelihood_ratio,
+    range_of_visible,
     readings,
     smallest_visible,
 )
 
 
 def line(shares, ratio=1.0):
-    return [Cell(s, ratio * s, f, 0.0, 1.0) for s, f in zip((1.0, 2.0, 4.0, 8.0), shares)]
+    return [Cell(s, ratio * s, f, 0.0, 1.0, 12) for s, f in zip((1.0, 2.0, 4.0, 8.0), shares)]
 
 
 @pytest.mark.parametrize(
@@ -31,6 +35,38 @@ def line(shares, ratio=1.0):
 def test_the_smallest_visible_size_is_interpolated_between_cells(cells, smallest):
     visible = smallest_visible(cells)
     assert visible == (None if smallest is None else pytest.approx((smallest, smallest)))
+
+
+@pytest.mark.parametrize(
+    ("shares", "least", "most"),
+    [
+        ([0.0, 0.5, 1.0, 1.0], 2.0, 4.0),
+        ([0.0, 0.0, 0.4, 0.8], 4.0, np.inf),
+        ([0.0] * 4, np.inf, np.inf),
+    ],
+)
+def test_the_range_of_the_smallest_visible_size_holds_it_and_shrinks_with_more_replicates(
+    shares, least, most
+):
+    few, many = (range_of_visible([replace(c, n=n) for c in line(shares)], 0) for n in (12, 1200))
+    assert few[0] <= many[0] <= many[1] <= few[1]
+    assert least <= many[0]
+    assert many[1] <= most
+    visible = smallest_visible(line(shares))
+    assert few[0] <= (visible or (np.inf,))[0] <= few[1]
+
+
+@pytest.mark.parametrize(("more", "apart"), [(0, False), (6, False), (40, True)])
+def test_methods_are_told_apart_by_replicates_that_only_one_answers_right(more, apart):
+    sticky = np.arange(200) < 120
+    hits = np.random.default_rng(1).random(200) < 0.7
+    better = hits.copy()
+    better[np.flatnonzero(~hits)[:more]] = True
+    one, other = (
+        Rule("m", None, 0.5 * (h[sticky].mean() + h[~sticky].mean()), h) for h in (better, hits)
+    )
+    assert cannot_tell_apart(one, other, sticky) == cannot_tell_apart(other, one, sticky)
+    assert cannot_tell_apart(one, other, sticky) != apart
 
 
 def test_cells_count_only_their_twins():

@@ -217,3 +217,31 @@ def test_the_loop_may_be_the_path_of_its_file(monkeypatch):
     for path in ("docs/example/model.toml", Path("docs/example/model.toml")):
         home.trust(op=np.arange(60.0), pv=np.arange(60.0), Ts=1.0, loop=path)
     assert asked == [load_loop("docs/example/model.toml")] * 2
+
+
+@pytest.mark.parametrize(
+    ("rivals", "said"),
+    [
+        ((), ""),
+        (("he",), "; these replicates cannot tell it from he."),
+        (("he", "horch"), "; these replicates cannot tell it from he and horch."),
+        (tuple("abcdefg"), "; these replicates cannot tell it from a, b, c, d and 3 more."),
+    ],
+)
+def test_methods_that_the_replicates_cannot_tell_apart_are_named(trusted, rivals, said):
+    line = replace(trusted, rivals=rivals).advice()[-1]
+    assert line.endswith(f"of the methods that agree with the conclusion{said or '.'}")
+
+
+@pytest.mark.parametrize(
+    ("seen", "ends", "said"),
+    [
+        ((2.0, 1.0), (1.5, 2.8), "S = 2 (90 % interval 1.5 to 2.8), J = 1 "),
+        ((2.0, 1.0), (1.5, np.inf), "S = 2 (90 % interval 1.5 to beyond the sizes tried), J = 1 "),
+        (None, (5.0, np.inf), "none of the sizes tried (90 % interval of S from 5 % of travel on)"),
+        (None, (np.inf, np.inf), "none of the sizes tried"),
+    ],
+)
+def test_the_smallest_visible_size_has_an_interval(trusted, seen, ends, said):
+    line = replace(trusted, smallest_visible=seen, visible_range=ends).advice()[0]
+    assert f"simulated replicates of this loop: {said}" in line
