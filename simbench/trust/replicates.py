@@ -17,6 +17,7 @@ from simbench.detectors.verdict import Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.loop.plant import stretched
 from simbench.loop.simulate import simulate
+from simbench.progress import Progress
 from simbench.safe_path import safe_path
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, Plant, SetPoint
@@ -94,9 +95,11 @@ def judged(
 ) -> list[list[Verdict]]:
     """Return what every method says of every replicate, in order, asked in so many processes."""
     asked = (delayed(judge)(t.record, methods) for t in replicates)
-    with safe_path():
-        verdicts: list[Any] = list(Parallel(n_jobs=jobs)(asked))
-    return verdicts
+    with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
+        answers = Progress(
+            parallel(asked), total=len(replicates), desc="replicates judged", delay=1.0
+        )
+        return list(answers)
 
 
 @dataclass(frozen=True, eq=False)
