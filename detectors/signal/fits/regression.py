@@ -310,8 +310,8 @@ def _positions(
     record = Stretch(op, op, q, 0, 0, 0, 1.0, -np.inf, np.inf)
     v, total = rows(blocks * count).reshape(blocks, count, LANES), rows(count + 1)
     squares, least = np.empty((blocks, 2, LANES)), _FLAT * np.abs(op - op[0]).max()
+    stands = compiled(_stands)
     for block, (moved, sums) in enumerate(zip(v, squares, strict=True)):
-        stands = compiled(_stands)
         stands(record, valves, block * LANES, least, first, moved.reshape(-1), total, sums)
     return v, squares
 
