@@ -108,7 +108,7 @@ def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
     x = np.asarray(fit.residual)[kernels.SKIP :]
     tails = 0.5 * (float(np.mean(x**4) / np.mean(x**2) ** 2) - 1.0)
     by_size = (
-        engine.evaluate(replace(fit.spec, channels=base.spec.channels), fit.theta)[0] - base.loglik
+        engine.evaluate(replace(fit.spec, channels=base.spec.channels), fit.theta) - base.loglik
     )
     return nats if tails <= 1.0 or by_size <= 0.0 else nats - by_size * (1.0 - 1.0 / tails)
 

@@ -23,7 +23,7 @@ class Probe:
 
     def __init__(self, engine: Engine, base: Fit, situation: Situation) -> None:
         self.engine, self.base, self.situation = engine, base, situation
-        self.level = engine.evaluate(base.spec, base.theta)[0]
+        self.level = engine.evaluate(base.spec, base.theta)
 
     def first(
         self,
@@ -37,7 +37,7 @@ class Probe:
         joined = self.base.spec.join(spec)
         for step in _STEPS:
             if (
-                self.level - self.engine.evaluate(joined, {**self.base.theta, **numbers(step)})[0]
+                self.level - self.engine.evaluate(joined, {**self.base.theta, **numbers(step)})
                 > _NATS
             ):
                 return float(size(step))

@@ -70,7 +70,7 @@ def _pruned(engine: Engine, fit: Fit) -> Fit:
     """
     jumps, n = fit.spec.jumps, engine.data.n
     without = [replace(fit.spec, jumps=tuple(j for j in jumps if j != k)) for k in jumps]
-    worth = [fit.loglik - engine.evaluate(spec, fit.theta)[0] for spec in without]
+    worth = [fit.loglik - engine.evaluate(spec, fit.theta) for spec in without]
     price = float(np.log((n - len(jumps) + 1) / len(jumps)))
     kept = tuple(k for k, nats in zip(jumps, worth) if nats >= price)
     if not kept or kept == jumps:

@@ -37,7 +37,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         keep = best
         for shift in (-2, -1, 0, 1, 2):
             trial = best + shift * step
-            level = engine.evaluate(at(trial), base.theta)[0]
+            level = engine.evaluate(at(trial), base.theta)
             if level > value:
                 value, keep = level, trial
         best = keep

@@ -125,6 +125,6 @@ def _of_one(s: Situation) -> Healthy:
 def _most_load(engine: Engine, fit: Fit) -> float:
     """Return the upper end of the load's 95 % interval by the likelihood, all else as fitted."""
     theta = dict(fit.theta)
-    while engine.evaluate(fit.spec, theta)[0] > fit.loglik - _NATS_AT_END:
+    while engine.evaluate(fit.spec, theta) > fit.loglik - _NATS_AT_END:
         theta["load"] *= _FINER
     return load_std(theta)

@@ -130,12 +130,9 @@ class Engine:
             "colour": (-REDDEST, REDDEST),
         }[name]
 
-    def evaluate(
-        self, spec: Spec, theta: Mapping[str, float]
-    ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return penalised log-likelihood, linear coefficients and standardised innovations."""
-        fit = self.at(spec, theta)
-        return fit.loglik, fit.beta, fit.residual
+    def evaluate(self, spec: Spec, theta: Mapping[str, float]) -> float:
+        """Return the penalised log-likelihood."""
+        return self.at(spec, theta).loglik
 
     def _terms(
         self, spec: Spec, theta: Mapping[str, float]
@@ -465,8 +462,8 @@ class Engine:
             for share in (1.0, 0.3)
             for point in points
         ]
-        trials.sort(key=lambda trial: -self.evaluate(spec, trial)[0])
-        return [self.at(spec, trial) for trial in trials[:keep]]
+        fits = [self.at(spec, trial) for trial in trials]
+        return sorted(fits, key=lambda fit: -fit.loglik)[:keep]
 
 
 def _fit(spec: Spec, theta: dict[str, float], terms: tuple) -> Fit:

@@ -215,7 +215,7 @@ def test_what_only_the_size_of_innovations_tells_counts_less_where_their_tails_a
     if heavy:
         x[::100] *= 20.0
     base, fit = (SimpleNamespace(loglik=level, spec=Spec(), residual=x) for level in (0.0, 30.0))
-    engine = SimpleNamespace(evaluate=lambda spec, theta: (30.0, None, None))
+    engine = SimpleNamespace(evaluate=lambda spec, theta: 30.0)
     fit.theta = {}
     # another signal, as a plant's other gain makes it, counts in full
     assert candidates._brought(engine, base, fit) == 30.0

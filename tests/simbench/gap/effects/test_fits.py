@@ -187,11 +187,11 @@ class Jumpy(Engine):
         self.real, self.worth = real, worth
 
     def evaluate(self, spec, theta):
-        return self.worth * min(len(spec.jumps), self.real), np.ones(3), RESIDUAL
+        return self.worth * min(len(spec.jumps), self.real)
 
     def fit(self, spec, theta, search=None, steps=10):
         self.fitted.append((dict(theta), search, steps))
-        return Fit(spec, self.evaluate(spec, theta)[0], dict(theta), np.ones(3), RESIDUAL)
+        return Fit(spec, self.evaluate(spec, theta), dict(theta), np.ones(3), RESIDUAL)
 
 
 RESIDUAL = np.random.default_rng(0).standard_normal(N)
@@ -203,7 +203,7 @@ def test_jumps_that_are_worth_nothing_with_the_others_are_taken_out_again():
 
     class Placed(Jumpy):
         def evaluate(self, spec, theta):
-            return 50.0 * len(real & set(spec.jumps)), np.ones(3), RESIDUAL
+            return 50.0 * len(real & set(spec.jumps))
 
     best, price = fit("load_steps", Placed(0, 0.0), start)
     assert set(best.spec.jumps) == real

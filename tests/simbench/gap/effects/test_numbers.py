@@ -175,10 +175,10 @@ class Sines:
     def evaluate(self, spec, theta):
         X = np.column_stack(spec.channels)
         left = self.signal - X @ np.linalg.lstsq(X, self.signal, rcond=None)[0]
-        return (-0.5 * float(left @ left),)
+        return -0.5 * float(left @ left)
 
     def fit(self, spec, theta, search):
-        return SimpleNamespace(loglik=self.evaluate(spec, theta)[0], spec=spec, theta=dict(theta))
+        return SimpleNamespace(loglik=self.evaluate(spec, theta), spec=spec, theta=dict(theta))
 
 
 @pytest.mark.parametrize("period", [7.3, 41.7, 190.0])

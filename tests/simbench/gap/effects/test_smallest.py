@@ -22,7 +22,7 @@ def probe(name, unit, from_=0.0, T=20.0, Td=4.0):
     """
 
     def evaluate(spec, theta):
-        return (-90.0 * abs(theta.get(name, from_) - from_) / unit,)
+        return -90.0 * abs(theta.get(name, from_) - from_) / unit
 
     data = SimpleNamespace(
         T=T,

@@ -134,7 +134,7 @@ def test_a_fit_pays_for_more_load_than_healthy_records_have(healthy, times, pric
     d = check(healthy[0], loop).data
     theta = Engine(d, 100.0).base().theta
     free, held = (
-        Engine(replace(d, measured=True, most_load=most), 100.0).evaluate(Spec(), theta)[0]
+        Engine(replace(d, measured=True, most_load=most), 100.0).evaluate(Spec(), theta)
         for most in (1e9, load_std(theta) / times)
     )
     assert free - held == pytest.approx(price, abs=1e-9)

@@ -35,7 +35,7 @@ RAMP = Spec(channels=(np.linspace(0, 1, 300),))
 def test_one_record_alone_is_judged_as_ever(spec):
     theta = THETA | {"S": 1.0, "tau": 3.0}
     one, joint = Engine(data(1), 40.0), JointEngine([JointPart(data(1))], 40.0)
-    assert joint.evaluate(spec, theta)[0] == pytest.approx(one.evaluate(spec, theta)[0], abs=1e-6)
+    assert joint.evaluate(spec, theta) == pytest.approx(one.evaluate(spec, theta), abs=1e-6)
     points = np.array([(1.0, 0.0, 0.0), (3.0, 0.5, 0.0)])
     np.testing.assert_allclose(
         joint.scan(spec, theta, kernels.PLAY, points), one.scan(spec, theta, kernels.PLAY, points)
@@ -44,15 +44,15 @@ def test_one_record_alone_is_judged_as_ever(spec):
 
 def test_evidence_of_two_records_of_one_loop_adds_and_of_another_plant_does_not():
     same, other = [data(1), data(2, base=30.0)], [data(1), data(2, base=30.0, K=3.0)]
-    apart = sum(Engine(d, 40.0).evaluate(Spec(), THETA)[0] for d in same)
-    assert JointEngine([JointPart(d) for d in same], 40.0).evaluate(Spec(), THETA)[
-        0
-    ] == pytest.approx(apart, abs=5.0)
-    loss = sum(Engine(d, 40.0).evaluate(Spec(free=frozenset({"K"})), THETA)[0] for d in other)
+    apart = sum(Engine(d, 40.0).evaluate(Spec(), THETA) for d in same)
+    assert JointEngine([JointPart(d) for d in same], 40.0).evaluate(Spec(), THETA) == pytest.approx(
+        apart, abs=5.0
+    )
+    loss = sum(Engine(d, 40.0).evaluate(Spec(free=frozenset({"K"})), THETA) for d in other)
     assert (
         JointEngine([JointPart(d) for d in other], 40.0).evaluate(
             Spec(free=frozenset({"K"})), THETA
-        )[0]
+        )
         < loss - 100.0
     )
 
@@ -60,7 +60,7 @@ def test_evidence_of_two_records_of_one_loop_adds_and_of_another_plant_does_not(
 def test_a_faster_log_is_the_same_plant_in_more_samples():
     fast = data(3, n=1200, pace=4)
     level = {
-        k: JointEngine([JointPart(data(1)), JointPart(fast, k)], 40.0).evaluate(Spec(), THETA)[0]
+        k: JointEngine([JointPart(data(1)), JointPart(fast, k)], 40.0).evaluate(Spec(), THETA)
         for k in (1.0, 4.0)
     }
     assert level[4.0] > level[1.0] + 100.0
