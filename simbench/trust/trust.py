@@ -211,14 +211,6 @@ def _weighed(
         key=lambda m: (m.verdict.applicable is False, m.verdict_here != wanted, -m.rule.right)
     )
     seen, ends = smallest_visible(shown), range_of_visible(shown, effort.seed)
-    first = rows[0]
-    rivals = [
-        m.rule.method
-        for m in rows[1:]
-        if (m.verdict.applicable is False) == (first.verdict.applicable is False)
-        and (m.verdict_here == wanted) == (first.verdict_here == wanted)
-        and cannot_tell_apart(first.rule, m.rule, sticky)
-    ]
     helps: tuple[Remedy, ...] = ()
     if effort.help_wanted and conclusion.verdict != STICTION:
         helps = remedies(
@@ -249,7 +241,23 @@ def _weighed(
         candidates=candidates,
         most_accurate=rules[keenest][0],
         visible_range=(ends[0] * candidates.percent, ends[1] * candidates.percent),
-        rivals=tuple(rivals),
+        rivals=_rivals(rows, sticky),
+    )
+
+
+def _rivals(rows: list[MethodTrust], sticky: np.ndarray) -> tuple[str, ...]:
+    """Return the methods that answer here as the first one does, and whose accuracy the replicates
+    cannot tell from its.
+    """
+    first, *others = rows
+
+    def same(m: MethodTrust) -> tuple[bool, str]:
+        return m.verdict.applicable is False, m.verdict_here
+
+    return tuple(
+        m.rule.method
+        for m in others
+        if same(m) == same(first) and cannot_tell_apart(first.rule, m.rule, sticky)
     )
 
 
