@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from simbench.detectors.errors import UserError
 from simbench.detectors.faults import sentence_of
@@ -22,9 +22,8 @@ from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.report.result import words
 from simbench.gap.stiction.conclusion import WORDS
-from simbench.progress import Progress
-from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
+from simbench.worked import worked
 
 _HEAD = ("record", "effect", "block", "probability", "gap", "after", "floor", "plant", "valve")
 _FLOORS = {"floor": "the simulation", "plant_floor": "the plant"}
@@ -184,15 +183,8 @@ def diagnose_folder(
     asked = {
         name: shared or (None if identify else _beside(places[name], name)) for name in records
     }
-    with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
-        answered = parallel(delayed(_one)(records[name], loop) for name, loop in asked.items())
-        answers = dict(
-            zip(
-                asked,
-                Progress(answered, total=len(asked), desc="diagnosed", delay=1.0),
-                strict=True,
-            )
-        )
+    calls = [delayed(_one)(records[name], loop) for name, loop in asked.items()]
+    answers = dict(zip(asked, worked(calls, jobs, "diagnosed"), strict=True))
     failed = {name: answer for name, answer in answers.items() if isinstance(answer, str)}
     return FolderDiagnosis(
         {name: answer for name, answer in answers.items() if not isinstance(answer, str)},

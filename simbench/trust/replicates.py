@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge
@@ -17,10 +17,9 @@ from simbench.detectors.verdict import Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
 from simbench.loop.plant import stretched
 from simbench.loop.simulate import simulate
-from simbench.progress import Progress
-from simbench.safe_path import safe_path
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, Plant, SetPoint
+from simbench.worked import worked
 
 _LEVELS = 5  # values of S
 _SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band
@@ -94,12 +93,8 @@ def judged(
     replicates: Sequence[Replicate], methods: Sequence[str], jobs: int
 ) -> list[list[Verdict]]:
     """Return what every method says of every replicate, in order, asked in so many processes."""
-    asked = (delayed(judge)(t.record, methods) for t in replicates)
-    with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
-        answers = Progress(
-            parallel(asked), total=len(replicates), desc="replicates judged", delay=1.0
-        )
-        return list(answers)
+    asked = [delayed(judge)(t.record, methods) for t in replicates]
+    return worked(asked, jobs, "replicates judged")
 
 
 @dataclass(frozen=True, eq=False)

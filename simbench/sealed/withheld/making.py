@@ -16,18 +16,17 @@ from shutil import rmtree
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.files import folder
 from simbench.loop.effects import EFFECTS, UNKNOWN, block_of
-from simbench.progress import Progress
-from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
 from simbench.sealed.handout import commitment_of, refuse_key_inside, refuse_unwritable_key
 from simbench.sealed.withheld import outcomes, truth
 from simbench.sealed.withheld.menu import csv_of
 from simbench.sealed.withheld.world import OWN, PLANNED, WORLDS
+from simbench.worked import worked
 
 WITHOUT = "without.txt"  # names the effect that the diagnosis is asked without
 PLANTS = ("foptd", "foptd", "integrating")
@@ -193,9 +192,8 @@ def make(
     folder(out)
     plan = plan or Plan.of(n)
     entries = plan.entries(list(drawn_by.FOREIGN))
-    with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
-        drawn = parallel(delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries))
-        items = list(Progress(drawn, total=len(entries), desc="records", delay=1.0))
+    calls = [delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries)]
+    items = worked(calls, jobs, "records")
     order = np.random.default_rng([seed, len(entries)]).permutation(len(items))
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
