@@ -116,6 +116,7 @@ class _Data(NamedTuple):
         return [self._without(v[i // LANES, :, i % LANES], late[i]) for i in range(len(points))]
 
     def _moved(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the positions of each valve (S, J, stops) and their sums as `_positions` does."""
         return _positions(self.raw_op, points, self.q, self.pv.size - self.rest.size - 1)
 
     def _without(self, v: np.ndarray, late: int) -> np.ndarray:
@@ -310,13 +311,13 @@ def _positions(
     record = Stretch(op, op, q, 0, 0, 0, 1.0, -np.inf, np.inf)
     v, total = rows(blocks * count).reshape(blocks, count, LANES), rows(count + 1)
     squares, least = np.empty((blocks, 2, LANES)), _FLAT * np.abs(op - op[0]).max()
-    stands = compiled(_stands)
+    scaled = compiled(_scaled)
     for block, (moved, sums) in enumerate(zip(v, squares, strict=True)):
-        stands(record, valves, block * LANES, least, first, moved.reshape(-1), total, sums)
+        scaled(record, valves, block * LANES, least, first, moved.reshape(-1), total, sums)
     return v, squares
 
 
-def _stands(record, valves, block, least, first, v, total, sums):
+def _scaled(record, valves, block, least, first, v, total, sums):
     """Fill `v` with the averaged positions of a block of valves in standard deviations, 0 where
     that is not above `least`, `total` as `moves` does, and `sums` as `_positions` says.
     """

@@ -276,8 +276,7 @@ class Engine:
         for _ in range(steps):
             J, slope = self._derivatives(spec, names, x, box, unpack, now)
             gradient = J @ now[0] + slope
-            J = self._without_linear(now, J)
-            curvature = J @ J.T + (2.0 / self.data.n) * np.outer(slope, slope)
+            curvature = self._curvature(now, J, slope)
             free = ~(((x <= box[:, 0]) & (gradient > 0)) | ((x >= box[:, 1]) & (gradient < 0)))
             gained = 0.0
             for _ in range(6):
@@ -352,6 +351,11 @@ class Engine:
             slope[i] = (higher - level) / h
         return J, slope
 
+    def _curvature(self, now: tuple, J: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """Return the likelihood's curvature (p, p) from the derivatives of its terms."""
+        J = self._without_linear(now, J)
+        return J @ J.T + (2.0 / self.data.n) * np.outer(slope, slope)
+
     def _without_linear(self, now: tuple, J: np.ndarray) -> np.ndarray:
         """Return derivatives less what the linear coefficients, fitted anew, would take back (Golub
         & Pereyra 1973).
@@ -382,8 +386,7 @@ class Engine:
         x[logs] = np.log(x[logs])
         now = self._terms(spec, unpack(x))
         J, slope = self._derivatives(spec, names, x, box, unpack, now)
-        J = self._without_linear(now, J)
-        curvature = J @ J.T + (2.0 / self.data.n) * np.outer(slope, slope)
+        curvature = self._curvature(now, J, slope)
         # a parameter of which the record tells nothing moves no further than one step of the search
         curvature += (
             np.eye(len(curvature)) / np.where(logs, 1.0, np.maximum(np.ptp(box, axis=1), 1e-9)) ** 2
