@@ -24,9 +24,10 @@ from simbench.gap.situation import Situation
 from simbench.scenarios.spec import Loop
 
 _FITTED = 0.65  # first share of the record; on the rest nothing is fitted
-# simulations of a loop, and samples of all together. With 8 the gap of 14 real records scattered by
-# 14 % from seed to seed, and of 5 the seed decided whether it was resolvable; with 64 by 4 %, and
-# of 2. Of a long record, which averages over more cycles itself, fewer will do.
+# simulations of a loop, and samples of all together. With 8 the gap of 39 real records scattered by
+# 12 % from seed to seed, and of 10 the seed decided whether it was resolvable; with 64 by 6 %, and
+# of 2 (results/gap_seeds.txt). Of a long record, which averages over more cycles itself, fewer will
+# do.
 _RUNS, _SAMPLES = (8, 64), 256_000
 RESOLVED_FROM = 1.5  # gap before over floor from which there is something to close
 # without noise all simulations are the same, and what is left of a distance is rounding
