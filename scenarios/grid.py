@@ -438,7 +438,7 @@ def draw(allowed: _Range | _Names, rng: np.random.Generator) -> float | str:
     if isinstance(allowed[0], str):
         return _pick(allowed, rng)
     lo, hi = allowed
-    return float(np.exp(rng.uniform(math.log(lo), math.log(hi))))
+    return math.exp(rng.uniform(math.log(lo), math.log(hi)))
 
 
 def _pick(names: _Names, rng: np.random.Generator) -> str:

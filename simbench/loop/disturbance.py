@@ -4,6 +4,7 @@ of another sticky loop; `echo` has a file of its own, as it needs the loop that 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.signal.filters import lfilter
 from simbench.loop import echo
+from simbench.loop.elementary import elementwise
 from simbench.loop.parameters import Choice, Number, resolve
 from simbench.loop.run import Start, run_setup
 from simbench.loop.setup import plain_setup
@@ -33,9 +35,8 @@ def sine(t, Ts, p, rng):
     """Return amplitude sin(2 pi (t - start)/period + phase); its phase walks where `jitter` is
     given.
     """
-    return p.amplitude * np.sin(
-        2 * np.pi * (t / p.period + _phase_walk(t.size, Ts, p, rng)) + p.phase
-    )
+    phase = 2 * np.pi * (t / p.period + _phase_walk(t.size, Ts, p, rng)) + p.phase
+    return p.amplitude * elementwise(math.sin, phase)
 
 
 def steps(t, Ts, p, rng):
@@ -61,13 +62,13 @@ def coloured(t, Ts, p, rng):
     """Return coloured noise of standard deviation `amplitude` and correlation time `period`,
     smoothed by `lag` where given.
     """
-    a = np.exp(-Ts / p.period)
+    a = math.exp(-Ts / p.period)
     white = rng.standard_normal(t.size)
-    white[1:] *= np.sqrt(1 - a**2)
+    white[1:] *= np.sqrt(1 - a * a)
     signal = lfilter([1.0], [1.0, -a], white)
     if p.lag == 0.0:
         return p.amplitude * signal
-    b = np.exp(-Ts / p.lag)
+    b = math.exp(-Ts / p.lag)
     # what the second filter takes from the variance of the first one's output
     left = (1 - b) / (1 + b) * (1 + a * b) / (1 - a * b)
     return p.amplitude / np.sqrt(left) * lfilter([1 - b], [1.0, -b], signal)
@@ -78,7 +79,7 @@ def _phase_walk(n: int, Ts: float, p: Any, rng: np.random.Generator) -> np.ndarr
     if p.jitter == 0.0:
         return 0.0
     # smoothed over half a period, so that the wave bends and does not tear
-    keep = np.exp(-2.0 * Ts / p.period)
+    keep = math.exp(-2.0 * Ts / p.period)
     steps = lfilter([1.0 - keep], [1.0, -keep], rng.standard_normal(n))
     return np.cumsum(steps) * p.jitter * np.sqrt(Ts / p.period) / (2.0 * np.pi)
 
@@ -104,7 +105,8 @@ def propagated(t, Ts, p, rng):
         p.S, p.J, p.noise, p.period, Ts / fine, fine * (t.size + max(more, 0) + warm_up), seed
     )[::fine]
     if p.lag > 0:
-        wave = np.asarray(lfilter([1 - np.exp(-Ts / p.lag)], [1, -np.exp(-Ts / p.lag)], wave))
+        keep = math.exp(-Ts / p.lag)
+        wave = np.asarray(lfilter([1 - keep], [1, -keep], wave))
     # scaled on the warm-up alone: a longer run must begin with the same bits
     warm = wave[warm_up // 2 : warm_up]
     half_swing = np.ptp(warm) / 2
@@ -139,7 +141,7 @@ def _other_loop(
     )
     # it starts on its cycle, which from rest it might never reach: the valve has just stopped at
     # +j, OP at its maximum
-    top, pv = 50.0 + S / 2 + 0.1 * j, 50.0 - j * float(np.tanh(k * period / 4))
+    top, pv = 50.0 + S / 2 + 0.1 * j, 50.0 - j * math.tanh(k * period / 4)
     begin = Start(op=top, error=50.0 - pv, pv=pv, valve=(50.0 + j, 1.0, 1.0, top), mv=(50.0 + j,))
     setup = plain_setup(other, seed)
     setup.draw_noise()

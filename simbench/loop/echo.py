@@ -18,6 +18,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError, UserError
 from simbench.detectors.signal.autocorrelation import fast_size
 from simbench.detectors.signal.filters import lfilter
+from simbench.loop.elementary import elementwise
 from simbench.loop.motion import MIN_REVERSALS, least_swing, motion
 from simbench.loop.parameters import VALVES, Choice, Number, resolve
 from simbench.loop.response import stages_response
@@ -43,7 +44,6 @@ SHAPES = {
     ),
 }
 VALVE = "valve"
-_ORDER = 12  # of the fall of the amplitude: a Butterworth filter of order 6, forwards and backwards
 _FUNDAMENTAL = (0.6, 1.6)  # band about the cycle's frequency
 _HARMONICS = {2: 0.15, 3: 0.3, 5: 0.12}  # largest share of the fundamental that is drawn
 _LAG, _SIZE = (0.1, 0.3), (0.3, 1.0)  # of the other valve: in periods, over this valve's motion
@@ -112,12 +112,13 @@ def _harmonics(error: np.ndarray, period: float, rng: np.random.Generator) -> np
     spectrum[1 : (band.size + 1) // 2] *= 2.0
     spectrum[band.size // 2 + 1 :] = 0.0
     analytic = np.fft.ifft(spectrum)
-    size, phase = np.abs(analytic), np.unwrap(np.angle(analytic))
+    size = elementwise(math.hypot, analytic.real, analytic.imag)
+    phase = np.unwrap(elementwise(math.atan2, analytic.imag, analytic.real))
     total = np.zeros(error.size)
     for times, most in _HARMONICS.items():
         share, turned = rng.uniform(0.0, most), rng.uniform(0.0, 2.0 * math.pi)
         if times / period < 0.5:  # above, it would be another frequency once sampled
-            total += share * size * np.cos(times * phase + turned)
+            total += share * size * elementwise(math.cos, times * phase + turned)
     return total
 
 
@@ -125,7 +126,7 @@ def _other_corners(
     mv: np.ndarray, cut: float, period: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Return what is fast in the motion of a valve elsewhere in the plant, behind a lag."""
-    lag = period * math.exp(rng.uniform(*np.log(_LAG)))
+    lag = period * math.exp(rng.uniform(*map(math.log, _LAG)))
     size = rng.uniform(*_SIZE) * rng.choice((-1.0, 1.0))
     keep = math.exp(-1.0 / lag)
     moved = np.asarray(lfilter([1.0 - keep], [1.0, -keep], mv - mv[0]))
@@ -133,11 +134,19 @@ def _other_corners(
 
 
 def _below(x: np.ndarray, cut: float, period: float) -> np.ndarray:
-    """Return what of a signal is slower than `cut` (cycles per sample), without delay."""
+    """Return what of a signal is slower than `cut` (cycles per sample), without delay: the twelfth
+    power of a Butterworth filter of order 6, forwards and backwards.
+    """
     more = min(math.ceil(_PADDED * period), x.size - 1)
     ends = 2.0 * x[0] - x[more:0:-1], 2.0 * x[-1] - x[-2 : -more - 2 : -1]
     size = fast_size(x.size + 2 * more)
     padded = np.concatenate([ends[0], x, ends[1]])
     padded = np.concatenate([padded, np.linspace(padded[-1], padded[0], size - padded.size)])
-    gain = 1.0 / (1.0 + (np.fft.rfftfreq(size) / cut) ** _ORDER)
-    return np.fft.irfft(gain * np.fft.rfft(padded), size)[more : more + x.size]
+    square = (np.fft.rfftfreq(size) / cut) ** 2
+    fourth = square * square
+    gain = 1.0 / (1.0 + fourth * fourth * fourth)
+    spectrum = np.fft.rfft(padded)
+    # parts apart: a product of complex numbers is rounded once or twice, as the processor has it
+    spectrum.real *= gain
+    spectrum.imag *= gain
+    return np.fft.irfft(spectrum, size)[more : more + x.size]

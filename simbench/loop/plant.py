@@ -4,15 +4,22 @@ dead time out.
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 
 from simbench.detectors.errors import ParameterError
+from simbench.loop.elementary import (
+    complex_expm1,
+    dot,
+    matrix_exponential,
+    quadratic_roots,
+    times,
+)
 from simbench.scenarios.polynomials import checked_polynomials
 from simbench.scenarios.spec import Plant
 
@@ -111,7 +118,7 @@ def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]
     (whole, alone) = (sample(*polynomials(p), 0.0, Ts) for p in (plant, like))
     a = np.poly(whole.A)
     b = np.poly(whole.A - np.outer(whole.B_new, whole.C)) - a
-    pole, push = alone.A[0, 0], float(alone.C @ alone.B_new)
+    pole, push = alone.A[0, 0], dot(alone.C, alone.B_new)
     return np.polymul(b[1:], [1.0, -pole]) / push, a
 
 
@@ -144,49 +151,34 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
 @lru_cache(maxsize=64)  # a loop is run with several seeds, and with and without its loads
 def _sampled(num: tuple[float, ...], den: tuple[float, ...], Td: float, Ts: float) -> SampledPlant:
     A, B, C = _state_space(np.array(num), np.array(den))
-    if (
-        len(A) == 1
-        # in closed form: expm of a tiny matrix waits for BLAS threads, many milliseconds on a busy
-        # machine
-    ):
-        whole, B_old, B_new, delay = first_order(float(A[0, 0]), float(B[0]), Td, Ts)
-        return SampledPlant(
-            np.array([[whole]]), np.array([B_old]), np.array([B_new]), C, int(delay)
-        )
     delay, old = _split(Td, Ts)
+    if len(A) == 1:
+        a, b = float(A[0, 0]), float(B[0])
+        B_old = math.exp(a * (Ts - old)) * _answer(a, b, old)
+        B_new = _answer(a, b, Ts - old)
+        whole = np.array([[math.exp(a * Ts)]])
+        return SampledPlant(whole, np.array([B_old]), np.array([B_new]), C, delay)
     whole, _ = _hold(A, B, Ts)
     late, B_new = _hold(A, B, Ts - old)
     _, early = _hold(A, B, old)
-    return SampledPlant(whole, late @ early, B_new, C, int(delay))
+    return SampledPlant(whole, times(late, early), B_new, C, delay)
 
 
-def first_order(A, B, Td, Ts):
-    """Sample first-order plants x' = A x + B w(t - Td), numbers or arrays."""
-    delay, old = _split(Td, Ts)
-    return (
-        np.exp(A * Ts),
-        np.exp(A * (Ts - old)) * _answer(A, B, old),
-        _answer(A, B, Ts - old),
-        delay,
-    )
-
-
-def _split(Td, Ts):
+def _split(Td: float, Ts: float) -> tuple[int, float]:
     """Whole samples of dead time, and the length of the older input's part of a sample (s)."""
-    delay = np.floor(Td / Ts + 1e-9)
-    old = np.maximum(Td - delay * Ts, 0.0)
-    return delay, np.where(old < 1e-9 * Ts, 0.0, old)
+    delay = math.floor(Td / Ts + 1e-9)
+    old = max(Td - delay * Ts, 0.0)
+    return delay, 0.0 if old < 1e-9 * Ts else old
 
 
 def whole_delay(Td: float, Ts: float) -> int:
     """Return the whole samples of a dead time."""
-    return int(_split(Td, Ts)[0])
+    return _split(Td, Ts)[0]
 
 
-def _answer(A, B, h):
-    """State after an input of 1 held for h s."""
-    still = A == 0
-    return B * np.where(still, h, np.expm1(A * h) / np.where(still, 1.0, A))
+def _answer(a: float, b: float, h: float) -> float:
+    """State of x' = a x + b w after an input of 1 held for h s."""
+    return b * (math.expm1(a * h) / a if a else h)
 
 
 def _state_space(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -204,7 +196,7 @@ def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarra
     order = len(A)
     joint = np.zeros((order + 1, order + 1))
     joint[:order, :order], joint[:order, order] = A, B
-    out = expm(joint * h)
+    out = matrix_exponential(joint * h)
     return out[:order, :order], out[:order, order]
 
 
@@ -215,17 +207,17 @@ def second_order(g: SampledPlant, den: np.ndarray, Ts: float, pv0: float) -> Sec
     Middleton and Goodwin (1990), Digital Control and Estimation: the delta operator, whose numbers
     do not crowd at 1 where Ts is short beside the time constants.
     """
-    change = np.expm1(np.roots(den) * Ts)
-    row = g.C @ (g.A - np.eye(2))
+    one, other = (complex_expm1(root * Ts) for root in quadratic_roots(*map(float, den)))
+    row = times((g.A - np.eye(2)).T, g.C)
     numbers = (
-        1.0 + change.sum().real,
-        change.prod().real,
-        g.C @ g.B_old,
-        g.C @ g.B_new,
-        row @ g.B_old,
-        row @ g.B_new,
+        1.0 + (one + other).real,
+        (one * other).real,
+        dot(g.C, g.B_old),
+        dot(g.C, g.B_new),
+        dot(row, g.B_old),
+        dot(row, g.B_new),
     )
-    return SecondOrder(*map(float, numbers), pv0)
+    return SecondOrder(*numbers, pv0)
 
 
 def first_order_step(w_old, w_new, x, p):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import FunctionType, ModuleType
@@ -12,6 +13,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop import controller, plant, sensor
+from simbench.loop.elementary import dot, times
 from simbench.loop.parameters import (
     CONTROLLER_PLUGINS,
     PLANT_PLUGINS,
@@ -314,7 +316,7 @@ def parts_of(setup: Setup) -> Parts:
     control_steps, control_p = _control_of(setup)
     full_control = setup.error_gap > 0 or setup.op_step > 0
     full_sensor = setup.sensor_tau > 0 or setup.pv_step > 0
-    follow = 1.0 - np.exp(-setup.Ts / setup.sensor_tau) if setup.sensor_tau > 0 else 1.0
+    follow = -math.expm1(-setup.Ts / setup.sensor_tau) if setup.sensor_tau > 0 else 1.0
     steps = {
         "error_step": controller.dead_error if full_control else controller.plain_error,
         **control_steps,
@@ -459,7 +461,8 @@ def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] 
         return (float(pv - setup.pv0), *rest[1:])
     second = parts.steps["plant_step"] is plant.second_order_step
     if state and second:
-        return float(g.C @ state), float(g.C @ (g.A @ state - state))
+        moved = times(g.A, np.asarray(state)) - state
+        return dot(g.C, state), dot(g.C, moved)
     if state:
         return state if order == 1 else np.append(state, np.zeros(order))
     return (float(pv - setup.pv0),) if order == 1 else (0.0, 0.0) if second else np.zeros(2 * order)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbench.detectors.errors import ParameterError
+from simbench.loop.elementary import without_last_bits
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import Start
 from simbench.scenarios.spec import Loop
@@ -55,16 +56,23 @@ def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
     """
     if loop.fs == 0:
         return None
-    halves = sorted(half_cycles(loop), key=lambda h: h.multiplier)
+    halves = sorted(
+        half_cycles(loop), key=lambda h: float(without_last_bits(np.array(h.multiplier)))
+    )
     for half in halves:
-        cycle = settled(loop, on_half_cycle(loop, half), half.multiplier)
+        cycle = settled(loop, _rounded(on_half_cycle(loop, half)), half.multiplier)
         if cycle is not None:
             return cycle
     for size in _LOAD_STEPS:
-        cycle = settled(loop, after_load_step(loop, size * loop.fs), None)
+        cycle = settled(loop, _rounded(after_load_step(loop, size * loop.fs)), None)
         if cycle is not None:
             return cycle
     return None
+
+
+def _rounded(state: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple:
+    """Return a state to march from: its last bits would grow to another cycle."""
+    return tuple(without_last_bits(part) for part in state)
 
 
 def on_half_cycle(loop: SampledLoop, half: HalfCycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

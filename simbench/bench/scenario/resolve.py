@@ -33,7 +33,7 @@ _PASSES = 3  # of a record's period and its sampling: a new sampling moves the p
 _LONGEST_WARM_UP = 4.0  # over what is asked for in periods of the record
 _SETTLED = 0.1  # two periods as near as this (in logarithm) are one
 _SEEDS = 4  # with which a sibling's cycle is looked for: under noise it comes and goes
-_DIGITS = 3  # ids must not hang on the last bits of a simulation
+_DIGITS = 3  # of what a simulation gave; more of them would say nothing
 
 
 @dataclass(frozen=True)
@@ -306,7 +306,9 @@ def _settled(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
         table.setdefault("disturbance", []).append(absolute_load(load, size, cycle.period))
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
-        loop = loop.with_("controller.Kc", draft.ultimate * sampled_ultimate_gain(loop))
+        loop = loop.with_(
+            "controller.Kc", significant(draft.ultimate * sampled_ultimate_gain(loop))
+        )
     return overridden(loop, draft.overrides or {})
 
 

@@ -3,6 +3,8 @@
 When it is the answer: units switched on and off upstream. Slow ones look like drift.
 """
 
+import math
+
 import numpy as np
 
 from simbench.loop.parameters import Number
@@ -24,6 +26,6 @@ def apply(setup, p, rng):
     load.
     """
     total = setup.sp.size
-    jumps = rng.random(total) < -np.expm1(-p.rate * setup.Ts)
+    jumps = rng.random(total) < -math.expm1(-p.rate * setup.Ts)
     levels = np.concatenate([[0.0], p.size * rng.standard_normal(total)])
     setup.load_in += setup.hold(levels[np.cumsum(jumps)])

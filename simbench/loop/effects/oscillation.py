@@ -4,9 +4,12 @@ When it is the answer: PV and OP are sines of one sharp frequency that the loop 
 have.
 """
 
+import math
+
 import numpy as np
 
 from simbench.detectors.errors import ParameterError
+from simbench.loop.elementary import elementwise
 from simbench.loop.parameters import Number
 
 SOURCE = "definition: amplitude sin(2 pi t/period + phase), phase at random"
@@ -26,4 +29,5 @@ def apply(setup, p, rng):
         raise ParameterError("effect 'oscillation': period = 0; a time above 0 s is needed")
     phase = rng.uniform(0.0, 2.0 * np.pi)
     t = np.arange(setup.sp.size) * setup.Ts
-    setup.load_in += setup.hold(p.amplitude * np.sin(2.0 * np.pi * t / p.period + phase))
+    wave = elementwise(math.sin, 2.0 * np.pi * t / p.period + phase)
+    setup.load_in += setup.hold(p.amplitude * wave)

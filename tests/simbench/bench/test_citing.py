@@ -86,7 +86,7 @@ def test_a_run_is_cited_by_what_it_used(run, capsys):
     assert entries["never"]["howpublished"] == "plug-in, file not given"
     assert "used by valve choudhury" in entries["choudhury2005"]["note"]
     hash_of = json.loads((run / "manifest.json").read_text())["benchmark"]["hash"]
-    assert entries["smoke-1"]["note"] == hash_of
+    assert entries["smoke-2"]["note"] == hash_of
     assert "yamashita2006" not in entries
 
 

@@ -299,8 +299,9 @@ def test_stages_stand_before_and_behind_any_friction_model():
 
 
 def test_first_order_plants_are_sampled_with_a_fraction_of_a_sample_of_dead_time():
-    numbers = [round(float(x), 3) for x in plant.first_order(-0.1, 0.1, 2.5, 1.0)]
-    assert numbers == [0.905, 0.046, 0.049, 2.0]
+    g = plant.sample(np.array([1.0]), np.array([10.0, 1.0]), 2.5, 1.0)
+    numbers = [round(float(x), 3) for x in (g.A[0, 0], g.B_old[0], g.B_new[0])]
+    assert (numbers, g.delay) == ([0.905, 0.046, 0.049], 2)
 
 
 def test_a_batch_gives_each_loop_what_simulate_gives_it():
