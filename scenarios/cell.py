@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from simbench.scenarios.errors import SpecError, suggestion
-from simbench.scenarios.spec import Loop, Value
+from simbench.scenarios.spec import Loop, Value, content_hash
 
 SETTINGS = {
     "process": "foptd or integrating",
@@ -52,6 +52,8 @@ ULTIMATE = {"aggressive": 0.9, "saturating": 1.5}
 SAME = "same"
 ECHOES = ("smooth", "harmonics", "propagated")  # kinds of the load `echo`
 EXCITATIONS = ("setpoint", "load", "both")
+# tags that say which scenario of which grid is asked for
+_IDENTITY = ("benchmark", "block", "member", "cell", "repeat", "echo")
 _REST = 50.0  # SP, PV and OP before the excitation
 
 
@@ -107,6 +109,7 @@ class Draft:
     tags: dict[str, float | int | str | None]  # its place in the grid
     rules: Rules
     seed: int
+    id: str  # of what is asked for, whatever the rules settle
     # disturbances, amplitude in PV std of the twin (at "input": in its S), times in its periods
     loads: tuple[dict[str, Any], ...] = ()
     ultimate: float | None = None  # gain over the ultimate gain of the sampled loop
@@ -184,9 +187,24 @@ def cell_group(
             echo,
         )
         drafts.append(
-            Draft(loop, told, rules, own["seed"], loads, ULTIMATE.get(tuning), overrides, *more)
+            Draft(
+                loop,
+                told,
+                rules,
+                own["seed"],
+                scenario_id(told, own["seed"]),
+                loads,
+                ULTIMATE.get(tuning),
+                overrides,
+                *more,
+            )
         )
     return twin, rules, tuple(drafts)
+
+
+def scenario_id(tags: Mapping[str, Any], seed: int) -> str:
+    """Return the id of a scenario: a hash of what is asked for, and of no computed number."""
+    return content_hash({**{key: tags[key] for key in _IDENTITY}, "seed": str(seed)})
 
 
 def _rules(settings: Mapping[str, Any]) -> Rules:

@@ -23,6 +23,7 @@ from simbench.scenarios.cell import (
     Scaled,
     cell_group,
     loop_axes,
+    scenario_id,
 )
 from simbench.scenarios.errors import SpecError, suggestion
 from simbench.scenarios.grid_check import MOST_CELLS, refuse_mistakes
@@ -219,6 +220,17 @@ class Grid:
         kept = {k: v for k, v in self.content.model_dump().items() if k not in without}
         return content_hash({"content": kept, "overrides": self.overrides})
 
+    @property
+    def of_package(self) -> bool:
+        """Whether it asks what a grid of the package of this name asks, whatever its seed."""
+        return self.name in grid_names() and self.cells_hash == packaged_grid(self.name).cells_hash
+
+    @cached_property
+    def benchmark(self) -> str:
+        """Name and version; of a grid that is not one of the package, with a hash of its cells."""
+        named = f"{self.name}-{self.content.version}"
+        return named if self.of_package else f"{named} {self.cells_hash}"
+
     @cached_property
     def _cells(self) -> list[tuple[int, int]]:
         # (first cell, number of cells) of each block
@@ -303,6 +315,7 @@ class Grid:
         rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
         tags: dict[str, float | int | str | None] = {
             "grid": self.name,
+            "benchmark": self.benchmark,
             "cell": cell,
             "repeat": repeat,
         }
@@ -371,7 +384,8 @@ class Grid:
         told = {key: _told(value) for key, value in values.items()}
         tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **told}
         twin = loop.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
-        return Group(index, twin, Rules(**rules), (Draft(loop, tags, Rules(**rules), seed),))
+        draft = Draft(loop, tags, Rules(**rules), seed, scenario_id(tags, seed))
+        return Group(index, twin, Rules(**rules), (draft,))
 
     def _disturbance(self, name: Value, rng: np.random.Generator) -> tuple[dict[str, Any], ...]:
         if name == "none":

@@ -563,16 +563,24 @@ class Scenario(_Table):
         Root of its random streams.
     tags : dict
         Axis values of its cell.
+    asked : str, optional
+        Its id in a grid, a hash of what the grid asks for and of no computed number.
     """
 
     loop: Loop
     seed: Annotated[int, Field(ge=0)] = 0
     tags: dict[str, float | int | str | None] = Field(default_factory=dict)
+    asked: str | None = None
+
+    @property
+    def id(self) -> str:
+        """The join key of every table; outside a grid, what was asked for is the loop itself."""
+        return self.asked or self.loop_digest
 
     @cached_property
-    def id(self) -> str:
-        """Hash of the canonical form: the join key of every table."""
-        return content_hash({"loop": self.loop.to_table(), "seed": self.seed, "tags": self.tags})
+    def loop_digest(self) -> str:
+        """Hash of loop and seed, of which the record is a function."""
+        return content_hash({"loop": self.loop.to_table(), "seed": str(self.seed)})
 
 
 def load_loop(path: str | Path) -> Loop:

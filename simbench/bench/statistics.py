@@ -81,21 +81,6 @@ def holm(p: ArrayLike) -> np.ndarray:
     return out
 
 
-def rate_drop(before: int, of_before: int, now: int, of_now: int, margin: float = 0.0) -> float:
-    """Return the p-value of "the rate fell by no more than the margin", from two independent
-    samples.
-
-    Score-like normal test: z = (p1 - p2 - margin)/sqrt(p1 q1/n1 + p2 q2/n2) with one success and
-    one failure added to each sample (Agresti and Caffo 2000, Am. Stat. 54, 280), which keeps it
-    honest at rates near 0 and 1.
-    """
-    if min(of_before, of_now) == 0:
-        return 1.0
-    p1, p2 = (before + 1) / (of_before + 2), (now + 1) / (of_now + 2)
-    error = np.sqrt(p1 * (1 - p1) / (of_before + 2) + p2 * (1 - p2) / (of_now + 2))
-    return float(scipy.stats.norm.sf((p1 - p2 - margin) / error))
-
-
 def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimate:
     """Return the area under the ROC curve with DeLong's interval.
 
@@ -169,28 +154,6 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     if variance == 0.0:
         return 0.0 if drop > 0 else 1.0
     return float(scipy.stats.norm.sf(drop / np.sqrt(variance)))
-
-
-def auc_drop_unpaired(
-    before: ArrayLike,
-    positive_before: ArrayLike,
-    now: ArrayLike,
-    positive_now: ArrayLike,
-    margin: float = 0.0,
-) -> float:
-    """Return the p-value of "the AUC fell by no more than the margin", from two independent
-    samples.
-
-    Normal test with DeLong's variances (see `auc`).
-    """
-    truths = [np.asarray(t, dtype=bool) for t in (positive_before, positive_now)]
-    if any(min(t.sum(), (~t).sum()) < 2 for t in truths):
-        return 1.0
-    (one, v1), (two, v2) = (_auc_variance(s, t) for s, t in zip((before, now), truths))
-    excess = one - two - margin
-    return (
-        float(scipy.stats.norm.sf(excess / np.sqrt(v1 + v2))) if v1 + v2 > 0 else float(excess <= 0)
-    )
 
 
 class _Ranking(NamedTuple):

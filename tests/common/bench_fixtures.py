@@ -84,11 +84,11 @@ def raise_after(patch, owner, name, calls, error):
 def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, **more):
     """Return a run: verdict (m, n) of 0, 1, 2; truth (n,) of 1, 0, -1.
 
-    `more` may hold places, axes, grid and grid_hash.
+    `more` may hold digests, axes, grid and grid_hash.
     """
-    toy = {"places": None, "axes": None, "grid": "toy", "grid_hash": "g"}
+    toy = {"digests": None, "axes": None, "grid": "toy", "grid_hash": "g"}
     assert set(more) <= set(toy), f"{set(more) - set(toy)}"
-    places, axes, grid, grid_hash = (toy | more).values()
+    digests, axes, grid, grid_hash = (toy | more).values()
     verdict = np.atleast_2d(np.asarray(verdict, dtype=np.int8))
     m, n = verdict.shape
     methods = tuple(methods or (f"m{i}" for i in range(m)))
@@ -118,7 +118,7 @@ def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, *
         manifest={"grid": grid, "grid_hash": grid_hash, "methods": dict.fromkeys(methods, about)},
         ids=ids,
         hashes=ids if hashes is None else np.asarray(hashes, dtype="S16"),
-        places=np.arange(n).astype(str) if places is None else np.asarray(places, dtype=str),
+        digests=ids if digests is None else np.asarray(digests, dtype="S16"),
         axes={**words, **empty, **(axes or {})},
         truth={
             **dict.fromkeys(("sticky", "predicted", "cycled"), truth),

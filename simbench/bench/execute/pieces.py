@@ -126,7 +126,7 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
     }
     book = RunArrays.read(place, whole)
     whole["records_hash"] = records_hash(book)
-    whole[BENCHMARK] = benchmark_of(grid_of(manifest), book.ids.astype(str).tolist())
+    whole[BENCHMARK] = benchmark_of(grid_of(manifest), book.table)
     score_book(book).write(place)
     write_manifest(place, whole)
     place.remove(_RECEIPTS)

@@ -50,7 +50,7 @@ def settled(group: Group) -> list[tuple[Scenario, str | None]]:
             Exception
         ) as wrong:  # whatever a model does on unusual numbers: its scenarios, not the run
             answers = [
-                (Scenario(loop=d.loop, seed=d.seed, tags=d.tags), error_text(wrong))
+                (Scenario(loop=d.loop, seed=d.seed, tags=d.tags, asked=d.id), error_text(wrong))
                 for d in part.drafts
             ]
         results.update(zip(places, answers, strict=True))

@@ -245,7 +245,7 @@ def _compare_stated(
     """Compare what the manifest states with what its grid, this installation and its tables give;
     return the benchmark.
     """
-    benchmark, installed = benchmark_of(grid, book.ids.astype(str).tolist()), describe({})
+    benchmark, installed = benchmark_of(grid, book.table), describe({})
     counts = {
         "scenarios": book.ids.size,
         "verdicts": book.verdict.size,

@@ -239,6 +239,7 @@ def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
     return {
         **{name: tags.get(name) for name in tables.TAG_KEYS},
         "scenario_id": scenario.id,
+        "loop_digest": scenario.loop_digest,
         "group": group,
         "seed": scenario.seed,
         "Ts": loop.sampling.Ts,

@@ -60,7 +60,7 @@ def settle(group: Group) -> list[Scenario | None]:
     does not cycle with the echo's seed.
     """
     if group.rules.empty:
-        return [Scenario(loop=d.loop, seed=d.seed, tags=d.tags) for d in group.drafts]
+        return [Scenario(loop=d.loop, seed=d.seed, tags=d.tags, asked=d.id) for d in group.drafts]
     twin, cycle = group.twin, measure_cycle(group.twin)
     if group.rules.w_Ti is not None:
         twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
@@ -72,7 +72,7 @@ def settle(group: Group) -> list[Scenario | None]:
             loops[id(own)] = _own_sampling(own, twin, cycle)
         loop = loops[id(own)]
         found.append(
-            Scenario(loop=loop, seed=draft.seed, tags=_tags(draft, loop))
+            Scenario(loop=loop, seed=draft.seed, tags=_tags(draft, loop), asked=draft.id)
             if draft.echo is None
             else _echo(draft, draft.echo, loop, _units(twin, cycle))
         )
@@ -106,7 +106,7 @@ def _echo(draft: Draft, wanted: Echo, sibling: Loop, unit: Mapping[str, float]) 
             run_once(loop, seed)
         except echo.NoCycleError:
             continue
-        return Scenario(loop=loop, seed=seed, tags=_tags(draft, loop))
+        return Scenario(loop=loop, seed=seed, tags=_tags(draft, loop), asked=draft.id)
     return None
 
 

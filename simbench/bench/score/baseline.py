@@ -36,6 +36,7 @@ _KEPT = (
     "commit",
     "versions",
     "machine",
+    "processor",
     "complete",
     "counts",
     "records_hash",

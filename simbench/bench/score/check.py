@@ -1,13 +1,11 @@
-"""Gate: has a detector become worse? A run against a baseline, loop by loop where both stand in the
-same place of a grid.
-"""
+"""Gate: has a detector become worse? A run against a baseline, loop by loop by their ids."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,9 +13,10 @@ from scipy import stats
 
 from simbench.bench.score.baseline import read_book, write_baseline
 from simbench.bench.score.check_result import Check, sentence
+from simbench.bench.score.names import ALL
 from simbench.bench.score.pairing import Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
-from simbench.bench.statistics import auc, auc_drop, auc_drop_unpaired, holm, mcnemar, rate_drop
+from simbench.bench.statistics import auc, auc_drop, holm, mcnemar
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.checksums import NoRun
 from simbench.bench.store.reading import CODES, RunArrays, RunError
@@ -25,17 +24,16 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 _LEVEL = 0.05
-MARGIN = 0.01  # of a rate, paired: what falls by less is no regression, however sure the fall is
-_UNPAIRED = 0.02  # the same between runs of other loops
-# a drop of the share of right answers that must be found with this power: of the same records, of
-# records that differ in the same place of a grid, of other loops; where it is not, the check cannot
-# tell
-_REACH = {"same": 0.02, "place": 0.05, "other": 0.15}
+MARGIN = 0.01  # of a rate: what falls by less is no regression, however sure the fall is
+# a drop of the share of right answers that must be found with this power: where all records equal
+# the baseline's bit for bit, and where some do not; where it is not, the check cannot tell
+_REACH = {"equal": 0.02, "other bits": 0.05}
 _POWER = 0.8
 _CHECKED_TRUTHS = ("sticky", "cycled")
 _SCORE_BITS = 14  # of a score that count: 4 digits
-# relative change of a score that an exact comparison lets pass: iterative fits on other processors
+# relative change of a score that an exact comparison lets pass: iterative fits
 _SCORE_CHANGE = 1e-3
+_EXPLAINED = 0.95  # share of runs with other last bits that lose no more than is explained
 # what is counted: among positives or negatives, which answers are good; "no decision" is neither
 # right nor wrong
 _COUNTED = {
@@ -47,22 +45,38 @@ _COUNTED = {
 }
 
 
+class Shaken(NamedTuple):
+    """What methods answer where a loop's last bits are others, as on another processor.
+
+    Baker et al. (2015), A new ensemble-based consistency test for the Community Earth System Model,
+    Geosci. Model Dev. 8, 2829: a chaotic model is compared with an ensemble of itself.
+    """
+
+    at: np.ndarray  # (k,) loops of the run, of those with other bits than the baseline's
+    members: int  # of the ensemble
+    verdict: dict[str, np.ndarray]  # method: (members, k) codes of verdicts
+
+
 def check_run(
-    folder: str | Path, against: str | Path, margin: float = MARGIN, exact: bool = False
+    folder: str | Path,
+    against: str | Path,
+    margin: float = MARGIN,
+    exact: bool = False,
+    shake: Callable[[RunArrays, Pairs], Shaken | None] | None = None,
 ) -> Check:
-    """Compare a run with a baseline.
+    """Compare a run with a baseline, loop by loop where both have the same id.
 
     Rates are compared within the positives and within the negatives of each label, since a moved
-    threshold trades one for the other: a gate on accuracy alone would see little of it. Loops in
-    the same place of the same grid: exact one-sided McNemar tests and DeLong's test of the AUC.
-    Records there may differ, as another processor simulates a chaotic loop otherwise; an unchanged
-    detector then loses as often as it wins, which is what these tests ask. Other loops: one-sided
-    two-sample tests of a drop beyond 2 points. All are Holm-corrected to a chance of 5 % that
-    unchanged detectors fail; on the very same records, where an unchanged detector answers the
-    same, to 5 % a method. Only loops that a method covers count. Where a drop that matters
-    (`_REACH`) would not have been found, the check cannot tell, and fails. With `exact`, every
-    changed verdict of a built-in method fails as well, and so do records that are not the
-    baseline's, on which nobody could tell.
+    threshold trades one for the other: a gate on accuracy alone would see little of it. Exact
+    one-sided McNemar tests and DeLong's test of the AUC ask whether more answers are lost than
+    chance explains; all are Holm-corrected to a chance of 5 % that unchanged detectors fail, on the
+    very same records, where an unchanged detector answers the same, to 5 % a method. A record may
+    have other bits than the baseline's, as another processor simulates a chaotic loop otherwise;
+    `shake` then says what methods answer where the last bits are others, and a method is worse only
+    if it lost more answers than that explains. Only loops that a method covers count. Where a drop
+    that matters (`_REACH`) would not have been found, the check cannot tell. With `exact`, for runs
+    of one machine, every changed verdict of a built-in method fails as well, and so do records that
+    are not the baseline's.
     """
     now = read_book(folder)
     try:
@@ -72,68 +86,120 @@ def check_run(
             f"{against} holds no baseline; make this run one with `simbench check {folder}"
             f" --against {against} --update`"
         ) from None
-    refuse_other_benchmark(now.manifest, before.manifest)
-    return replace(compare_books(now, before, margin, exact), home=str(against))
+    pairs = pair(now, before)
+    refuse_other_benchmark(now.manifest, before.manifest, pairs.now.size)
+    shaken = shake(now, pairs) if shake is not None and not pairs.same.all() else None
+    return replace(compare_books(now, before, margin, exact, shaken), home=str(against))
 
 
 def compare_books(
-    now: RunArrays, before: RunArrays, margin: float = MARGIN, exact: bool = False
+    now: RunArrays,
+    before: RunArrays,
+    margin: float = MARGIN,
+    exact: bool = False,
+    shaken: Shaken | None = None,
 ) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
-    grids, cells = ([b.manifest.get(key) for b in (now, before)] for key in ("grid", "cells_hash"))
-    if (grids[0] != grids[1]) if None in cells else (cells[0] != cells[1]):
-        content = "" if None in cells else f" ({cells[0]} and {cells[1]}: other cells)"
-        raise RunError(
-            f"the run is of grid {grids[0]!r}, the baseline of {grids[1]!r}{content}; run the"
-            " baseline's grid"
-        )
     pairs = pair(now, before)
-    paired = pairs.now.size > 0
-    basis = "other" if not paired else "same" if pairs.same.all() else "place"
+    if not pairs.now.size:
+        raise RunError(
+            f"the run of grid {now.manifest.get('grid')!r} and the baseline of grid"
+            f" {before.manifest.get('grid')!r} have no scenario in common; run the baseline's own:"
+            " simbench run BASELINE"
+        )
+    basis = "equal" if pairs.same.all() else "other bits"
     problems = _problems(now, before, pairs)
     rows: list[dict[str, Any]] = []
     flips: list[pd.DataFrame] = []
     for method in (m for m in before.methods if m in now.methods):
         i, j = now.methods.index(method), before.methods.index(method)
-        for label in _CHECKED_TRUTHS:
+        for truth in _CHECKED_TRUTHS:
             # a loop whose truth differs is another case
-            alike = before.truth[label][pairs.before] == now.truth[label][pairs.now]
-            one = _answers(before, j, label, pairs.before[alike] if paired else None)
-            two = _answers(now, i, label, pairs.now[alike] if paired else None)
-            rows += [{"method": method, "label": label, **row} for row in _tests(one, two, paired)]
+            alike = before.truth[truth][pairs.before] == now.truth[truth][pairs.now]
+            at, was_at = pairs.now[alike], pairs.before[alike]
+            by_chance = _by_other_bits(now, method, truth, shaken)
+            for row in _tests(_answers(before, j, truth, was_at), _answers(now, i, truth, at)):
+                other = int((~pairs.same[alike]).sum())
+                explained = _explained(other, *by_chance.get(row["what"], (0, 0)))
+                rows.append({"method": method, "truth": truth, **row, "explained": explained})
         flips.append(_flips(now, i, before, j, pairs))
     of_sizes, untold = compared(now, before, pairs)
     rows += of_sizes
     tests = pd.DataFrame(
-        rows, columns=["method", "label", "what", "n", "before", "now", "lost", "won", "p"]
+        rows,
+        columns=["method", "truth", "what", "n", "before", "now", "lost", "won", "explained", "p"],
     )
+    tests.insert(2, "population", ALL)
     each = tests.groupby("method", sort=False)["p"]
-    size = each.transform("size") if basis == "same" else pd.Series(len(tests), index=tests.index)
+    size = each.transform("size") if basis == "equal" else pd.Series(len(tests), index=tests.index)
     # an unchanged detector gives the same answers on the same records: only what changed can fail
     # by chance
-    tests["p"] = each.transform(holm) if basis == "same" else holm(tests["p"])
-    tests["seen"] = [
-        _seen(row, basis, k) for row, k in zip(tests.to_dict("records"), size, strict=True)
-    ]
-    allowed = [row.get("allowed", margin if paired else 0.0) for row in rows]
+    tests["p"] = each.transform(holm) if basis == "equal" else holm(tests["p"])
+    tests["seen"] = [_seen(row, k) for row, k in zip(tests.to_dict("records"), size, strict=True)]
+    allowed = [row.get("allowed", margin) for row in rows]
     beyond = (
         np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"])
         > allowed
     )
-    tests["worse"] = (tests["p"] < _LEVEL) & beyond
+    unexplained = ~(tests["lost"] <= tests["explained"].fillna(0.0))
+    tests["worse"] = (tests["p"] < _LEVEL) & beyond & unexplained
     moved = tests[beyond & ~tests["worse"] & tests["what"].isin((MEDIAN_ERROR, COVERAGE))]
     untold += [
         f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
     ]
     unseen = (*_unseen(tests, basis), *untold)
     said = (
-        f"{_basis(now, before, pairs, margin)}. A loss of {_points(_REACH[basis])}"
+        f"{_basis(now, before, pairs, margin, shaken)}. A loss of {_points(_REACH[basis])}"
         " must be detectable in 8 of 10 such runs, else the run is too small"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     if exact:
         problems += _changed(now, before, pairs, every)
-    return Check(paired, said, tuple(problems), tests, every, unseen=unseen)
+    return Check(said, tuple(problems), tests, every, _bits(pairs, before, every), unseen=unseen)
+
+
+def _bits(pairs: Pairs, before: RunArrays, flips: pd.DataFrame) -> dict[str, int]:
+    """Return how many loops have equal bits, other bits with the same verdicts, and another
+    verdict.
+    """
+    turned = set(flips["scenario_id"]) if len(flips) else set()
+    same_verdict = np.array(
+        [ident not in turned for ident in before.ids[pairs.before].astype(str).tolist()]
+    )
+    return {
+        "equal": int((pairs.same & same_verdict).sum()),
+        "other_bits": int((~pairs.same & same_verdict).sum()),
+        "other_verdict": int((~same_verdict).sum()),
+    }
+
+
+def _by_other_bits(
+    now: RunArrays, method: str, truth: str, shaken: Shaken | None
+) -> dict[str, tuple[int, int]]:
+    """Return for each kind of answer how many were lost where only last bits changed, and of how
+    many; nothing of a method that was not asked.
+    """
+    if shaken is None or method not in shaken.verdict:
+        return {}
+    label, said, _, covered = _answers(now, now.methods.index(method), truth, shaken.at)
+    used = covered & (label >= 0)
+    found = {}
+    for what, kept in _good(label[used] == 1, said[used]).items():
+        lost = asked = 0
+        for member in shaken.verdict[method]:
+            other = _good(label[used] == 1, member[used])[what]
+            lost, asked = lost + int((kept & ~other).sum()), asked + kept.size
+        found[what] = lost, asked
+    return found
+
+
+def _explained(loops: int, lost: int, asked: int) -> int:
+    """Return how many answers an unchanged method loses at most on so many loops with other bits,
+    in 95 of 100 runs.
+    """
+    if not loops or not asked:
+        return 0
+    return int(stats.binom.ppf(_EXPLAINED, loops, (lost + 0.5) / (asked + 1.0)))
 
 
 def update_baseline(folder: str | Path, baseline: str | Path) -> str:
@@ -146,7 +212,7 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     if there:
         try:
             before = read_book(baseline)
-            refuse_other_benchmark(now.manifest, before.manifest)
+            refuse_other_benchmark(now.manifest, before.manifest, pair(now, before).now.size)
             lines += [f"+ method {m}" for m in now.methods if m not in before.methods]
             check = compare_books(now, before)
             changes = [*(f"- {reason}" for reason in check.reasons), *check.changes()]
@@ -164,26 +230,22 @@ def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
         if m not in now.methods
     ]
     missing = before.ids.size - pairs.before.size
-    if missing and (pairs.one_grid or pairs.now.size):
+    if missing:
         found.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
-    for label in _CHECKED_TRUTHS:
-        moved = now.truth[label][pairs.now] != before.truth[label][pairs.before]
+    for truth in _CHECKED_TRUTHS:
+        moved = now.truth[truth][pairs.now] != before.truth[truth][pairs.before]
         changed = int((moved & pairs.same).sum())
         if changed:
             found.append(
-                f"the truth {label!r} of {changed} scenarios with the same records has changed"
+                f"the truth {truth!r} of {changed} scenarios with the same records has changed"
             )
     for method in (m for m in before.methods if m in now.methods):
         failed, was = (
             now.failed[now.methods.index(method)],
             before.failed[before.methods.index(method)],
         )
-        raised = (
-            int((failed[pairs.now] & ~was[pairs.before]).sum())
-            if pairs.now.size
-            else int(failed.sum())
-        )
-        if raised and (pairs.now.size or not was.any()):
+        raised = int((failed[pairs.now] & ~was[pairs.before]).sum())
+        if raised:
             found.append(f"method {method} raised an error on {raised} scenarios where it had none")
     return found
 
@@ -193,12 +255,10 @@ def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFram
     methods, and other records.
     """
     differ = int((~pairs.same).sum())
-    if not pairs.now.size:
-        yield "exact: the run has no record of the baseline"
-    elif differ:
+    if differ:
         yield (
             f"exact: {differ} of {pairs.now.size} records differ from the baseline's: verdicts"
-            " cannot be compared there"
+            " cannot be compared there; --exact is for two runs of one machine"
         )
     strangers = {name.removeprefix("own ") for name in now.manifest.get("plugins", ())}
     for method in (m for m in before.methods if m in now.methods and m not in strangers):
@@ -212,27 +272,31 @@ def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFram
             yield f"exact: {other.sum()} of {pairs.now.size} scores of {method} changed"
 
 
-def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
+def _basis(
+    now: RunArrays, before: RunArrays, pairs: Pairs, margin: float, shaken: Shaken | None
+) -> str:
     tests = f"a rate may fall by {_points(margin)} (exact paired tests with Holm's correction)"
     differ = int((~pairs.same).sum())
-    if pairs.now.size and not differ:
+    if not differ:
         return (
             f"all {pairs.now.size} records equal those of the baseline bit for bit. Rule: {tests}"
         )
-    if pairs.now.size:
-        ids = int((now.ids[pairs.now] != before.ids[pairs.before]).sum())
-        moved = int((now.truth["cycled"][pairs.now] != before.truth["cycled"][pairs.before]).sum())
-        why = (
-            f"{differ} of {pairs.now.size} records differ from the baseline's in the same place of"
-            " the grid"
-        )
-        more = f"{ids} also in their id, {moved} in the truth 'cycled', which are left out there"
-        return f"{why} ({more}), as on another processor. Rule: {tests}"
-    return (
-        f"the loops are not those of the baseline; two-sample tests compare {now.ids.size} with"
-        f" {before.ids.size} scenarios. A rate may fall by {_points(_UNPAIRED)}"
-        " (Holm's correction)"
+    loops = int((now.digests[pairs.now] != before.digests[pairs.before]).sum())
+    moved = int((now.truth["cycled"][pairs.now] != before.truth["cycled"][pairs.before]).sum())
+    why = (
+        f"the bits of {differ} of {pairs.now.size} records differ from the baseline's, as on"
+        f" another processor ({loops} were settled as other loops, {moved} differ in the truth"
+        " 'cycled' and are left out there)"
     )
+    if shaken is None:
+        return f"{why}. Rule: {tests}"
+    about = (
+        f"{shaken.at.size} of them simulated {shaken.members} times with PV times 1 plus or minus"
+        " 1e-12 tell how many answers other bits lose"
+    )
+    asked = [m for m in now.methods if m in before.methods and m not in shaken.verdict]
+    unasked = f"; {', '.join(asked)} not asked: --plugin FILE" if asked else ""
+    return f"{why}; {about}{unasked}. Rule: {tests}, and more answers are lost than that"
 
 
 def _points(share: float) -> str:
@@ -240,18 +304,13 @@ def _points(share: float) -> str:
     return f"{100 * share:g} percentage point{'s' * (share != 0.01)}"
 
 
-def _seen(row: dict[str, Any], basis: str, tests: int) -> float:
+def _seen(row: dict[str, Any], tests: int) -> float:
     """Return the smallest drop of a rate that is found with `_POWER`; NaN for an AUC and a median
     error.
     """
     n, level = row["n"], _LEVEL / tests
     if row["what"] in ("AUC", MEDIAN_ERROR) or n == 0:
         return float("nan")
-    if basis == "other":
-        spread = np.sqrt(2 * max(row["before"] * (1 - row["before"]), 1 / (n + 2)) / n)
-        return float(
-            min(_UNPAIRED + spread * (stats.norm.isf(level) + stats.norm.ppf(_POWER)), 1.0)
-        )
     least = np.ceil(-np.log2(level))  # cases lost, none won, that an exact test takes for a drop
     return float(min(stats.gamma.ppf(_POWER, least) / n, 1.0))
 
@@ -260,10 +319,9 @@ def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
     """Name the methods whose loss nobody could have found: too few loops that they cover, and
     answers that changed.
     """
-    for row in tests[(tests["what"] == "right") & (tests["label"] == "cycled")].to_dict("records"):
-        changed = basis != "same" or row["lost"] > 0
+    for row in tests[(tests["what"] == "right") & (tests["truth"] == "cycled")].to_dict("records"):
         if (
-            changed
+            row["lost"] > row["explained"]
             and not row["seen"] <= _REACH[basis]
             and not tests.loc[tests["method"] == row["method"], "worse"].any()
         ):
@@ -285,54 +343,48 @@ def _rounded(score: np.ndarray) -> np.ndarray:
 
 
 def _answers(
-    book: RunArrays, method: int, label: str, at: np.ndarray | None
+    book: RunArrays, method: int, truth: str, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    truth, verdict, score = book.truth[label], book.verdict[method], _rounded(book.score[method])
-    covered = book.applicable[method] != 0
-    if at is not None:
-        truth, verdict, score, covered = truth[at], verdict[at], score[at], covered[at]
-    return truth, verdict, score, covered
-
-
-def _tests(before: tuple, now: tuple, paired: bool) -> Iterator[dict[str, Any]]:
-    # side by side, a loop that the method covered before counts: what it gives up now it has lost
-    covered = [before[3], before[3] if paired else now[3]]
-    used = [cover & (side[0] >= 0) for cover, side in zip(covered, (before, now), strict=True)]
-    sides = [tuple(x[use] for x in side[:3]) for use, side in zip(used, (before, now), strict=True)]
-    (truth_a, said_a, score_a), (truth_b, said_b, score_b) = (
-        (truth == 1, said, score) for truth, said, score in sides
+    """Return label, verdict, score and whether the method covers the loop, of some loops."""
+    covered = book.applicable[method][at] != 0
+    return (
+        book.truth[truth][at],
+        book.verdict[method][at],
+        _rounded(book.score[method][at]),
+        covered,
     )
-    for what, (positive, good) in _COUNTED.items():
-        if positive is None:
-            a, b = said_a == truth_a, said_b == truth_b
+
+
+def _good(positive: np.ndarray, said: np.ndarray) -> dict[str, np.ndarray]:
+    """Return for each kind of answer that is counted whether it was given, loop by loop."""
+    found = {}
+    for what, (among, good) in _COUNTED.items():
+        if among is None:
+            found[what] = said == positive
         else:
             codes = [CODES[word] for word in good]
-            a, b = (
-                np.isin(said_a[truth_a == positive], codes),
-                np.isin(said_b[truth_b == positive], codes),
-            )
-        row: dict[str, Any] = {
-            "what": what,
-            "n": min(a.size, b.size),
-            "before": _share(a),
-            "now": _share(b),
-        }
-        if paired:
-            row.update(lost=int((a & ~b).sum()), won=int((~a & b).sum()))
-            yield {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
-        else:
-            yield {**row, "p": rate_drop(int(a.sum()), a.size, int(b.sum()), b.size, _UNPAIRED)}
-    p = (
-        auc_drop(score_a, score_b, truth_a)
-        if paired
-        else auc_drop_unpaired(score_a, truth_a, score_b, truth_b, _UNPAIRED)
-    )
+            found[what] = np.isin(said[positive == among], codes)
+    return found
+
+
+def _tests(before: tuple, now: tuple) -> Iterator[dict[str, Any]]:
+    # a loop that the method covered before counts: what it gives up now it has lost
+    used = before[3] & (before[0] >= 0)
+    truth, said_a, score_a = (x[used] for x in before[:3])
+    said_b, score_b = (x[used] for x in now[1:3])
+    positive = truth == 1
+    old, new = _good(positive, said_a), _good(positive, said_b)
+    for what in _COUNTED:
+        a, b = old[what], new[what]
+        lost, won = int((a & ~b).sum()), int((~a & b).sum())
+        row = {"what": what, "n": a.size, "before": _share(a), "now": _share(b)}
+        yield {**row, "lost": lost, "won": won, "p": mcnemar(lost, won, worse=True)}
     yield {
         "what": "AUC",
-        "n": min(truth_a.size, truth_b.size),
-        "before": auc(score_a, truth_a).value,
-        "now": auc(score_b, truth_b).value,
-        "p": p,
+        "n": truth.size,
+        "before": auc(score_a, positive).value,
+        "now": auc(score_b, positive).value,
+        "p": auc_drop(score_a, score_b, positive),
     }
 
 
@@ -350,7 +402,7 @@ def _flips(now: RunArrays, i: int, before: RunArrays, j: int, pairs: Pairs) -> p
             "method": now.methods[i],
             "was": names[before.verdict[j][was_at]],
             "now": names[now.verdict[i][at]],
-            "record": np.where(pairs.same[changed], "same", "other"),
+            "bits": np.where(pairs.same[changed], "equal", "other"),
             "sticky": now.truth["sticky"][at] == 1,
             "cycled": now.truth["cycled_word"][at],
             **{name: now.axes[name][at] for name in ("block", "disturbance")},

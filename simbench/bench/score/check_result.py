@@ -13,6 +13,8 @@ from simbench.bench.score.compare import plain
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR
 from simbench.detectors.report.report import columns
 
+NO_LOSS, WORSE, CANNOT_TELL = "same", "worse", "cannot tell"
+NOT_COMPARABLE = "not comparable"  # what a command says where there is no check
 _SHOWN = 20  # flipped scenarios in a summary of a pull request; JSON has all
 # in a terminal, so that all of it fits a screen of 40 lines and 100 columns
 _SCREEN = {"reasons": 5, "rates": 5, "flips": 10}
@@ -33,7 +35,6 @@ _POSITIVES = {"sticky": "sticky loops", "cycled": "loops with a limit cycle"}
 class Check:
     """What a run says against its baseline."""
 
-    paired: bool  # whether answers are compared loop by loop
     basis: str  # which test was used and why, in one sentence
     problems: tuple[
         str,
@@ -41,15 +42,18 @@ class Check:
         # what fails without any statistics: missing methods or scenarios, new errors, a changed
         # truth
     ]
-    # method, label, what ("right": of all, "detection": share of the positives called sticky,
-    # "rejection": of the negatives called healthy, "no miss", "no false alarm": the same with no
-    # decision allowed, "AUC", "coverage" and "median error" of S and J of a family of valves), n
-    # (of them, where the method covers the loop), before, now, lost, won (cases, paired only), p
-    # (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse
+    # method, truth, population, what ("right": of all, "detection": share of the positives called
+    # sticky, "rejection": of the negatives called healthy, "no miss", "no false alarm": the same
+    # with no decision allowed, "AUC", "coverage" and "median error" of S and J of a family of
+    # valves), n (of them, where the method covers the loop), before, now, lost, won (cases),
+    # explained (cases that other bits may lose), p (Holm-corrected), seen (smallest drop found in 8
+    # of 10 such runs), worse
     tests: pd.DataFrame
-    # every changed verdict: scenario_id (the baseline's), method, was, now, record ("same" or
+    # every changed verdict: scenario_id, method, was, now, bits (of the record, "equal" or
     # "other"), sticky, cycled, block, disturbance
     flips: pd.DataFrame
+    # loops whose records have equal bits, other bits and the same verdicts, and another verdict
+    bits: dict[str, int]
     home: str = "BASELINE"  # folder of the baseline, which holds the loops of the flips
     # methods of which nobody could tell whether they became worse, and why
     unseen: tuple[str, ...] = ()
@@ -60,9 +64,11 @@ class Check:
         return bool(self.problems) or bool(self.tests["worse"].any())
 
     @property
-    def answer(self) -> str:
-        """passed, FAILED or "cannot tell"; only the first is good enough."""
-        return "FAILED" if self.failed else "cannot tell" if self.unseen else "passed"
+    def result(self) -> str:
+        """One of "same", "worse" and "cannot tell", as too few loops are covered; only the first is
+        good enough.
+        """
+        return WORSE if self.failed else CANNOT_TELL if self.unseen else NO_LOSS
 
     @property
     def reasons(self) -> list[str]:
@@ -74,17 +80,21 @@ class Check:
         """Return what fell, by how much, then the rule, the rates that moved and the scenarios that
         flipped: what fits a screen.
         """
-        found = [*_headlines(self.tests), *self.problems, *self.unseen]
-        head = f"{self.answer}: {found[0] if found else 'no detector became worse'}."
+        found = [*map(headline, _told(self.tests)), *self.problems, *self.unseen]
+        head = f"{self.result}: {found[0] if found else 'no detector became worse'}."
         shown = found[1 : _SCREEN["reasons"]]
         more = len(found) - 1 - len(shown)
         lines = [head, *(f"- {reason}" for reason in shown)]
         lines += [f"- and {more} more, which --json lists"] if more > 0 else []
-        return "\n".join([*lines, f"Compared: {self.basis}.", *self.changes()])
+        told = (
+            f"{self.bits['equal']} loops have equal bits, {self.bits['other_bits']} other bits and"
+            f" the same verdicts, {self.bits['other_verdict']} another verdict"
+        )
+        return "\n".join([*lines, f"Compared: {self.basis}.", f"{told}.", *self.changes()])
 
     def changes(self) -> list[str]:
         """Return the rates that moved and the scenarios that flipped, the worst first."""
-        lines, moved = [], _moved(self).drop(columns="seen")
+        lines, moved = [], _moved(self).drop(columns=["seen", "explained"])
         if len(moved):
             lines += ["", *_aligned(moved.head(_SCREEN["rates"]))]
         if len(self.flips):
@@ -100,7 +110,7 @@ class Check:
 
     def as_markdown(self) -> str:
         """Return the same for a pull request's summary."""
-        lines = [f"### Detector check: {self.answer.lower()}", "", self.basis, ""]
+        lines = [f"### Detector check: {self.result}", "", self.basis, ""]
         lines += [f"- {r}" for r in self.reasons] + [""] * bool(self.reasons)
         moved = _moved(self)
         lines += _table(moved) if len(moved) else ["No rate moved."]
@@ -115,9 +125,8 @@ class Check:
         """Return everything as JSON types."""
         tables = {name: plain(getattr(self, name)) for name in ("tests", "flips")}
         about = {
-            "answer": self.answer,
-            "failed": self.failed,
-            "paired": self.paired,
+            "result": self.result,
+            "bits": self.bits,
             "basis": self.basis,
         }
         return {**about, "reasons": self.reasons, **tables}
@@ -161,9 +170,9 @@ def sentence(row: dict[str, Any]) -> str:
         f" {row['now']:.3f}"
     )
     of = (
-        f"of {row['label']}"
+        f"of {row['truth']}"
         if row["what"] in (COVERAGE, MEDIAN_ERROR)
-        else f"against {row['label']!r}"
+        else f"against {row['truth']!r}"
     )
     return f"{row['method']}: {row['what']} {of} {moved}{cases} (p = {row['p']:.2g})"
 
@@ -172,11 +181,12 @@ def _moved(check: Check) -> pd.DataFrame:
     tests = check.tests
     same = (tests["before"] == tests["now"]) | tests[["before", "now"]].isna().all(axis=1)
     changed = tests[~same]
-    return (
-        changed.drop(columns=[] if check.paired else ["lost", "won"])
-        .sort_values("p", kind="stable")
-        .head(2 * _SHOWN)
-    )
+    # the rows that the first sentences speak of come first
+    told = {(row["method"], row["truth"], row["what"]) for row in _told(tests)}
+    keys = zip(changed["method"], changed["truth"], changed["what"], strict=True)
+    order = changed.assign(_later=[key not in told for key in keys])
+    order = order.sort_values(["_later", "p"], kind="stable").drop(columns="_later")
+    return order.head(2 * _SHOWN)
 
 
 def _worst_first(check: Check) -> pd.DataFrame:
@@ -191,23 +201,25 @@ def _cut(check: Check, most: int) -> str:
     return f", the first {most}:" if len(check.flips) > most else ":"
 
 
-def _headlines(tests: pd.DataFrame) -> Iterator[str]:
-    """Return a sentence for each method that became worse, about all its answers where these show
-    it.
-    """
+def _told(tests: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Yield a row for each method that became worse, of all its answers where these show it."""
     for _, rows in tests[tests["worse"]].groupby("method", sort=False):
         first, *_ = sorted(
-            rows.to_dict("records"), key=lambda row: (row["what"] != _RIGHT, row["label"])
+            rows.to_dict("records"), key=lambda row: (row["what"] != _RIGHT, row["truth"])
         )
-        yield headline(first)
+        yield first
 
 
 def headline(row: dict[str, Any]) -> str:
     """Return in words what became worse, from a row of the tests.
 
-    >>> row = {"method": "he", "label": "cycled", "what": "right", "lost": 66, "won": 0}
-    >>> headline({**row, "before": 0.535, "now": 0.504, "p": 1e-9})
-    'he is right in 50.4 % of the loops, before 53.5 %: 66 answers lost, 0 won (label cycled)'
+    >>> row = {"method": "he", "truth": "cycled", "population": "all", "what": "right"}
+    >>> row = {**row, "lost": 66, "won": 0}
+    >>> what, _, cases = headline({**row, "before": 0.535, "now": 0.504}).partition(": ")
+    >>> what
+    'he is right in 50.4 % of the loops, before 53.5 %'
+    >>> cases
+    '66 answers lost, 0 won (truth cycled, population all)'
     """
     if row["what"] not in _CLAUSES:
         return sentence(row)
@@ -216,8 +228,9 @@ def headline(row: dict[str, Any]) -> str:
     cases = (
         "" if pd.isna(row["lost"]) else f": {row['lost']:.0f} answers lost, {row['won']:.0f} won"
     )
-    clause = clause.format(now, _POSITIVES.get(row["label"], row["label"]))
-    return f"{row['method']} {clause}, before {before:.1f} %{cases} (label {row['label']})"
+    clause = clause.format(now, _POSITIVES.get(row["truth"], row["truth"]))
+    row_of = f"truth {row['truth']}, population {row['population']}"
+    return f"{row['method']} {clause}, before {before:.1f} %{cases} ({row_of})"
 
 
 def _aligned(frame: pd.DataFrame) -> list[str]:

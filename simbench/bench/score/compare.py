@@ -127,7 +127,7 @@ def compare(
     if other is None:
         return between_methods(with_shipped(book), truth)
     theirs = read_book(other)
-    refuse_other_benchmark(book.manifest, theirs.manifest)
+    refuse_other_benchmark(book.manifest, theirs.manifest, pair(book, theirs).now.size)
     return between_runs(book, theirs, truth)
 
 

@@ -7,10 +7,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import stats
 
 from simbench.bench.score.pairing import Pairs
-from simbench.bench.statistics import mcnemar, rate_drop
+from simbench.bench.statistics import mcnemar
 from simbench.bench.store.reading import RunArrays
 
 if TYPE_CHECKING:
@@ -23,7 +22,6 @@ _ALLOWED = {
     COVERAGE: 0.03,
     MEDIAN_ERROR: 0.02,
 }  # moves that are no regression; errors in shares of S
-_ALLOWED_APART = 0.05  # more of either between runs of other loops
 # of the loops whose S or J a method gave before, that it must still give to be compared
 _KEPT = 0.8
 
@@ -87,9 +85,7 @@ def compared(
     `allowed` is what either may lose. A baseline that kept no S and J asks nothing.
     """
     old, new = (estimates(book) for book in (before, now))
-    paired = pairs.now.size > 0
-    if paired:
-        new["loop"] = new["loop"].map(dict(zip(pairs.now, pairs.before, strict=True)))
+    new["loop"] = new["loop"].map(dict(zip(pairs.now, pairs.before, strict=True)))
     keys = ["method", "parameter", "family"]
     ours, rows, untold = dict(list(new.groupby(keys))), [], []
     for key, one in old.groupby(keys, sort=False):
@@ -97,15 +93,9 @@ def compared(
         if len(one) < _ENOUGH or method not in now.methods:
             continue
         two = ours.get(key, new[:0])
-        if paired:
-            both = one.merge(two, on="loop", suffixes=("_old", "_new"))
-            sides = [
-                both.filter(like=end).rename(columns=lambda c: c[:-4]) for end in ("_old", "_new")
-            ]
-        else:
-            sides = [one, two]
-        wanted = _KEPT * len(one) * (1.0 if paired else now.ids.size / before.ids.size)
-        if len(sides[1]) < wanted:
+        both = one.merge(two, on="loop", suffixes=("_old", "_new"))
+        sides = [both.filter(like=end).rename(columns=lambda c: c[:-4]) for end in ("_old", "_new")]
+        if len(sides[1]) < _KEPT * len(one):
             untold.append(
                 f"{method}: cannot tell of {parameter} of {family}: given {len(sides[1])} times,"
                 f" before {len(one)}"
@@ -114,37 +104,21 @@ def compared(
         for what, column in ((MEDIAN_ERROR, "error"), (COVERAGE, "held")):
             a, b = (np.asarray(side[column], dtype=float) for side in sides)
             if np.isfinite(a).any():
-                test = _test(what, a, b, paired)
+                test = _test(what, a, b)
                 rows.append(
-                    {"method": method, "label": f"{parameter} of {family}", "what": what, **test}
+                    {"method": method, "truth": f"{parameter} of {family}", "what": what, **test}
                 )
     return rows, untold
 
 
-def _test(what: str, before: np.ndarray, now: np.ndarray, paired: bool) -> dict[str, Any]:
-    """Test whether errors grew, or intervals hold less often, loop by loop or between two sets of
-    loops.
-    """
-    allowed = _ALLOWED[what] + (0.0 if paired else _ALLOWED_APART)
-    if paired:  # an interval that is no longer given holds nothing
-        known = np.isfinite(before)
-        before, now = before[known], np.nan_to_num(now[known])
-    before, now = before[np.isfinite(before)], now[np.isfinite(now)]
-    row: dict[str, Any] = {"n": min(before.size, now.size), "allowed": allowed}
-    if not row["n"]:
-        return {**row, "before": float(before.mean()), "now": 0.0, "p": 0.0}
+def _test(what: str, before: np.ndarray, now: np.ndarray) -> dict[str, Any]:
+    """Test loop by loop whether errors grew, or intervals hold less often."""
+    # an interval that is no longer given holds nothing
+    known = np.isfinite(before)
+    before, now = before[known], np.nan_to_num(now[known])
+    row: dict[str, Any] = {"n": before.size, "allowed": _ALLOWED[what]}
     middle = np.median if what == MEDIAN_ERROR else np.mean
     row.update(before=float(middle(before)), now=float(middle(now)))
-    if paired:
-        up, down = int((now > before).sum()), int((now < before).sum())
-        row["lost"], row["won"] = (up, down) if what == MEDIAN_ERROR else (down, up)
-        return {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
-    if what == MEDIAN_ERROR:
-        return {
-            **row,
-            "p": float(stats.mannwhitneyu(now - allowed, before, alternative="greater").pvalue),
-        }
-    return {
-        **row,
-        "p": rate_drop(int(before.sum()), before.size, int(now.sum()), now.size, allowed),
-    }
+    up, down = int((now > before).sum()), int((now < before).sum())
+    row["lost"], row["won"] = (up, down) if what == MEDIAN_ERROR else (down, up)
+    return {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simbench.bench.score.pairing import pair
-from simbench.bench.store.benchmark import BENCHMARK, refuse_other_benchmark
+from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import CODES, RunArrays, read_table
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.detectors.verdict import NO_DECISION
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 REFERENCE = "reference"  # key of a manifest: whether the run is scored with the shipped verdicts
-UNLIKE = "unlike_reference"  # and how many of its records are not those of the shipped verdicts
+UNLIKE = "unlike_reference"  # and how many of its records have other bits than the shipped ones
 _FOLDER = Path(__file__).parents[2] / "shipped"
 _COLUMNS = ["scenario_id", "method", "verdict", "score", "applicable", "S_lo", "S_hi"]
 
@@ -81,18 +81,15 @@ def with_shipped(book: RunArrays) -> RunArrays:
     """Return a run that was made with `--with-reference` with the shipped methods beside its own,
     any other, and one that has them already, as it is.
 
-    On a loop whose record is not the shipped one, bit for bit, as another processor may give it, a
-    shipped method does not apply.
+    Loops are joined by id, whatever the last bits of their records; on one that is not among the
+    shipped ones a shipped method does not apply.
     """
     if not book.manifest.get(REFERENCE) or UNLIKE in book.manifest:
         return book
     there = RunArrays.read(shipped(str(book.manifest["grid"])))
-    parts = [manifest[BENCHMARK]["parts"] for manifest in (book.manifest, there.manifest)]
-    # another processor may resolve some scenarios otherwise: these are left out one by one
-    if any(parts[0][name] != parts[1][name] for name in parts[0] if name != "scenarios"):
-        refuse_other_benchmark(book.manifest, there.manifest)
     pairs = pair(book, there)
-    at, was_at = pairs.now[pairs.same], pairs.before[pairs.same]
+    at, was_at = pairs.now, pairs.before
+    refuse_other_benchmark(book.manifest, there.manifest, at.size)
     added = [i for i, name in enumerate(there.methods) if name not in book.methods]
     names = [there.methods[i] for i in added]
 
@@ -116,7 +113,7 @@ def with_shipped(book: RunArrays) -> RunArrays:
         manifest={
             **book.manifest,
             "methods": {**book.manifest["methods"], **about},
-            UNLIKE: int(book.ids.size - at.size),
+            UNLIKE: int((~pairs.same).sum()),
         },
         methods=(*book.methods, *names),
         **{name: beside(name, value) for name, value in absent.items()},

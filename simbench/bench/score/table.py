@@ -157,8 +157,8 @@ def _title(scores: Any) -> list[str]:
         )
     if unlike := m.get(UNLIKE):
         lines += _wrapped(
-            "Records that are not those of the shipped verdicts, as on another processor:"
-            f" {unlike}. There the shipped methods do not apply."
+            f"{unlike} records have other last bits than those of the shipped verdicts, as on"
+            " another processor."
         )
     return lines
 

@@ -12,16 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from simbench.bench.store.checksums import RunError
-from simbench.scenarios.grid import Grid, GridFile, grid_names, packaged_grid
+from simbench.scenarios.grid import Grid, GridFile, grid_names
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.spec import content_hash
 
 BENCHMARK = "benchmark"
-PARTS = {
-    "grid": "the grid file",
-    "scenarios": "the scenarios",
-    "evaluator": "the evaluator's rules",
-}
+PARTS = {"scenarios": "the scenarios", "evaluator": "the evaluator's rules"}
 _PACKAGES = ("scenarios", "loop", "theory", "bench/scenario", "bench/score")
 _FILES = ("bench/statistics.py", "detectors/signal/oscillation.py")
 # they print, compare or transport, and decide no truth and no score
@@ -36,35 +32,36 @@ _LEFT_OUT = (
 )
 
 
-def benchmark_of(grid: Grid, ids: Iterable[str]) -> dict[str, Any]:
-    """Return the version of the benchmark that a grid and the scenarios it was resolved to make.
+def benchmark_of(grid: Grid, table: Iterable[tuple[str, str]]) -> dict[str, Any]:
+    """Return the version of the benchmark that a grid and the table of its scenarios make.
 
     Parameters
     ----------
     grid : Grid
         With its overrides applied.
-    ids : iterable of str
-        Ids of all scenarios, in any order.
+    table : iterable of (str, str)
+        Id and loop digest of every scenario, in any order.
 
     Returns
     -------
     dict
-        name ("ci-2"), version (2), hash (16 hex digits over all parts), and parts, a hash each:
-        grid (the file without its seed and repeats), scenarios (sorted ids), evaluator (source of
-        what decides truth and score, whatever its comments, docstrings and layout). Another seed
-        changes the scenarios alone. `--set` and `--axis` change grid and scenarios, and a grid of
-        the package then has "changed" after its name.
+        name ("ci-2"), version (2), hash (16 hex digits over both parts), and parts, a hash each:
+        scenarios (the table) and evaluator (source of what decides truth and score, whatever its
+        comments, docstrings and layout). Where `--set` or `--axis` changed a grid of the package it
+        has "changed" after its name.
 
     Examples
     --------
     >>> grid = packaged_grid("smoke")
-    >>> benchmark_of(grid, ["a", "b"]) == benchmark_of(grid, ["b", "a"])
+    >>> one, other = ("a", "0f"), ("b", "3c")
+    >>> benchmark_of(grid, [one, other]) == benchmark_of(grid, [other, one])
     True
     """
-    scenarios = hashlib.sha256("\n".join(sorted(ids)).encode()).hexdigest()[:16]
-    parts = {"grid": grid.cells_hash, "scenarios": scenarios, "evaluator": evaluator_hash()}
+    lines = "\n".join(sorted(f"{ident} {digest}" for ident, digest in table))
+    scenarios = hashlib.sha256(lines.encode()).hexdigest()[:16]
+    parts = {"scenarios": scenarios, "evaluator": evaluator_hash()}
     name = f"{grid.name}-{grid.content.version}"
-    if grid.name in grid_names() and packaged_grid(grid.name).cells_hash != grid.cells_hash:
+    if grid.name in grid_names() and not grid.of_package:
         name += " changed"
     return {
         "name": name,
@@ -95,9 +92,9 @@ def grid_of(manifest: Mapping[str, Any]) -> Grid:
     return Sample.of(grid, manifest["points"]) if "points" in manifest else grid
 
 
-def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any]) -> None:
-    """Raise RunError, naming the parts that differ, unless two manifests state the same version of
-    a benchmark.
+def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any], common: int) -> None:
+    """Raise RunError, naming what differs, unless two manifests state the same evaluator and the
+    runs have scenarios in common.
     """
     versions = [manifest.get(BENCHMARK) for manifest in (one, other)]
     for manifest, stated in zip((one, other), versions, strict=True):
@@ -108,7 +105,7 @@ def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any]) -> 
             )
             raise RunError(f"{older}; run it again")
     first, second = versions
-    if first["hash"] != second["hash"]:
+    if first["parts"]["evaluator"] != second["parts"]["evaluator"] or not common:
         differ = [
             name for part, name in PARTS.items() if first["parts"][part] != second["parts"][part]
         ]

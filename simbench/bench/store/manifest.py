@@ -52,6 +52,7 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
             **{name: _version(name) for name in _LIBRARIES},
         },
         "machine": f"{platform.system()} {platform.machine()}",
+        "processor": processor(),
         "complete": False,
     }
 
@@ -137,6 +138,28 @@ def code_hash() -> str:
         digest.update(file.name.encode())
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+@cache
+def processor() -> dict[str, str]:
+    """Return what numpy, BLAS and numba choose their code by on this machine: last bits of what
+    detectors compute hang on it.
+    """
+    from llvmlite import binding
+    from numba.core import config
+    from numpy._core._multiarray_umath import __cpu_features__
+    from threadpoolctl import threadpool_info
+
+    def there(features: Mapping[str, bool]) -> str:
+        return " ".join(sorted(name for name, is_there in features.items() if is_there))
+
+    blas = {info.get("architecture") for info in threadpool_info() if info["user_api"] == "blas"}
+    named = config.CPU_NAME or binding.get_host_cpu_name()
+    return {
+        "numpy": there(__cpu_features__),
+        "blas": " ".join(sorted(map(str, blas))),
+        "numba": f"{named}: {there(binding.get_host_cpu_features())}",
+    }
 
 
 def _difference(key: str, old: Any, new: Any) -> str:

@@ -27,6 +27,7 @@ from simbench.detectors.errors import nearest
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.scenarios.spec import Loop, Scenario
 
+SETTLED = ("scenario_id", "loop", "seed", "tags")  # columns that make a scenario
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
 _CYCLED = {"yes": 1, "no": 0}
@@ -40,7 +41,7 @@ _COLUMNS = {
     "scenarios": (
         (*WORD_COLUMNS, "cycled"),
         (
-            *("scenario_id", "record_hash", "cell", "repeat", "group", *_NUMBERS),
+            *("scenario_id", "loop_digest", "record_hash", "cell", "repeat", "group", *_NUMBERS),
             *("sticky", "predicted", "oscillating", "no_waveform", "S", "J"),
         ),
     ),
@@ -99,7 +100,7 @@ def _parts_for_arrays(
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
     """Return one scenario of a run, from which its record can be simulated again."""
     check_tables(path, read_manifest(path))
-    table = read_table(path, "scenarios", ["scenario_id", "loop", "seed", "tags"])
+    table = read_table(path, "scenarios", [*SETTLED, "loop_digest"])
     rows = table.filter(pc.field("scenario_id") == scenario_id).to_pylist()
     if not rows:
         known = table.column("scenario_id").to_pylist()
@@ -109,16 +110,23 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
             else f"it has {len(known)} others, see scenarios.parquet"
         )
         raise RunError(f"{path} has no scenario {scenario_id!r}: {close}")
-    row = rows[0]
+    return scenario_of(rows[0], str(path))
+
+
+def scenario_of(row: Mapping[str, Any], where: str) -> Scenario:
+    """Return the scenario of a row of the scenarios table, its columns `SETTLED` and loop_digest;
+    RunError where its loop is not the one that was run.
+    """
     scenario = Scenario(
         loop=Loop.from_table(json.loads(row["loop"])),
         seed=row["seed"],
         tags=json.loads(row["tags"]),
+        asked=row["scenario_id"],
     )
-    if scenario.id != scenario_id:
+    if scenario.loop_digest != row["loop_digest"]:
         raise RunError(
-            f"{path}: the loop of scenario {scenario_id!r} is not the one that was run (its id is"
-            f" {scenario.id!r})"
+            f"{where}: the loop of scenario {scenario.id!r} is not the one that was run (its digest"
+            f" is {scenario.loop_digest!r}, {row['loop_digest']!r} is needed)"
         )
     return scenario
 
@@ -129,8 +137,8 @@ class RunArrays:
 
     manifest: dict[str, Any]  # of the run
     ids: np.ndarray  # (n,) scenario ids
+    digests: np.ndarray  # (n,) of loop and seed
     hashes: np.ndarray  # (n,) of the records
-    places: np.ndarray  # (n,) cell, repeat and member: the place of a scenario in its grid
     # (n,) grid axes, those of a loop's own grid ("valve.S"), and other tags: numbers (NaN where
     # there is none) or words
     axes: dict[str, np.ndarray]
@@ -156,6 +164,12 @@ class RunArrays:
     # (4, m, n) the S and J that a method gave, by `ENDS`: of an interval, or twice a number; NaN
     # where it gave none
     sizes: np.ndarray = field(default_factory=lambda: np.empty((4, 0, 0)))
+
+    @property
+    def table(self) -> list[tuple[str, str]]:
+        """Id and loop digest of every scenario."""
+        pairs = zip(self.ids.tolist(), self.digests.tolist(), strict=True)
+        return [(ident.decode(), digest.decode()) for ident, digest in pairs]
 
     @property
     def apart(self) -> np.ndarray:
@@ -198,11 +212,9 @@ class RunArrays:
 
 def _of_scenarios(table: pa.Table) -> Iterator[tuple[str, Any]]:
     """Yield the arrays of a run that its scenarios give."""
-    for name, column in (("ids", "scenario_id"), ("hashes", "record_hash")):
+    keys = {"ids": "scenario_id", "digests": "loop_digest", "hashes": "record_hash"}
+    for name, column in keys.items():
         yield name, np.array([x or "" for x in table.column(column).to_pylist()], dtype="S16")
-    place = (table.column(c).cast(pa.string()) for c in ("cell", "repeat", "member"))
-    none = {"null_handling": "replace", "null_replacement": "None"}
-    yield "places", np.array(pc.binary_join_element_wise(*place, "/", **none).to_pylist(), "S")
     axes = {name: _of_words(table.column(name)) for name in WORD_COLUMNS}
     yield "axes", axes | {name: _numbers(table.column(name)) for name in _NUMBERS}
     truth = {name: _flags(table.column(name)) for name in ("sticky", "predicted")}

@@ -12,7 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-FORMAT = 2
+FORMAT = 3
 _TEXT = pa.string()
 _NUMBER = pa.float64()
 AXES = (
@@ -71,6 +71,7 @@ def _columns(table: str) -> list[tuple[str, pa.DataType]]:
 SCENARIOS = pa.schema(
     [
         ("scenario_id", _TEXT),
+        ("loop_digest", _TEXT),
         ("group", pa.int64()),
         *(
             (name, pa.int64() if name in _COUNTS else _TEXT if name in WORD_COLUMNS else _NUMBER)

@@ -129,7 +129,7 @@ def make_exam(
     picks = list(simulated)
     chance.shuffle(picks)
     ids = [f"{i:012x}" for i in chance.sample(range(16**12), len(picks))]
-    stated = benchmark_of(plan, [simulated[pick][0] for pick in picks])
+    stated = benchmark_of(plan, [(simulated[pick][0], simulated[pick][3]) for pick in picks])
     names = ("scenario", "seed", "group", "place")
     secret = {
         "format": EXAM_FORMAT,
@@ -179,8 +179,10 @@ def _drop_key_of(half: Path, key: Path) -> None:
             key.unlink()
 
 
-def _shown(it: SimulatedScenario) -> tuple[str, int, LoopRecord | str | None]:
-    return it.ident, it.scenario.seed, it.error if it.run is None else it.run.record.without_mv()
+def _shown(it: SimulatedScenario) -> tuple[str, int, LoopRecord | str | None, str]:
+    """Return a scenario's id, seed, record (or why there is none) and loop digest."""
+    shown = it.error if it.run is None else it.run.record.without_mv()
+    return it.ident, it.scenario.seed, shown, it.scenario.loop_digest
 
 
 def _apart(picks: list[Pick]) -> list[Pick]:

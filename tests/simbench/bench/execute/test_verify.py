@@ -115,7 +115,7 @@ class Forgery:
             "grid_hash": grid.hash,
             "cells_hash": grid.cells_hash,
         }
-        self.manifest["benchmark"] = benchmark_of(grid, book.ids.astype(str).tolist())
+        self.manifest["benchmark"] = benchmark_of(grid, book.table)
         if scores:
             score_book(book).write(place_of(self.folder))
         self.close()
@@ -171,32 +171,29 @@ def swapped_methods(forgery):
 
 
 def other_axis(forgery):
-    """Axis, tags and id are made to agree."""
+    """Axis and tags are made to agree."""
     row = forgery.all("scenarios")[2]
     row["tags"] = json.dumps({**json.loads(row["tags"]), "noise_ratio": 0.5})
     row["noise_ratio"] = 0.5
-    renamed(forgery, row)
 
 
 def other_loop(forgery):
     row = forgery.all("scenarios")[0]
     row["loop"] = row["loop"].replace('"sampling": {"Ts": ', '"sampling": {"Ts": 1')
     row["Ts"] = json.loads(row["loop"])["sampling"]["Ts"]
-    renamed(forgery, row)
+    digested(forgery, row)
 
 
 def other_seeds(forgery):
     for row in forgery.all("scenarios")[:2]:
         row["seed"] += 1
-        renamed(forgery, row)
+        digested(forgery, row)
 
 
-def renamed(forgery, row):
-    was, loop = row["scenario_id"], Loop.from_table(json.loads(row["loop"]))
-    row["scenario_id"] = Scenario(loop=loop, seed=row["seed"], tags=json.loads(row["tags"])).id
-    for verdict in forgery.all("verdicts"):
-        if verdict["scenario_id"] == was:
-            verdict["scenario_id"] = row["scenario_id"]
+def digested(forgery, row):
+    """The digest is that of the changed loop."""
+    loop = Loop.from_table(json.loads(row["loop"]))
+    row["loop_digest"] = Scenario(loop=loop, seed=row["seed"]).loop_digest
 
 
 def grid_seed(forgery):
@@ -254,9 +251,9 @@ TAMPERINGS = {
     "labels": (labels, [f"scenario: {key}" for key in (*LABELS, "cycled")]),
     "installation": (of_this_installation, ["versions: numpy", "code", "method he: fitted_on"]),
     "methods swapped": (swapped_methods, []),
-    "an axis with its id": (other_axis, []),
-    "a loop with its id": (other_loop, []),
-    "seeds with their ids": (other_seeds, []),
+    "an axis with its tag": (other_axis, []),
+    "a loop with its digest": (other_loop, []),
+    "seeds with their digests": (other_seeds, []),
     "the grid's seed": (grid_seed, []),
     "a group removed": (without_failures, []),
     "half of the pieces removed": (half_the_pieces, []),

@@ -1,6 +1,7 @@
 """Rules of a grid: what one run of the sticky twin settles, and that a grid gives no label away."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from results.studies.leak import (
     leak,
     seen,
 )
+from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario.resolve import (
     first_guess,
     measure_cycle,
@@ -23,6 +25,7 @@ from simbench.bench.scenario.resolve import (
 from simbench.detectors.prepared import prepare
 from simbench.loop.simulate import simulate
 from simbench.scenarios.grid import load_grid
+from simbench.scenarios.sample import Sample
 from simbench.scenarios.spec import Loop
 
 
@@ -154,3 +157,49 @@ def test_a_grid_tells_no_label_without_the_waveform(name, every):
     assert max(leaked.alone.values()) <= MOST_ALONE + of_auc
     assert max(leaked.sets.values()) <= MOST_OF_SET + of_auc
     assert leaked.together <= MOST_OF_ALL + of_auc
+
+
+def ids_of(grid):
+    return {s.id: s.loop_digest for g in grid.groups() for s in resolve(g)}
+
+
+def test_an_id_says_what_was_asked_for_and_no_computed_number(monkeypatch):
+    few = {"disturbance": ["none"], "S_over_2J": [0.5]}
+    asked = ids_of(load_grid("smoke", axes=few))
+    # as on a machine that measures other cycles
+    measured = rules.measure_cycle
+    monkeypatch.setattr(
+        rules,
+        "measure_cycle",
+        lambda twin: replace(measured(twin), period=1.3 * measured(twin).period),
+    )
+    elsewhere = ids_of(load_grid("smoke", axes=few))
+    assert list(elsewhere) == list(asked)
+    assert elsewhere != asked
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"sets": {"seed": 5}},
+        {"axes": {"noise_ratio": [0.2]}},
+        {"sets": {"controller.direction": "reverse"}},
+    ],
+)
+def test_another_question_has_another_id(change):
+    few = {"disturbance": ["none"], "S_over_2J": [0.5]}
+    axes = {**few, **change.get("axes", {})}
+    asked, other = (
+        ids_of(load_grid("smoke", **one))
+        for one in ({"axes": few}, {"sets": change.get("sets"), "axes": axes})
+    )
+    assert not set(asked) & set(other)
+
+
+def test_more_repeats_keep_the_ids_of_the_first_and_a_sample_has_those_of_the_grid():
+    few = {"disturbance": ["none"]}
+    asked = ids_of(load_grid("smoke", axes=few))
+    assert asked.items() <= ids_of(load_grid("smoke", {"repeats": 2}, few)).items()
+    sample = ids_of(Sample.of(load_grid("smoke", axes=few), 5))
+    assert len(sample) == 5
+    assert sample.items() <= asked.items()
