@@ -118,6 +118,14 @@ def run(
     sealed: Annotated[
         bool, Option("--sealed", hidden=True)
     ] = False,  # the former name of --fresh-seeds
+    plan: Annotated[
+        str,
+        Option(
+            metavar="table|again",
+            help="Take the scenarios of a grid of the package from its table, or settle them"
+            " again on this machine; a changed grid has no table and is settled.",
+        ),
+    ] = "table",
     with_reference: Annotated[
         bool,
         Option(
@@ -130,6 +138,8 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by the chosen methods, and score.
+
+    GRID may be the folder of a run or a baseline: its loops are simulated again, under their ids.
 
     `simbench score` prints the same table again; its help explains the columns.
     """
@@ -167,6 +177,7 @@ def run(
             controller_plugins=controller_plugin or [],
             fresh_seeds=fresh_seeds or sealed,
             with_reference=with_reference,
+            plan=plan,
         )
     scores, failed = score_run(folder, allow_failed=allow_failed), read_failures(folder)
     if as_json:

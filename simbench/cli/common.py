@@ -312,7 +312,7 @@ GridName = Annotated[
     str,
     Argument(
         help="Name a grid (a set of scenarios; `simbench list grids` names them), or give a TOML"
-        " file.",
+        " file, or the folder of a run or baseline.",
         autocompletion=grid_completion,
     ),
 ]

@@ -32,7 +32,7 @@ from simbench.bench.execute.work import Receipt, WorkSettings, work
 from simbench.bench.execute.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.shipped import REFERENCE, shipped
-from simbench.bench.store.benchmark import grid_settings
+from simbench.bench.store.benchmark import grid_settings, is_stored, stored_grid
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
 from simbench.bench.store.manifest import describe, read_manifest, run_key
 from simbench.bench.store.place import Place, place_of
@@ -44,11 +44,13 @@ from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import as_plugin
 from simbench.loop.hosted import hosted_parts
-from simbench.scenarios.grid import Grid, chunks, load_grid
+from simbench.scenarios.grid import Grid, chunks, grid_names, load_grid
 from simbench.scenarios.grid_check import MOST_CELLS, MOST_DRAWN_FROM
 from simbench.scenarios.sample import Sample
+from simbench.scenarios.settled import settled_grid
 
 _BACKENDS = ("loky", "dask", "ray")
+TABLE, AGAIN = "table", "again"  # where the scenarios of a grid of the package come from
 KINDS_OF_PART = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
 LIVES = 3  # how often dead workers are replaced before the run gives up
 
@@ -87,6 +89,9 @@ class RunOptions:
     n : int, optional
         Number of scenarios that are drawn at random from the grid, which may be of any size; the
         seed decides which. None simulates the whole grid.
+    plan : {"table", "again"}
+        Whether a grid of the package as it stands is read from its frozen table, or settled anew on
+        this machine. Other grids have no table.
     """
 
     plugins: Iterable[str | Path] = ()
@@ -106,6 +111,7 @@ class RunOptions:
     fresh_seeds: bool = False
     own: Mapping[str, Any] | None = None
     with_reference: bool = False
+    plan: str = TABLE
 
 
 def run_grid(
@@ -120,7 +126,8 @@ def run_grid(
     Parameters
     ----------
     grid : str, Path or Grid
-        Name of a grid, a TOML file, or a grid already read.
+        Name of a grid, a TOML file, the folder of a run or baseline, whose loops are simulated
+        under their ids, or a grid already read.
     out : str or Path, optional
         Folder or URL of the run; runs/NAME by default.
     methods : iterable of str
@@ -130,7 +137,7 @@ def run_grid(
     **options
         Fields of `RunOptions`: plugins, valve_plugins, effect_plugins,
         plant_plugins, controller_plugins, time_limit, own, backend, address, resume, n, sets, axes,
-        fresh_seeds, keep, progress, with_reference.
+        fresh_seeds, keep, progress, with_reference, plan.
 
     Returns
     -------
@@ -196,22 +203,36 @@ def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
             " --resume nor --set seed= (to resume such a run, give --resume and --set seed= with"
             " the seed that its manifest states)"
         )
-    if asked.with_reference:
-        shipped(str(grid.name if isinstance(grid, Grid) else grid))
-        if asked.fresh_seeds or asked.n is not None or asked.sets or asked.axes:
-            raise RunError(
-                "--with-reference joins verdicts on the whole grid as the package has it: it needs"
-                " a run without --n, --set, --axis and --fresh-seeds"
-            )
+    if asked.plan not in (TABLE, AGAIN):
+        raise RunError(f"unknown --plan {asked.plan!r}: {nearest(asked.plan, (TABLE, AGAIN))}")
+    changed = asked.fresh_seeds or asked.sets or asked.axes
+    if asked.with_reference and changed:
+        raise RunError(
+            "--with-reference joins verdicts on loops of the grid as the package has it: it needs a"
+            " run without --set, --axis and --fresh-seeds"
+        )
+    if is_stored(grid) and (changed or asked.n is not None or asked.plan == AGAIN):
+        raise RunError(
+            f"{grid} is a run, whose loops are simulated as they stand: it is run without --n,"
+            " --set, --axis, --fresh-seeds and --plan again"
+        )
 
 
 def _read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
-    if isinstance(grid, Grid):
+    if is_stored(grid):
+        plan = stored_grid(cast("str | Path", grid))
+    elif isinstance(grid, Grid):
         plan = grid
     else:
         drawn = {"seed": secrets.randbits(62)} if asked.fresh_seeds else {}
         most = MOST_CELLS if asked.n is None else MOST_DRAWN_FROM
-        plan = load_grid(grid, {**(asked.sets or {}), **drawn}, asked.axes, most)
+        changes = {**(asked.sets or {}), **drawn}
+        plan = load_grid(grid, changes, asked.axes, most)
+        as_it_stands = str(grid) in grid_names() and not (changes or asked.axes)
+        if as_it_stands and asked.plan == TABLE and asked.n is None:
+            plan = settled_grid(plan.name)
+    if asked.with_reference:
+        shipped(plan.name)
     return plan if asked.n is None else Sample.of(plan, asked.n)
 
 

@@ -25,7 +25,7 @@ from simbench.bench.execute.workers import on_processes
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.baseline import read_book
 from simbench.bench.score.scoring import score_book
-from simbench.bench.store.benchmark import BENCHMARK, benchmark_of, grid_of
+from simbench.bench.store.benchmark import BENCHMARK, OF_RUN, SETTLED, benchmark_of, grid_of_run
 from simbench.bench.store.checksums import (
     TABLE_KINDS,
     TABLES,
@@ -76,15 +76,18 @@ def verify_run(
     place = place_of(folder)
     manifest = read_manifest(place)
     check_tables(place, manifest)
-    if "grid_content" not in manifest:
-        raise RunError(f"{place} keeps no grid, as baselines do; the folder of a run is needed")
+    if isinstance(manifest[TABLES]["scenarios"], str):
+        raise RunError(
+            f"{place} is a baseline, which keeps no reasons and no records; the folder of a run is"
+            " needed"
+        )
     notes, marks = Notes(), manifest[TABLES]
     files = _plugin_files(place, manifest, plugins, notes)
     stages = tuple(tuple(files[kind]) for kind in KINDS_OF_PART)
     with registry.hosted(files[""], seconds), hosted_parts(*stages, seconds=seconds):
         asked, unasked = _methods(manifest, notes)
         try:
-            grid, book = grid_of(manifest), read_book(place)
+            grid, book = grid_of_run(place, manifest), read_book(place)
             origin = _compare_stated(manifest, grid, asked, book, notes)
             _compare_scores(place, book, notes)
             pieces = [range(*piece) for piece in chunks(grid)]
@@ -272,6 +275,7 @@ def _compare_stated(
         and published.model_copy(update=kept) == grid.content
         and not grid.overrides
     )
+    of_package &= manifest.get(SETTLED) != OF_RUN
     source = "of the package" if of_package else "as the run keeps it"
     return f"benchmark {benchmark['name']} ({benchmark['hash']}), grid {source} ({grid.hash})"
 

@@ -6,17 +6,24 @@ from __future__ import annotations
 
 import ast
 import hashlib
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from simbench.bench.store.checksums import RunError
+from simbench.bench.store.checksums import RunError, refuse_unfinished
+from simbench.bench.store.manifest import read_manifest
+from simbench.bench.store.place import Place, place_of
+from simbench.bench.store.reading import read_table
 from simbench.scenarios.grid import Grid, GridFile, grid_names
 from simbench.scenarios.sample import Sample
+from simbench.scenarios.settled import COLUMNS, SettledGrid, settled_grid, table_of
 from simbench.scenarios.spec import content_hash
 
 BENCHMARK = "benchmark"
+# key of a manifest: whose loops were taken as they stand; a run that settled its own has none
+SETTLED, PACKAGE, OF_RUN = "settled", "package", "run"
 PARTS = {"scenarios": "the scenarios", "evaluator": "the evaluator's rules"}
 _PACKAGES = ("scenarios", "loop", "theory", "bench/scenario", "bench/score")
 _FILES = ("bench/statistics.py", "detectors/signal/oscillation.py")
@@ -73,23 +80,87 @@ def benchmark_of(grid: Grid, table: Iterable[tuple[str, str]]) -> dict[str, Any]
 
 def grid_settings(grid: Grid) -> dict[str, Any]:
     """Return what a run's manifest holds of its grid."""
-    return {
+    about = {
         "grid": grid.name,
         "grid_hash": grid.hash,
         "cells_hash": grid.cells_hash,
-        "grid_content": grid.content.model_dump(mode="json"),
-        "overrides": grid.overrides,
+        "grid_content": _without_infinity(grid.content.model_dump(mode="json")),
+        "overrides": _without_infinity(dict(grid.overrides)),
         "seed": grid.content.seed,
     }
+    if not isinstance(grid, SettledGrid):
+        return about
+    return {**about, SETTLED: PACKAGE if grid.of_package_table else OF_RUN}
 
 
 def grid_of(manifest: Mapping[str, Any]) -> Grid:
     """Return the grid that a run's manifest holds, overrides applied; of a map's run, the sample
     that was simulated.
     """
-    content = GridFile.model_validate(manifest["grid_content"])
-    grid = Grid(manifest["grid"], content, dict(manifest["overrides"]))
+    content = GridFile.model_validate(_with_infinity(manifest["grid_content"]))
+    grid = Grid(manifest["grid"], content, _with_infinity(dict(manifest["overrides"])))
     return Sample.of(grid, manifest["points"]) if "points" in manifest else grid
+
+
+def _without_infinity(value: Any) -> Any:
+    """Return settings with infinite numbers as the words that TOML has for them: JSON has none."""
+    if isinstance(value, float) and math.isinf(value):
+        return "inf" if value > 0.0 else "-inf"
+    return _each(value, _without_infinity)
+
+
+def _with_infinity(value: Any) -> Any:
+    """Return settings as they were before `_without_infinity`."""
+    return float(value) if value in ("inf", "-inf") else _each(value, _with_infinity)
+
+
+def _each(value: Any, change: Callable[[Any], Any]) -> Any:
+    if isinstance(value, dict):
+        return {key: change(part) for key, part in value.items()}
+    return [change(part) for part in value] if isinstance(value, (list, tuple)) else value
+
+
+def is_stored(grid: str | Path | Grid) -> bool:
+    """Return whether a grid is asked for by the folder or URL of a run or baseline."""
+    if isinstance(grid, Grid) or str(grid) in grid_names():
+        return False
+    place = place_of(grid)
+    return place.local is None or place.local.is_dir()
+
+
+def stored_grid(folder: str | Path | Place) -> SettledGrid:
+    """Return the loops that a run or a baseline stored as a grid: the same ids, loops and seeds.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder or URL of a finished run, or of a baseline.
+
+    Returns
+    -------
+    SettledGrid
+        Named as the grid of that run.
+
+    Raises
+    ------
+    RunError
+        When the folder holds no finished run, is damaged, or was written by an older simbench.
+    """
+    place = place_of(folder)
+    manifest = read_manifest(place)
+    refuse_unfinished(place, manifest)
+    grid = grid_of({k: v for k, v in manifest.items() if k != "points"})
+    table = table_of(read_table(place, "scenarios", COLUMNS).to_pylist())
+    return SettledGrid(grid.name, grid.content, grid.overrides, table, int(manifest["scenarios"]))
+
+
+def grid_of_run(place: Place, manifest: Mapping[str, Any]) -> Grid:
+    """Return the grid whose groups a run simulated: settled by it, the package's table, or the
+    loops that it took from another run.
+    """
+    if SETTLED not in manifest:
+        return grid_of(manifest)
+    return settled_grid(manifest["grid"]) if manifest[SETTLED] == PACKAGE else stored_grid(place)
 
 
 def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any], common: int) -> None:

@@ -87,7 +87,9 @@ def read_manifest(path: str | Path | Place) -> dict[str, Any]:
 
 def write_manifest(where: Path | Place, manifest: Mapping[str, Any]) -> None:
     """Write the manifest whole, with a checksum over all of it."""
-    place_of(where).write(MANIFEST, json.dumps(with_checksum(manifest), indent=1).encode())
+    place_of(where).write(
+        MANIFEST, json.dumps(with_checksum(manifest), indent=1, allow_nan=False).encode()
+    )
 
 
 def run_key(manifest: Mapping[str, Any]) -> str:

@@ -27,7 +27,7 @@ from simbench.detectors.errors import nearest
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.scenarios.spec import Loop, Scenario
 
-SETTLED = ("scenario_id", "loop", "seed", "tags")  # columns that make a scenario
+_DEFINITION = ("scenario_id", "loop", "seed", "tags")  # columns that make a scenario
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
 _CYCLED = {"yes": 1, "no": 0}
@@ -100,7 +100,7 @@ def _parts_for_arrays(
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
     """Return one scenario of a run, from which its record can be simulated again."""
     check_tables(path, read_manifest(path))
-    table = read_table(path, "scenarios", [*SETTLED, "loop_digest"])
+    table = read_table(path, "scenarios", [*_DEFINITION, "loop_digest"])
     rows = table.filter(pc.field("scenario_id") == scenario_id).to_pylist()
     if not rows:
         known = table.column("scenario_id").to_pylist()
@@ -114,8 +114,8 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
 
 
 def scenario_of(row: Mapping[str, Any], where: str) -> Scenario:
-    """Return the scenario of a row of the scenarios table, its columns `SETTLED` and loop_digest;
-    RunError where its loop is not the one that was run.
+    """Return the scenario of a row of the scenarios table; RunError where its loop is not the one
+    that was run.
     """
     scenario = Scenario(
         loop=Loop.from_table(json.loads(row["loop"])),

@@ -15,13 +15,19 @@ from pathlib import Path
 
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.work import SimulatedScenario
-from simbench.bench.store.benchmark import benchmark_of
+from simbench.bench.store.benchmark import (
+    benchmark_of,
+    grid_settings,
+    is_stored,
+    stored_grid,
+)
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
 from simbench.scenarios.grid import load_grid
 from simbench.sealed.exam.folder import EXAM, EXAM_FORMAT, write_exam
+from simbench.sealed.exam.loops import table_in_key
 from simbench.sealed.exam.simulating import Pick, simulate_picks
 from simbench.sealed.handout import (
     commitment_of,
@@ -47,7 +53,8 @@ def make_exam(
     Parameters
     ----------
     grid : str or Path
-        Name of a grid, or a TOML file.
+        Name of a grid, or a TOML file, whose seed is drawn anew; or the folder of a run or
+        baseline, whose loops are asked as they stand: who has that folder knows them.
     out, key : str or Path
         Folder of the exam, which must be new, and file of the key, which must lie outside.
     n : int, optional
@@ -90,7 +97,10 @@ def make_exam(
             raise ParameterError(f"exam: {path} exists already; another name is needed")
     # ids and order are published: they must not come from a generator whose state they tell
     chance = secrets.SystemRandom() if seed is None else random.Random(seed)
-    plan = load_grid(grid, {"seed": chance.getrandbits(_BITS) if seed is None else seed})
+    if is_stored(grid):
+        plan = stored_grid(grid)
+    else:
+        plan = load_grid(grid, {"seed": chance.getrandbits(_BITS) if seed is None else seed})
     refuse_too_large(size_of(plan, 0, 0), plan.name)
     refuse_wrong_parts(plan)
     if n is not None and not 1 <= n <= len(plan):
@@ -134,11 +144,9 @@ def make_exam(
     secret = {
         "format": EXAM_FORMAT,
         "salt": f"{chance.getrandbits(128):032x}",
-        "grid": plan.name,
-        "seed": plan.content.seed,
         "benchmark": stated,
-        "grid_content": plan.content.model_dump(mode="json"),
-        "overrides": plan.overrides,
+        **grid_settings(plan),
+        **table_in_key(plan),
         "records": {
             i: dict(zip(names, (*simulated[pick][:2], *pick))) for i, pick in zip(ids, picks)
         },

@@ -27,7 +27,7 @@ from simbench.bench.execute.work import (
     verdict_row,
 )
 from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.store.benchmark import evaluator_hash, grid_of, grid_settings
+from simbench.bench.store.benchmark import evaluator_hash, grid_settings
 from simbench.bench.store.manifest import describe, run_key
 from simbench.bench.store.place import place_of
 from simbench.bench.store.tables import AXES
@@ -40,6 +40,7 @@ from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.sealed.exam.answers import Answers, read_answers
 from simbench.sealed.exam.commitments import answered_late, note_opening
 from simbench.sealed.exam.folder import LOOPS, RECORDS, Exam, mark_of, read_exam
+from simbench.sealed.exam.loops import grid_in_key
 from simbench.sealed.exam.simulating import simulate_picks
 from simbench.sealed.handout import read_key
 
@@ -116,7 +117,7 @@ def opened_exam(
         places = {
             ident: (int(p["group"]), int(p["place"])) for ident, p in secret["records"].items()
         }
-        grid, stated = grid_of({**secret, "grid": str(secret["grid"])}), secret["benchmark"]
+        grid, stated = grid_in_key(secret), secret["benchmark"]
         made_by = str(stated["parts"]["evaluator"])
     except (KeyError, TypeError, ValueError, AttributeError):
         raise ParameterError(f"exam: {key} is no key file of an exam") from None

@@ -373,7 +373,7 @@ def test_a_plugin_is_asked_where_its_file_is_given_and_unverified_elsewhere(
 
 def test_what_cannot_be_verified_is_refused(run, tmp_path):
     write_baseline(run, tmp_path / "b")
-    with pytest.raises(RunError, match="keeps no grid"):
+    with pytest.raises(RunError, match="is a baseline"):
         verify_run(tmp_path / "b")
     with pytest.raises(RunError, match="states no plug-in"):
         verify_run(run, plugins=["mine.py"])

@@ -504,3 +504,19 @@ def test_a_small_file_of_many_samples_is_refused_by_its_footer(tiny, tmp_path, c
     assert file.stat().st_size < 2e6
     assert open_exam(tiny, exam=tmp_path / "exam") == 2
     assert_refused(capsys, "records.parquet unpacks to 1080 MB")
+
+
+def test_the_loops_of_a_run_can_be_asked(tmp_path):
+    run = run_grid("smoke", tmp_path / "run", ["he"], n=12)
+    loops = pd.read_parquet(run / "scenarios.parquet").set_index("scenario_id")
+    make_exam(run, tmp_path / "exam", tmp_path / "key", n=6, seed=3)
+    secret = json.loads((tmp_path / "key").read_text())
+    asked = {record["scenario"]: record["seed"] for record in secret["records"].values()}
+    assert asked == loops.seed[list(asked)].to_dict()
+    assert len(asked) == 6
+    exam = read_exam(tmp_path / "exam")
+    rows = "".join(f"mine,{name},stiction,1\n" for name in exam.records)
+    (tmp_path / "mine.csv").write_text(f"method,record,verdict,score\n{rows}")
+    with opened_exam(tmp_path / "exam", tmp_path / "key", [tmp_path / "mine.csv"]) as opened:
+        assert opened.missing == {}
+        assert set(opened.labels.cycled) <= set(loops.cycled)

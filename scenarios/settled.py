@@ -1,0 +1,126 @@
+"""A grid whose scenarios were settled before, so that none need be simulated to be set up: the
+frozen table of a grid of the package, or the loops that a run or a baseline stored.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from hashlib import sha256
+from importlib.resources import files
+from typing import Any
+
+from simbench.scenarios.cell import Draft, Rules
+from simbench.scenarios.grid import Grid, Group, packaged_grid
+from simbench.scenarios.spec import Loop, Scenario, content_hash
+
+COLUMNS = ("group", "scenario_id", "seed", "loop", "tags")  # of the table, a row per scenario
+
+
+@dataclass(frozen=True)
+class SettledGrid(Grid):
+    """A grid and the table of its scenarios, which stand as they are: loops, seeds and ids."""
+
+    table: bytes = b""  # a parquet file with `COLUMNS`
+    planned: int = 0  # scenarios of the grid, with echoes that were left out
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what can be read again does not travel to workers
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def __len__(self) -> int:
+        """Number of scenarios planned."""
+        return self.planned
+
+    @property
+    def hash(self) -> str:
+        """16 hex digits that change with the grid and with the table."""
+        return content_hash({"grid": super().hash, "table": sha256(self.table).hexdigest()})
+
+    @property
+    def of_package_table(self) -> bool:
+        """Whether its table is the one that the package has of this grid."""
+        return self.of_package and self.table == table_file(self.name).read_bytes()
+
+    @cached_property
+    def _rows(self) -> dict[int, list[dict[str, Any]]]:
+        import pyarrow.parquet as pq
+
+        found: dict[int, list[dict[str, Any]]] = {}
+        for row in pq.read_table(io.BytesIO(self.table), columns=list(COLUMNS)).to_pylist():
+            found.setdefault(row["group"], []).append(row)
+        return found
+
+    @property
+    def group_count(self) -> int:
+        """Number of groups, up to the last that has a scenario."""
+        return max(self._rows, default=-1) + 1
+
+    def size(self, index: int) -> int:
+        """Return the number of scenarios of a group."""
+        return len(self._rows.get(index, ()))
+
+    def samples(self, most: int = 200) -> list[int]:
+        """Return one group: they were all tried when they were settled."""
+        return list(self._rows)[:1]
+
+    def group(self, index: int) -> Group:
+        """Return a group with nothing left to settle."""
+        drafts = tuple(
+            Draft(
+                Loop.from_table(json.loads(row["loop"])),
+                json.loads(row["tags"]),
+                Rules(),
+                row["seed"],
+                row["scenario_id"],
+            )
+            for row in self._rows.get(index, ())
+        )
+        first = next(iter(self._rows.values()))[0]
+        twin = drafts[0].loop if drafts else Loop.from_table(json.loads(first["loop"]))
+        return Group(index, twin, Rules(), drafts)
+
+
+def table_of(rows: Iterable[Mapping[str, Any]]) -> bytes:
+    """Return rows with `COLUMNS` as the table of a settled grid."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    kinds = {"group": pa.int64(), "seed": pa.int64()}
+    schema = pa.schema([(name, kinds.get(name, pa.string())) for name in COLUMNS])
+    kept = [{name: row[name] for name in COLUMNS} for row in rows]
+    out = io.BytesIO()
+    # the smallest that any setting gives: it is in the package
+    pq.write_table(
+        pa.Table.from_pylist(kept, schema=schema),
+        out,
+        compression="zstd",
+        compression_level=19,
+        use_dictionary=["tags"],
+    )
+    return out.getvalue()
+
+
+def settled_row(scenario: Scenario, group: int) -> dict[str, Any]:
+    """Return the row of one scenario of a group."""
+    return {
+        "group": group,
+        "scenario_id": scenario.id,
+        "seed": scenario.seed,
+        "loop": json.dumps(scenario.loop.to_table()),
+        "tags": json.dumps(scenario.tags),
+    }
+
+
+def settled_grid(name: str) -> SettledGrid:
+    """Return a grid of the package with its frozen table."""
+    grid = packaged_grid(name)
+    return SettledGrid(name, grid.content, {}, table_file(name).read_bytes(), len(grid))
+
+
+def table_file(name: str) -> Any:
+    """Return the file that holds the table of a grid of the package."""
+    return files("simbench.scenarios") / "grids" / f"{name}.parquet"

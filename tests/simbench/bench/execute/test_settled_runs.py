@@ -1,0 +1,94 @@
+"""Runs whose scenarios were settled before: from the table of the package, from a run, from a
+baseline.
+"""
+
+import json
+import math
+
+import pandas as pd
+import pytest
+from bench_fixtures import SMALL
+
+from simbench.bench.execute.run import run_grid
+from simbench.bench.execute.verify import verify_run
+from simbench.bench.scenario import resolve
+from simbench.bench.score.baseline import write_baseline
+from simbench.bench.score.check import check_run
+from simbench.bench.store.benchmark import grid_of
+from simbench.bench.store.manifest import RunError, read_manifest
+from simbench.scenarios.grid import make_grid
+
+
+def settles_nothing(monkeypatch):
+    def settle(*_):
+        raise AssertionError("a scenario was settled")
+
+    monkeypatch.setattr(resolve, "measure_cycle", settle)
+
+
+def loops_of(run):
+    return pd.read_parquet(run / "scenarios.parquet")[["scenario_id", "loop_digest", "record_hash"]]
+
+
+def test_a_grid_of_the_package_is_read_from_its_table_and_settled_again_when_asked(
+    tmp_path, monkeypatch
+):
+    again = run_grid("smoke", tmp_path / "again", ["he"], plan="again")
+    settles_nothing(monkeypatch)
+    there = run_grid("smoke", tmp_path / "there", ["he"])
+    assert loops_of(there).equals(loops_of(again))
+    said = [read_manifest(run) for run in (there, again)]
+    assert [m.get("settled") for m in said] == ["package", None]
+    assert said[0]["benchmark"] == said[1]["benchmark"]
+    with pytest.raises(RunError, match="cannot be resumed: the grid differs"):
+        run_grid("smoke", tmp_path / "again", ["he"], resume=True)
+
+
+@pytest.mark.parametrize("kind", ["run", "baseline", "run of a sample"])
+def test_a_run_or_a_baseline_is_a_grid(finished, tmp_path, monkeypatch, kind):
+    source = finished
+    if kind == "run of a sample":
+        source = run_grid("smoke", tmp_path / "sample", ["he"], n=9)
+    if kind == "baseline":
+        source = tmp_path / "baseline"
+        write_baseline(finished, source)
+    settles_nothing(monkeypatch)
+    again = run_grid(source, tmp_path / "again", ["horch"], jobs=2)
+    assert loops_of(again).equals(loops_of(source))
+    assert read_manifest(again)["benchmark"] == read_manifest(source)["benchmark"]
+    assert verify_run(again, 0.1).contradictions == ()
+    third = run_grid(again, tmp_path / "third", ["horch"])
+    assert loops_of(third).equals(loops_of(source))
+    assert check_run(third, again).result == "same"
+
+
+@pytest.mark.parametrize(
+    "more",
+    [{"n": 3}, {"sets": {"seed": 4}}, {"axes": {"disturbance": ["none"]}}, {"plan": "again"}],
+)
+def test_the_loops_of_a_run_stand_as_they_are(finished, tmp_path, more):
+    with pytest.raises(RunError, match="is a run, whose loops are simulated as they stand"):
+        run_grid(finished, tmp_path / "again", ["he"], **more)
+    assert not (tmp_path / "again").exists()
+
+
+def test_a_folder_without_a_run_is_no_grid(tmp_path):
+    with pytest.raises(RunError, match="holds no run"):
+        run_grid(tmp_path, tmp_path / "again", ["he"])
+
+
+def test_a_plan_is_a_table_or_made_again(tmp_path):
+    with pytest.raises(RunError, match="unknown --plan 'agian': did you mean 'again'"):
+        run_grid(make_grid(SMALL, "small"), tmp_path / "run", ["he"], plan="agian")
+
+
+def test_a_manifest_is_strict_json_and_gives_back_infinite_numbers(tmp_path):
+    axes = {"S_over_2J": [math.inf, 0.5], "disturbance": ["none"]}
+    run = run_grid("smoke", tmp_path / "run", ["he"], axes=axes)
+
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    json.loads((run / "manifest.json").read_text(), parse_constant=refuse)
+    (block,) = {b.axes["S_over_2J"] for b in grid_of(read_manifest(run)).content.block}
+    assert block == (math.inf, 0.5)
