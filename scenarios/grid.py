@@ -523,7 +523,10 @@ def load_grid(
     elif Path(name).suffix == ".toml" or Path(name).exists():
         label, table = Path(name).stem, read_toml(name)
     else:
-        raise SpecError(f"unknown grid {str(name)!r}: {suggestion(str(name), grid_names())}")
+        raise SpecError(
+            f"unknown grid {str(name)!r}: {suggestion(str(name), grid_names())}; a TOML file or the"
+            " folder of a run is a grid, too"
+        )
     try:
         return make_grid(table, label, sets, axes, most_cells)
     except SpecError as error:

@@ -81,8 +81,9 @@ class Scores:
         those, with Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong),
         accuracy_decided, no_decision, found (of positives, no decision is not found), false_alarms
         (of negatives), auc over records with a score, with DeLong's interval; cost (an error 1, no
-        decision `undecided`) and rank by it among its kind (none where it covers less than 95 % of
-        the loops, failed too often, or fewer than 30 loops have a label); found_at_5 (found at 5 %
+        decision `undecided`) and rank by it among its kind (none where it answers less than 90 % of
+        the loops, failed too often, or fewer than 30 loops have a label; one of the user's own
+        (own) that answers fewer is ranked on these, rank_loops of them); found_at_5 (found at 5 %
         false alarms, threshold from other groups); risk_coverage (area under the curve: mean error
         of the surest answers); cost_over_no_waveform, the cost less that of the reference row
         `no_waveform` on the same loops; accuracy_all over everything; home, where its constants
@@ -157,9 +158,12 @@ class Scores:
         here = (t.truth == truth) & (t.process == process)
         rows = t[here & (t.population == population)]
         kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
-        unranked = [k < 2 and math.isnan(rank) for k, rank in zip(kind, rows["rank"])]
-        keys = {"kind": kind, "partial": unranked}
-        return rows.assign(**keys).sort_values(["kind", "partial", "cost"], kind="stable")
+        part = [k < 2 and on < n for k, on, n in zip(kind, rows.rank_loops, rows.n)]
+        answered = [-int(n) if p else 0 for n, p in zip(rows.applicable, part)]
+        keys = {"kind": kind, "partial": part, "_unranked": rows["rank"].isna(), "_few": answered}
+        order = ["kind", "partial", "_unranked", "_few", "cost"]
+        rows = rows.assign(**keys).sort_values(order, kind="stable")
+        return rows.drop(columns=["_unranked", "_few"])
 
     def as_text(self, truth: str = "cycled", full: bool = False, where: str = "") -> str:
         """Return the score table for a terminal.

@@ -59,7 +59,7 @@ _RATES = (
 )
 _LEFT_OUT = ("entrained", "unclear")
 _EACH = ("said", "applies", "failed", "runtime")
-_COVERED = 0.95  # of a block's loops: a method made for fewer has no rank there
+_COVERED = 0.9  # of a block's loops: a method that answers fewer has no rank there
 
 
 class _Answers(NamedTuple):
@@ -79,6 +79,7 @@ class _Answers(NamedTuple):
     name: str = ""  # with every threshold that is not the method's default
     verified: bool = True  # by asking a method of the package
     answered: str = "package"  # of a foreign method "before opening" or "after opening" of an exam
+    own: bool = False  # a plug-in or a detector of whoever ran it
 
 
 def score_run(
@@ -206,6 +207,7 @@ def answers_of(book: RunArrays) -> Iterator[_Answers]:
             _full_name(method, about.get("changed", {})),
             about.get("verified", not foreign),
             about.get("answered", "package"),
+            bool(foreign),
         )
     nothing = np.zeros(book.ids.size)
     for name, word in CONSTANTS.items():
@@ -330,6 +332,7 @@ def _row(
         "name": a.name,
         "verified": a.verified,
         "answered": a.answered,
+        "own": a.own,
     }
     row.update(n=n, n_all=int(counts.sum()), positives=int(counts[2].sum()), applicable=m)
     lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
@@ -465,12 +468,14 @@ def _rank(
     """Write a rank into each row of a block, and return what it can resolve with the numbers of the
     methods ranked together.
 
-    Methods with MV are ranked among themselves. No rank have reference rows, methods made for a
-    part of the loops, methods that failed too often, and anyone where too few loops have a label.
+    Methods with MV are ranked among themselves. No rank have reference rows, methods that answer a
+    part of the loops, methods that failed too often, and anyone where too few loops have a label. A
+    method of whoever ran the grid always has one: where it answers a part of the loops, among those
+    that answer these.
     """
-    use, standing, n = block.use, [], rows[0]["n"]
+    standing, n = [], rows[0]["n"]
     for row in rows:
-        row["rank"] = math.nan
+        row["rank"], row["rank_loops"] = math.nan, 0
     for kind in (0, 1):
         mine = [
             k
@@ -479,18 +484,40 @@ def _rank(
         ]
         # a rank compares methods on the same loops
         members = [k for k in mine if n >= RANKED_LOOPS and rows[k]["applicable"] >= _COVERED * n]
-        earned = [
-            _earned(everyone[k].said[use], block.positive, cost) * everyone[k].applies[use]
-            for k in members
-        ]
-        means = [(1.0 - rows[k]["cost"]) * rows[k]["applicable"] / n for k in members]
+        earned = {k: _earned_on_average(block, everyone[k], cost) for k in mine}
+        means = [1.0 - rows[k]["cost"] for k in members]
         ranks = rank_methods(
-            np.reshape(earned, (len(members), use.size)), block.groups, np.array(means), n
+            np.reshape([earned[k] for k in members], (len(members), block.use.size)),
+            block.groups,
+            np.array(means),
+            n,
         )
         for k, rank in zip(members, ranks.rank, strict=True):
-            rows[k]["rank"] = int(rank)
+            rows[k]["rank"], rows[k]["rank_loops"] = int(rank), n
         standing.append((ranks, members))
+        for k in (k for k in mine if everyone[k].own and k not in members):
+            if rows[k]["applicable"] >= RANKED_LOOPS:
+                rows[k]["rank"] = _rank_where_it_answers(block, everyone, earned, k)
+                rows[k]["rank_loops"] = rows[k]["applicable"]
     return standing[0] if standing[0][1] else standing[1]
+
+
+def _earned_on_average(block: _Block, a: _Answers, cost: float) -> np.ndarray:
+    """Return what a method earns on each loop of a block: where it does not answer, what it earns
+    elsewhere, so that a gap neither helps nor harms it.
+    """
+    earned, applies = _earned(a.said[block.use], block.positive, cost), a.applies[block.use]
+    return np.where(applies, earned, earned[applies].mean() if applies.any() else 0.0)
+
+
+def _rank_where_it_answers(
+    block: _Block, everyone: list[_Answers], earned: Mapping[int, np.ndarray], own: int
+) -> int:
+    """Return the rank of a method among those that answer the loops that it answers."""
+    here = everyone[own].applies[block.use]
+    peers = [k for k in earned if everyone[k].applies[block.use][here].mean() >= _COVERED]
+    ranks = rank_methods(np.array([earned[k][here] for k in peers]), block.groups[here])
+    return int(ranks.rank[peers.index(own)])
 
 
 def _stability(

@@ -187,7 +187,7 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
             " test, Holm)."
         )
         ranked = scores.ranked_methods(truth)
-        ranked = ranked[ranked["rank"].notna()]
+        ranked = ranked[~ranked.partial]  # on the same loops
         least = tradeoff.worth_from(ranked, scores.undecided)
         if not np.isnan(least).all():
             first = int(np.nanargmin(least))
@@ -211,7 +211,7 @@ def _why_not(scores: Any, rows: pd.DataFrame) -> str:
     if judged.empty:
         return "no method that could be ranked judged these loops"
     most = judged.loc[judged.applicable.idxmax()]
-    return f"no method covers 95 % of the {n} loops; {most.method} covers {most.applicable}"
+    return f"no method answers 90 % of the {n} loops; {most.method} answers {most.applicable}"
 
 
 def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
@@ -222,21 +222,28 @@ def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
     before = (0, False, None)
     for r in rows.itertuples():
         n = r.applicable if r.applicable < r.n else None
-        group = (r.kind, r.partial, n if r.partial else None)
+        group = (r.kind, r.partial, (n, math.isnan(r.rank)) if r.partial else None)
         if group != before and (group[0] or r.partial):
             body.append(("title", _group(r, scores)))
         body.append(("always" if r.method in CONSTANTS else "fixed" if r.kind == 2 else "row", r))
         before = group
     if len(body) > room:
         body = [(kind, r) for kind, r in body if kind != "always"]
-    spare = [k for k, (kind, _) in enumerate(body) if kind == "row"][::-1][
+    # the user's own methods stay
+    spare = [k for k, (kind, r) in enumerate(body) if kind == "row" and not r.own][::-1][
         : max(len(body) + 1 - room, 0)
     ]
     dropped = set(spare) if len(body) > room else set()
+    shown = [k for k in range(len(body)) if k not in dropped]
+    headings = {
+        k
+        for k, after in zip(shown, [*shown[1:], None], strict=True)
+        if body[k][0] == "title" and (after is None or body[after][0] == "title")
+    }
     lines = _cells([r for k, (kind, r) in enumerate(body) if kind != "title" and k not in dropped])
     out, cells = [lines[0]], iter(lines[1:])
     for k, (kind, r) in enumerate(body):
-        if k not in dropped:
+        if k not in dropped | headings:
             out.append(r if kind == "title" else next(cells))
     return [*out, *([f"... and {len(dropped)} more methods: --full"] if dropped else [])]
 
@@ -246,6 +253,8 @@ def _group(r: Any, scores: Any) -> str:
         return _KINDS[r.kind]
     if r.method in scores.failing:
         return "-- failed on more records than allowed, not ranked"
+    if not math.isnan(r.rank):
+        return f"-- ranked on the {r.applicable} of these loops that it answers"
     covered = "" if r.applicable == r.n else f"applicable to {r.applicable} of these loops, "
     return f"-- {'with MV, ' * (r.kind == 1)}{covered}not ranked"
 

@@ -266,7 +266,7 @@ def test_where_no_ranking_is_possible_the_reason_is_printed(book):
     partly = book([truth, truth], truth)
     partly.applicable[:, 20:] = 0
     partial = score_book(partly).as_text()
-    assert "There is no ranking: no method covers 95 % of the 60 loops; m0 covers 20." in partial
+    assert "There is no ranking: no method answers 90 % of the 60 loops; m0 answers 20." in partial
     alone = score_book(book(truth, truth)).as_text()
     assert "Only one method covers these loops" in alone
 
@@ -643,3 +643,54 @@ def test_a_division_says_whose_numbers_a_method_has(scores):
     assert registry.load("procedure").METHOD.division == "tuned"
     assert registry.load("likelihood").METHOD.division == "learned"
     assert set(scores.table.name) == set(scores.table.method)
+
+
+def named(book, *names):
+    """The run with some of its methods as plug-ins of whoever ran it."""
+    return replace(book, manifest={**book.manifest, "plugins": dict.fromkeys(names, "digest")})
+
+
+def test_a_method_of_ones_own_always_has_a_row_and_a_rank(book):
+    rng, truth = np.random.default_rng(7), np.arange(400) % 2
+    right = [0.95, 0.65, 0.6, 0.6, *[0.5] * 30]
+    said = [np.where(rng.random(400) < share, truth, 1 - truth) for share in right]
+    run = book(said, truth)
+    run.applicable[1, 150:] = 0  # m1 answers 150 loops, m2 these and no others
+    run.applicable[2, 150:] = 0
+    foreign = score_book(run).ranking().set_index("method")
+    assert foreign["rank"][["m1", "m2"]].isna().all()
+    scores = score_book(named(run, "m1", "m33"))
+    rows = scores.ranking().set_index("method")
+    assert (rows["rank"]["m1"], rows.rank_loops["m1"]) == (2, 150)  # after m0, before m2
+    assert (rows["rank"]["m0"], rows.rank_loops["m0"]) == (1, 400)
+    assert np.isnan(rows["rank"]["m2"])
+    text = scores.as_text().splitlines()
+    assert text.index("-- ranked on the 150 of these loops that it answers") == next(
+        k - 1 for k, line in enumerate(text) if line.split()[:2] == ["2", "m1"]
+    )
+    # it stands last, and others make room for it
+    assert any(line.split()[1:2] == ["m33"] for line in text)
+    assert "more methods: --full" in scores.as_text()
+    assert len(text) <= 40
+
+
+def test_no_heading_is_without_rows(book):
+    rng, truth = np.random.default_rng(7), np.arange(400) % 2
+    run = book([np.where(rng.random(400) < 0.7, truth, 1 - truth) for _ in range(40)], truth)
+    for k in range(1, 40, 2):
+        run.applicable[k, 100 + 5 * k :] = 0  # each a group of its own
+    for text in (score_book(run).as_text(), score_book(run).as_text(full=True)):
+        lines = text[: text.index("Cost: ")].splitlines()
+        for line, after in zip(lines, [*lines[1:], ""], strict=True):
+            assert not (line.startswith("-- ") and (after.startswith("-- ") or not after)), line
+
+
+def test_a_gap_in_the_answers_neither_helps_nor_harms(book):
+    rng, truth = np.random.default_rng(9), np.arange(2000) % 2
+    said = np.where(rng.random(2000) < 0.8, truth, 1 - truth)
+    run = book([said, said, np.full(2000, 2)], truth)
+    run.applicable[1, ::12] = 0
+    ranks = score_book(run).ranking().set_index("method")["rank"]
+    assert ranks["m0"] == ranks["m1"] == 1
+    run.applicable[1, ::8] = 0
+    assert np.isnan(score_book(run).ranking().set_index("method")["rank"]["m1"])

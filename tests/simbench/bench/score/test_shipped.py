@@ -104,12 +104,24 @@ def test_verdicts_of_another_benchmark_version_are_not_joined(place):
         shipped.with_shipped(book)
 
 
-@pytest.mark.parametrize("more", [["--n", "4"], ["--set", "seed=3"], ["--fresh-seeds"]])
-def test_only_the_whole_grid_of_the_package_has_shipped_verdicts(place, tmp_path, capsys, more):
+@pytest.mark.parametrize(
+    "more", [["--axis", "tuning=slow"], ["--set", "seed=3"], ["--fresh-seeds"]]
+)
+def test_only_loops_of_the_grid_of_the_package_have_shipped_verdicts(place, tmp_path, capsys, more):
     words = ["run", "smoke", "-o", str(tmp_path / "run"), "--with-reference", *more]
     assert main(words) == 2
-    assert "needs a run without --n, --set, --axis and --fresh-seeds" in capsys.readouterr().err
+    assert "needs a run without --set, --axis and --fresh-seeds" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
+
+
+def test_verdicts_are_joined_to_a_sample_and_to_the_loops_of_a_baseline(place, tmp_path):
+    whole = RunArrays.read(place / "theirs")
+    for name, grid, more in (("sample", "smoke", {"n": 9}), ("stored", place / "mine", {})):
+        run = run_grid(grid, tmp_path / name, ["yamashita"], with_reference=True, **more)
+        book = shipped.with_shipped(RunArrays.read(run))
+        assert book.methods == ("yamashita", *SHIPPED)
+        at = [whole.ids.tolist().index(ident) for ident in book.ids.tolist()]
+        assert np.array_equal(book.verdict[1:], whole.verdict[:, at])
 
 
 def test_a_grid_without_shipped_verdicts_is_refused_before_anything_is_simulated(
