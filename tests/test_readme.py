@@ -161,10 +161,15 @@ def test_the_ci_recipe_works_as_printed_baseline_included(place, capsys):
     recipe = block("yaml", "setup-python").splitlines()
     steps = [line.removeprefix("- run: ").split() for line in recipe if "run: simbench" in line]
     assert [step[1] for step in steps] == ["run", "check"]
-    update = "simbench check run --against my_baseline --update"
-    assert f"`{update}`" in README
-    for words in (steps[0], update.split(), steps[1]):
+    guard = README[README.index("## Guard") :]
+    commands = [line.split() for line in re.findall(r"`(simbench (?:run|check) [^`]+)`", guard)]
+    assert [words[1] for words in commands] == ["run", "check"]
+    for words in (*commands, *steps):
         assert main(words[1:]) == 0, (words, capsys.readouterr().err)
+        said = capsys.readouterr().out
+        if "--with-reference" in words:
+            assert "procedure" in said
+            assert re.search(r"^\d +fullness ", said, re.MULTILINE)
 
 
 def test_the_python_block_gives_tables_and_pictures(place):
