@@ -16,15 +16,15 @@ import numpy as np
 
 import simbench.bench.execute.work as work
 import simbench.loop.kernel
-import simbench.theory.cycle
 from simbench.bench.execute import pieces
-from simbench.bench.scenario import kept, resolve
+from simbench.bench.scenario import kept
 from simbench.bench.store import tables
 from simbench.bench.store.place import place_of
 from simbench.detectors import prepared
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.report.report import choose_methods
-from simbench.scenarios.grid import Grid, load_grid
+from simbench.scenarios.grid import Grid
+from simbench.scenarios.settled import SettledGrid, settled_grid
 
 GRID = "chapter"
 BLOCKS, BLOCK = (
@@ -77,11 +77,10 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
     places = [
         (simbench.loop.kernel, "compiled", lambda *a: meter.wrap("loop kernel", compiled(*a))),
         (kept, "simulate", simulate),
-        (resolve, "simulate", simulate),
-        (work, "settled", meter.wrap("cell: sampling, noise, loads", work.settled)),
+        (work, "settled", meter.wrap("loops of the table", work.settled)),
+        (SettledGrid, "group", meter.wrap("loops of the table", SettledGrid.group)),
         (work, "truth", meter.wrap("truth labels", work.truth)),
         (work, "theory", meter.wrap("theory columns", work.theory)),
-        (resolve, "cycle_start", meter.wrap("cell: theory", resolve.cycle_start)),
         (
             prepared,
             "find_oscillation",
@@ -130,7 +129,7 @@ def measured() -> dict[str, Any]:
     """Measure both budgets in turn, always on other blocks so that nothing is remembered from the
     one before.
     """
-    plan = load_grid(GRID)
+    plan = settled_grid(GRID)
     starts = range(0, plan.group_count - plan.group_count // BLOCKS + 1, plan.group_count // BLOCKS)
     budgets = {budget: choose_methods([budget]) for budget in ("fast", "full")}
     # what compiles, compiles before the clock runs

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench_fixtures import change_answers
 from typer.testing import CliRunner
 
 from simbench.bench.execute.run import run_grid
@@ -456,3 +457,33 @@ def test_the_first_check_names_what_makes_a_baseline(run, tmp_path):
     command = str(result.exception).rpartition("with `simbench ")[2].rstrip("`")
     assert command == f"check {run} --against {tmp_path / 'none'} --update"
     assert CliRunner().invoke(app, command.split()).exit_code == 0
+
+
+def checked(*words):
+    """What the command ends with and prints as JSON."""
+    said = CliRunner().invoke(app, ["check", *map(str, words), "--json"])
+    return said.exit_code, json.loads(said.stdout), said.exception
+
+
+def test_the_exit_code_tells_four_results_apart(run, moved, tmp_path, monkeypatch):
+    base = tmp_path / "baseline"
+    update_baseline(run, base)
+    code, said, _ = checked(run, "--against", base)
+    n = sum(said["bits"].values())
+    assert (code, said["result"], said["bits"]["equal"]) == (0, "same", n)
+    code, said, _ = checked(moved, "--against", base)
+    assert (code, said["result"]) == (1, "worse")
+    other = run_grid("smoke", tmp_path / "other", METHODS, sets={"seed": 99})
+    _, said, error = checked(other, "--against", base)
+    assert isinstance(error, RunError)  # which ends the command with 2
+    assert said["result"] == "not comparable"
+    assert "differ in the scenarios" in said["reason"]
+    few = read_book(run)
+    said = few.verdict[0].copy()
+    said[np.flatnonzero((said == few.truth["cycled"]) & (few.applicable[0] != 0))[:2]] = 2
+    monkeypatch.setattr(
+        "simbench.bench.score.check.read_book",
+        lambda folder: change_answers(few, "horch", said) if folder == run else few,
+    )
+    code, said, _ = checked(run, "--against", base)
+    assert (code, said["result"]) == (3, "cannot tell")
