@@ -50,7 +50,7 @@ class SettledGrid(Grid):
         import pyarrow.parquet as pq
 
         found: dict[int, list[dict[str, Any]]] = {}
-        for row in pq.read_table(io.BytesIO(self.table), columns=list(COLUMNS)).to_pylist():
+        for row in pq.ParquetFile(io.BytesIO(self.table)).read(list(COLUMNS)).to_pylist():
             found.setdefault(row["group"], []).append(row)
         return found
 

@@ -144,7 +144,7 @@ def run(
     `simbench score` prints the same table again; its help explains the columns.
     """
     from simbench.bench.execute.failures import read_failures
-    from simbench.bench.execute.run import run_grid
+    from simbench.bench.execute.run import run_scored
     from simbench.bench.scenario.oracle import ORACLE
     from simbench.bench.score.scoring import score_run
 
@@ -158,7 +158,7 @@ def run(
         for k, values in pairs(axis or [], "--axis", text=True).items()
     }
     with _interruptible():
-        folder = run_grid(
+        folder, scores = run_scored(
             grid,
             out or Path("runs") / Path(grid).stem,
             tuple(method or ["fast", ORACLE]),
@@ -179,7 +179,9 @@ def run(
             with_reference=with_reference,
             plan=plan,
         )
-    scores, failed = score_run(folder, allow_failed=allow_failed), read_failures(folder)
+    if scores is None or allow_failed:
+        scores = score_run(folder, allow_failed=allow_failed)
+    failed = read_failures(folder)
     if as_json:
         show({"run": str(folder), "failed": failed.as_json(), **scores.as_json()}, as_json)
     else:

@@ -16,6 +16,7 @@ import numpy as np
 
 from simbench.bench.execute.lease import lease
 from simbench.bench.execute.work import Piece, Receipt
+from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import BENCHMARK, benchmark_of, grid_of
 from simbench.bench.store.checksums import (
@@ -102,8 +103,10 @@ def find_receipt(place: Place, number: int, key: str) -> Receipt | None:
         return None
 
 
-def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) -> None:
-    """Score a run whose pieces are all there, and say in its manifest that it is whole."""
+def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) -> Scores:
+    """Score a run whose pieces are all there, say in its manifest that it is whole, and return the
+    scores.
+    """
     for kind in TABLE_KINDS:
         lacking = {partition(r.piece) for r in receipts} - set(place.names(f"{kind}.parquet"))
         if lacking:
@@ -127,9 +130,11 @@ def finish(place: Place, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
     book = RunArrays.read(place, whole)
     whole["records_hash"] = records_hash(book)
     whole[BENCHMARK] = benchmark_of(grid_of(manifest), book.table)
-    score_book(book).write(place)
+    scores = score_book(book)
+    scores.write(place)
     write_manifest(place, whole)
     place.remove(_RECEIPTS)
+    return scores
 
 
 def records_hash(book: RunArrays) -> str:

@@ -31,6 +31,7 @@ from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_par
 from simbench.bench.execute.work import Receipt, WorkSettings, work
 from simbench.bench.execute.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
 from simbench.bench.store.benchmark import grid_settings, is_stored, stored_grid
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
@@ -158,6 +159,17 @@ def run_grid(
     >>> (folder / "manifest.json").exists()
     True
     """
+    return run_scored(grid, out, methods, jobs, **options)[0]
+
+
+def run_scored(
+    grid: str | Path | Grid,
+    out: str | Path | None = None,
+    methods: Iterable[str] = ("fast",),
+    jobs: int = 1,
+    **options: Any,
+) -> tuple[Path, Scores | None]:
+    """Run a grid as `run_grid` does, and return its scores, too; None where the run was whole."""
     began = time.perf_counter()
     asked = RunOptions(**options)
     _refuse_wrong_options(asked, grid)
@@ -180,7 +192,7 @@ def run_grid(
             pieces.open_run(place, manifest, asked.resume)
             if pieces.is_finished(place):
                 check_tables(place, read_manifest(place))
-                return _path(place)
+                return _path(place), None
             settings = _work_settings(names, asked, files, parts)
             task = _Task(plan, place, run_key(manifest), settings)
             with _Bar(asked.progress, len(plan)) as bar, _stoppable(), _resumable(place):
@@ -188,8 +200,8 @@ def run_grid(
                     place, task, run, bar, dict(enumerate(range(*piece) for piece in chunks(plan)))
                 )
                 times = bar.times(time.perf_counter() - began)
-                pieces.finish(place, receipts, {**manifest, "times": times})
-        return _path(place)
+                scores = pieces.finish(place, receipts, {**manifest, "times": times})
+        return _path(place), scores
 
 
 def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
