@@ -59,7 +59,9 @@ AllowFailed = Annotated[
 
 @app.command(
     epilog=examples(
-        "run smoke -o runs/smoke", "run chapter -o runs/chapter -j 2 --method fast,oracle --resume"
+        "run smoke -o runs/smoke",
+        "run chapter -o runs/chapter -j 2 --method fast,oracle --resume",
+        "run my_baseline -o run --plugin mine.py --method mine",
     )
 )
 def run(
@@ -298,7 +300,9 @@ def score(
     _end(failed, allow_failed)
 
 
-@app.command(epilog=examples("check runs/ci --against results/baseline --exact"))
+@app.command(
+    epilog=examples("check run --against my_baseline", "check run --against my_baseline --json")
+)
 def check(
     folder: Run,
     against: Annotated[
@@ -333,8 +337,8 @@ def check(
         list[Path] | None,
         Option(
             metavar="FILE.py",
-            help="Ask this plug-in that the run used again, where the bits of a record are not the"
-            " baseline's; may be repeated.",
+            help="Load a plug-in that the run used, to ask it again where the bits of a record are"
+            " not the baseline's; may be repeated.",
         ),
     ] = None,
     time_limit: Limit = 60.0,

@@ -40,7 +40,7 @@ def predict(loop: Loop) -> dict[str, Any]:
     ...     "valve": {"model": "choudhury", "S": 5, "J": 2},
     ...     "sampling": {"Ts": 0.5}}))
     >>> {k: round(v, 1) for k, v in found["exact"].items()}
-    {'period': 92.8, 'amplitude': 2.6, 'kick_min': 3.5}
+    {'period': 92.9, 'amplitude': 2.6, 'kick_min': 3.5}
     """
     with np.errstate(all="ignore"):  # candidate cycles that grow without bound
         table, refined, theory = truth_columns(loop, kick=True)

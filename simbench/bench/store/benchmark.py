@@ -67,7 +67,7 @@ def benchmark_of(grid: Grid, table: Iterable[tuple[str, str]]) -> dict[str, Any]
 
     Examples
     --------
-    >>> grid = packaged_grid("smoke")
+    >>> grid = settled_grid("smoke")
     >>> one, other = ("a", "0f"), ("b", "3c")
     >>> benchmark_of(grid, [one, other]) == benchmark_of(grid, [other, one])
     True

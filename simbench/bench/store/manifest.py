@@ -4,6 +4,7 @@ may be combined.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import platform
@@ -155,7 +156,9 @@ def processor() -> dict[str, str]:
     def there(features: Mapping[str, bool]) -> str:
         return " ".join(sorted(name for name, is_there in features.items() if is_there))
 
-    blas = {info.get("architecture") for info in threadpool_info() if info["user_api"] == "blas"}
+    blas = set()
+    with contextlib.suppress(OSError):  # a platform that does not tell which libraries are loaded
+        blas = {x.get("architecture") for x in threadpool_info() if x["user_api"] == "blas"}
     named = config.CPU_NAME or binding.get_host_cpu_name()
     return {
         "numpy": there(__cpu_features__),

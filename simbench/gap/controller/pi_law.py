@@ -39,6 +39,7 @@ CARD = 0.05
 # share of samples at rest from which a finely written OP cannot follow the mean of a moving PV: a
 # controller that misses a tenth of its scans rests in more
 _RESTING = 0.05
+_ROUNDING = 1e-9  # residual of dOP, relative to dOP, that is no more than last bits
 _HALF = 0.5  # share of OP's moves above which such rounding explains too much to be assumed
 LAW_ROWS = 60  # changes of OP and PV, stored and in automatic, enough to see the law
 _LOUD = 5.0  # bands of OP, of which an archive by exception misses none under another tuning either
@@ -120,7 +121,12 @@ def examine_law(
             retimed = [form.retimed(op, pv, level) for form in forms]
             laws += [law_of(acts, pv, sp) for acts in retimed if acts is not None]
         known = [law for law in laws if law.known]
-        return min(known, key=lambda law: (law.tuning is not None, law.residual), default=laws[0])
+        # of forms that are exact alike the first, which the simulation runs
+        return min(
+            known,
+            key=lambda law: (law.tuning is not None, max(law.residual, _ROUNDING)),
+            default=laws[0],
+        )
 
     return best_aligned(examined, pv, sp)
 

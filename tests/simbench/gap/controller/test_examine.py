@@ -80,10 +80,11 @@ def test_behind_a_pid_the_controller_s_effects_show_as_behind_a_pi(settings, eff
         "setpoint": {"value": 50.0, "steps": [[200, 52.0], [500, 50.0]]},
         "noise": {"std": 0.1},
     }
-    r = simulate(Loop.from_table({**table, "effect": [effect]}), seed=2).record
-    law = examine_controller(r.op, r.pv, r.sp, r.Ts, Loop.from_table(table))
-    for name, value in shown.items():
-        assert getattr(law, name) == pytest.approx(value, rel=0.02)
+    for seed in range(6):  # of forms of the integral that are exact alike no last bit may decide
+        r = simulate(Loop.from_table({**table, "effect": [effect]}), seed).record
+        law = examine_controller(r.op, r.pv, r.sp, r.Ts, Loop.from_table(table))
+        for name, value in shown.items():
+            assert getattr(law, name) == pytest.approx(value, rel=0.02)
 
 
 @pytest.mark.parametrize("settings", [{}, {"b": 0.4, "c": 0.3, "N": 5.0}, {"form": "velocity"}])
