@@ -118,9 +118,9 @@ def compare_books(
             alike = before.truth[truth][pairs.before] == now.truth[truth][pairs.now]
             at, was_at = pairs.now[alike], pairs.before[alike]
             by_chance = _by_other_bits(now, method, truth, shaken)
-            for row in _tests(_answers(before, j, truth, was_at), _answers(now, i, truth, at)):
-                other = int((~pairs.same[alike]).sum())
-                explained = _explained(other, *by_chance.get(row["what"], (0, 0)))
+            sides = _answers(before, j, truth, was_at), _answers(now, i, truth, at)
+            for row in _tests(*sides, ~pairs.same[alike]):
+                explained = _explained(row["other"], *by_chance.get(row["what"], (0, 0)))
                 rows.append({"method": method, "truth": truth, **row, "explained": explained})
         flips.append(_flips(now, i, before, j, pairs))
     of_sizes, untold = compared(now, before, pairs)
@@ -367,21 +367,24 @@ def _good(positive: np.ndarray, said: np.ndarray) -> dict[str, np.ndarray]:
     return found
 
 
-def _tests(before: tuple, now: tuple) -> Iterator[dict[str, Any]]:
+def _tests(before: tuple, now: tuple, other: np.ndarray) -> Iterator[dict[str, Any]]:
+    """Yield the tests of one method and truth; `other` are the loops whose bits differ."""
     # a loop that the method covered before counts: what it gives up now it has lost
     used = before[3] & (before[0] >= 0)
     truth, said_a, score_a = (x[used] for x in before[:3])
     said_b, score_b = (x[used] for x in now[1:3])
-    positive = truth == 1
+    positive, other = truth == 1, other[used]
     old, new = _good(positive, said_a), _good(positive, said_b)
-    for what in _COUNTED:
+    for what, (among, _) in _COUNTED.items():
         a, b = old[what], new[what]
         lost, won = int((a & ~b).sum()), int((~a & b).sum())
         row = {"what": what, "n": a.size, "before": _share(a), "now": _share(b)}
+        row["other"] = int(other.sum() if among is None else other[positive == among].sum())
         yield {**row, "lost": lost, "won": won, "p": mcnemar(lost, won, worse=True)}
     yield {
         "what": "AUC",
         "n": truth.size,
+        "other": int(other.sum()),
         "before": auc(score_a, positive).value,
         "now": auc(score_b, positive).value,
         "p": auc_drop(score_a, score_b, positive),

@@ -233,6 +233,9 @@ def test_answers_that_other_bits_explain_are_no_loss_and_more_are(base, with_ans
         assert check.result == result
         row = check.tests.query("method == 'm0' and truth == 'cycled' and what == 'right'").iloc[0]
         assert (row.lost > row.explained) == (result == "worse")
+        # of a kind of loops no more is explained than of all
+        of_kinds = check.tests.query("method == 'm0' and what == 'detection'").explained
+        assert (of_kinds <= row.explained).all()
         assert "100 of them simulated 2 times" in check.basis
         assert "m1, m2 not asked: --plugin FILE" in check.basis
 
