@@ -134,8 +134,8 @@ def _other_corners(
 
 
 def _below(x: np.ndarray, cut: float, period: float) -> np.ndarray:
-    """Return what of a signal is slower than `cut` (cycles per sample), without delay: the twelfth
-    power of a Butterworth filter of order 6, forwards and backwards.
+    """Return what of a signal is slower than `cut` (cycles per sample), without delay, as a
+    Butterworth filter of order 6 forwards and backwards gives it: 1/(1 + (f/cut)^12) of it.
     """
     more = min(math.ceil(_PADDED * period), x.size - 1)
     ends = 2.0 * x[0] - x[more:0:-1], 2.0 * x[-1] - x[-2 : -more - 2 : -1]

@@ -1,10 +1,11 @@
-"""Elementary functions that give the same last bits on every processor of a family.
+"""Elementary functions that give the same last bits on every x86 processor of the last decade.
 
 numpy chooses its vectorised exp, sin, cos, log and power by the processor, and BLAS its products;
 both differ in the last place from one to the next, and a loop whose valve sticks makes another
-record of that. Python's `math` calls the C library, which does not choose so; sums and products
-here are taken one after the other. `numpy.sqrt`, `+`, `-`, `*` and `/` are exact to the last bit
-anywhere (IEEE 754).
+record of that. Python's `math` calls the C library, which makes one choice alone: with or without
+fused multiply-add (FMA), which x86 processors have since 2013. Sums and products here are taken one
+after the other. `numpy.sqrt`, `+`, `-`, `*` and `/` are exact to the last bit anywhere (IEEE 754).
+Another C library may round otherwise.
 """
 
 from __future__ import annotations
