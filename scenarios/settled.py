@@ -15,7 +15,7 @@ from typing import Any
 
 from simbench.scenarios.cell import Draft, Rules
 from simbench.scenarios.grid import Grid, Group, packaged_grid
-from simbench.scenarios.spec import Loop, Scenario, content_hash
+from simbench.scenarios.spec import Loop, content_hash
 
 COLUMNS = ("group", "scenario_id", "seed", "loop", "tags")  # of the table, a row per scenario
 
@@ -102,17 +102,6 @@ def table_of(rows: Iterable[Mapping[str, Any]]) -> bytes:
         use_dictionary=["tags"],
     )
     return out.getvalue()
-
-
-def settled_row(scenario: Scenario, group: int) -> dict[str, Any]:
-    """Return the row of one scenario of a group."""
-    return {
-        "group": group,
-        "scenario_id": scenario.id,
-        "seed": scenario.seed,
-        "loop": json.dumps(scenario.loop.to_table()),
-        "tags": json.dumps(scenario.tags),
-    }
 
 
 def settled_grid(name: str) -> SettledGrid:

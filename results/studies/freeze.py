@@ -12,12 +12,13 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from simbench.bench.execute.plugin_host import settled
+from simbench.bench.execute.work import scenario_columns
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError
 from simbench.files import whole_file
 from simbench.progress import Progress
 from simbench.scenarios.grid import grid_names, packaged_grid
-from simbench.scenarios.settled import settled_row, table_file, table_of
+from simbench.scenarios.settled import table_file, table_of
 from simbench.usage import exit_code
 
 _GROUPS = 20  # settled at a time
@@ -40,7 +41,7 @@ def _rows(name: str, groups: range) -> list[dict]:
             for scenario, wrong in settled(packaged_grid(name).group(index)):
                 if wrong is not None:
                     raise UserError(f"grid {name}: group {index} cannot be settled: {wrong}")
-                rows.append(settled_row(scenario, index))
+                rows.append(scenario_columns(scenario, index))
     return rows
 
 

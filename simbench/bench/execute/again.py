@@ -20,7 +20,7 @@ from simbench.bench.score.check import MARGIN, Shaken, check_run
 from simbench.bench.score.check_result import Check
 from simbench.bench.score.pairing import Pairs
 from simbench.bench.store.checksums import RunError, file_digest
-from simbench.bench.store.manifest import code_hash, processor, read_manifest
+from simbench.bench.store.manifest import code_hash, own_methods, processor, read_manifest
 from simbench.bench.store.reading import CODES, RunArrays, read_table
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError
@@ -72,12 +72,8 @@ def _askable(folder: str | Path, added: Sequence[str] = ()) -> list[str]:
     manifest = read_manifest(folder)
     if manifest["code"] != code_hash():
         return []
-    strangers = {name.removeprefix("own ") for name in manifest["plugins"]}
-    return [
-        m
-        for m in manifest["methods"]
-        if m in added or (registry.built_in(m) and m not in strangers)
-    ]
+    own = own_methods(manifest)
+    return [m for m in manifest["methods"] if m in added or (registry.built_in(m) and m not in own)]
 
 
 def differing(folder: str | Path, names: Sequence[str] | None = None) -> Iterator[str]:
@@ -93,21 +89,20 @@ def differing(folder: str | Path, names: Sequence[str] | None = None) -> Iterato
     rows = read_table(folder, "scenarios", ["scenario_id", "loop", "seed", "record_hash"])
     order = np.random.default_rng(0).permutation(rows.num_rows)[:_ASKED_AGAIN]
     columns = ["scenario_id", "method", "verdict", "score"]
-    verdicts = read_table(folder, "verdicts", columns).to_pylist()
-    first = {(row["scenario_id"], row["method"]): row for row in verdicts}
+    verdicts = read_table(folder, "verdicts", columns).to_pylist() if stored else []
+    first = {(v["scenario_id"], v["method"]): (v["verdict"], v["score"]) for v in verdicts}
     differ, asked = dict.fromkeys(names, 0), 0
     for row in rows.take(order).to_pylist():
         record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
         if record_hash(record) != row["record_hash"]:  # another processor: another record
             continue
         asked += 1
-        here = {} if stored else {v.method: v for v, *_ in judge_record(record, chosen)[1]}
+        ident = row["scenario_id"]
+        if not stored:
+            answers = judge_record(record, chosen)[1]
+            first = {(ident, said.method): (said.verdict, said.score) for said, _, _ in answers}
         for second, _, _ in judge_record(record, chosen)[1]:
-            if stored:
-                before = first[row["scenario_id"], second.method]
-                verdict, score = before["verdict"], before["score"]
-            else:
-                verdict, score = here[second.method].verdict, here[second.method].score
+            verdict, score = first[ident, second.method]
             differ[second.method] += second.verdict != verdict or not np.allclose(
                 second.score, np.array(score, float), 1e-6, 0, equal_nan=True
             )

@@ -42,7 +42,7 @@ from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.files import csv_text, record_text
 from simbench.loop.hosted import add_parts, hosted_parts
-from simbench.scenarios.grid import Grid, chunks, grid_names, load_grid
+from simbench.scenarios.grid import Grid, chunks
 
 SHARE = 0.05  # of the scenarios
 # scenarios that are simulated again whatever the share: with every method, and with the methods of
@@ -256,7 +256,6 @@ def _compare_stated(
     }
     again = {
         "grid_hash": grid.hash,
-        "cells_hash": grid.cells_hash,
         "seed": grid.content.seed,
         "scenarios": len(grid),
         "counts": counts,
@@ -268,14 +267,7 @@ def _compare_stated(
         notes.compare(f"manifest: {key}", "", manifest.get(key), value)
     for name in asked:
         notes.compare(f"manifest: method {name}", "", manifest["methods"][name], about_method(name))
-    published = load_grid(grid.name).content if grid.name in grid_names() else None
-    kept = {"seed": grid.content.seed, "repeats": grid.content.repeats}
-    of_package = (
-        published is not None
-        and published.model_copy(update=kept) == grid.content
-        and not grid.overrides
-    )
-    of_package &= manifest.get(SETTLED) != OF_RUN
+    of_package = grid.of_package and manifest.get(SETTLED) != OF_RUN
     source = "of the package" if of_package else "as the run keeps it"
     return f"benchmark {benchmark['name']} ({benchmark['hash']}), grid {source} ({grid.hash})"
 

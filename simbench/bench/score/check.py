@@ -19,6 +19,7 @@ from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, holm, mcnemar
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.checksums import NoRun
+from simbench.bench.store.manifest import own_methods
 from simbench.bench.store.reading import CODES, RunArrays, RunError
 from simbench.detectors.errors import UserError
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
@@ -260,8 +261,8 @@ def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFram
             f"exact: {differ} of {pairs.now.size} records differ from the baseline's: verdicts"
             " cannot be compared there; --exact is for two runs of one machine"
         )
-    strangers = {name.removeprefix("own ") for name in now.manifest.get("plugins", ())}
-    for method in (m for m in before.methods if m in now.methods and m not in strangers):
+    own = own_methods(now.manifest)
+    for method in (m for m in before.methods if m in now.methods and m not in own):
         changed = int((flips["method"] == method).sum()) if len(flips) else 0
         if changed:
             yield f"exact: {changed} of {pairs.now.size} verdicts of {method} changed"
@@ -294,8 +295,8 @@ def _basis(
         f"{shaken.at.size} of them simulated {shaken.members} times with PV times 1 plus or minus"
         " 1e-12 tell how many answers other bits lose"
     )
-    asked = [m for m in now.methods if m in before.methods and m not in shaken.verdict]
-    unasked = f"; {', '.join(asked)} not asked: --plugin FILE" if asked else ""
+    own = own_methods(now.manifest) & set(before.methods) - set(shaken.verdict)
+    unasked = f"; {', '.join(sorted(own))} not asked: --plugin FILE" if own else ""
     return f"{why}; {about}{unasked}. Rule: {tests}, and more answers are lost than that"
 
 

@@ -91,7 +91,6 @@ def grid_settings(grid: Grid) -> dict[str, Any]:
     about = {
         "grid": grid.name,
         "grid_hash": grid.hash,
-        "cells_hash": grid.cells_hash,
         "grid_content": _without_infinity(grid.content.model_dump(mode="json")),
         "overrides": _without_infinity(dict(grid.overrides)),
         "seed": grid.content.seed,

@@ -100,6 +100,11 @@ def run_key(manifest: Mapping[str, Any]) -> str:
     return digest(json.dumps({key: manifest[key] for key in _BINDING}, sort_keys=True).encode())
 
 
+def own_methods(manifest: Mapping[str, Any]) -> set[str]:
+    """Return the names of plug-ins, and of detectors of the caller, that a run states."""
+    return {name.removeprefix("own ") for name in manifest.get("plugins", ())}
+
+
 def unmatched(manifest: Mapping[str, Any]) -> int:
     """Return how many healthy loops of a run are left out because they could not be matched with
     sticky ones.

@@ -10,23 +10,11 @@ import pytest
 from simbench.bench.execute.work import record_hash
 from simbench.loop.disturbance import DISTURBANCES
 from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop
+from tests.common.plain_loops import chaotic_loop as sticky
 from tests.common.processors import OLDER, PROCESSORS, on
 
 CHAOTIC = 8
 FIRST = 9  # samples
-
-
-def sticky(**changes):
-    table = {
-        "plant": {"type": "foptd", "K": 1.3, "T": 17.0, "Td": 3.3},
-        "controller": {"type": "PI", "Kc": 1.1, "Ti": 17.0},
-        "valve": {"model": "choudhury", "S": 5.0, "J": 1.5},
-        "sampling": {"Ts": 1.0, "n": 1500},
-        "noise": {"std": 0.05},
-        "setpoint": {"value": 50.0, "steps": [[0.0, 54.0]]},
-    }
-    return Loop.from_table({**table, **changes})
 
 
 def loops():

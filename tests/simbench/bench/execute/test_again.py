@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from bench_fixtures import SMALL
+from plain_loops import chaotic_loop
 
 from simbench.bench.execute import again
 from simbench.bench.execute.again import check_and_ask_again
@@ -66,16 +67,7 @@ def test_where_bits_differ_an_ensemble_tells_what_they_lose(finished, tmp_path):
 
 
 def test_the_ensemble_differs_in_its_last_bits_and_soon_altogether():
-    loop = Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": 1.3, "T": 17.0, "Td": 3.3},
-            "controller": {"type": "PI", "Kc": 1.1, "Ti": 17.0},
-            "valve": {"model": "choudhury", "S": 5.0, "J": 1.5},
-            "sampling": {"Ts": 1.0, "n": 3000},
-            "noise": {"std": 0.02},
-            "setpoint": {"value": 50.0, "steps": [[0.0, 54.0]]},
-        }
-    )
+    loop = chaotic_loop(sampling={"Ts": 1.0, "n": 3000}, noise={"std": 0.02})
     one, other = (simulate(again._with_gain(loop, f), 1).record.pv for f in (1.0, 1.0 + 1e-12))
     apart = np.abs(other - one)
     assert 0.0 < apart[:40].max() < 1e-9

@@ -113,7 +113,6 @@ class Forgery:
         self.manifest |= {
             "records_hash": records_hash(book),
             "grid_hash": grid.hash,
-            "cells_hash": grid.cells_hash,
         }
         self.manifest["benchmark"] = benchmark_of(grid, book.table)
         if scores:

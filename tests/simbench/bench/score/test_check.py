@@ -223,7 +223,10 @@ def test_answers_that_other_bits_explain_are_no_loss_and_more_are(base, with_ans
     rng, said = np.random.default_rng(4), base.verdict[0]
     other = np.arange(N) < 300
     right = np.flatnonzero(other & (said == TRUTH))
-    elsewhere = replace(base, hashes=np.where(other, b"x", base.hashes).astype("S16"))
+    plugins = {**base.manifest, "plugins": {"m1": "digest", "own m2": "digest"}}
+    elsewhere = replace(
+        base, hashes=np.where(other, b"x", base.hashes).astype("S16"), manifest=plugins
+    )
     for lost, flips, result in ((12, 0.0, "worse"), (12, 0.1, "same"), (60, 0.1, "worse")):
         verdict = said.copy()
         verdict[right[:lost]] = 1 - verdict[right[:lost]]
@@ -238,6 +241,8 @@ def test_answers_that_other_bits_explain_are_no_loss_and_more_are(base, with_ans
         assert (of_kinds <= row.explained).all()
         assert "100 of them simulated 2 times" in check.basis
         assert "m1, m2 not asked: --plugin FILE" in check.basis
+        built_in = replace(now, manifest=base.manifest)
+        assert "not asked" not in compare_books(built_in, base, shaken=shaken).basis
 
 
 def test_where_all_bits_are_equal_nothing_is_explained(base, with_answers):
