@@ -70,7 +70,8 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
                 given = a.said[here & a.applies]
                 wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
                 share = float((given == wanted).mean()) if given.size else np.nan
-                place = r.method, r.home, ROW_GROUPS[int(r.kind)], r.rank, accuracy
+                rank = np.nan if r.partial else r.rank  # one on other loops would mislead here
+                place = r.method, r.home, ROW_GROUPS[int(r.kind)], rank, accuracy
                 rows.append((*place, process, loops, int(here.sum()), given.size, share))
     columns = "method home kind rank accuracy process loops n applicable right"
     return pd.DataFrame(rows, columns=columns.split())

@@ -49,7 +49,7 @@ def section(run: RunData) -> Markup:
         (f"{len(book.methods)}", "detectors"),
     ]
     ranking, stable = run.scores.ranking(), run.scores.stability["cycled"]
-    fair = ranking[ranking["rank"].notna() & ~ranking["sees_mv"]]
+    fair = ranking[ranking["rank"].notna() & ~ranking["partial"] & ~ranking["sees_mv"]]
     if len(fair):
         best = fair.iloc[0]
         limits = (
@@ -106,7 +106,14 @@ def _readable(scores: Scores, place: tuple[str, str, str]) -> dict[str, Any] | N
     ranking = scores.ranking(*place)
     if ranking.empty:
         return None
-    table = pd.DataFrame({"rank": ranking["rank"].astype(float), "detector": ranking["method"]})
+    # a rank on a part of the loops says so
+    named = [
+        f"{r.method} (ranked on the {r.rank_loops} loops that it answers)"
+        if r.partial and not math.isnan(r.rank)
+        else r.method
+        for r in ranking.itertuples()
+    ]
+    table = pd.DataFrame({"rank": ranking["rank"].astype(float), "detector": named})
     beside, everything = {}, place[-1] == ALL
     for name, column in {**_HEADLINE, **(_DETAILS if everything else {})}.items():
         table[name] = ranking[column]

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from simbench.bench.store.reading import RunArrays, _own_axes
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.verdict import NO_DECISION, STICTION
+from simbench.report import summary
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop
@@ -694,3 +696,16 @@ def test_a_gap_in_the_answers_neither_helps_nor_harms(book):
     assert ranks["m0"] == ranks["m1"] == 1
     run.applicable[1, ::8] = 0
     assert np.isnan(score_book(run).ranking().set_index("method")["rank"]["m1"])
+
+
+def test_a_rank_on_a_part_of_the_loops_says_so_wherever_it_stands(book):
+    truth = np.arange(400) % 2
+    run = book([truth, 1 - truth], truth)
+    run.applicable[0, 150:] = 0
+    run = named(run, "m0")
+    scores = score_book(run)
+    row = scores.ranking().set_index("method").loc["m0"]
+    assert (row["rank"], row.rank_loops, row.n) == (1, 150, 400)
+    page = summary.section(SimpleNamespace(book=run, scores=scores, errors=()))
+    assert "m0 (ranked on the 150 loops that it answers)" in page
+    assert "accuracy of m1, the first method without MV" in page
