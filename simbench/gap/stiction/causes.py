@@ -12,9 +12,11 @@ import numpy as np
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.signal.oscillation import Oscillation
 from simbench.detectors.signal.phase import coherence
+from simbench.gap.stiction import regularity
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, LIKELIER
+from simbench.gap.stiction.regularity import FEWEST_PERIODS
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
@@ -26,21 +28,14 @@ _CAUSE_OF_FLAG = {
     "manual": NOT_TOLD,
 }
 _NAMED_FROM = 0.6  # confidence below which no cause is named
-_KEPT = (
-    0.9,
-    0.98,
-)  # share of the phase that one sine keeps: from the first on the oscillation may come from the
-# load, from the second on it surely does
-# periods below which every swing keeps its phase: without this rule one sound loop of 104 simulated
-# ones (seed 99 of `results.studies.plant.causes`) is said to be disturbed from outside
-_FEWEST_PERIODS = 12
-_TIGHT = (
-    2.2,
-    4.0,
-)  # largest sensitivity from which tuning may be the cause, and from which it surely can
-# share of S below which J is no jump: without this rule friction is named in one more of these 104
-# loops, which swings from outside
-_BARE = 0.1
+# share of the phase that one sine keeps: from the first on the oscillation may come from the load,
+# from the second on it surely does
+_KEPT = (0.9, 0.98)
+# largest sensitivity from which tuning may be the cause, and from which it surely can
+_TIGHT = (2.2, 4.0)
+# times the period of the largest sensitivity that a loop swings with for want of damping, at most,
+# and at least its inverse
+_RESONANT = 1.3
 _MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
 # share of PV's variance that is noise, from which it moves the valve: without this rule a noisy
 # sensor of these 104 loops has no cause
@@ -85,8 +80,9 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
     why none can be identified.
     """
     flags, swing = prepared.flags, prepared.oscillation
+    claimed = not isinstance(loops, str) and loops.probability > CLAIMED_FROM
     for flag, name in _CAUSE_OF_FLAG.items():
-        if flag in flags:
+        if flag in flags and not claimed:
             cause = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
             return Causes(cause, (cause,))
     if isinstance(loops, str):
@@ -94,26 +90,28 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
     sticks = loops.sticky is not None and loops.probability > LIKELIER
     known = margins(loops.sticky if sticks else loops.healthy[0])
     periods = loops.record.duration / swing.period_s if swing.sustained else 0.0
-    keeps = 0.0
-    if periods >= _FEWEST_PERIODS:
+    if periods >= FEWEST_PERIODS:
         keeps = coherence(loops.record.pv, swing.period_s / loops.record.Ts)
-        swung = [_tuning(known, swing, keeps, periods), _outside(loops, keeps, periods)]
+        # what keeps its phase no better than friction, or a tight loop, would tells nothing
+        line = keeps > _KEPT[0] and keeps > regularity.of_tuning(loops)
+        swung = [
+            _tuning(known, swing, line, keeps),
+            _outside(loops, line and keeps > regularity.of_friction(loops), keeps, periods),
+        ]
     else:
         why, open_to = "the loop does not swing", 0.0
         if swing.sustained:
             why = f"{periods:.0f} periods are too few to tell a line of the load from a resonance"
             open_to = 0.3
         swung = [Cause(name, open_to, (), (why,)) for name in (TIGHT, FROM_OUTSIDE)]
-    weighed = [_stiction(loops, keeps, prepared.record.S_unit), *swung, _sensor(prepared, loops)]
+    weighed = [_stiction(loops, prepared.record.S_unit), *swung, _sensor(prepared, loops)]
     weighed.append(_nothing(loops, swing))
     weighed.sort(key=lambda c: -c.confidence)
     first = weighed[0]
     # friction of this valve is a separate cause, whatever else oscillates with it
     sticking = next(c for c in weighed if c.name == STICKING)
-    if sticking.confidence > CLAIMED_FROM:
+    if claimed:
         return Causes(sticking, tuple(weighed))
-    if loops.probability > CLAIMED_FROM:
-        return _open("the swing speaks against a valve that sticks", tuple(weighed))
     if loops.probability > LIKELIER:
         why = "friction is more probable than not, but not enough to be claimed"
         return _open(f"{why}, which leaves every other cause open", tuple(weighed))
@@ -126,7 +124,7 @@ def _open(why: str, weighed: tuple[Cause, ...]) -> Causes:
     return Causes(Cause(NOT_TOLD, 0.0, (), (why,)), weighed)
 
 
-def _stiction(loops: CandidateLoops, keeps: float, unit: str) -> Cause:
+def _stiction(loops: CandidateLoops, unit: str) -> Cause:
     p = loops.probability
     word = "better" if loops.gain > 0 else "worse"
     better = (
@@ -139,41 +137,36 @@ def _stiction(loops: CandidateLoops, keeps: float, unit: str) -> Cause:
         return Cause(STICKING, p, (better,))
     S, J = loops.fitted
     better += f"; estimated S = {S * loops.percent:.2g}, J = {J * loops.percent:.2g} {unit}"
-    if J < _BARE * S and keeps > _KEPT[1] and loops.healthy[0].plant.type == "foptd":
-        why = (
-            "a band without a jump makes no self-regulating loop swing, and the swing keeps its"
-            " phase as one from outside"
-        )
-        return Cause(STICKING, min(p, CLAIMED_FROM - 0.05), (better,), (why,))
     return Cause(STICKING, p, (better,))
 
 
-def _tuning(known: Margins | None, swing: Oscillation, keeps: float, periods: float) -> Cause:
+def _tuning(known: Margins | None, swing: Oscillation, line: bool, keeps: float) -> Cause:
     if known is None:
         return Cause(TIGHT, 0.0, (), ("margins of this loop are unknown",))
     swings = f"{known.sentence()}; the loop swings with {swing.period_s:.3g} s"
-    if keeps > _KEPT[0]:
-        kept = (
-            f"the phase coherence over {periods:.0f} periods is {keeps:.2f}, more than noise in a"
-            " tight loop gives"
-        )
+    if line:
+        kept = f"the phase coherence is {keeps:.2f}, more than this loop reaches in simulations"
         return Cause(TIGHT, 0.1, (), (kept, swings))
-    if known.sensitivity < _TIGHT[0]:
+    ratio = swing.period_s / known.period
+    if known.sensitivity < _TIGHT[0] or not 1.0 / _RESONANT <= ratio <= _RESONANT:
         return Cause(TIGHT, 0.05, (), (swings,))
     return Cause(TIGHT, float(np.interp(known.sensitivity, _TIGHT, (0.5, 0.95))), (swings,))
 
 
-def _outside(loops: CandidateLoops, keeps: float, periods: float) -> Cause:
+def _outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) -> Cause:
     kept = f"over {periods:.0f} periods the phase coherence of the oscillation is {keeps:.2f}: "
     if keeps < _KEPT[0]:
         return Cause(FROM_OUTSIDE, 0.1, (), (f"{kept}no periodic disturbance is seen",))
+    if not line:
+        why = f"{kept}this loop reaches as much in simulations, with or without valve friction"
+        return Cause(FROM_OUTSIDE, 0.3, (), (why,))
     gained = (
         "an external oscillation explains the record better than none (log-likelihood difference"
         f" +{loops.outside:.0f})"
     )
     sure = float(np.interp(keeps, _KEPT, (0.6, 0.95)))
-    line = f"{kept}a line in the load's spectrum, narrower than a loop resonates"
-    return Cause(FROM_OUTSIDE, sure, (line, *([gained] if loops.outside > 0 else [])))
+    why = f"{kept}a line in the load's spectrum, more regular than simulations of this loop"
+    return Cause(FROM_OUTSIDE, sure, (why, *([gained] if loops.outside > 0 else [])))
 
 
 def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:

@@ -108,9 +108,6 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
         return Conclusion(NO_DECISION, None, cause, loops, to_do, notes), causes
     p = loops.probability
     answer = verdict(p)
-    if answer == STICTION and cause != why.STICKING:
-        # what else is known of this loop contradicts the claim
-        answer = NO_DECISION
     if answer == NO_STICTION and not np.isfinite(loops.visible):
         # a record in which no friction would have shown does not show that there is none
         answer = NO_DECISION

@@ -95,3 +95,21 @@ def test_every_verb_gives_the_band_in_the_unit_that_its_table_names(
     verdict = detect(record, ["likelihood"])["likelihood"]
     assert verdict.S == pytest.approx(size * S, rel=1e-6)
     assert verdict.S_unit == unit
+
+
+def test_what_swings_with_its_set_point_is_moved_from_outside():
+    t = np.arange(0.0, 3000.0, 2.0)
+    steps = [[float(a), float(b)] for a, b in zip(t, 50.0 + 3.0 * np.sin(2 * np.pi * t / 150.0))]
+    named = causes_of(setpoint={"value": 50.0, "steps": steps}).named
+    assert named.name == causes.FROM_OUTSIDE
+
+
+def test_tuning_is_weighed_only_at_the_period_of_the_largest_sensitivity():
+    loop = LOOP | {"controller": {"type": "PI", "Kc": 6.4, "Ti": 30.0}}
+    record = simulate(Loop.from_table(loop), 3).record.without_mv()
+    loops = candidate_loops(record)
+    assert find_causes(Prepared(record), loops).named.name == causes.TIGHT
+    slow = margins(loops.healthy[0])
+    assert slow is not None
+    swing = replace(Prepared(record).oscillation, period_s=3.0 * slow.period)
+    assert causes._tuning(slow, swing, False, 0.5).confidence < 0.1

@@ -1,0 +1,42 @@
+"""Cases that people published: what everybody in the field knows is not answered wrongly with
+confidence.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from simbench.detectors.records.io import read_record
+from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.gap.stiction import causes
+from simbench.gap.stiction.conclusion import judged
+
+PUBLISHED = Path(__file__).parents[3] / "data" / "published"
+
+
+def concluded(name):
+    return judged(read_record(PUBLISHED / f"{name}.csv"))[0]
+
+
+@pytest.mark.parametrize("name", ["idv14_3s", "idv14_3s_mv"])
+def test_a_limit_cycle_that_keeps_its_phase_is_stiction(name):
+    found = concluded(name)
+    assert (found.verdict, found.cause) == (STICTION, causes.STICKING)
+    assert found.probability > 0.8
+
+
+@pytest.mark.parametrize("name", [f"idv{k}_{pace}" for k in (0, 11) for pace in ("3s", "15s")])
+def test_a_sound_valve_of_the_same_process_is_never_stiction(name):
+    assert concluded(name).verdict != STICTION
+
+
+def test_tuning_is_no_cause_of_a_swing_of_another_period_than_the_resonance():
+    found = concluded("d14_te")
+    assert found.cause != causes.TIGHT
+
+
+@pytest.mark.parametrize("path", sorted(PUBLISHED.glob("*.csv")), ids=lambda p: p.stem)
+def test_verdict_and_probability_agree(path):
+    found = concluded(path.stem)
+    if found.probability is not None and found.verdict not in (STICTION, NO_STICTION):
+        assert 0.2 <= found.probability <= 0.8
