@@ -22,8 +22,9 @@ _LATE = 12  # averages before it, of a valve or OP that it may follow
 _TAPS = 2  # of them, side by side: what a lag and a dead time between two samples need
 _PER_NUMBER = 6  # averages for each number of the past, at least
 _FEWEST = 4  # numbers of the past, at least
-# of OP's range, and of S
-_SIZES, _JUMPS = np.geomspace(0.04, 0.98, 18), np.array([0.02, 0.2, 0.4, 0.6, 0.8, 1.0])
+# of OP's range: that of a limit cycle is little more than S, whose peak is then a few percent wide
+_SIZES = np.concatenate([np.geomspace(0.04, 0.83, 17), np.linspace(0.86, 0.98, 5)])
+_JUMPS = np.array([0.02, 0.2, 0.4, 0.6, 0.8, 1.0])  # of S
 _NEAR = (0.08, 0.03, 0.01)  # shares of S by which the best points are varied, ever closer
 _AROUND = np.array([(a, b) for a in (-1.0, -0.5, 0.0, 0.5, 1.0) for b in (-1.5, 0.0, 1.5)])
 _KEPT = 3  # points that are followed

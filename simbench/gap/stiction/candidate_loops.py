@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from simbench.detectors.record import LoopRecord
@@ -24,6 +25,7 @@ from simbench.gap.stiction.friction import (
     with_sound_valve,
 )
 from simbench.gap.stiction.probability import probability
+from simbench.gap.stiction.sizes import Size, sizes_of
 from simbench.scenarios.spec import Loop, Part
 
 ARCHIVE = (
@@ -74,6 +76,17 @@ class CandidateLoops:
     def probability(self) -> float:
         """Probability of stiction."""
         return probability(self.log_odds)
+
+    @cached_property
+    def sizes(self) -> tuple[Size, Size] | None:
+        """S and J of `sticky` with their intervals, in the record's `S_unit`."""
+        if self.closed is None or self.fitted is None:
+            return None
+        sizes = sizes_of(self.closed.fitted, FRICTION)
+        if sizes is None:
+            return None
+        S, J = sizes
+        return S.scaled(self.percent), J.scaled(self.percent)
 
 
 def candidate_loops(

@@ -17,6 +17,7 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, LIKELIER
 from simbench.gap.stiction.regularity import FEWEST_PERIODS
+from simbench.gap.stiction.sizes import stated
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
@@ -133,10 +134,8 @@ def _stiction(loops: CandidateLoops, unit: str) -> Cause:
     )
     if p <= LIKELIER:
         return Cause(STICKING, p, (), (better,))
-    if loops.fitted is None:
-        return Cause(STICKING, p, (better,))
-    S, J = loops.fitted
-    better += f"; estimated S = {S * loops.percent:.2g}, J = {J * loops.percent:.2g} {unit}"
+    if loops.sizes is not None:
+        better += f"; {stated(*loops.sizes, unit)}"
     return Cause(STICKING, p, (better,))
 
 

@@ -25,7 +25,8 @@ from simbench.gap.effects import recogniser
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.causes import Causes, find_causes
-from simbench.gap.stiction.probability import EDGE, STICKING_VALVES, verdict
+from simbench.gap.stiction.probability import EDGE, LIKELIER, STICKING_VALVES, verdict
+from simbench.gap.stiction.sizes import Size, sizes_of, stated
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
@@ -61,7 +62,8 @@ class Conclusion:
     `verdict` is "stiction", "no_stiction" or "no_decision"; `probability` that of stiction, None
     where the record cannot be judged; `cause` what moves the loop, or with a loop file what the
     simulation does not model; `reason` one sentence; `next` what to do; `notes` what reading the
-    record assumed or left out.
+    record assumed or left out; `S` and `J` the valve's, with their intervals, where friction is
+    more probable than not.
     """
 
     verdict: str
@@ -70,6 +72,8 @@ class Conclusion:
     reason: str
     next: str
     notes: tuple[str, ...] = ()
+    S: Size | None = None
+    J: Size | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the conclusion in JSON types."""
@@ -130,7 +134,8 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
             if swings
             else _AT_REST
         )
-    return Conclusion(answer, p, cause, "; ".join(reasons), to_do, notes), causes
+    S, J = (loops.sizes if p > LIKELIER else None) or (None, None)
+    return Conclusion(answer, p, cause, "; ".join(reasons), to_do, notes, S, J), causes
 
 
 def from_posterior(
@@ -161,6 +166,9 @@ def from_posterior(
         f" {100 * STICKING_VALVES:g} % of what is unknown as friction",
         f"the likeliest is {words} ({weights.probability[first]:.2f})",
     ]
+    sizes = sizes_of(assessment, sticks[0]) if sticks else None
+    if sizes is not None:
+        reasons.append(stated(*sizes, "% of travel"))
     if answer != STICTION:
         reasons.append(_visible(visible, "% of travel"))
     if answer == STICTION:
@@ -175,7 +183,8 @@ def from_posterior(
         to_do = "plan a test that shows what the simulation lacks with `simbench gap plan`"
     else:
         to_do = f"add {words} to the simulation (`--write-loop`)"
-    return Conclusion(answer, p, cause, "; ".join(reasons), to_do)
+    S, J = sizes or (None, None)
+    return Conclusion(answer, p, cause, "; ".join(reasons), to_do, (), S, J)
 
 
 def friction_share(weights: Classified, named: Sequence[str], assessment: Assessment) -> float:

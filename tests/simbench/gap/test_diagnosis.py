@@ -67,6 +67,7 @@ def situation(
 def assessed(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, tested=0):
     return SimpleNamespace(
         chosen=list(chosen),
+        candidates={},
         parameters=NUMBERS if parameters is None else parameters,
         ordinary={},
         shown=lambda e: e in shown,

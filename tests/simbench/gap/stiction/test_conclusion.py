@@ -171,7 +171,10 @@ def weights(**p):
 def assessed(chosen=(), **gains):
     nats = dict.fromkeys(EFFECTS, -5.0) | gains
     return SimpleNamespace(
-        log_likelihood_gains=nats, log_likelihood_gains_on_top=gains, chosen=list(chosen)
+        log_likelihood_gains=nats,
+        log_likelihood_gains_on_top=gains,
+        chosen=list(chosen),
+        parameters={},
     )
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.gap import diagnose
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.conclusion import judged
 
@@ -40,3 +41,17 @@ def test_verdict_and_probability_agree(path):
     found = concluded(path.stem)
     if found.probability is not None and found.verdict not in (STICTION, NO_STICTION):
         assert 0.2 <= found.probability <= 0.8
+
+
+@pytest.mark.parametrize("part", [0, 400, 800])
+def test_a_large_band_is_found_in_three_cycles_and_said_alike_with_its_interval(part):
+    record = read_record(PUBLISHED / f"solvent_{part}.csv")
+    found = judged(record)[0]
+    assert found.verdict == STICTION
+    assert found.S.value == pytest.approx(14.0, rel=0.25)
+    assert found.S.lo <= found.S.value <= found.S.hi
+    assert found.S.sentence() in found.reason
+    whole = diagnose(record, identify=True)
+    assert whole.conclusion == found
+    bands = [row.parameters["S"] for row in whole.ranking[:2] if "S" in row.parameters]
+    assert bands == [pytest.approx(14.0, rel=0.25)] * len(bands)

@@ -1,0 +1,55 @@
+"""S and J come with an interval, which holds the truth in most loops and is wide where the record
+says little.
+"""
+
+import numpy as np
+
+from simbench.gap.stiction.candidate_loops import candidate_loops
+from simbench.gap.stiction.sizes import Size, _spread
+from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
+
+LOOP = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
+    "controller": {"type": "PI", "Kc": 1.5, "Ti": 30.0},
+    "noise": {"std": 0.05},
+    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 15.0}],
+    "sampling": {"Ts": 2.0, "n": 1200},
+}
+
+
+def test_the_interval_holds_the_size_that_was_simulated():
+    held = 0
+    for seed, S in enumerate((3.0, 4.0, 5.0, 6.0, 7.0, 8.0)):
+        loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": S, "J": 0.5 * S}})
+        record = simulate(loop, seed, kick=S).record.without_mv()
+        [size, jump] = candidate_loops(record).sizes
+        assert size.lo <= size.value <= size.hi < 1.5 * S
+        held += size.lo <= S <= size.hi and jump.lo <= 0.5 * S <= jump.hi
+    assert held >= 5
+
+
+def test_with_the_valve_position_the_interval_holds_the_size_too():
+    loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 5.0, "J": 2.0}})
+    [size, jump] = candidate_loops(simulate(loop, 4, kick=5.0).record).sizes
+    assert size.lo <= 5.0 <= size.hi
+    assert jump.lo <= 2.0 <= jump.hi
+
+
+def test_what_explains_nothing_has_an_interval_down_to_none():
+    def flat(points):
+        return np.zeros(len(points))
+
+    size, jump = _spread(flat, 2.0, 1.0)
+    assert size.lo == 0.0
+    assert size.hi > 5.0
+    assert jump.lo < 0.1 < 2.0 < jump.hi
+
+
+def test_a_sharp_peak_has_a_narrow_interval():
+    def sharp(points):
+        return -1e6 * np.abs(np.log(points[:, 0] / 2.0)).clip(0.0, 1.0)
+
+    size, _ = _spread(sharp, 2.0, 1.0)
+    assert 1.4 < size.lo < 2.0 < size.hi < 2.6
+    assert Size(2.0, 1.0, 3.0).scaled(2.0).as_json() == {"value": 4.0, "lo": 2.0, "hi": 6.0}
