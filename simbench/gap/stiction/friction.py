@@ -30,6 +30,7 @@ from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.valves import friction_regressed
 from simbench.gap.situation import Situation, load_memory
+from simbench.gap.stiction.any_spectrum import any_spectrum
 from simbench.gap.stiction.measured import measured_samples, unheld
 from simbench.gap.stiction.probability import (
     SHORTEST_ASKED,
@@ -49,8 +50,6 @@ OUTSIDE = "oscillation"  # what swings a sound loop
 # nats that a regression may take away: noise, or a set point that moves, may hide a valve from it
 # (AUC on loops of `refinery` in `results/stiction_probability.txt`: .79 without, .85 with it)
 _LEAST = -5.0
-_LAGS = 24  # of the autoregression that gives load and noise the spectrum they have
-_PER_LAG = 6  # samples for each of them, at least
 # share of PV's samples that must have been measured (`python -m results.studies.plant.archives`)
 _MEASURED = 0.2
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
@@ -284,20 +283,7 @@ def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
         fit, price = one.fit, price + one.fit.loglik - base.loglik - one.log_likelihood_gain
     left = np.asarray(fit.residual[SKIP:])
     level = (fit.loglik + 0.5 * float(left @ left) - price) / left.size
-    return level + _of_any_spectrum(left)
-
-
-def _of_any_spectrum(left: np.ndarray) -> np.ndarray:
-    """Return the log-likelihood of standardised innovations, but for a constant, once their past
-    has explained what a model's load leaves in them.
-    """
-    count = min(_LAGS, left.size // _PER_LAG)
-    past = np.lib.stride_tricks.sliding_window_view(left[:-1], count)
-    now = left[count:]
-    error = now - past @ np.linalg.lstsq(past, now, rcond=None)[0]
-    power = float(np.mean(error * error)) or 1.0
-    nats = -0.5 * (error * error / power + np.log(power))
-    return np.concatenate([-0.5 * left[:count] ** 2, nats])
+    return level + any_spectrum(left)
 
 
 def _band_of(assessment: Assessment) -> float:

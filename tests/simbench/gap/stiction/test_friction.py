@@ -82,7 +82,7 @@ def as_made_up(monkeypatch):
     """Leave the likelihood of made-up views as it is: no spectrum, no regression."""
     silent = Regressed(0.0, np.empty((0, 3)), 10.0)
     monkeypatch.setattr(module, "friction_regressed", lambda op, pv: silent)
-    monkeypatch.setattr(module, "_of_any_spectrum", lambda left: -0.5 * left**2)
+    monkeypatch.setattr(module, "any_spectrum", lambda left: -0.5 * left**2)
 
 
 @pytest.mark.usefixtures("as_made_up")
@@ -115,8 +115,8 @@ def test_what_the_past_explains_needs_no_friction():
     rng, n = np.random.default_rng(3), 600
     white = rng.standard_normal(n)
     swing = np.convolve(white, 0.9 ** np.arange(60) * np.cos(np.arange(60) / 3.0))[:n]
-    assert module._of_any_spectrum(white).sum() == pytest.approx(-0.5 * n, abs=25.0)
-    told = module._of_any_spectrum(swing).sum() + 0.5 * float(swing @ swing)
+    assert module.any_spectrum(white).sum() == pytest.approx(-0.5 * n, abs=25.0)
+    told = module.any_spectrum(swing).sum() + 0.5 * float(swing @ swing)
     # an innovation's variance is 1, and the spectrum is all that made it larger
     assert told == pytest.approx(0.5 * float(swing @ swing) - 0.5 * n, rel=0.05)
 
