@@ -47,8 +47,9 @@ from simbench.gap.stiction.conclusion import (
     judged,
     without,
 )
-from simbench.gap.stiction.friction import FRICTION, refuse_unweighable, with_sound_valve
+from simbench.gap.stiction.friction import refuse_unweighable, with_sound_valve
 from simbench.gap.stiction.probability import LIKELIER, pooled
+from simbench.gap.stiction.visible import FRICTION
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
@@ -484,11 +485,17 @@ def report(
             "the loop file's valve has friction: the probability of stiction is that of more"
             " friction than it states"
         )
-    detectable = smallest_detectable(situation, assessment.base, load_memory(situation))
+    # of friction the conclusion says it
+    detectable = {
+        e: size
+        for e, size in smallest_detectable(
+            situation, assessment.base, load_memory(situation)
+        ).items()
+        if e != FRICTION
+    }
     if situation.trusted and not loops:
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
-        visible = detectable.get(FRICTION, (float("inf"), ""))[0]
-        conclusion = from_posterior(weights, named, assessment, visible, test)
+        conclusion = from_posterior(weights, named, assessment, test)
     elif situation.trusted:
         conclusion = without(str(loops), named)
     else:

@@ -63,20 +63,37 @@ def regression(op: np.ndarray, pv: np.ndarray, period: float, beside: bool = Fal
     OP explains by any impulse response. Signals are averaged to some 30 samples a period; what
     counts are errors of one step ahead, each by one nat at most.
     """
-    q = max(1, round(period / _SAMPLES))
-    while q > 1 and op.size // q < _PER_NUMBER * _PAST:
-        q -= 1
-    data = _prepared(np.array(op, float), np.asarray(pv, float), q, beside)
+    data = _averaged(op, pv, period, beside)
     if data is None:
         return Regression(0.0, np.empty((0, 3)))
     found = _searched(data, float(np.ptp(op)))
     best = min(found, key=lambda f: f[1][0])[0][0]
-    sticky, sound = data.left(np.vstack([best, _FOLLOWS_OP]))
+    return Regression(_gain_of(data, best, beside), np.vstack([points for points, _ in found]))
+
+
+def known_valve(
+    op: np.ndarray, pv: np.ndarray, period: float, valve: np.ndarray, beside: bool = False
+) -> float:
+    """Return the nats that one valve (S, J, stops) explains, as `regression` does for the best."""
+    data = _averaged(op, pv, period, beside)
+    return 0.0 if data is None else _gain_of(data, valve, beside)
+
+
+def _averaged(op: np.ndarray, pv: np.ndarray, period: float, beside: bool) -> _Data | None:
+    """Return the averages of signals that oscillate with a period (samples), as they are
+    regressed.
+    """
+    q = max(1, round(period / _SAMPLES))
+    while q > 1 and op.size // q < _PER_NUMBER * _PAST:
+        q -= 1
+    return _prepared(np.array(op, float), np.asarray(pv, float), q, beside)
+
+
+def _gain_of(data: _Data, valve: np.ndarray, beside: bool) -> float:
+    """Return the nats that a valve (S, J, stops) explains beyond one that follows OP."""
+    sticky, sound = data.left(np.vstack([valve, _FOLLOWS_OP]))
     sound = data.rest if beside else sound
-    gain = gained(_nats(sticky), _nats(sound))
-    return Regression(
-        gain - 0.5 * _NUMBERS * math.log(sound.size), np.vstack([points for points, _ in found])
-    )
+    return gained(_nats(sticky), _nats(sound)) - 0.5 * _NUMBERS * math.log(sound.size)
 
 
 def gained(sticky: np.ndarray, sound: np.ndarray) -> float:

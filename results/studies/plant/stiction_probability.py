@@ -94,7 +94,7 @@ def drawn(simulator: str, number: int, seed: int) -> tuple[LoopRecord, bool, str
     """Return the record of a number, whether its valve sticks, and how it was recorded."""
     rng = np.random.default_rng([seed, SIMULATORS.index(simulator), number])
     if simulator == ECHOES:
-        (_, run) = _member(ECHOES, number, rng)
+        (_, run) = member(ECHOES, number, rng)
         return replace(run.record, mv=None, meta={}), run.sticky, FORMS[0]
     form = FORMS[number // 2 % len(FORMS)]
     if simulator == GRID:
@@ -108,7 +108,7 @@ def drawn(simulator: str, number: int, seed: int) -> tuple[LoopRecord, bool, str
     return _recorded(replace(record, mv=None, meta={}), form, rng), sticky, form
 
 
-def _member(grid: str, number: int, rng: np.random.Generator) -> tuple[Any, Any]:
+def member(grid: str, number: int, rng: np.random.Generator) -> tuple[Any, Any]:
     """Return a scenario of a grid, whose valve sticks where the number is odd, and its run."""
     source = load_grid(grid)
     while True:
@@ -120,7 +120,7 @@ def _member(grid: str, number: int, rng: np.random.Generator) -> tuple[Any, Any]
 
 
 def _of_grid(number: int, form: str, rng: np.random.Generator) -> tuple[LoopRecord, bool]:
-    scenario, run = _member(GRID, number, rng)
+    scenario, run = member(GRID, number, rng)
     if form in LOOP_FORMS or form == "window":
         run_record = _rerun(scenario.loop, run.record, form, scenario.seed, rng)
         return run_record or run.record, run.sticky

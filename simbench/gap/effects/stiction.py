@@ -19,7 +19,7 @@ from simbench.loop.resolve import friction
 _JUMPS = (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)  # shares J/S scanned
 _COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # the same where MV is recorded
 _MODELS = (kernels.STICK, kernels.CREEP)
-_NUMBERS = 2.5  # S, J, and half a number for the choice between the two
+NUMBERS = 2.5  # S, J, and half a number for the choice between the two
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -34,13 +34,13 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         points = np.column_stack([S, J, np.zeros(S.size)])
         tried = ((kind, points[stops == on]) for on, kind in enumerate(_MODELS))
         fits = [search_map(engine, base, kind, some) for kind, some in tried if len(some)]
-        return max(fits, key=lambda f: f.loglik, default=base), _NUMBERS
+        return max(fits, key=lambda f: f.loglik, default=base), NUMBERS
     coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in _JUMPS])
     best = search_map(engine, base, _MODELS[0], coarse)
     if promising(best, base):
         # where the first model is hopeless, so is the second
         best = better(best, search_map(engine, base, _MODELS[1], coarse))
-    return best, _NUMBERS
+    return best, NUMBERS
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:

@@ -11,11 +11,9 @@ from typing import Any
 
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
-from simbench.gap.candidates import smallest_detectable
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.partial import Partial
-from simbench.gap.situation import load_memory
 from simbench.gap.stiction.friction import (
     FRICTION,
     OUTSIDE,
@@ -26,6 +24,7 @@ from simbench.gap.stiction.friction import (
 )
 from simbench.gap.stiction.probability import probability
 from simbench.gap.stiction.sizes import Size, sizes_of
+from simbench.gap.stiction.visible import Visible
 from simbench.scenarios.spec import Loop, Part
 
 ARCHIVE = (
@@ -43,9 +42,9 @@ class CandidateLoops:
 
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
     oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
-    `percent` how many of the record's `S_unit` one % is; `visible` is the smallest S (%) that
-    the record would have shown, infinite where no size would. `likelier` are the effects of the
-    likelier loop, `closed` simulates it.
+    `percent` how many of the record's `S_unit` one % is; `shown` is which stiction would have
+    shown, where the evidence speaks against it. `likelier` are the effects of the likelier loop,
+    `closed` simulates it.
     """
 
     record: LoopRecord
@@ -59,7 +58,7 @@ class CandidateLoops:
     percent: float
     notes: tuple[str, ...]
     outside: float = 0.0
-    visible: float = float("inf")
+    shown: Visible | None = None
     likelier: tuple[str, ...] = ()
     closed: ClosedLoops | None = None
 
@@ -111,9 +110,6 @@ def candidate_loops(
             sound.reverse()
     sticky = None if weighed.fitted is None else loops.loop(stuck)
     likelier = sound[0] if sticky is None or weighed.log_odds <= 0.0 else stuck
-    sizes = smallest_detectable(
-        assessment.situation, assessment.base, load_memory(assessment.situation), (FRICTION,)
-    )
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return CandidateLoops(
         record,
@@ -127,7 +123,7 @@ def candidate_loops(
         percent,
         (*notes, *assessment.situation.notes),
         outside,
-        sizes.get(FRICTION, (float("inf"), ""))[0],
+        weighed.shown,
         tuple(likelier),
         loops,
     )

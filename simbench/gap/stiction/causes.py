@@ -18,6 +18,7 @@ from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, LIKELIER
 from simbench.gap.stiction.regularity import FEWEST_PERIODS
 from simbench.gap.stiction.sizes import stated
+from simbench.gap.stiction.visible import FEWEST_PER_PERIOD
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
@@ -91,7 +92,8 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
     sticks = loops.sticky is not None and loops.probability > LIKELIER
     known = margins(loops.sticky if sticks else loops.healthy[0])
     periods = loops.record.duration / swing.period_s if swing.sustained else 0.0
-    if periods >= FEWEST_PERIODS:
+    pace = swing.period_s / loops.record.Ts if swing.sustained else 0.0
+    if periods >= FEWEST_PERIODS and pace >= FEWEST_PER_PERIOD:
         keeps = coherence(loops.record.pv, swing.period_s / loops.record.Ts)
         # what keeps its phase no better than friction, or a tight loop, would tells nothing
         line = keeps > _KEPT[0] and keeps > regularity.of_tuning(loops)
@@ -102,7 +104,12 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
     else:
         why, open_to = "the loop does not swing", 0.0
         if swing.sustained:
-            why = f"{periods:.0f} periods are too few to tell a line of the load from a resonance"
+            few = (
+                f"{periods:.0f} periods"
+                if pace >= FEWEST_PER_PERIOD
+                else f"{pace:.2g} samples each"
+            )
+            why = f"{few} are too few to tell a line of the load from a resonance"
             open_to = 0.3
         swung = [Cause(name, open_to, (), (why,)) for name in (TIGHT, FROM_OUTSIDE)]
     weighed = [_stiction(loops, prepared.record.S_unit), *swung, _sensor(prepared, loops)]

@@ -18,6 +18,7 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repaired
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap.decide.assess import LEAST_NATS, Assessment
 from simbench.gap.decide.classify import TEMPERATURE, Classified
@@ -25,20 +26,29 @@ from simbench.gap.effects import recogniser
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.causes import Causes, find_causes
-from simbench.gap.stiction.probability import EDGE, LIKELIER, STICKING_VALVES, verdict
+from simbench.gap.stiction.probability import (
+    CLAIMED_FROM,
+    DENIED_BELOW,
+    EDGE,
+    LIKELIER,
+    STICKING_VALVES,
+    verdict,
+)
 from simbench.gap.stiction.sizes import Size, sizes_of, stated
+from simbench.gap.stiction.visible import Visible, visible
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
 _GAIN = "change the controller gain by 30 to 50 % and watch the period"
+_BY_HAND = "do a valve travel test by hand"
+_REPAIR = "repair the valve if it sticks"
 _NEXT = {
-    why.STICKING: f"{_GAIN}, or do a valve travel test by hand; repair the valve if it sticks",
     why.TIGHT: "retune the controller",
     why.FROM_OUTSIDE: "look upstream for what oscillates with this period",
     why.SENSOR: "check the transmitter",
     why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
-    why.NO_CAUSE: "nothing to do",
 }
+_NOTHING = "nothing to do"
 _RECORD_AGAIN = (
     "get a record that can be judged: in automatic mode, uncompressed, 20 to 60 samples per"
     " oscillation"
@@ -49,8 +59,7 @@ _ORIGIN = (
     " tuning"
 )
 _AT_REST = (
-    "record the loop through set-point steps, or test the valve's travel by hand: a sticking valve"
-    " need not oscillate"
+    f"record the loop through set-point steps, or {_BY_HAND}: a sticking valve need not oscillate"
 )
 _WATCH = "nothing to do now: watch whether the loop starts to oscillate"
 
@@ -112,28 +121,19 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
         return Conclusion(NO_DECISION, None, cause, loops, to_do, notes), causes
     p = loops.probability
     answer = verdict(p)
-    if answer == NO_STICTION and not np.isfinite(loops.visible):
-        # a record in which no friction would have shown does not show that there is none
-        answer = NO_DECISION
     friction = next((c for c in causes.weighed if c.name == why.STICKING), causes.named)
     reasons = [
         r for c in dict.fromkeys((friction, causes.named)) for r in (*c.speaks_for, *c.against)
     ]
-    if answer != STICTION:
-        reasons.append(_visible(loops.visible * loops.percent, prepared.record.S_unit))
-        if not swings:
-            reasons.append(
-                "a sticking valve need not make a loop oscillate, so the probability decides"
-            )
-    to_do = _NEXT.get(cause)
-    if to_do is None or (answer == NO_DECISION and cause in (why.TIGHT, why.FROM_OUTSIDE)):
-        to_do = (
-            (_ORIGIN if swings else _WATCH)
-            if answer == NO_STICTION
-            else _TO_TELL
-            if swings
-            else _AT_REST
+    if loops.shown is not None:
+        reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
+    if answer != STICTION and not swings:
+        reasons.append(
+            "a sticking valve need not make a loop oscillate, so the probability decides"
         )
+    to_do = _NEXT.get(cause) or (_ORIGIN if swings else _WATCH)
+    if answer != NO_STICTION:
+        to_do = _open_to_do(answer, swings, loops.shown)
     S, J = (loops.sizes if p > LIKELIER else None) or (None, None)
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do, notes, S, J), causes
 
@@ -142,23 +142,26 @@ def from_posterior(
     weights: Classified,
     named: Sequence[str],
     assessment: Assessment,
-    visible: float,
     test: str | None,
 ) -> Conclusion:
     """Conclude from the probabilities of all effects, given a loop file; `test` is the one to run
-    next, `visible` S in %.
+    next.
 
     The verdict never contradicts the effect that is named: friction that is named without enough
     probability, or something unknown in the valve, leaves it open.
     """
     p, first = friction_share(weights, named, assessment), named[0]
-    answer = verdict(p)
     sticks = [e for e in named if _is_friction(e)]
     open_valve = first == UNKNOWN and weights.block(UNKNOWN) == "valve"
-    # friction named without a claim, a claim without friction named, or something in the valve that
-    # nobody knows
-    if (answer == NO_STICTION and (sticks or open_valve)) or (answer == STICTION and not sticks):
-        answer = NO_DECISION
+    shown = visible([assessment]) if p < DENIED_BELOW else None
+    # nothing is denied where friction would not have shown or is named without a claim, or where
+    # nobody knows what is in the valve
+    if (shown is not None and shown.open) or sticks or open_valve:
+        p = max(p, DENIED_BELOW)
+    answer = verdict(p)
+    if answer == STICTION and not sticks:
+        p = CLAIMED_FROM
+        answer = verdict(p)
     words = " and ".join(e.replace("_", " ") for e in named)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
     reasons = [
@@ -169,22 +172,36 @@ def from_posterior(
     sizes = sizes_of(assessment, sticks[0]) if sticks else None
     if sizes is not None:
         reasons.append(stated(*sizes, "% of travel"))
-    if answer != STICTION:
-        reasons.append(_visible(visible, "% of travel"))
-    if answer == STICTION:
-        to_do = _NEXT[why.STICKING]
+    if shown is not None:
+        reasons.append(shown.sentence(1.0, "% of travel"))
+    if answer == STICTION or (answer == NO_DECISION and test is None):
+        to_do = _open_to_do(answer, _swings(assessment), shown)
     elif test is not None:
         to_do = test
-    elif answer == NO_DECISION:
-        to_do = _TO_TELL
     elif first == NONE:
-        to_do = _NEXT[why.NO_CAUSE]
+        to_do = _NOTHING
     elif first == UNKNOWN:
         to_do = "plan a test that shows what the simulation lacks with `simbench gap plan`"
     else:
         to_do = f"add {words} to the simulation (`--write-loop`)"
     S, J = sizes or (None, None)
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do, (), S, J)
+
+
+def _open_to_do(answer: str, swings: bool, shown: Visible | None) -> str:
+    """Return what to do where stiction is claimed or open: the period is watched only of a loop
+    that swings.
+    """
+    if answer == STICTION:
+        return f"{_GAIN}, or {_BY_HAND}; {_REPAIR}" if swings else f"{_BY_HAND}; {_REPAIR}"
+    if shown is not None and shown.again:
+        return shown.again
+    return _TO_TELL if swings else _AT_REST
+
+
+def _swings(assessment: Assessment) -> bool:
+    s = assessment.situation
+    return find_oscillation(s.op, np.asarray(s.record.pv), s.record.Ts).sustained
 
 
 def friction_share(weights: Classified, named: Sequence[str], assessment: Assessment) -> float:
@@ -215,10 +232,3 @@ def without(reason: str, named: Sequence[str]) -> Conclusion:
 
 def _is_friction(effect: str) -> bool:
     return effect in EFFECTS and recogniser(effect).band is not None
-
-
-def _visible(S: float, unit: str) -> str:
-    """Return which size of stiction the record would have shown."""
-    if not np.isfinite(S):
-        return "no size of stiction that was tried would have shown in this record"
-    return f"stiction from about S = {S:.2g} {unit} on would have shown in this record"

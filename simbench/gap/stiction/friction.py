@@ -8,6 +8,7 @@ from typing import Any
 
 import joblib
 import numpy as np
+from scipy.special import logit
 
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import RecordError, UserError
@@ -33,23 +34,20 @@ from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.any_spectrum import any_spectrum
 from simbench.gap.stiction.measured import measured_samples, unheld
 from simbench.gap.stiction.probability import (
+    DENIED_BELOW,
+    LEAST_REGRESSED,
     SHORTEST_ASKED,
     FrictionEvidence,
     log_odds,
     probability,
 )
+from simbench.gap.stiction.visible import FRICTION, Visible, visible
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
 from simbench.scenarios.spec import Loop, Part
 
-FRICTION, _BAND = (
-    "stiction",
-    "deadband",
-)  # the effect whose size is asked for, and friction without a jump
+_BAND = "deadband"  # friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
-# nats that a regression may take away: noise, or a set point that moves, may hide a valve from it
-# (AUC on loops of `refinery` in `results/stiction_probability.txt`: .79 without, .85 with it)
-_LEAST = -5.0
 # share of PV's samples that must have been measured (`python -m results.studies.plant.archives`)
 _MEASURED = 0.2
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
@@ -60,16 +58,22 @@ _ROOM = 2.0  # number of OP ranges left free on either side of a record whose un
 @dataclass(frozen=True, eq=False)
 class Friction:
     """A record's loop fitted with a sound valve, with friction, and with an oscillation from
-    outside, and what that showed.
+    outside, and what that showed; `views` are the assessments with each plant that the loop may
+    have, the one taken first; `shown` is which stiction would have shown, where the evidence
+    speaks against it.
     """
 
     assessment: Assessment
     evidence: FrictionEvidence
+    views: tuple[Assessment, ...] = ()
+    shown: Visible | None = None
 
     @property
     def log_odds(self) -> float:
-        """Log-odds of stiction."""
-        return log_odds(self.evidence)
+        """Log-odds of stiction: where friction would not have shown, nothing is denied."""
+        odds = log_odds(self.evidence)
+        denied = self.shown is None or not self.shown.open
+        return odds if denied else max(odds, float(logit(DENIED_BELOW)))
 
     @property
     def probability(self) -> float:
@@ -124,9 +128,17 @@ def friction(
     both cannot be compared.
     """
     refuse_unweighable(record)
-    # a record, and its tests, that was assessed with this loop is weighed as it was fitted
-    if assessment is not None:
-        return _measured(assessment)
+    # thousands of tiny matrices: threads would only wait for each other
+    with one_thread():
+        # a record, and its tests, that was assessed with this loop is weighed as it was fitted
+        weighed = _weighed(record, loop) if assessment is None else _measured(assessment)
+        if probability(log_odds(weighed.evidence)) >= DENIED_BELOW:
+            return weighed
+        return replace(weighed, shown=visible(weighed.views or (weighed.assessment,)))
+
+
+def _weighed(record: LoopRecord, loop: Loop | Partial | None) -> Friction:
+    """Return what a record shows of friction, before it is asked what would have shown."""
     where = f"record {record.tag!r}" if record.tag else "record"
     record = in_percent(record)[0]
     if isinstance(loop, Loop):
@@ -142,12 +154,10 @@ def friction(
             raise RecordError(
                 f"{where} unfit: {count} of {record.n} samples of PV were measured; {what}"
             )
-    # thousands of tiny matrices: threads would only wait for each other
-    with one_thread():
-        if loop is not None or record.mv is not None:
-            whole, given, _ = completed(record, loop)
-            return _measured(_fitted(record, whole, given))
-        return _seen_in(_identified(record))
+    if loop is not None or record.mv is not None:
+        whole, given, _ = completed(record, loop)
+        return _measured(_fitted(record, whole, given))
+    return _seen_in(_identified(record))
 
 
 def refuse_unweighable(record: LoopRecord) -> None:
@@ -259,8 +269,9 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     data = views[first].situation.data
     regressed = friction_regressed(data.u, data.y)
     band = _band_of(views[at[FRICTION]])
-    gain += max(regressed.gain, _LEAST)
-    return Friction(views[first], FrictionEvidence(gain, band, regressed.cycles))
+    gain += max(regressed.gain, LEAST_REGRESSED)
+    order = (views[first], *(v for v in views if v is not views[first]))
+    return Friction(views[first], FrictionEvidence(gain, band, regressed.cycles), order)
 
 
 def _is(view: Assessment, process: str | None) -> bool:

@@ -133,6 +133,8 @@ def stubs(monkeypatch):
         diagnosis, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")}
     )
     monkeypatch.setattr(diagnosis, "load_memory", lambda s: 60.0)
+    shown = SimpleNamespace(open="", again="", sentence=lambda percent, unit: "S would have shown")
+    monkeypatch.setattr("simbench.gap.stiction.conclusion.visible", lambda views: shown)
     monkeypatch.setattr(diagnosis, "with_sound_valve", lambda loop: loop)
     monkeypatch.setattr(diagnosis, "alike", lambda e, s, p: (e, str(p)))
     return seen

@@ -28,11 +28,13 @@ from simbench.gap.decide.classify import Classified
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import WORDS, friction_share, from_posterior, from_record
 from simbench.gap.stiction.probability import STICKING_VALVES
+from simbench.gap.stiction.visible import Visible
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 from simbench.sealed.withheld.making import write_item
 
+CONCLUSION = import_module("simbench.gap.stiction.conclusion")
 MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
@@ -52,6 +54,7 @@ HEALTHY = (
 )
 FRICTION = ("stiction", "deadband")
 SEED = 431
+WAVE = np.sin(np.arange(300.0) / 5.0)
 
 
 def contradictions(c):
@@ -65,6 +68,9 @@ def contradictions(c):
         "a claim with another cause": verdict == STICTION and not friction,
         "a claim without work on the valve": verdict == STICTION and "valve" not in step,
         "repair without a claim": verdict != STICTION and "repair" in step,
+        "left open in spite of its probability": (
+            verdict == NO_DECISION and p is not None and not 0.2 <= p <= 0.8
+        ),
         "no reason": not c["reason"].strip(),
         "no next step": not step.strip(),
     }
@@ -175,9 +181,17 @@ def assessed(chosen=(), **gains):
         log_likelihood_gains_on_top=gains,
         chosen=list(chosen),
         parameters={},
+        situation=SimpleNamespace(op=WAVE, record=SimpleNamespace(pv=WAVE, Ts=1.0, mv=None)),
     )
 
 
+@pytest.fixture
+def seen_anyway(monkeypatch):
+    """Every size of stiction would have shown."""
+    monkeypatch.setattr(CONCLUSION, "visible", lambda views: Visible(1.0))
+
+
+@pytest.mark.usefixtures("seen_anyway")
 def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effect_named():
     rng, answers = np.random.default_rng(5), (*EFFECTS, NONE, UNKNOWN)
     seen = set()
@@ -190,7 +204,7 @@ def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effec
         assessment = assessed(
             named, **{e: float(rng.uniform(-5, 40)) for e in named if e in EFFECTS}
         )
-        c = from_posterior(w, named, assessment, 1.0, None)
+        c = from_posterior(w, named, assessment, None)
         assert contradictions(c.as_json()) == [], (named, c)
         if c.probability > 0.7:
             assert set(named) & set(FRICTION), (named, c)
@@ -211,12 +225,13 @@ def test_friction_named_with_another_effect_counts_by_what_it_brings_on_top_of_i
     assert friction_share(w, ["sensor_lag"], assessed(named)) == pytest.approx(0.2)
 
 
+@pytest.mark.usefixtures("seen_anyway")
 def test_what_is_unknown_counts_as_any_valve_does_and_in_the_valve_leaves_it_open():
     w = weights(stiction=0.45, none=0.05, unknown=0.5)
     assert friction_share(w, ["unknown"], assessed()) == pytest.approx(0.45 + 0.3 * 0.5)
-    assert from_posterior(w, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
+    assert from_posterior(w, ["unknown"], assessed(), None).verdict == NO_DECISION
     in_valve = Classified(weights(none=0.05, unknown=0.95).probability, "valve")
-    assert from_posterior(in_valve, ["unknown"], assessed(), 1.0, None).verdict == NO_DECISION
+    assert from_posterior(in_valve, ["unknown"], assessed(), None).verdict == NO_DECISION
 
 
 def test_friction_of_the_loop_file_is_not_claimed_beside_another_effect():
@@ -247,18 +262,19 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
 ):
     record, loops = weighed(effects)
     monkeypatch.setattr(CandidateLoops, "probability", p)
-    c, _ = from_record(Prepared(record), loops)
+    shown = Visible(2.0) if verdict == NO_STICTION else None
+    c, _ = from_record(Prepared(record), replace(loops, shown=shown))
     assert c.verdict == verdict
     assert contradictions(c.as_json()) == []
-    assert verdict == STICTION or "would have shown in this record" in c.reason
+    assert ("S = 2 % of travel on would have shown" in c.reason) == (verdict == NO_STICTION)
 
 
-def test_a_record_in_which_no_friction_would_show_denies_none(monkeypatch):
-    record, loops = weighed(())
-    monkeypatch.setattr(CandidateLoops, "probability", 0.05)
-    c, _ = from_record(Prepared(record), replace(loops, visible=np.inf))
-    assert (c.verdict, c.probability) == (NO_DECISION, 0.05)
-    assert "no size of stiction that was tried would have shown" in c.reason
+def test_with_a_loop_file_a_record_in_which_no_friction_would_show_denies_none(monkeypatch):
+    why = "no size of stiction that was tried would have shown"
+    monkeypatch.setattr(CONCLUSION, "visible", lambda views: Visible(np.inf, why))
+    c = from_posterior(weights(none=0.99, stiction=0.01), [NONE], assessed(), None)
+    assert (c.verdict, c.probability) == (NO_DECISION, 0.2)
+    assert why in c.reason
 
 
 @pytest.mark.slow

@@ -31,6 +31,22 @@ def test_a_sound_valve_of_the_same_process_is_never_stiction(name):
     assert concluded(name).verdict != STICTION
 
 
+@pytest.mark.parametrize("name", ["idv14_15s", "idv14_60s", "d14_te", "d00_te"])
+def test_what_is_recorded_too_seldom_is_not_denied(name):
+    found = concluded(name)
+    assert found.verdict not in (STICTION, NO_STICTION)
+    assert "samples per period are too few" in found.reason
+    assert found.next.startswith("record OP and PV every")
+
+
+@pytest.mark.parametrize("name", ["quiet_sticky_2", "quiet_sticky_9"])
+def test_a_sticking_valve_that_hardly_moves_is_not_denied(name):
+    found = concluded(name)
+    assert found.verdict != NO_STICTION
+    assert "nothing to do" not in found.next
+    assert "watch the period" not in found.next
+
+
 def test_tuning_is_no_cause_of_a_swing_of_another_period_than_the_resonance():
     found = concluded("d14_te")
     assert found.cause != causes.TIGHT

@@ -1,0 +1,81 @@
+"""What is said to have shown shows: friction of that size, put into the loop, is called; where it
+would not have shown, nothing is denied and the reason is said.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simbench.detectors.records.io import read_record
+from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.gap.stiction import visible as module
+from simbench.gap.stiction.conclusion import judged
+from simbench.gap.stiction.friction import friction
+from simbench.gap.stiction.visible import largest_asked
+from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
+
+PUBLISHED = Path(__file__).parents[3] / "data" / "published"
+SOUND = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
+    "controller": {"type": "PI", "Kc": 4.2, "Ti": 30.0},
+    "noise": {"std": 0.05},
+    "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 15.0}],
+    "sampling": {"Ts": 2.0, "n": 2000},
+}
+
+
+@pytest.fixture(scope="module")
+def denied():
+    return friction(simulate(Loop.from_table(SOUND), 3).record.without_mv())
+
+
+def test_the_size_that_would_have_shown_is_called_in_three_quarters_of_simulations(denied):
+    assert denied.probability < 0.2
+    S, called = denied.shown.S, 0
+    assert 0.0 < S <= largest_asked(denied.assessment.situation.op)
+    sticky = Loop.from_table(SOUND | {"valve": {"model": "choudhury", "S": S, "J": 0.5 * S}})
+    for seed in range(8):
+        record = simulate(sticky, seed, kick=S).record.without_mv()
+        called += friction(record).probability > 0.8
+    assert called >= 6
+
+
+def test_where_no_size_shows_nothing_is_denied(monkeypatch):
+    monkeypatch.setattr(module, "_probability", lambda views, op, pv, S: 0.5)
+    found = judged(simulate(Loop.from_table(SOUND), 3).record.without_mv())[0]
+    assert (found.verdict, found.probability) == ("no_decision", 0.2)
+    assert "no size of stiction that was tried would have shown" in found.reason
+
+
+def test_with_few_samples_a_period_nothing_is_denied_and_the_pace_is_said():
+    found = judged(read_record(PUBLISHED / "idv14_15s.csv"))[0]
+    assert found.verdict not in (STICTION, NO_STICTION)
+    assert "8.3 samples per period are too few" in found.reason
+    assert found.next.startswith("record OP and PV every")
+
+
+def test_a_valve_that_op_does_not_turn_back_shows_nothing_without_integral_action():
+    found = judged(read_record(PUBLISHED / "quiet_sticky_2.csv"))[0]
+    assert found.verdict not in (STICTION, NO_STICTION)
+    assert "no integral action" in found.reason
+
+
+def test_a_valve_is_asked_for_the_size_by_which_op_turns_six_times():
+    t = np.arange(700.0)
+    wave = 50.0 + 2.0 * np.sin(t / 10.0)
+    assert largest_asked(wave) == pytest.approx(4.0, abs=0.05)
+    assert largest_asked(wave[:100]) == 0.0
+    large = wave.copy()
+    large[300:310] += 20.0
+    assert largest_asked(large) == pytest.approx(4.0, abs=0.05)
+
+
+def test_the_same_size_is_said_by_every_verb(denied):
+    record = simulate(Loop.from_table(SOUND), 3).record.without_mv()
+    said = f"S = {denied.shown.S:.2g} % of travel on would have shown"
+    assert said in judged(record)[0].reason
+    scaled = replace(record, op=0.16 * record.op + 4.0, op_span=(4.0, 20.0))
+    assert said in judged(scaled)[0].reason
