@@ -16,13 +16,12 @@ from simbench.confirm.gain_change import (
     NUDGES,
     PERIODS,
     SHIFT,
-    Phase,
     judge,
-    measure,
     resolved,
     settled_parts,
     stepped,
 )
+from simbench.confirm.phase import Phase, measure
 from simbench.confirm.rig import run_rig
 from simbench.detectors.errors import ParameterError
 from simbench.scenarios.spec import Loop

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simbench.confirm.phase import Phase, interval, measure, plain
 from simbench.confirm.rig import Trace, lengthened, run_rig
 from simbench.detectors.errors import ParameterError
-from simbench.detectors.signal.holds import holds
-from simbench.detectors.signal.oscillation import oscillation_of
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
 from simbench.scenarios.spec import Loop
@@ -27,34 +26,8 @@ SHIFT = 0.10
 # dies
 _KEPT = 2.0
 PERIODS = 12  # wanted before the change and after it
-_SMALLEST = 0.01  # amplitude of OP (%) below which there is nothing to see
 LONGEST = 100_000  # samples of one run
-_BAND = 0.5  # of OP's std, which it must cross for a new cycle to begin
-_WIDE = 1.96  # standard errors on either side of a 95 % interval
 NUDGES = (0.0, 3.0, 0.5, 1.0, 1.5, 2.0, 5.0, 8.0)  # load steps (%) tried in turn when a loop rests
-
-
-@dataclass(frozen=True, eq=False)
-class Phase:
-    """An oscillation before or after the change of gain."""
-
-    Kc: float  # controller gain (% per PV unit)
-    period: float  # s; NaN when there is no sustained oscillation
-    amplitude: float  # of OP (%), as sqrt(2) times its standard deviation
-    # whether OP rests at its lowest or highest value for more than 2 % of the time: at 0 or 100,
-    # or elsewhere for 3 samples or more at a time (the crest of a smooth wave may meet one value in
-    # every cycle)
-    saturated: bool
-    # standard error of the period (s), from the spread of the cycles' lengths
-    error: float = np.nan
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the numbers, the period with its 95 % interval; None where a number is missing."""
-        interval = _interval(self.period, self.error)
-        return _plain({
-            "Kc": self.Kc, "period": self.period, "period_interval": interval,
-            "amplitude": self.amplitude, "saturated": self.saturated,
-        })  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +50,7 @@ class GainChange:
         """Return the outcome without its signals; None where a number is missing."""
         return {
             "verdict": self.verdict,
-            **_plain({"shift": self.shift, "shift_interval": self.shift_interval}),
+            **plain({"shift": self.shift, "shift_interval": self.shift_interval}),
             "nudge": self.nudge,
             "before": self.before.as_json(),
             "after": self.after.as_json(),
@@ -90,7 +63,7 @@ class GainChange:
         before, after = self.before, self.after
         ratio = after.period / before.period
         error = ratio * float(np.hypot(before.error / before.period, after.error / after.period))
-        ends = _interval(ratio - 1.0, error)
+        ends = interval(ratio - 1.0, error)
         if ends is None:
             return None
         lo, hi = sorted(abs(x) for x in ends)
@@ -147,47 +120,6 @@ def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
         if not np.isnan(outcomes[-1].shift):
             return outcomes[-1]
     return outcomes[0]
-
-
-def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
-    """Return period and amplitude of an oscillating OP; the period is NaN when it is not
-    sustained.
-    """
-    cycle = oscillation_of(op, Ts)
-    amplitude = float(np.sqrt(2) * op.std())
-    seen = cycle.sustained and amplitude > _SMALLEST
-    at_ends = max(_standing(op, float(op.min())), _standing(op, float(op.max())))
-    saturated = bool(amplitude > _SMALLEST and at_ends > 0.02)
-    if not seen:
-        return Phase(Kc, np.nan, amplitude, saturated)
-    return Phase(Kc, cycle.period_s, amplitude, saturated, _period_error(op, Ts))
-
-
-def _period_error(op: np.ndarray, Ts: float) -> float:
-    """Return the standard error of the mean cycle (s): cycles lie between upward crossings of a
-    band around the mean.
-    """
-    x = op - op.mean()
-    band = _BAND * x.std()
-    side = np.where(x > band, 1, np.where(x < -band, -1, 0))
-    out = np.flatnonzero(side)
-    ups = out[1:][np.diff(side[out]) > 0]
-    lengths = np.diff(ups)
-    if lengths.size < 2:
-        return np.nan
-    # two crossings are known to a sample
-    return float(np.hypot(lengths.std(ddof=1) / np.sqrt(lengths.size), 1.0 / lengths.size) * Ts)
-
-
-def _interval(value: float, error: float) -> tuple[float, float] | None:
-    return (value - _WIDE * error, value + _WIDE * error) if np.isfinite(value + error) else None
-
-
-def _standing(op: np.ndarray, value: float) -> float:
-    """Return the share of the time that OP rests at a value."""
-    length = holds(op)
-    there = op[np.cumsum(length) - 1] == value
-    return float(length[there & ((length >= 3) | (value in (0.0, 100.0)))].sum() / op.size)
 
 
 def resolved(loop: Loop, seed: int, samples: int, nudge: float) -> Setup:
@@ -256,7 +188,3 @@ def judge(before: Phase, after: Phase) -> tuple[str, str, float]:
             shift,
         )
     return "stiction", f"{both} while OP kept its amplitude", shift
-
-
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    return {k: None if isinstance(v, float) and np.isnan(v) else v for k, v in values.items()}

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from simbench.confirm.gain_change import GainChange, judge, measure
+from simbench.confirm.gain_change import GainChange, judge
+from simbench.confirm.phase import measure
 from simbench.confirm.rig import Trace
 from simbench.confirm.travel import MOVE_SHARE, SIGMAS, TravelTest
 from simbench.detectors.errors import ParameterError

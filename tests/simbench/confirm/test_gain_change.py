@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from results.studies.coupled_loops import drawn_pair, find_culprit, main
-from simbench.confirm.gain_change import SHIFT, gain_change, judge, measure
+from simbench.confirm.gain_change import SHIFT, gain_change, judge
+from simbench.confirm.phase import measure
 from simbench.detectors.errors import ParameterError
 
 IDEAL = {"model": "ideal"}
