@@ -3,13 +3,13 @@
 from simbench import gap as gap
 from simbench.bench.execute.sweep import sweep as sweep
 from simbench.bench.score.shipped import results as results
-from simbench.confirm.recorded import confirm as confirm
 from simbench.detectors.detection import detect as detect
 from simbench.detectors.detection import diagnose as diagnose
 from simbench.detectors.record import LoopRecord as LoopRecord
 from simbench.detectors.records.io import read_record as read_record
 from simbench.detectors.verdict import Verdict as Verdict
 from simbench.gap.diagnosis import conclude as conclude
+from simbench.gap.gain_pair import confirm as confirm
 from simbench.loop.simulate import simulate as simulate
 from simbench.loop.simulate import simulate_batch as simulate_batch
 from simbench.theory.predict import predict as predict

@@ -52,17 +52,19 @@ def gain_change(
     *,
     about: dict,
 ) -> None:
-    """Test whether the period of the oscillation changes with the controller gain.
+    """Test whether the oscillation answers a change of the controller gain as friction does.
 
-    The period of a cycle that stiction causes changes with the gain; that of an oscillation from
-    outside the loop does not. Kc is the controller gain, OP the controller output.
+    The period of a cycle that stiction causes changes with the gain; that of a loop with a sound
+    valve changes otherwise, or the oscillation dies out; that of an oscillation from outside does
+    not change. Which of them it is like is told by simulations of the loop. Kc is the controller
+    gain, OP the controller output.
     """
     _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
     refuse_picture(picture, loop, *(records or ()))
     read: list[LoopRecord] = []
     if loop is None:
-        from simbench.confirm.recorded import gain_change_recorded
         from simbench.detectors.records.io import read_record
+        from simbench.gap.gain_pair import gain_change_recorded
 
         assert records is not None
         read = [read_record(path, **about) for path in records]

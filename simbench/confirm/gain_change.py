@@ -1,5 +1,5 @@
-"""Gain-change test: the period of a stiction cycle changes with the controller gain Kc, that of an
-oscillation from outside does not.
+"""Gain-change test: a limit cycle of friction answers a change of the controller gain Kc otherwise
+than a loop with a sound valve, or than an oscillation from outside.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simbench.confirm.expected import Expected, expected, odds_of_friction, with_friction
 from simbench.confirm.phase import Phase, interval, measure, plain
 from simbench.confirm.rig import Trace, lengthened, run_rig
 from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
-from simbench.scenarios.spec import Loop
+from simbench.scenarios.spec import Loop, Part
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,6 +27,8 @@ SHIFT = 0.10
 # dies
 _KEPT = 2.0
 PERIODS = 12  # wanted before the change and after it
+TOLD_FROM = float(np.log(4.0))  # log-odds from which one side is believed: a probability of .8
+_IDEAL = Part(name="ideal")
 LONGEST = 100_000  # samples of one run
 NUDGES = (0.0, 3.0, 0.5, 1.0, 1.5, 2.0, 5.0, 8.0)  # load steps (%) tried in turn when a loop rests
 
@@ -101,12 +104,13 @@ class GainChange:
 
 
 def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
-    """Change the controller gain of an oscillating loop and see whether the period follows.
+    """Change the controller gain of an oscillating loop and see whether it answers as one with a
+    sound valve, or as one with friction.
 
-    Stiction when the period shifts by more than 10 % and OP keeps its amplitude, which the valve's
-    band sets. Near the stability limit of a healthy loop the period moves too: there the
-    oscillation dies or collapses with the gain, and the answer is no decision. A loop at rest is
-    nudged by load steps; when it rests all the same there is nothing to confirm. Choudhury,
+    The period of a linear loop moves with the gain, too: under PI on an integrating process with
+    1/sqrt(Kc), or it dies out. So the loop is simulated with a sound valve and with friction, and
+    the likelier of both is the answer; where they do alike, the answer is no decision. A loop at
+    rest is nudged by load steps; when it rests all the same there is nothing to confirm. Choudhury,
     Thornhill and Shah (2005); Thornhill, Cox and Paulonis (2003).
     """
     if not (1 / 3 <= factor <= 3 and abs(factor - 1) >= 0.2):
@@ -153,8 +157,66 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
         if not short or 2 * n > LONGEST:
             break
         changed *= 2
-    verdict, reason, shift = judge(*phases)
-    return GainChange(verdict, reason, *phases, shift, nudge, loop.sampling.Ts, changed, trace)
+    before, after = phases
+    what, shift = observed(before, after), shift_of(before, after)
+    verdict, reason = "no_decision", unfit(before, after)
+    if not reason:
+        lengths = (changed - changed // 3, n - changed - (n - changed) // 3)
+        gains = (1.0, factor)
+        alone = loop.model_copy(update={"valve": _IDEAL})
+        sticky = with_friction(loop, before.amplitude)
+        Ts, starts = loop.sampling.Ts, [(alone, 0.0, gains)]
+        sound = expected(starts, lengths, Ts, nudge)
+        stuck = expected([(one, kick, gains) for one, kick in sticky], lengths, Ts, nudge)
+        # what swings the loop from outside stands in its file
+        odds = odds_of_friction(before, after, sound, stuck, outside=False)
+        verdict, reason = told(odds, what, sound, stuck)
+    return GainChange(
+        verdict, reason, before, after, shift, nudge, loop.sampling.Ts, changed, trace
+    )
+
+
+def observed(before: Phase, after: Phase) -> str:
+    """Return in words what the change of gain did."""
+    change = f"Kc changed by {100 * (after.Kc / before.Kc - 1):+.0f} %"
+    if not after.goes_on:
+        return f"{change} and the oscillation did not go on"
+    ratio = after.period / before.period
+    return f"{change} and the period by {100 * (ratio - 1):+.1f} %"
+
+
+def shift_of(before: Phase, after: Phase) -> float:
+    """Return |P2/P1 - 1|; NaN when one of the periods is missing."""
+    return abs(after.period / before.period - 1)
+
+
+def unfit(before: Phase, after: Phase) -> str:
+    """Return why a change tells nothing; "" where it can tell."""
+    if not before.goes_on:
+        return "the loop has no sustained oscillation to confirm"
+    if before.saturated or after.saturated:
+        return "OP runs into its limits, where the gain does not act"
+    return ""
+
+
+def told(odds: float, what: str, sound: Expected, stuck: Expected) -> tuple[str, str]:
+    """Return verdict and reason of the log-odds of friction that a change of gain shows."""
+    words = [
+        f"{who} {_of_period(one)}"
+        for who, one in (("a sound valve", sound), ("a sticking one", stuck))
+    ]
+    why = f"{what}; in simulations {words[0]}, {words[1]}"
+    if abs(odds) <= TOLD_FROM:
+        return "no_decision", f"{why}: the change does not tell which"
+    return ("stiction" if odds > 0.0 else "no_stiction"), why
+
+
+def _of_period(one: Expected) -> str:
+    if not len(one.changes):
+        return "does not oscillate"
+    if np.isnan(one.period):
+        return "stops oscillating"
+    return f"changes it by {100 * (one.period - 1):+.0f} %"
 
 
 def judge(before: Phase, after: Phase) -> tuple[str, str, float]:

@@ -29,6 +29,11 @@ class Phase:
     # standard error of the period (s), from the spread of the cycles' lengths
     error: float = np.nan
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether OP oscillates on."""
+        return bool(np.isfinite(self.period))
+
     def as_json(self) -> dict[str, Any]:
         """Return the numbers, the period with its 95 % interval; None where a number is missing."""
         return plain({

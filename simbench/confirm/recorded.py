@@ -1,24 +1,13 @@
-"""Evaluate confirmation tests that were recorded in a plant: a gain change in two records, or a
-travel test in one.
-"""
+"""Evaluate a travel test that was recorded in a plant; read the controller gain off a record."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Unpack, overload
-
 import numpy as np
-from numpy.typing import ArrayLike
 
-from simbench.confirm.gain_change import GainChange, judge
-from simbench.confirm.phase import measure
 from simbench.confirm.rig import Trace
 from simbench.confirm.travel import MOVE_SHARE, SIGMAS, TravelTest
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.sources import About, RecordSignals, as_record
-
-if TYPE_CHECKING:
-    from simbench.detectors.sources import Source
 
 # of the variance of OP's increments by a PI controller, from which its gain is read off a record
 _EXPLAINED = 0.8
@@ -38,104 +27,6 @@ def controller_gain(record: LoopRecord) -> float | None:
     left = steps - columns @ gains
     explained = 1.0 - float(left @ left) / max(float(steps @ steps), 1e-300)
     return abs(float(gains[0])) if explained >= _EXPLAINED else None
-
-
-def gain_change_recorded(
-    before: LoopRecord, after: LoopRecord, factor: float | None = None
-) -> GainChange:
-    """Judge a change of controller gain from a record before it and one after it, as `gain_change`
-    does.
-    """
-    if not np.isclose(before.Ts, after.Ts):
-        raise ParameterError(
-            f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for"
-            " both"
-        )
-    gains = (
-        (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
-    )
-    if gains[0] is None or gains[1] is None:
-        raise ParameterError(
-            "gain change: the records do not show the controller gain; new over old is needed:"
-            " --ratio"
-        )
-    ratio = gains[1] / gains[0] if gains[0] > 0 else np.nan
-    if not (0.0 < ratio < np.inf and abs(ratio - 1.0) >= 0.2):
-        raise ParameterError(
-            f"gain change: Kc changed {ratio:.3g}-fold; at least 20 % more or less is needed"
-        )
-    signals = [r.op if r.op_percent is None else r.op_percent for r in (before, after)]
-    phases = [
-        measure(op, r.Ts, float(Kc))
-        for op, r, Kc in zip(signals, (before, after), gains, strict=True)
-    ]
-    verdict, reason, shift = judge(*phases)
-    op, pv = np.concatenate(signals), np.concatenate([before.pv, after.pv])
-    trace = Trace(op, pv, np.full(op.size, np.nan))
-    return GainChange(verdict, reason, *phases, shift, 0.0, before.Ts, before.n, trace)
-
-
-@overload
-def confirm(record: Source, **signals: Unpack[RecordSignals]) -> TravelTest: ...
-@overload
-def confirm(
-    record: Source, after: Source, *, ratio: float | None = None, **signals: Unpack[RecordSignals]
-) -> GainChange: ...
-@overload
-def confirm(
-    *, op: ArrayLike, pv: ArrayLike, Ts: float, sp: ArrayLike | None = None, **about: Unpack[About]
-) -> TravelTest: ...
-def confirm(
-    record: Source | None = None,
-    after: Source | None = None,
-    *,
-    ratio: float | None = None,
-    **signals: Any,
-) -> TravelTest | GainChange:
-    """Is it the valve? Judge the record of a travel test, or the records before and after a change
-    of controller gain.
-
-    Parameters
-    ----------
-    record : LoopRecord, run, DataFrame, mapping, str or Path
-        Of a travel test, or from before the change of gain; SP, OP, PV as `simbench.detect` takes
-        them.
-    after : LoopRecord, run, DataFrame, mapping, str or Path, optional
-        From after the change of gain.
-    ratio : float, optional
-        Controller gain after over before; read off the records where it is not given.
-    **signals
-        op, pv, sp, mv, Ts in place of one record, and what is known of both, as in
-        `simbench.detect`.
-
-    Returns
-    -------
-    TravelTest or GainChange
-        The valve's travel test, or of two records the change of amplitude and period;
-        either has a verdict.
-
-    Raises
-    ------
-    RecordError
-        For what is no record, or two of different sampling.
-
-    Examples
-    --------
-    >>> t = np.arange(2000.0)
-    >>> turns = (2 * np.pi * t / P for P in (90, 150))
-    >>> one, two = ({"t": t, "op": 50 + np.sin(x), "pv": np.cos(x)} for x in turns)
-    >>> confirm(one, two, ratio=0.6).verdict
-    'stiction'
-    """
-    first = as_record(record, **signals)
-    if after is None:
-        if ratio is not None:
-            raise ParameterError(
-                f"ratio = {ratio:g} without a second record; confirm(before, after,"
-                f" ratio={ratio:g}) is needed"
-            )
-        return travel_recorded(first)
-    return gain_change_recorded(first, as_record(after, **signals), ratio)
 
 
 def travel_recorded(record: LoopRecord) -> TravelTest:

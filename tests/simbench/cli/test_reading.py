@@ -58,7 +58,7 @@ def caught(monkeypatch):
     # `simbench.confirm` is a function too
     recorded = importlib.import_module("simbench.confirm.recorded")
     monkeypatch.setattr(recorded, "travel_recorded", stop)
-    monkeypatch.setattr(recorded, "gain_change_recorded", stop)
+    monkeypatch.setattr("simbench.gap.gain_pair.gain_change_recorded", stop)
     return got
 
 

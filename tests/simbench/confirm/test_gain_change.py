@@ -47,7 +47,8 @@ def test_near_its_stability_limit_a_healthy_loop_moves_its_period_but_is_not_cal
     healthy = gain_change(loop(valve=IDEAL, Kc=5.2, noise=0.05, n=3000), 0.7, seed=1)
     unstable = gain_change(loop(valve=IDEAL, Kc=6.9, noise=0.05), 0.6)
     assert unstable.shift > SHIFT
-    assert [healthy.verdict, unstable.verdict] == ["no_decision"] * 2
+    assert [healthy.verdict, unstable.verdict] == ["no_stiction", "no_decision"]
+    assert "a sound valve stops oscillating" in healthy.reason
 
 
 @pytest.mark.parametrize(

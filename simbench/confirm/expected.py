@@ -1,0 +1,175 @@
+"""Simulate what a change of controller gain does to a loop with a sound valve and to one with
+friction, and tell which of them an observed change is like.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import multivariate_normal
+
+from simbench.confirm.phase import Phase, measure
+from simbench.detectors.errors import UserError
+from simbench.loop.resolve import friction, resolve_loop
+from simbench.loop.run import run_setup
+from simbench.scenarios.spec import Loop, Part
+
+_SEEDS = 8  # simulations of each loop
+_TRANSIENT = 3  # of a run one part in so many is cut off at its beginning
+# what a measured ratio of periods, and of amplitudes, scatters at least (logarithms)
+_LEAST = np.array([0.03, 0.15])
+_OUTSIDE = np.array([0.03, 0.7])  # of an oscillation from outside: its amplitude may change
+# S over the amplitude of OP of the friction that is tried where none is known, and J over S
+_SIZES, _JUMP = (0.6, 1.0, 1.4), 0.5
+_LIGHT = 0.2  # of S, a step of the load that starts a cycle which a large one does not
+_DRIVEN = ("sine", "propagated")  # what swings a loop from outside
+# density of changes that no simulation came near: it holds for sound and sticking valves alike
+_SLIGHT = 0.05
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What simulations of one hypothesis did: `changes` (m, 2) of those that oscillate before the
+    change, logarithms of the ratios of period and of OP's amplitude, NaN where the oscillation does
+    not go on; `tried`, how many there were.
+    """
+
+    changes: np.ndarray
+    tried: int
+
+    @property
+    def period(self) -> float:
+        """Median ratio of the periods; NaN where none goes on."""
+        on = self.changes[np.isfinite(self.changes[:, 0]), 0]
+        return float(np.exp(np.median(on))) if on.size else math.nan
+
+    def likelihood(self, before: Phase, after: Phase) -> float:
+        """Return the likelihood of an observed change of a loop that oscillates before it."""
+        on = self.changes[np.isfinite(self.changes[:, 0])]
+        goes_on = (len(on) + 0.5) / (len(self.changes) + 1.0)
+        if not after.goes_on:
+            return 1.0 - goes_on
+        spread = np.cov(on.T) if len(on) > 2 else np.zeros((2, 2))
+        near = _density(before, after, on.mean(axis=0), spread, _LEAST) if len(on) else 0.0
+        return goes_on * (near + _SLIGHT)
+
+
+def expected(
+    loops: Iterable[tuple[Loop, float, tuple[float, float]]],
+    lengths: tuple[int, int],
+    Ts: float,
+    nudge: float = 0.0,
+) -> Expected:
+    """Simulate loops before and after a change of gain.
+
+    Parameters
+    ----------
+    loops : iterable of (Loop, float, (float, float))
+        Each with the offset (%) of OP that starts it, and the factors on Kc before and after.
+    lengths : (int, int)
+        Samples of both phases.
+    Ts : float
+        Sampling period (s).
+    nudge : float
+        Step of the load (%) that starts each loop, in place of the offset.
+
+    Returns
+    -------
+    Expected
+        What the loops did that oscillate before the change.
+    """
+    changes, tried = [], 0
+    for loop, kick, factors in loops:
+        for seed in range(_SEEDS):
+            tried += 1
+            phases = [
+                _phase(loop, f, n, (kick, nudge), 2 * seed + after, Ts)
+                for after, (f, n) in enumerate(zip(factors, lengths))
+            ]
+            if phases[0] is not None and phases[1] is not None and phases[0].goes_on:
+                changes.append(_change(phases[0], phases[1]))
+    return Expected(np.array(changes).reshape(-1, 2), tried)
+
+
+def with_friction(loop: Loop, amplitude: float) -> list[tuple[Loop, float]]:
+    """Return a loop that its valve makes swing, and nothing from outside, and the offset (%) of OP
+    that starts it: with its own friction, or valves that stick by about an amplitude (%) of OP.
+    """
+    loads = tuple(part for part in loop.disturbance if part.name not in _DRIVEN)
+    alone = loop.model_copy(update={"disturbance": loads})
+    if friction(loop):
+        S = max(S for S, _ in friction(loop))
+        return [(alone, 1.0 + S)]
+    out = []
+    for S in (size * amplitude for size in _SIZES):
+        stuck = Part(name="choudhury", parameters={"S": S, "J": _JUMP * S})
+        out.append((alone.model_copy(update={"valve": stuck}), 1.0 + S))
+    return out
+
+
+def odds_of_friction(
+    before: Phase, after: Phase, sound: Expected, sticky: Expected, outside: bool
+) -> float:
+    """Return the logarithm of how much likelier the change is with friction than without; with
+    `outside` something beyond the loops that were simulated may swing them.
+    """
+    without = sound.likelihood(before, after)
+    if outside:
+        without = 0.5 * (without + _from_outside(before, after))
+    return math.log(sticky.likelihood(before, after) / without)
+
+
+def _from_outside(before: Phase, after: Phase) -> float:
+    """Return the likelihood of a change where an oscillation keeps its period."""
+    if not after.goes_on:
+        return _SLIGHT
+    return _density(before, after, np.zeros(2), np.zeros((2, 2)), _OUTSIDE) + _SLIGHT
+
+
+def _density(
+    before: Phase, after: Phase, mean: np.ndarray, spread: np.ndarray, least: np.ndarray
+) -> float:
+    """Return the density of an observed change about an expected one."""
+    measured = np.diag([_error(before, after) ** 2, 0.0])
+    spread = spread + np.diag(least**2) + measured
+    return float(multivariate_normal(mean, spread).pdf(_change(before, after)))
+
+
+def _phase(
+    loop: Loop, factor: float, n: int, start: tuple[float, float], seed: int, Ts: float
+) -> Phase | None:
+    """Return what one simulation did once it had settled; None where it runs away or to a limit.
+
+    From rest not every cycle starts, and one that went on before the change goes on: other starts
+    are tried.
+    """
+    length = n * _TRANSIENT // (_TRANSIENT - 1)
+    changed = loop.with_("controller.Kc", loop.controller.Kc * factor).with_("sampling.n", length)
+    kick, nudge = start
+    phase = None
+    starts = ((0.0 if nudge else kick, nudge), (kick, 0.0), (0.0, _LIGHT * kick))
+    for offset, step in dict.fromkeys(starts):
+        try:
+            setup = resolve_loop(changed, seed)
+            setup.load_in[1:] += step
+            op = run_setup(setup, kick=offset).record.op
+        except UserError:
+            return None
+        phase = measure(np.asarray(op)[length - n :], Ts, factor)
+        if phase.goes_on or kick == 0.0:
+            break
+    return None if phase is None or phase.saturated else phase
+
+
+def _change(before: Phase, after: Phase) -> np.ndarray:
+    ratios: Sequence[float] = (after.period / before.period, after.amplitude / before.amplitude)
+    return np.log(ratios)
+
+
+def _error(before: Phase, after: Phase) -> float:
+    """Return the standard error of the logarithm of the ratio of the periods."""
+    error = math.hypot(before.error / before.period, after.error / after.period)
+    return error if math.isfinite(error) else 0.0

@@ -1,0 +1,112 @@
+"""A change of gain in two records: a sound valve that rolls slowly is not called sticky, friction
+is found, what keeps its period comes from outside, and what cannot be judged is said.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simbench.confirm.recorded import controller_gain
+from simbench.detectors.errors import ParameterError
+from simbench.detectors.record import LoopRecord
+from simbench.gap import gain_pair
+from simbench.gap.gain_pair import gain_change_recorded
+from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import load_loop
+
+PUBLISHED = Path(__file__).parents[2] / "data" / "published"
+T = np.arange(3000.0)
+
+
+def wave(period: float, amplitude: float = 1.0) -> LoopRecord:
+    angle = 2 * np.pi * T / period
+    return LoopRecord(50 + amplitude * np.sin(angle), np.cos(angle), 1.0)
+
+
+def pair(name, ratio, seed=1, **changes):
+    """Return records of a published loop before and after its gain is changed."""
+    loop = load_loop(PUBLISHED / f"{name}.toml").with_("sampling.n", 2500)
+    for key, value in changes.items():
+        loop = loop.with_(key.replace("__", "."), value)
+    kick = 4.0 if name == "level_sticky" else 0.0
+    gains = (loop.controller.Kc, ratio * loop.controller.Kc)
+    return [
+        simulate(loop.with_("controller.Kc", Kc), seed + i, kick=kick).record.without_mv()
+        for i, Kc in enumerate(gains)
+    ]
+
+
+@pytest.mark.parametrize("ratio", [0.6, 1.4])
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_a_level_that_rolls_slowly_with_a_sound_valve_is_never_called_sticky(ratio, seed):
+    outcome = gain_change_recorded(*pair("level_slow", ratio, seed), ratio)
+    assert outcome.verdict != "stiction"
+
+
+@pytest.mark.parametrize("ratio", [0.6, 1.4])
+def test_friction_in_the_same_loop_is_found_by_what_both_records_show(ratio):
+    records = pair("level_sticky", ratio)
+    outcome = gain_change_recorded(*records, ratio)
+    assert outcome.verdict == "stiction"
+    assert "in simulations a sound valve" in outcome.reason
+    assert "by themselves the records show stiction" in outcome.reason
+    assert controller_gain(records[0]) == pytest.approx(0.35, rel=0.05)
+    assert gain_change_recorded(*records).verdict == "stiction"
+    assert outcome.plot().axes
+
+
+def test_what_keeps_its_period_comes_from_outside():
+    sine = [{"type": "sine", "amplitude": 8.0, "period": 500.0, "at": "input"}]
+    outcome = gain_change_recorded(*pair("level_slow", 0.6, disturbance=sine), 0.6)
+    assert outcome.verdict == "no_stiction"
+    assert outcome.shift < 0.02
+
+
+def test_a_crest_met_at_the_same_value_in_every_cycle_is_no_limit_but_a_clipped_one_is():
+    assert "limits" not in gain_change_recorded(wave(90), wave(150), 0.6).reason
+    clipped = LoopRecord(np.minimum(wave(90).op, 50.8), wave(90).pv, 1.0)
+    assert "limits" in gain_change_recorded(clipped, wave(150), 0.6).reason
+
+
+def test_the_period_of_two_bare_sines_claims_nothing():
+    assert gain_change_recorded(wave(90.3), wave(150.7), 0.6).verdict != "stiction"
+
+
+NOISE = LoopRecord(*np.random.default_rng(0).random((2, 900)), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("after", "factor", "words"),
+    [
+        (LoopRecord(np.ones(99), np.ones(99), 2.0), 0.6, "Ts = 1 s before and 2 s after"),
+        (wave(150.7), 1.1, "at least 20 %"),
+        (NOISE, None, "--ratio"),
+    ],
+)
+def test_what_cannot_be_judged_is_one_sentence(after, factor, words):
+    with pytest.raises(ParameterError, match=words):
+        gain_change_recorded(wave(90.3), after, factor=factor)
+
+
+def test_the_period_and_its_shift_carry_intervals_that_hold_the_truth(monkeypatch):
+    """Cycles of 90 s and 150 s on the average, each of its own length: the interval of the mean is
+    that of the draw.
+    """
+    monkeypatch.setattr(gain_pair, "_compared", lambda records, phases, ratio: ("stiction", ""))
+    rng = np.random.default_rng(5)
+    covered = 0
+    for _ in range(40):
+        waves = []
+        for P in (90.0, 150.0):
+            lengths = P * (1 + 0.06 * rng.standard_normal(30))
+            phase = np.interp(
+                np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), np.arange(31.0)
+            )
+            waves.append(LoopRecord(50 + np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase), 1.0))
+        answer = gain_change_recorded(*waves, 0.6).as_json()
+        lo, hi = answer["shift_interval"]
+        covered += lo <= 150 / 90 - 1 <= hi
+        lo, hi = answer["before"]["period_interval"]
+        assert lo < answer["before"]["period"] < hi
+    assert covered >= 34, covered  # 95 % of 40, and three times the luck
