@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from simbench.confirm.recorded import travel_recorded
 from simbench.confirm.travel import travel_test
@@ -59,3 +60,18 @@ def test_the_band_counts_from_the_valves_last_move_however_op_wandered_before_it
 def test_a_record_in_automatic_mode_holds_no_travel_test():
     with pytest.raises(ParameterError, match="OP rests"):
         travel_recorded(wave(90.3))
+
+
+@pytest.mark.parametrize(("T", "noise"), [(3.0, 0.4), (20.0, 0.2), (60.0, 0.05), (60.0, 0.4)])
+def test_noise_and_short_holds_make_no_valve_stick(T, noise):
+    ends = [50.0, 58.0, *(58 + 0.2 * np.arange(1, 16)), *(61 - 0.2 * np.arange(1, 41))]
+    op, follow = np.repeat(ends, 40), 1.0 - np.exp(-1.0 / T)
+    quiet = 50.0 + lfilter([0.0, follow], [1.0, follow - 1.0], op - 50.0)
+    verdicts = set()
+    for seed in range(8):
+        pv = quiet + noise * np.random.default_rng(seed).standard_normal(op.size)
+        test = travel_recorded(LoopRecord(op, pv, 1.0, process="self-regulating"))
+        verdicts.add(test.as_json()["verdict"])
+        if test.sticky is None:
+            assert "larger steps, or longer holds" in test.reason
+    assert "stiction" not in verdicts
