@@ -27,7 +27,13 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import NOISE_EFFECT, SURE, Assessment, assess, capped
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.classify import Classified, classify
-from simbench.gap.decide.closure import misfit, not_the_gap, with_closure
+from simbench.gap.decide.closure import (
+    misfit,
+    not_the_gap,
+    nothing_to_explain,
+    with_closure,
+    with_nothing,
+)
 from simbench.gap.decide.identified import plausible
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
@@ -385,6 +391,9 @@ def _closed(assessment: Assessment, weights: Classified, runs: ClosedLoops) -> _
     named = named_by(weights, assessment)
     effects = [e for e in named if e in EFFECTS]
     closed = runs.shrink(effects)
+    if nothing_to_explain(assessment, effects, closed):
+        weights, named, effects = with_nothing(weights), [NONE], []
+        closed = runs.shrink(effects)
     ratio = misfit(assessment, effects, closed)
     if named[0] == UNKNOWN or not ratio:
         return _Answer(weights, named, closed, remaining(situation, closed.features), [])

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from simbench.gap.closed_loop.gap import RESOLVED_FROM, Shrinkage
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.decide.classify import Classified, doubt
-from simbench.loop.effects import UNKNOWN
+from simbench.gap.effects import recogniser
+from simbench.loop.effects import NONE, UNKNOWN
 
 
 def misfit(assessment: Assessment, effects: Sequence[str], closed: Shrinkage) -> float:
@@ -26,6 +27,26 @@ def misfit(assessment: Assessment, effects: Sequence[str], closed: Shrinkage) ->
         return 0.0
     ratio = closed.after / (RESOLVED_FROM * closed.plant_floor)
     return ratio if ratio > 1.0 else 0.0
+
+
+def nothing_to_explain(assessment: Assessment, effects: Sequence[str], closed: Shrinkage) -> bool:
+    """Return whether the simulation is as near to the record without effects as its own runs are to
+    each other; what single samples show, and friction, need no gap.
+    """
+    if not effects or closed.before > closed.floor or assessment.shown(effects[0]):
+        return False
+    return recogniser(effects[0]).band is None
+
+
+def with_nothing(weights: Classified) -> Classified:
+    """Return the probabilities where there is nothing to explain: those of all effects but friction
+    are those of none.
+    """
+    p = {
+        e: v if e in (NONE, UNKNOWN) or recogniser(e).band is not None else 0.0
+        for e, v in weights.probability.items()
+    }
+    return Classified({**p, NONE: p[NONE] + 1.0 - sum(p.values())}, weights.unknown_block)
 
 
 def not_the_gap(effects: Sequence[str], closed: Shrinkage, bare: Shrinkage) -> str:

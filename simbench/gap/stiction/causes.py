@@ -18,9 +18,11 @@ from simbench.gap.stiction.margins import Margins, margins
 from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, LIKELIER
 from simbench.gap.stiction.regularity import FEWEST_PERIODS
 from simbench.gap.stiction.sizes import stated
+from simbench.gap.stiction.stepping import least_step
 from simbench.gap.stiction.visible import FEWEST_PER_PERIOD
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
+STEPPED = "threshold in the controller"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
 _CAUSE_OF_FLAG = {
     "saturated": AT_LIMIT,
@@ -87,6 +89,12 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
         if flag in flags and not claimed:
             cause = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
             return Causes(cause, (cause,))
+    step = least_step(np.asarray(prepared.record.op))
+    if step is not None and not claimed:
+        unit = "%" if prepared.record.op_percent is not None else "of its unit"
+        sent = f"OP moves in steps of at least {step:.3g} {unit} and rests in between"
+        cause = Cause(STEPPED, 0.8, (f"{sent}: a threshold in the controller or what sends OP",))
+        return Causes(cause, (cause,))
     if isinstance(loops, str):
         return _open(loops, ())
     sticks = loops.sticky is not None and loops.probability > LIKELIER

@@ -25,6 +25,7 @@ from simbench.gap.decide.classify import TEMPERATURE, Classified
 from simbench.gap.effects import recogniser
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
+from simbench.gap.stiction.cascade import slave_note
 from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.probability import (
     CLAIMED_FROM,
@@ -46,6 +47,7 @@ _NEXT = {
     why.TIGHT: "retune the controller",
     why.FROM_OUTSIDE: "look upstream for what oscillates with this period",
     why.SENSOR: "check the transmitter",
+    why.STEPPED: "let OP be sent after smaller changes, then record again",
     why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
 }
 _NOTHING = "nothing to do"
@@ -115,10 +117,11 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     """
     causes = find_causes(prepared, loops)
     cause, swings = causes.named.name, prepared.oscillation.sustained
-    notes = prepared.record.notes
+    slave, notes = slave_note(prepared.record), prepared.record.notes
     if isinstance(loops, str):
         to_do = _NEXT.get(cause, _RECORD_AGAIN)
-        return Conclusion(NO_DECISION, None, cause, loops, to_do, notes), causes
+        reason = "; ".join((*causes.named.speaks_for, loops))
+        return Conclusion(NO_DECISION, None, cause, reason, to_do, notes), causes
     p = loops.probability
     answer = verdict(p)
     friction = next((c for c in causes.weighed if c.name == why.STICKING), causes.named)
@@ -127,6 +130,8 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     ]
     if loops.shown is not None:
         reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
+    if answer != STICTION and slave:
+        reasons.append(slave)
     if answer != STICTION and not swings:
         reasons.append(
             "a sticking valve need not make a loop oscillate, so the probability decides"

@@ -52,7 +52,7 @@ class Size:
 
 def stated(S: Size, J: Size, unit: str) -> str:
     """Return sizes and their intervals in words."""
-    return f"estimated S = {S.sentence()}, J = {J.sentence()} {unit}"
+    return f"S = {S.sentence()}, J = {J.sentence()} {unit}"
 
 
 def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:

@@ -6,7 +6,12 @@ import pytest
 
 from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.decide.classify import Classified
-from simbench.gap.decide.closure import misfit, with_closure
+from simbench.gap.decide.closure import (
+    misfit,
+    nothing_to_explain,
+    with_closure,
+    with_nothing,
+)
 from simbench.loop.effects import EFFECTS
 
 
@@ -49,3 +54,22 @@ def test_unknown_takes_more_than_half_and_the_others_keep_their_odds():
     assert weights.block("unknown") == "sensor"
     # the farther, the surer
     assert with_closure(Classified(p, "process"), 8.0, "").probability["unknown"] > 0.8
+
+
+def test_an_effect_needs_a_gap_to_explain_unless_single_samples_show_it_or_it_is_friction():
+    near = Shrinkage(0.48, 0.5, 0.45, 0.62, False, None, 0.0, 0.0, {}, 0.7)
+    assert nothing_to_explain(assessed(), ["oscillation"], near)
+    assert not nothing_to_explain(assessed(), [], near)
+    assert not nothing_to_explain(assessed(), ["oscillation"], shrinkage(1.0))
+    assert not nothing_to_explain(assessed(shown=["saturation"]), ["saturation"], near)
+    assert not nothing_to_explain(assessed(), ["stiction"], near)
+
+
+def test_where_nothing_is_to_explain_the_effects_give_way_to_none_and_friction_stays():
+    p = dict.fromkeys(EFFECTS, 0.0) | {
+        "oscillation": 0.7, "stiction": 0.1, "none": 0.15, "unknown": 0.05,
+    }  # fmt: skip
+    weights = with_nothing(Classified(p, "sensor")).probability
+    assert sum(weights.values()) == pytest.approx(1.0)
+    assert weights["none"] == pytest.approx(0.85)
+    assert (weights["stiction"], weights["oscillation"]) == (0.1, 0.0)

@@ -170,7 +170,7 @@ class Sines:
     """An engine whose likelihood is what is left of one signal beside the channels."""
 
     def __init__(self, signal):
-        self.signal, self.data = signal, SimpleNamespace(n=signal.size)
+        self.signal, self.data = signal, SimpleNamespace(n=signal.size, y=signal, u=signal)
 
     def evaluate(self, spec, theta):
         X = np.column_stack(spec.channels)
