@@ -9,13 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.candidates import Fitted
 from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.search import likeliest
-from simbench.gap.likelihood.valve_map import MapSearch, share_of
+from simbench.gap.likelihood.second_order import positioner
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch, share_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
 from simbench.loop.effects import EFFECTS
 
@@ -24,6 +26,8 @@ _BY_MV = 10.0
 _EARLY = 0.1  # of a sample, by which MV must be logged early before its time is believed
 _DIGITS = 6  # decimals of MV (%) that are read
 _MOVES = 1e-6  # % that OP must move before MV shows anything
+_STEPS = 3.0  # of MV's digits, or of its noise, that a band spans at least
+_NORMAL = 0.6745  # median of a standard normal's size
 _SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # multiples of a fitted drift, at which lab samples are asked
 # nats by which another plant must explain a test better than any explanation of the record ...
 _ANOTHER = 25.0
@@ -43,7 +47,15 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     for op, mv, Ts in seen:
         expected = np.clip(through_valve(op, s.baseline, Ts), 0.0, 100.0)
         search = MapSearch(op, mv, Ts, expected, s.expected_band, s.data.late)
-        maps = {e: by_mv(search) for e in EFFECTS if (by_mv := recogniser(e).by_mv) is not None}
+        overshoots, least = positioner(search), least_band(mv)
+        if overshoots is not None:
+            # a sound valve, too, and no band is needed for what it does
+            search.healthy -= overshoots[0]
+        maps = {
+            e: _wide(e, by_mv(search), least)
+            for e in EFFECTS
+            if (by_mv := recogniser(e).by_mv) is not None
+        }
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))
         left = healthy * float(np.exp(-max(maps[winner][0], 0.0) / op.size))
@@ -54,6 +66,20 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
             total[e] = (before + gain, p if gain >= before else kept)
     # of all records together: one in which a limit hardly acts shows another map
     return total, bool(powers[0] > powers[1:].max())
+
+
+def _wide(effect: str, found: MapFit, least: float) -> MapFit:
+    """Return a map without its evidence where its band (%) is none: narrower than MV tells."""
+    band, (gain, p) = recogniser(effect).band, found
+    return (min(gain, 0.0), p) if band is not None and band(p) < least else found
+
+
+def least_band(mv: np.ndarray) -> float:
+    """Return the narrowest band (%) that MV (n,) tells: three steps of its digits, or three
+    standard deviations of its noise.
+    """
+    noise = float(np.median(np.abs(np.diff(mv, 2)))) / (_NORMAL * np.sqrt(6.0))
+    return _STEPS * max(written_unit(mv), noise)
 
 
 def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:

@@ -9,11 +9,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.partial import Partial
+from simbench.gap.likelihood.second_order import positioner
+from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.stiction.friction import (
     FRICTION,
     OUTSIDE,
@@ -75,6 +79,17 @@ class CandidateLoops:
     def probability(self) -> float:
         """Probability of stiction."""
         return probability(self.log_odds)
+
+    @cached_property
+    def positioner(self) -> Mapping[str, Any] | None:
+        """Time constant (s) and damping of a valve that overshoots OP without friction, as MV shows
+        it; None where it does not, or was not recorded.
+        """
+        if self.closed is None or self.record.mv is None:
+            return None
+        s = self.closed.fitted.situation
+        found = positioner(MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.op))
+        return None if found is None else found[1]
 
     @cached_property
     def sizes(self) -> tuple[Size, Size] | None:

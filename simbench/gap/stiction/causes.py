@@ -22,6 +22,7 @@ from simbench.gap.stiction.stepping import least_step
 from simbench.gap.stiction.visible import FEWEST_PER_PERIOD
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
+POSITIONER = "positioner"
 STEPPED = "threshold in the controller"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
 _CAUSE_OF_FLAG = {
@@ -97,6 +98,13 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
         return Causes(cause, (cause,))
     if isinstance(loops, str):
         return _open(loops, ())
+    if not claimed and (found := loops.positioner) is not None:
+        why = (
+            f"MV overshoots OP as a valve or positioner of second order does, without friction"
+            f" (damping {found['damping']:.2g}, {found['tau']:.2g} s)"
+        )
+        cause = Cause(POSITIONER, 0.9, (why,))
+        return Causes(cause, (cause,))
     sticks = loops.sticky is not None and loops.probability > LIKELIER
     known = margins(loops.sticky if sticks else loops.healthy[0])
     periods = loops.record.duration / swing.period_s if swing.sustained else 0.0

@@ -22,13 +22,14 @@ from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import LEAST_NATS, Assessment
+from simbench.gap.decide.beside_tests import least_band
 from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects.stiction import NUMBERS
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.likelihood.valves import valve_regressed
-from simbench.gap.situation import load_memory
+from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.any_spectrum import any_spectrum
 from simbench.gap.stiction.probability import (
     LEAST_REGRESSED,
@@ -80,6 +81,8 @@ def visible(views: Sequence[Assessment]) -> Visible:
     `views` are its assessments with each plant that it may have, the likelier first.
     """
     s = views[0].situation
+    if s.record.mv is not None:
+        return _by_mv(s)
     swing = find_oscillation(s.op, np.asarray(s.record.pv), s.record.Ts)
     pace = swing.period_s / s.record.Ts if swing.sustained else math.inf
     if pace < FEWEST_PER_PERIOD:
@@ -106,6 +109,17 @@ def visible(views: Sequence[Assessment]) -> Visible:
         why = "no size of stiction that was tried would have shown in this record"
         return Visible(smallest, why)
     return Visible(smallest)
+
+
+def _by_mv(s: Situation) -> Visible:
+    """Return which stiction MV would have shown: any band that it tells and OP turns through."""
+    least, asked = least_band(np.asarray(s.record.mv)), largest_asked(s.op)
+    if least <= asked:
+        return Visible(least)
+    why = (
+        f"OP turned by more than {asked:.2g} % fewer than {_REVERSALS} times, which MV hardly shows"
+    )
+    return Visible(math.inf, why)
 
 
 def largest_asked(op: np.ndarray) -> float:
