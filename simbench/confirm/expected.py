@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import multivariate_normal
+import scipy
 
 from simbench.confirm.phase import Phase, measure
 from simbench.detectors.errors import UserError
@@ -135,7 +135,7 @@ def _density(
     """Return the density of an observed change about an expected one."""
     measured = np.diag([_error(before, after) ** 2, 0.0])
     spread = spread + np.diag(least**2) + measured
-    return float(multivariate_normal(mean, spread).pdf(_change(before, after)))
+    return float(scipy.stats.multivariate_normal(mean, spread).pdf(_change(before, after)))
 
 
 def _phase(

@@ -8,8 +8,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.signal import cont2discrete
+import scipy
 
 from simbench.detectors.signal.filters import lfilter
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
@@ -30,7 +29,9 @@ def second_order(search: MapSearch) -> MapFit:
 
     tried = [np.log((tau, damping)) for tau, damping in product(_TIMES, _DAMPINGS)]
     best = min(tried, key=level)
-    found = minimize(level, best, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2})
+    found = scipy.optimize.minimize(
+        level, best, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2}
+    )
     tau, damping = np.exp(np.clip(found.x, -4.0, 6.0))
     numbers: dict[str, float | str] = {"tau": float(tau) * search.Ts, "damping": float(damping)}
     return search.priced(float(found.fun), numbers, 2.0)
@@ -49,7 +50,7 @@ def followed(op: np.ndarray, tau: float, damping: float, first: float) -> np.nda
     `first` before it.
     """
     num, den = [1.0], [tau * tau, 2.0 * damping * tau, 1.0]
-    discrete: Any = cont2discrete((num, den), 1.0, method="zoh")
+    discrete: Any = scipy.signal.cont2discrete((num, den), 1.0, method="zoh")
     b, a = discrete[:2]
     # where it stands at the end of each sample, as MV is the position there
     return first + lfilter(np.asarray(b).ravel()[1:], np.asarray(a), op - first)

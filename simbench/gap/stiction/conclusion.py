@@ -88,8 +88,9 @@ class Conclusion:
     J: Size | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """Return the conclusion in JSON types."""
-        return {**asdict(self), "notes": [*self.notes]}
+        """Return the conclusion in JSON types, without the sizes, which stand beside it."""
+        known = {k: v for k, v in asdict(self).items() if k not in ("S", "J")}
+        return {**known, "notes": [*self.notes]}
 
     def sentence(self) -> str:
         """Return verdict, probability and cause in one line."""
@@ -156,7 +157,8 @@ def from_posterior(
     The verdict never contradicts the effect that is named: friction that is named without enough
     probability, or something unknown in the valve, leaves it open.
     """
-    p, first = friction_share(weights, named, assessment), named[0]
+    share, first = friction_share(weights, named, assessment), named[0]
+    p = share
     sticks = [e for e in named if _is_friction(e)]
     open_valve = first == UNKNOWN and weights.block(UNKNOWN) == "valve"
     shown = visible([assessment]) if p < DENIED_BELOW else None
@@ -171,7 +173,7 @@ def from_posterior(
     words = " and ".join(e.replace("_", " ") for e in named)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
     reasons = [
-        f"the effects with friction have probability {p:.2f}, which counts"
+        f"the effects with friction have probability {share:.2f}, which counts"
         f" {100 * STICKING_VALVES:g} % of what is unknown as friction",
         f"the likeliest is {words} ({weights.probability[first]:.2f})",
     ]

@@ -52,7 +52,8 @@ class Size:
 
 def stated(S: Size, J: Size, unit: str) -> str:
     """Return sizes and their intervals in words."""
-    return f"S = {S.sentence()}, J = {J.sentence()} {unit}"
+    both = f"S = {S.sentence()}, J = {J.sentence()}" if J.hi > 0.0 else f"S = {S.sentence()}"
+    return f"{both} {unit}"
 
 
 def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import find_peaks
+import scipy
 
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import UNFIT
@@ -126,7 +126,7 @@ def largest_asked(op: np.ndarray) -> float:
     """Return the largest S (unit of OP) by which OP (n,) turned several times: a valve is asked to
     reverse through it.
     """
-    turns = [find_peaks(x, prominence=1e-9)[1]["prominences"] for x in (op, -op)]
+    turns = [scipy.signal.find_peaks(x, prominence=1e-9)[1]["prominences"] for x in (op, -op)]
     sizes = np.sort(np.concatenate(turns))[::-1]
     return float(sizes[_REVERSALS - 1]) if sizes.size >= _REVERSALS else 0.0
 
