@@ -15,10 +15,9 @@ from simbench.confirm.gain_change import (
     LONGEST,
     NUDGES,
     PERIODS,
-    SHIFT,
-    judge,
     resolved,
     settled_parts,
+    shift_of,
     stepped,
 )
 from simbench.confirm.phase import Phase, measure
@@ -29,6 +28,11 @@ from simbench.usage import exit_code
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+# change of the period by which a loop's gain is said to set it, for a gain change of 30 to 50 %
+# (Choudhury et al. 2005)
+SHIFT = 0.10
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +117,7 @@ def _with_nudge(
         if not short or 2 * n > LONGEST:
             break
         changed *= 2
-    shifts = tuple(judge(*pair)[2] for pair in phases)
+    shifts = tuple(shift_of(*pair) for pair in phases)
     culprit, reason = _named(shifts)
     return Culprit(culprit, reason, tuple(phases), shifts, Ts, changed, op)
 

@@ -20,12 +20,6 @@ from simbench.scenarios.spec import Loop, Part
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# change of the period that confirms stiction, for a gain change of 30 to 50 % (Choudhury et al.
-# 2005)
-SHIFT = 0.10
-# factor within which stiction keeps the amplitude of OP; an oscillation near the stability limit
-# dies
-_KEPT = 2.0
 PERIODS = 12  # wanted before the change and after it
 TOLD_FROM = float(np.log(4.0))  # log-odds from which one side is believed: a probability of .8
 _IDEAL = Part(name="ideal")
@@ -217,36 +211,3 @@ def _of_period(one: Expected) -> str:
     if np.isnan(one.period):
         return "stops oscillating"
     return f"changes it by {100 * (one.period - 1):+.0f} %"
-
-
-def judge(before: Phase, after: Phase) -> tuple[str, str, float]:
-    """Return verdict, reason and |P2/P1 - 1| of two phases."""
-    change = 100 * (after.Kc / before.Kc - 1)
-    if np.isnan(before.period):
-        return "no_decision", "the loop has no sustained oscillation to confirm", np.nan
-    if np.isnan(after.period):
-        return (
-            "no_decision",
-            (
-                f"the oscillation did not go on when Kc changed by {change:+.0f} %: tuning, or too"
-                " little kick"
-            ),
-            np.nan,
-        )
-    shift = abs(after.period / before.period - 1)
-    if before.saturated or after.saturated:
-        return "no_decision", "OP runs into its limits, where the gain does not act", shift
-    both = (
-        f"Kc changed by {change:+.0f} % and the period by"
-        f" {100 * (after.period / before.period - 1):+.1f} %"
-    )
-    if shift <= SHIFT:
-        return "no_stiction", f"{both}: the oscillation comes from outside this loop", shift
-    ratio = after.amplitude / before.amplitude
-    if not 1 / _KEPT <= ratio <= _KEPT:
-        return (
-            "no_decision",
-            f"{both}, but OP's amplitude changed {ratio:.2g}-fold: a loop near its stability limit",
-            shift,
-        )
-    return "stiction", f"{both} while OP kept its amplitude", shift

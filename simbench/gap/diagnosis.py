@@ -495,13 +495,7 @@ def report(
             " friction than it states"
         )
     # of friction the conclusion says it
-    detectable = {
-        e: size
-        for e, size in smallest_detectable(
-            situation, assessment.base, load_memory(situation)
-        ).items()
-        if e != FRICTION
-    }
+    detectable = smallest_detectable(situation, assessment.base, load_memory(situation))
     if situation.trusted and not loops:
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
         conclusion = from_posterior(weights, named, assessment, test)

@@ -43,14 +43,6 @@ class Probe:
                 return float(size(step))
         return float("inf")
 
-    def band(self, kind: int) -> tuple[float, str]:
-        """Return the smallest width of a valve map with a band, its jump half of it."""
-        span = float(np.ptp(self.engine.data.u)) or 1.0
-        size = self.first(
-            Spec(valve=kind), lambda x: {"S": x * span, "J": 0.5 * x * span}, lambda x: x * span
-        )
-        return size, "%"
-
     def pole(self, where: str) -> tuple[float, str]:
         """Return the smallest time constant of one more series pole."""
         d = self.engine.data

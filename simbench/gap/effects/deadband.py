@@ -27,5 +27,4 @@ RECOGNISER = Recogniser(
     by_mv=lambda search: search.zoom(kernels.PLAY, ("S",), [(s, 0.0) for s in search.sizes], 1.0),
     band=lambda p: float(p["S"]),
     bends_plant=True,
-    smallest=lambda probe: probe.band(kernels.PLAY),
 )

@@ -66,5 +66,4 @@ RECOGNISER = Recogniser(
     band=lambda p: float(p["S"]),
     bends_plant=True,
     initial_op_offset=lambda p: float(p["S"]),
-    smallest=lambda probe: probe.band(kernels.STICK),
 )

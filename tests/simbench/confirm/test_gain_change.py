@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from results.studies.coupled_loops import drawn_pair, find_culprit, main
-from simbench.confirm.gain_change import SHIFT, gain_change, judge
-from simbench.confirm.phase import measure
+from simbench.confirm.gain_change import gain_change
 from simbench.detectors.errors import ParameterError
 
 IDEAL = {"model": "ideal"}
@@ -46,7 +45,7 @@ def test_near_its_stability_limit_a_healthy_loop_moves_its_period_but_is_not_cal
     # seen
     healthy = gain_change(loop(valve=IDEAL, Kc=5.2, noise=0.05, n=3000), 0.7, seed=1)
     unstable = gain_change(loop(valve=IDEAL, Kc=6.9, noise=0.05), 0.6)
-    assert unstable.shift > SHIFT
+    assert unstable.shift > 0.1
     assert [healthy.verdict, unstable.verdict] == ["no_stiction", "no_decision"]
     assert "a sound valve stops oscillating" in healthy.reason
 
@@ -64,20 +63,6 @@ def test_a_loop_at_rest_is_nudged_and_that_is_reported(loop):
     assert gain_change(loop()).as_json()["nudge"] > 0
     moved = loop(J=5.0, setpoint={"value": 50, "steps": [[10, 54]]})
     assert gain_change(moved).nudge == 0
-
-
-def test_judgement_of_two_phases():
-    wave, slow = (np.sin(np.arange(1000) / pace) for pace in (5, 8))
-    before = measure(wave, 1, 1)
-    for after, verdict in (
-        (slow, "stiction"),
-        (wave, "no_stiction"),
-        (0.1 * slow, "no_decision"),
-        (np.zeros(1000), "no_decision"),
-    ):
-        assert judge(before, measure(after, 1, 0.5))[0] == verdict
-    clipped = measure(np.clip(wave, -0.8, 0.8), 1, 1)
-    assert judge(clipped, measure(slow, 1, 0.5))[0] == "no_decision"
 
 
 def test_same_seed_same_outcome(loop):
@@ -142,3 +127,13 @@ def test_culprit_is_named_in_random_pairs(monkeypatch, capsys, pairs):
 def test_one_loop_is_no_pair(loop):
     with pytest.raises(ParameterError, match="two or more"):
         find_culprit([loop()], np.zeros((1, 1)))
+
+
+def test_a_rule_on_the_period_alone_would_call_a_level_that_rolls_sticky(loop):
+    slow = {"plant": {"type": "integrating", "K": 0.0033, "Td": 5.0}}
+    slow |= {"controller": {"type": "PI", "Kc": 0.35, "Ti": 60.0}}
+    load = [{"type": "coloured", "amplitude": 1.0, "period": 400.0}]
+    rolls = loop(valve=IDEAL, noise=0.1, Ts=5.0, n=4000, disturbance=load, **slow)
+    outcomes = [gain_change(rolls, 0.6, seed) for seed in range(3)]
+    assert any(outcome.shift > 0.1 for outcome in outcomes)
+    assert all(outcome.verdict != "stiction" for outcome in outcomes)

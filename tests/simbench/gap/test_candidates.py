@@ -125,13 +125,12 @@ def sizes(plain):
 @pytest.mark.parametrize(
     ("effect", "name"),
     [
-        ("deadband", "S"),
+        ("sensor_lag", "tau"),
         *(
             pytest.param(effect, name, marks=pytest.mark.slow)
             for effect, name in (
                 ("noise", "factor"),
                 ("extra_lag", "tau"),
-                ("sensor_lag", "tau"),
                 ("dead_time_mismatch", "extra"),
             )
         ),
@@ -155,7 +154,7 @@ def test_more_noise_hides_larger_effects(sizes):
     loud = situation(FLOW | {"noise": {"std": 0.6}})
     base = Engine(loud.data, load_memory(loud)).base()
     hidden = smallest_detectable(loud, base, load_memory(loud))
-    for effect in ("deadband", "stiction", "extra_lag", "dead_time_mismatch", "outliers"):
+    for effect in ("extra_lag", "dead_time_mismatch", "outliers"):
         assert hidden[effect][0] > sizes[effect][0], effect
 
 

@@ -9,7 +9,6 @@ import pytest
 
 from simbench.gap.effects import recogniser
 from simbench.gap.effects._smallest import Probe
-from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Spec
 
 THETA = {"T": 20.0, "Td": 4.0, "noise_std": 0.1}
@@ -55,8 +54,6 @@ def first(share):
     [
         # a band is tried as shares of OP's range of 20 %, a pole of five time constants, a factor
         # of the number itself
-        ("stiction", "S", 0.0, 20.0, 20.0, "%"),
-        ("deadband", "S", 0.0, 20.0, 20.0, "%"),
         ("valve_lag", "tau", 0.0, 100.0, 200.0, "s"),
         ("extra_lag", "tau", 0.0, 100.0, 200.0, "s"),
         ("sensor_lag", "tau", 0.0, 100.0, 200.0, "s"),
@@ -73,7 +70,7 @@ def test_the_first_step_that_costs_nine_nats_is_the_size(
 
 
 def test_what_no_size_shows_is_infinite():
-    assert probe("S", 1e6).band(kernels.STICK) == (np.inf, "%")
+    assert probe("tau", 1e9).pole("extra") == (np.inf, "s")
 
 
 def test_sizes_that_need_no_likelihood():
