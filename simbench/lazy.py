@@ -53,7 +53,7 @@ def attach(
 
 def called_as(package: str, home: str) -> None:
     """Let a package be called like the public function of the same name, which `home` holds:
-    `simbench.confirm(record)` is `simbench.confirm.recorded.confirm(record)`, whichever was
+    `simbench.confirm(record)` is `simbench.gap.gain_pair.confirm(record)`, whichever was
     imported first.
     """
 

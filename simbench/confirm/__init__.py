@@ -4,4 +4,4 @@ records.
 
 from simbench.lazy import called_as
 
-called_as(__name__, "simbench.confirm.recorded")
+called_as(__name__, "simbench.gap.gain_pair")

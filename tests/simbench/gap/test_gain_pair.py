@@ -2,6 +2,7 @@
 is found, what keeps its period comes from outside, and what cannot be judged is said.
 """
 
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -110,3 +111,8 @@ def test_the_period_and_its_shift_carry_intervals_that_hold_the_truth(monkeypatc
         lo, hi = answer["before"]["period_interval"]
         assert lo < answer["before"]["period"] < hi
     assert covered >= 34, covered  # 95 % of 40, and three times the luck
+
+
+def test_the_room_of_the_tests_is_called_like_the_function_of_its_name():
+    room = importlib.import_module("simbench.confirm")
+    assert room(wave(90.3), wave(150.7), ratio=0.6).shift == pytest.approx(0.67, abs=0.02)
