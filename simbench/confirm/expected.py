@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from simbench.confirm.phase import Phase, measure
+from simbench.confirm.phase import Phase, measure, ratio_error
 from simbench.detectors.errors import UserError
 from simbench.loop.resolve import friction, resolve_loop
 from simbench.loop.run import run_setup
@@ -25,7 +25,7 @@ _OUTSIDE = np.array([0.03, 0.7])  # of an oscillation from outside: its amplitud
 # S over the amplitude of OP of the friction that is tried where none is known, and J over S
 _SIZES, _JUMP = (0.6, 1.0, 1.4), 0.5
 _LIGHT = 0.2  # of S, a step of the load that starts a cycle which a large one does not
-_DRIVEN = ("sine", "propagated")  # what swings a loop from outside
+DRIVEN = ("sine", "propagated")  # what swings a loop from outside
 # density of changes that no simulation came near: it holds for sound and sticking valves alike
 _SLIGHT = 0.05
 
@@ -98,7 +98,7 @@ def with_friction(loop: Loop, amplitude: float) -> list[tuple[Loop, float]]:
     """Return a loop that its valve makes swing, and nothing from outside, and the offset (%) of OP
     that starts it: with its own friction, or valves that stick by about an amplitude (%) of OP.
     """
-    loads = tuple(part for part in loop.disturbance if part.name not in _DRIVEN)
+    loads = tuple(part for part in loop.disturbance if part.name not in DRIVEN)
     alone = loop.model_copy(update={"disturbance": loads})
     if friction(loop):
         S = max(S for S, _ in friction(loop))
@@ -133,7 +133,7 @@ def _density(
     before: Phase, after: Phase, mean: np.ndarray, spread: np.ndarray, least: np.ndarray
 ) -> float:
     """Return the density of an observed change about an expected one."""
-    measured = np.diag([_error(before, after) ** 2, 0.0])
+    measured = np.diag([np.nan_to_num(ratio_error(before, after)) ** 2, 0.0])
     spread = spread + np.diag(least**2) + measured
     return float(scipy.stats.multivariate_normal(mean, spread).pdf(_change(before, after)))
 
@@ -167,9 +167,3 @@ def _phase(
 def _change(before: Phase, after: Phase) -> np.ndarray:
     ratios: Sequence[float] = (after.period / before.period, after.amplitude / before.amplitude)
     return np.log(ratios)
-
-
-def _error(before: Phase, after: Phase) -> float:
-    """Return the standard error of the logarithm of the ratio of the periods."""
-    error = math.hypot(before.error / before.period, after.error / after.period)
-    return error if math.isfinite(error) else 0.0

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simbench.bench.scenario.truth import healthy_twin
 from simbench.confirm.expected import Expected, expected, odds_of_friction, with_friction
-from simbench.confirm.phase import Phase, interval, measure, plain
+from simbench.confirm.phase import Phase, interval, measure, plain, ratio_error
 from simbench.confirm.rig import Trace, lengthened, run_rig
 from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PERIODS = 12  # wanted before the change and after it
 TOLD_FROM = float(np.log(4.0))  # log-odds from which one side is believed: a probability of .8
-_IDEAL = Part(name="ideal")
 LONGEST = 100_000  # samples of one run
 NUDGES = (0.0, 3.0, 0.5, 1.0, 1.5, 2.0, 5.0, 8.0)  # load steps (%) tried in turn when a loop rests
 
@@ -59,8 +59,7 @@ class GainChange:
         """95 % interval of |P2/P1 - 1|; None when one of the periods is missing."""
         before, after = self.before, self.after
         ratio = after.period / before.period
-        error = ratio * float(np.hypot(before.error / before.period, after.error / after.period))
-        ends = interval(ratio - 1.0, error)
+        ends = interval(ratio - 1.0, ratio * ratio_error(before, after))
         if ends is None:
             return None
         lo, hi = sorted(abs(x) for x in ends)
@@ -157,17 +156,15 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
     if not reason:
         lengths = (changed - changed // 3, n - changed - (n - changed) // 3)
         gains = (1.0, factor)
-        alone = loop.model_copy(update={"valve": _IDEAL})
         sticky = with_friction(loop, before.amplitude)
-        Ts, starts = loop.sampling.Ts, [(alone, 0.0, gains)]
+        Ts, starts = loop.sampling.Ts, [(healthy_twin(loop), 0.0, gains)]
         sound = expected(starts, lengths, Ts, nudge)
         stuck = expected([(one, kick, gains) for one, kick in sticky], lengths, Ts, nudge)
         # what swings the loop from outside stands in its file
         odds = odds_of_friction(before, after, sound, stuck, outside=False)
         verdict, reason = told(odds, what, sound, stuck)
-    return GainChange(
-        verdict, reason, before, after, shift, nudge, loop.sampling.Ts, changed, trace
-    )
+    Ts = loop.sampling.Ts
+    return GainChange(verdict, reason, before, after, shift, nudge, Ts, changed, trace)
 
 
 def observed(before: Phase, after: Phase) -> str:

@@ -73,6 +73,11 @@ def _period_error(op: np.ndarray, Ts: float) -> float:
     return float(np.hypot(lengths.std(ddof=1) / np.sqrt(lengths.size), 1.0 / lengths.size) * Ts)
 
 
+def ratio_error(before: Phase, after: Phase) -> float:
+    """Return the relative standard error of the ratio of two periods; NaN where one is missing."""
+    return float(np.hypot(before.error / before.period, after.error / after.period))
+
+
 def interval(value: float, error: float) -> tuple[float, float] | None:
     """Return the ends of a 95 % interval; None where a number is missing."""
     return (value - _WIDE * error, value + _WIDE * error) if np.isfinite(value + error) else None

@@ -45,6 +45,7 @@ from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.plan.order import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
+from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import (
     Conclusion,
@@ -55,7 +56,6 @@ from simbench.gap.stiction.conclusion import (
 )
 from simbench.gap.stiction.friction import refuse_unweighable, with_sound_valve
 from simbench.gap.stiction.probability import LIKELIER, pooled
-from simbench.gap.stiction.visible import FRICTION
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop

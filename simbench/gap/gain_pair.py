@@ -18,10 +18,8 @@ from simbench.confirm.travel import TravelTest
 from simbench.detectors.errors import ParameterError, UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.sources import About, RecordSignals, as_record
-from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
-from simbench.gap.stiction.friction import OUTSIDE
+from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.gap.stiction.probability import pooled, probability
-from simbench.scenarios.spec import Loop, SetPoint
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import Source
@@ -77,11 +75,11 @@ def _compared(
         return "no_decision", f"{what}; what a sound valve would do is unknown: {error}"
     # a loop identified after the change has the new gain already
     factors = ((1.0, ratio), (1.0 / ratio, 1.0))
-    sound = [(_sound(one), 0.0, f) for one, f in zip(loops, factors)]
+    sound = [(one.alone, 0.0, f) for one, f in zip(loops, factors)]
     sticky = [
         (stuck, kick, f)
         for one, phase, f in zip(loops, phases, factors)
-        for stuck, kick in with_friction(_sound(one), phase.amplitude / one.percent)
+        for stuck, kick in with_friction(one.alone, phase.amplitude / one.percent)
     ]
     lengths, Ts = (records[0].n, records[1].n), records[0].Ts
     expectations = [expected(some, lengths, Ts) for some in (sound, sticky)]
@@ -95,15 +93,6 @@ def _compared(
     elif verdict == "stiction" or shown > 0.0:
         verdict = "no_decision"
     return verdict, f"{reason}; {alone}"
-
-
-def _sound(loops: CandidateLoops) -> Loop:
-    """Return the loop with a sound valve that nothing swings from outside, at a constant set
-    point.
-    """
-    alone = (x for x in loops.healthy if all(part.name != OUTSIDE for part in x.effect))
-    loop = next(alone, loops.healthy[0])
-    return loop.model_copy(update={"setpoint": SetPoint(value=loop.setpoint.value)})
 
 
 @overload

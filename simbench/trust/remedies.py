@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbench.detectors.verdict import STICTION
-from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archived, without
+from simbench.gap.stiction.altered import without
+from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archived
 from simbench.trust.replicates import Change, draw_replicates, judged
 
 _REPLICATES = 24  # of each kind, per remedy

@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
+from simbench.confirm.expected import DRIVEN
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import Verdict
-from simbench.gap.stiction.candidate_loops import CandidateLoops, with_friction
+from simbench.gap.stiction.altered import with_friction
+from simbench.gap.stiction.candidate_loops import CandidateLoops
+from simbench.gap.stiction.measured import op_range
 from simbench.loop.plant import stretched
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
@@ -26,7 +29,6 @@ _SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is ba
 _WARM_UP = 0.3  # of the record's length, simulated ahead of it and cut off
 _TRIES = 6  # draws before a loop that runs away is given up
 _LARGER, _SMALLER = 2.0, 0.4  # times the record's size that a loop without friction may move
-_DRIVEN = ("sine", "propagated")  # what swings a sound loop from outside
 _QUIETER = 0.4  # times the fitted loads in addition to such a swing, which they were fitted to
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # its multiples fall evenly into every share
 
@@ -64,7 +66,7 @@ def levels(around: CandidateLoops) -> list[tuple[float, float]]:
     """Return the cells (S, J) in % that are tried around a record: five times S, each with little
     and with full slip-jump.
     """
-    span = float(np.quantile(around.record.op, 0.99) - np.quantile(around.record.op, 0.01))
+    span = op_range(around.record.op)
     S = np.geomspace(np.clip(0.1 * span, 0.1, 1.0), np.clip(2.0 * span, 5.0, 15.0), _LEVELS)
     return [(float(s), float(r * s)) for r in _SLIPS for s in S]
 
@@ -145,7 +147,7 @@ def _replicate(
             table = _perturbed(base.table, _STATED if a.trusted else _UNCERTAIN, rng)
             seed = int(rng.integers(2**31))
             if outside and (attempt >= _TRIES // 2 or number % 2):
-                table = _driven(table, a, _DRIVEN[number // 2 % 2], seed, base, rng)
+                table = _driven(table, a, DRIVEN[number // 2 % 2], seed, base, rng)
             loop = base.loop(table)
             run = base.recorded(with_friction(loop, 0.0, 0.0), seed)
             if not _alike(run, a.record, change, healthy=S <= 0):

@@ -19,6 +19,14 @@ RESTING = {
     "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 20.0}],
     "sampling": {"Ts": 2.0, "n": 1500},
 }
+# under a load that is quick, for the loop
+LOADED_FAST = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
+    "controller": {"type": "PI", "Kc": 1.5, "Ti": 30.0},
+    "noise": {"std": 0.05},
+    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 15.0}],
+    "sampling": {"Ts": 2.0, "n": 1500},
+}
 STICKY = {"valve": {"model": "choudhury", "S": 6.0, "J": 4.0}}
 
 

@@ -29,6 +29,7 @@ from simbench.detectors.report.events import shared_oscillations
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.margins import margins
+from simbench.gap.stiction.probability import CLAIMED_FROM
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.spec import Loop
@@ -336,6 +337,24 @@ def sizes(n: int, seed: int) -> list[str]:
     ]
 
 
+def intervals(n: int, seed: int) -> list[str]:
+    """Return how often the interval of S that the conclusion states holds the true one, where
+    friction is claimed.
+    """
+    lines = []
+    for second, name in (("", "alone"), ("outside", "and a sine"), ("tuning", "near its limit")):
+        claimed = inside = 0
+        for _, record, loop in Progress(sticky(n, seed, second).values(), desc=name):
+            found = candidate_loops(record)
+            if found.probability > CLAIMED_FROM and found.sizes is not None:
+                S, _ = found.sizes
+                claimed, inside = claimed + 1, inside + (S.lo <= loop.valve.parameters["S"] <= S.hi)
+        lines.append(
+            f"S of the conclusion, friction {name:<14} claimed {claimed:>3}  within {inside:>3}"
+        )
+    return lines
+
+
 def main() -> int:
     """Draw, ask, and print."""
     parser = argparse.ArgumentParser(
@@ -369,7 +388,7 @@ def main() -> int:
     loops = plant(given.n, given.seed)
     causes, events, _ = judged(loops)
     print("\n".join(["own grids:", *summary_lines(loops, causes, events)]), flush=True)
-    print("\n".join(sizes(given.archived, given.seed)))
+    print("\n".join([*sizes(given.archived, given.seed), *intervals(given.archived, given.seed)]))
     return 0
 
 

@@ -25,7 +25,7 @@ from simbench.detectors.records.io import read_record
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.stiction.candidate_loops import with_friction
+from simbench.gap.stiction.altered import with_friction
 from simbench.gap.stiction.friction import Friction, friction
 from simbench.gap.stiction.measured import resampled
 from simbench.gap.stiction.probability import log_odds, probability, verdict

@@ -18,6 +18,7 @@ from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.partial import Partial
 from simbench.gap.likelihood.second_order import positioner
 from simbench.gap.likelihood.valve_map import MapSearch
+from simbench.gap.stiction.altered import steady
 from simbench.gap.stiction.friction import (
     FRICTION,
     OUTSIDE,
@@ -29,7 +30,7 @@ from simbench.gap.stiction.friction import (
 from simbench.gap.stiction.probability import probability
 from simbench.gap.stiction.sizes import Size, sizes_of
 from simbench.gap.stiction.visible import Visible
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.spec import Loop
 
 ARCHIVE = (
     "quantisation",
@@ -79,6 +80,12 @@ class CandidateLoops:
     def probability(self) -> float:
         """Probability of stiction."""
         return probability(self.log_odds)
+
+    @cached_property
+    def alone(self) -> Loop:
+        """The sound loop that nothing swings from outside, at a constant set point."""
+        sound = (x for x in self.healthy if all(part.name != OUTSIDE for part in x.effect))
+        return steady(next(sound, self.healthy[0]))
 
     @cached_property
     def positioner(self) -> Mapping[str, Any] | None:
@@ -142,21 +149,6 @@ def candidate_loops(
         tuple(likelier),
         loops,
     )
-
-
-def with_friction(loop: Loop, S: float, J: float) -> Loop:
-    """Return a loop whose stiction is replaced by S and J (%); S = 0 removes it."""
-    sound = without(loop, (FRICTION,))
-    if S <= 0:
-        return sound
-    stuck = Part(name=FRICTION, parameters={"S": float(S), "J": float(J)})
-    return sound.model_copy(update={"effect": (*sound.effect, stuck)})
-
-
-def without(loop: Loop, names: tuple[str, ...]) -> Loop:
-    """Return a loop without some effects."""
-    kept = tuple(part for part in loop.effect if part.name not in names)
-    return loop.model_copy(update={"effect": kept})
 
 
 def archived(loop: Loop) -> list[Mapping[str, Any]]:

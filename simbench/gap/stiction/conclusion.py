@@ -119,7 +119,7 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     """
     causes = find_causes(prepared, loops)
     cause, swings = causes.named.name, prepared.oscillation.sustained
-    slave, notes = slave_note(prepared.record), prepared.record.notes
+    notes = prepared.record.notes
     if isinstance(loops, str):
         to_do = _NEXT.get(cause, _RECORD_AGAIN)
         reason = "; ".join((*causes.named.speaks_for, loops))
@@ -132,7 +132,7 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     ]
     if loops.shown is not None:
         reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
-    if answer != STICTION and slave:
+    if answer != STICTION and (slave := slave_note(prepared.record)):
         reasons.append(slave)
     if answer != STICTION and not swings:
         reasons.append(

@@ -31,8 +31,9 @@ from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.valves import friction_regressed
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.any_spectrum import any_spectrum
-from simbench.gap.stiction.measured import measured_samples, unheld
+from simbench.gap.stiction.altered import FRICTION
+from simbench.gap.stiction.any_spectrum import nats_of
+from simbench.gap.stiction.measured import measured_samples, op_range, unheld
 from simbench.gap.stiction.probability import (
     DENIED_BELOW,
     LEAST_REGRESSED,
@@ -41,7 +42,7 @@ from simbench.gap.stiction.probability import (
     log_odds,
     probability,
 )
-from simbench.gap.stiction.visible import FRICTION, Visible, visible
+from simbench.gap.stiction.visible import Visible, visible
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
 from simbench.scenarios.spec import Loop, Part
@@ -292,9 +293,7 @@ def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
         if one is None:
             return _priced(assessment, None) + NOT_TRIED / (s.data.n - SKIP)
         fit, price = one.fit, price + one.fit.loglik - base.loglik - one.log_likelihood_gain
-    left = np.asarray(fit.residual[SKIP:])
-    level = (fit.loglik + 0.5 * float(left @ left) - price) / left.size
-    return level + any_spectrum(left)
+    return nats_of(fit, price)
 
 
 def _band_of(assessment: Assessment) -> float:
@@ -302,8 +301,7 @@ def _band_of(assessment: Assessment) -> float:
     # friction may have been taken out of the library
     one = assessment.candidates.get(FRICTION)
     op = assessment.situation.op
-    span = float(np.quantile(op, 0.99) - np.quantile(op, 0.01)) or 1.0
-    return one.fit.theta["S"] / span if one is not None and one.used else 0.0
+    return one.fit.theta["S"] / (op_range(op) or 1.0) if one is not None and one.used else 0.0
 
 
 def _measured(assessment: Assessment) -> Friction:

@@ -42,3 +42,8 @@ def resampled(record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k:
     k.
     """
     return replace(record, mv=None).with_signals(change, Ts=record.Ts * k)
+
+
+def op_range(op: np.ndarray) -> float:
+    """Return the range of OP (n,) without its rarest hundredths."""
+    return float(np.quantile(op, 0.99) - np.quantile(op, 0.01))

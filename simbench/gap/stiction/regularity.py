@@ -8,9 +8,9 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.signal.phase import coherence
 from simbench.gap.closed_loop.level import run_with_seeds
+from simbench.gap.stiction.altered import steady
 from simbench.gap.stiction.candidate_loops import CandidateLoops
-from simbench.gap.stiction.friction import OUTSIDE
-from simbench.scenarios.spec import Loop, SetPoint
+from simbench.scenarios.spec import Loop
 
 # simulations of a loop: the record is more regular than all of them by chance in one of nine cases
 _SEEDS = 8
@@ -40,12 +40,10 @@ def of_friction(loops: CandidateLoops) -> float:
 
 def of_tuning(loops: CandidateLoops) -> float:
     """Return the largest regularity that the sound loop reaches by itself."""
-    alone = (x for x in loops.healthy if all(part.name != OUTSIDE for part in x.effect))
-    return _largest(next(alone, loops.healthy[0]), kick=0.0)
+    return _largest(loops.alone, kick=0.0)
 
 
 def _largest(loop: Loop, kick: float) -> float:
     # what a set point that swings does comes from outside
-    alone = loop.model_copy(update={"setpoint": SetPoint(value=loop.setpoint.value)})
-    runs = run_with_seeds(alone, 0, _SEEDS, kick)
+    runs = run_with_seeds(steady(loop), 0, _SEEDS, kick)
     return 0.0 if runs is None else max(regularity(run) for run in runs)

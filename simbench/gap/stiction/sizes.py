@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -17,9 +16,8 @@ from simbench.gap.situation import load_memory
 
 # A valve may be the true one while it explains so much less than the likeliest: a share of what
 # that explains beyond a valve that follows OP, and nats that plant and load, which are held, may
-# bring once they are fitted again. Of sticky loops of `results.studies.plant.causes` (seeds 8 and
-# 101) S lies within in 57 of 60, in 53 of 60 that a sine disturbs, and in 43 of 60 near their
-# stability limit; where half a chi-squared of nats is allowed, in 30 of 90.
+# bring once they are fitted again. How often S lies within is printed in
+# `results/causes.txt`; with half a chi-squared of nats it does in every third loop.
 _SHARE, _REFITTED = 0.25, 60.0
 _OFF = np.geomspace(0.002, 1.0, 25)  # logarithms of the factors of S that are tried
 _FACTORS = np.exp(np.concatenate([-_OFF, [0.0], _OFF]))
@@ -44,10 +42,6 @@ class Size:
     def sentence(self) -> str:
         """Return number and interval in words."""
         return f"{self.value:.3g} ({self.lo:.3g} to {self.hi:.3g})"
-
-    def as_json(self) -> dict[str, Any]:
-        """Return number and interval in JSON types."""
-        return asdict(self)
 
 
 def stated(S: Size, J: Size, unit: str) -> str:

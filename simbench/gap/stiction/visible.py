@@ -30,7 +30,9 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.likelihood.valves import valve_regressed
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.any_spectrum import any_spectrum
+from simbench.gap.stiction.altered import FRICTION, with_friction
+from simbench.gap.stiction.any_spectrum import nats_of
+from simbench.gap.stiction.measured import op_range
 from simbench.gap.stiction.probability import (
     LEAST_REGRESSED,
     FrictionEvidence,
@@ -38,9 +40,8 @@ from simbench.gap.stiction.probability import (
     probability,
 )
 from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.spec import Loop
 
-FRICTION = "stiction"
 # simulations of each size, and in how many of them it must be called
 _SEEDS, _CALLED = 8, 6
 # probability from which it counts as called here, where no search may miss it: what is claimed from
@@ -148,11 +149,9 @@ def _shows(views: Sequence[Assessment], loop: Loop, S: float) -> bool:
 
 def _called(views: Sequence[Assessment], loop: Loop, S: float, seed: int) -> bool:
     """Return whether stiction of a size, put into a loop, is called in one simulation of it."""
-    s, stuck = views[0].situation, Part(name=FRICTION, parameters={"S": S, "J": _JUMP * S})
+    s = views[0].situation
     try:
-        run = simulate(
-            loop.model_copy(update={"effect": (*loop.effect, stuck)}), seed, kick=S
-        ).record
+        run = simulate(with_friction(loop, S, _JUMP * S), seed, kick=S).record
     except UserError:
         return False
     op, pv = as_archived(s, run.op, run.pv)
@@ -171,13 +170,13 @@ def _probability(views: Sequence[Assessment], op: np.ndarray, pv: np.ndarray, S:
         return probability(TEMPERATURE * (sticky.loglik - sound.loglik - LEAST_NATS))
     prices = [0.0 if v.situation.integrating else size_penalty(op.size, 1.0) for v in views]
     sound, sticky = (
-        max((_nats(fit, price) for fit, price in zip(fits, prices)), key=np.sum)
+        max((nats_of(fit, price) for fit, price in zip(fits, prices)), key=np.sum)
         for fits in zip(*pairs)
     )
     regressed, cycles = valve_regressed(op, pv, S, _JUMP * S)
     gain = gained(sticky, sound) - size_penalty(op.size, NUMBERS) + max(regressed, LEAST_REGRESSED)
-    span = float(np.quantile(op, 0.99) - np.quantile(op, 0.01)) or 1.0
-    return probability(log_odds(FrictionEvidence(gain, S / span, cycles)))
+    share = S / (op_range(op) or 1.0)
+    return probability(log_odds(FrictionEvidence(gain, share, cycles)))
 
 
 def _refitted(view: Assessment, op: np.ndarray, pv: np.ndarray, S: float) -> tuple[Fit, Fit]:
@@ -189,11 +188,3 @@ def _refitted(view: Assessment, op: np.ndarray, pv: np.ndarray, S: float) -> tup
     names = tuple(name for name in spec.names if name not in ("S", "J"))
     at = {**start.theta, "S": S, "J": _JUMP * S}
     return engine.fit(start.spec, start.theta), engine.fit(spec, at, search=names, steps=3)
-
-
-def _nats(fit: Fit, price: float) -> np.ndarray:
-    """Return the log-likelihood of each sample under a load of any spectrum, less a share of the
-    price of its numbers.
-    """
-    left = np.asarray(fit.residual[kernels.SKIP :])
-    return (fit.loglik + 0.5 * float(left @ left) - price) / left.size + any_spectrum(left)

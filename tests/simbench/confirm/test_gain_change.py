@@ -137,3 +137,8 @@ def test_a_rule_on_the_period_alone_would_call_a_level_that_rolls_sticky(loop):
     outcomes = [gain_change(rolls, 0.6, seed) for seed in range(3)]
     assert any(outcome.shift > 0.1 for outcome in outcomes)
     assert all(outcome.verdict != "stiction" for outcome in outcomes)
+
+
+def test_friction_that_is_stated_as_an_effect_is_not_in_the_sound_loop(loop):
+    as_effect = loop(valve=IDEAL, effect=[{"name": "stiction", "S": 5.0, "J": 2.0}])
+    assert gain_change(as_effect).verdict == gain_change(loop()).verdict == "stiction"

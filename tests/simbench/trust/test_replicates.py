@@ -9,7 +9,8 @@ import pytest
 from random_case import random_case
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.stiction.candidate_loops import candidate_loops, with_friction
+from simbench.gap.stiction.altered import with_friction
+from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.trust import replicates as twins
 from simbench.trust.replicates import Change, draw_replicates, levels
 

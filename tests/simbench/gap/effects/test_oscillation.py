@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import LOADED_FAST
 
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.intake.check import check
@@ -14,10 +15,7 @@ from simbench.gap.situation import load_memory
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
-    "controller": {"type": "PI", "Kc": 1.5, "Ti": 30.0},
-    "noise": {"std": 0.05},
+LOOP = LOADED_FAST | {
     "disturbance": [{"type": "coloured", "amplitude": 0.5, "period": 30.0}],
     "sampling": {"Ts": 2.0, "n": 1200},
 }

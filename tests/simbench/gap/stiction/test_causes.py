@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import LOADED_FAST
 
 from simbench.detectors.detection import detect
 from simbench.detectors.prepared import Prepared
@@ -16,13 +17,7 @@ from simbench.gap.stiction.margins import margins
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
-    "controller": {"type": "PI", "Kc": 1.5, "Ti": 30.0},
-    "noise": {"std": 0.05},
-    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 15.0}],
-    "sampling": {"Ts": 2.0, "n": 1500},
-}
+LOOP = LOADED_FAST
 SINE = {"type": "sine", "amplitude": 2.0, "period": 200.0, "at": "output"}
 
 

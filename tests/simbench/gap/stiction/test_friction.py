@@ -15,6 +15,7 @@ from simbench.gap.effects import left_out
 from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.valves import Regressed
+from simbench.gap.stiction import any_spectrum as spectrum
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.friction import (
     FRICTION,
@@ -82,7 +83,7 @@ def as_made_up(monkeypatch):
     """Leave the likelihood of made-up views as it is: no spectrum, no regression."""
     silent = Regressed(0.0, np.empty((0, 3)), 10.0)
     monkeypatch.setattr(module, "friction_regressed", lambda op, pv: silent)
-    monkeypatch.setattr(module, "any_spectrum", lambda left: -0.5 * left**2)
+    monkeypatch.setattr(spectrum, "any_spectrum", lambda left: -0.5 * left**2)
 
 
 @pytest.mark.usefixtures("as_made_up")
@@ -115,8 +116,8 @@ def test_what_the_past_explains_needs_no_friction():
     rng, n = np.random.default_rng(3), 600
     white = rng.standard_normal(n)
     swing = np.convolve(white, 0.9 ** np.arange(60) * np.cos(np.arange(60) / 3.0))[:n]
-    assert module.any_spectrum(white).sum() == pytest.approx(-0.5 * n, abs=25.0)
-    told = module.any_spectrum(swing).sum() + 0.5 * float(swing @ swing)
+    assert spectrum.any_spectrum(white).sum() == pytest.approx(-0.5 * n, abs=25.0)
+    told = spectrum.any_spectrum(swing).sum() + 0.5 * float(swing @ swing)
     # an innovation's variance is 1, and the spectrum is all that made it larger
     assert told == pytest.approx(0.5 * float(swing @ swing) - 0.5 * n, rel=0.05)
 

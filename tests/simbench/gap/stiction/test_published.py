@@ -8,9 +8,11 @@ import pytest
 
 from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import NO_STICTION, STICTION
-from simbench.gap import diagnose
+from simbench.gap import conclude, diagnose
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.conclusion import judged
+from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Part, load_loop
 
 PUBLISHED = Path(__file__).parents[3] / "data" / "published"
 
@@ -71,3 +73,12 @@ def test_a_large_band_is_found_in_three_cycles_and_said_alike_with_its_interval(
     assert whole.conclusion == found
     bands = [row.parameters["S"] for row in whole.ranking[:2] if "S" in row.parameters]
     assert bands == [pytest.approx(14.0, rel=0.25)] * len(bands)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_band_in_a_level_loop_is_not_denied_beside_its_loop_file(seed):
+    healthy = load_loop(PUBLISHED / "backlash.toml")
+    valve = {"name": "deadband", "parameters": {"S": 2.0}}
+    loop = healthy.model_copy(update={"valve": Part(**valve)})
+    found = conclude(simulate(loop, seed).record.without_mv(), healthy)
+    assert found.verdict != NO_STICTION

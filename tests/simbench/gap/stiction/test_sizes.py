@@ -3,19 +3,14 @@ says little.
 """
 
 import numpy as np
+from recorded import LOADED_FAST
 
 from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.gap.stiction.sizes import Size, _spread
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
-LOOP = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
-    "controller": {"type": "PI", "Kc": 1.5, "Ti": 30.0},
-    "noise": {"std": 0.05},
-    "disturbance": [{"type": "coloured", "amplitude": 0.3, "period": 15.0}],
-    "sampling": {"Ts": 2.0, "n": 1200},
-}
+LOOP = LOADED_FAST | {"sampling": {"Ts": 2.0, "n": 1200}}
 
 
 def test_the_interval_holds_the_size_that_was_simulated():
@@ -52,4 +47,4 @@ def test_a_sharp_peak_has_a_narrow_interval():
 
     size, _ = _spread(sharp, 2.0, 1.0)
     assert 1.4 < size.lo < 2.0 < size.hi < 2.6
-    assert Size(2.0, 1.0, 3.0).scaled(2.0).as_json() == {"value": 4.0, "lo": 2.0, "hi": 6.0}
+    assert Size(2.0, 1.0, 3.0).scaled(2.0) == Size(value=4.0, lo=2.0, hi=6.0)

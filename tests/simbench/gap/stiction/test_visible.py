@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded import LOADED_FAST
 
 from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import NO_STICTION, STICTION
@@ -18,10 +19,8 @@ from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
 PUBLISHED = Path(__file__).parents[3] / "data" / "published"
-SOUND = {
-    "plant": {"type": "foptd", "K": 1.0, "T": 30.0, "Td": 6.0},
+SOUND = LOADED_FAST | {
     "controller": {"type": "PI", "Kc": 4.2, "Ti": 30.0},
-    "noise": {"std": 0.05},
     "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 15.0}],
     "sampling": {"Ts": 2.0, "n": 2000},
 }
