@@ -274,7 +274,7 @@ def run(
 
 
 def score(folder: str | Path) -> Scores:
-    """Score a run: accuracy, found, false alarms, AUC, with intervals.
+    """Score a run: cost, accuracy, sensitivity, false positives and no decision, with intervals.
 
     Parameters
     ----------

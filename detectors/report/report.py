@@ -287,10 +287,10 @@ def score_units(
             {
                 "method": method,
                 "n_stiction": len(votes[True]),
-                "found": sum(v is True for v in votes[True]),
+                "true_positives": sum(v is True for v in votes[True]),
                 "n_other": len(votes[False]),
-                "false_alarms": sum(v is True for v in votes[False]),
-                "undecided": sum(v is None for v in votes[True] + votes[False]),
+                "false_positives": sum(v is True for v in votes[False]),
+                "no_decision": sum(v is None for v in votes[True] + votes[False]),
                 "not_applicable": len(groups) - len(covered),
                 "auc": _auc(scores[True], scores[False]),
                 **_cost(

@@ -20,12 +20,12 @@ def section(run: RunData) -> Markup:
         "method": "detector",
         "n": "scenarios",
         "applicable": "applicable",
-        "accuracy_applicable": "accuracy",
-        "accuracy_applicable_lo": "from",
-        "accuracy_applicable_hi": "to",
-        "found": "found",
-        "false_alarms": "false alarms",
-        "no_decision": "undecided",
+        "accuracy": "accuracy",
+        "accuracy_lo": "from",
+        "accuracy_hi": "to",
+        "sensitivity": "sensitivity",
+        "false_positives": "false positives",
+        "no_decision": "no decision",
     }
     # a rate of few loops is chance
     enough, kept = (
@@ -34,7 +34,7 @@ def section(run: RunData) -> Markup:
     )
     here = here.where(enough.to_numpy()[:, None] | kept)
     digits = dict.fromkeys(
-        ["accuracy", "from", "to", "found", "false alarms", "undecided"], "{:.3f}".format
+        ["accuracy", "from", "to", "sensitivity", "false positives", "no decision"], "{:.3f}".format
     )
     return render(
         "axes.html", table=sortable(here[list(names)].rename(columns=names), formats=digits)

@@ -50,14 +50,14 @@ def section(run: RunData) -> Markup:
 
 
 def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:
-    """Return false alarms and detections as the threshold falls through all scores."""
+    """Return false positives and sensitivity as the threshold falls through all scores."""
     from sklearn import metrics  # here, for it takes a second to load
 
     ranks = rankdata(judged["score"].to_numpy(dtype=float))  # the same curve, and finite
     alarms, hits, _ = metrics.roc_curve(
         judged["positive"].to_numpy(), ranks, drop_intermediate=False
     )
-    return pd.DataFrame({"false_alarms": alarms, "detections": hits})
+    return pd.DataFrame({"false_positives": alarms, "sensitivity": hits})
 
 
 @styled
@@ -68,8 +68,8 @@ def _draw(curves: Sequence[_Curve]) -> Figure:
         colour, line = series(i)
         caption = f"{curve.method}  {curve.area}"
         axes.plot(
-            curve.points["false_alarms"],
-            curve.points["detections"],
+            curve.points["false_positives"],
+            curve.points["sensitivity"],
             line,
             color=colour,
             linewidth=1.4,
@@ -77,7 +77,7 @@ def _draw(curves: Sequence[_Curve]) -> Figure:
         )
         axes.plot(*curve.published, "o", color=colour, markersize=5)
     axes.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
-    label(axes, "false alarms (share of healthy)", "detections (share of cycling)")
+    label(axes, "false positives (share of healthy)", "sensitivity (share of cycling)")
     axes.legend(
         loc="upper left", bbox_to_anchor=(1.02, 1.0), title="area (95 % interval)", alignment="left"
     )

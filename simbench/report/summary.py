@@ -16,14 +16,14 @@ from simbench.report.page import render
 TITLE = "Summary"
 _HEADLINE = {
     "cost": "cost",
-    "accuracy": "accuracy_applicable",
-    "sensitivity": "found",
-    "false positives": "false_alarms",
+    "accuracy": "accuracy",
+    "sensitivity": "sensitivity",
+    "false positives": "false_positives",
     "no decision": "no_decision",
 }
 _DETAILS = {
     "accuracy of decided": "accuracy_decided",
-    "sensitivity at 5 % false positives": "found_at_5",
+    "sensitivity at 5 % false positives": "sensitivity_at_5",
     "AUC": "auc",
 }
 _SHARES = (*_HEADLINE, *_DETAILS, "accuracy, not applicable counted as wrong", "applies")
@@ -52,13 +52,10 @@ def section(run: RunData) -> Markup:
     fair = ranking[ranking["rank"].notna() & ~ranking["partial"] & ~ranking["sees_mv"]]
     if len(fair):
         best = fair.iloc[0]
-        limits = (
-            f"{percent(best['accuracy_applicable_lo'])} to"
-            f" {percent(best['accuracy_applicable_hi'])}"
-        )
+        limits = f"{percent(best['accuracy_lo'])} to {percent(best['accuracy_hi'])}"
         tiles.append(
             (
-                percent(best["accuracy_applicable"]),
+                percent(best["accuracy"]),
                 f"accuracy of {best['method']}, the first method without MV ({limits})",
             )
         )

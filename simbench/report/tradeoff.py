@@ -67,7 +67,7 @@ def _draw_cuts(cuts: pd.DataFrame) -> Figure:
     for i, (method, mine) in enumerate(cuts.groupby("method", sort=False)):
         colour, line = series(i)
         axes[0, 0].plot(
-            mine["value"].astype(float), mine["false_alarms"], line, color=colour, marker="o",
+            mine["value"].astype(float), mine["false_positives"], line, color=colour, marker="o",
             markersize=3, linewidth=1.3, label=method,
         )  # fmt: skip
     axes[0, 0].set_xscale("log")

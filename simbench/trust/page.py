@@ -102,7 +102,7 @@ def _table(trust: Trust) -> pd.DataFrame:
                 else m.verdict.verdict.replace("_", " ")
             ),
             "accuracy (as advised)": m.rule.right,
-            "false positives (published)": m.false_alarms,
+            "false positives (published)": m.false_positives,
             "sensitivity (published)": sum(c.share for c in m.power) / len(m.power)
             if m.power
             else None,

@@ -29,7 +29,7 @@ class MethodTrust:
 
     verdict: Verdict
     rule: Rule
-    false_alarms: float
+    false_positives: float
     power: tuple[Cell, ...]
     likelihood_ratio: float
 
@@ -200,7 +200,7 @@ def _as_row(m: MethodTrust) -> dict[str, Any]:
         "method": m.verdict.method,
         "applicable": m.verdict.applicable,
         "verdict": m.verdict.verdict,
-        "false_alarms": m.false_alarms if np.isfinite(m.false_alarms) else None,
+        "false_alarms": m.false_positives if np.isfinite(m.false_positives) else None,
         "power": [{"S": c.S, "J": c.J, "found": c.share, "lo": c.lo, "hi": c.hi} for c in m.power],
         "likelihood_ratio": m.likelihood_ratio,
     }
@@ -226,7 +226,7 @@ def _table(methods: Sequence[MethodTrust], unit: str) -> list[str]:
         deadband, equal = (_detects_from(m, equal) for equal in (False, True))
         cut = "" if m.rule.cut is None else f"{m.rule.cut:.3g}"
         lines.append(
-            f"{v.method:<18} {published:<15} {m.false_alarms:>9.2f} {deadband:>9} {equal:>7}"
+            f"{v.method:<18} {published:<15} {m.false_positives:>9.2f} {deadband:>9} {equal:>7}"
             f" {cut:>14} {m.rule.right:>10.2f}"
         )
     return lines

@@ -173,9 +173,9 @@ def test_real_loops_no_false_alarm_and_most_credible_stiction_detected():
     }
     row = score_units(verdicts, credible)[0]
     assert row["n_stiction"] == 5
-    assert row["found"] >= 4
+    assert row["true_positives"] >= 4
     assert (
-        score_units(verdicts, labels)[0]["false_alarms"]
+        score_units(verdicts, labels)[0]["false_positives"]
         <= 0.07 * score_units(verdicts, labels)[0]["n_other"]
     )
     dead = [v for name, v in verdicts if "FIC10112" in name]

@@ -81,8 +81,8 @@ def _row(
     seen = (r"\-", r"\-")
     if unit:
         seen = (
-            f"{unit['found']} of {unit['n_stiction']}",
-            f"{unit['false_alarms']} of {unit['n_other']}",
+            f"{unit['true_positives']} of {unit['n_stiction']}",
+            f"{unit['false_positives']} of {unit['n_other']}",
         )
     return f":ref:`{name} <method-{name}>`", *numbers, *seen, made, plain(about.title)
 

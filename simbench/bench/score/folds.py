@@ -13,7 +13,7 @@ from simbench.detectors.compiled import one_thread
 # scenarios; the 95 % interval of an area under a curve is then about .01 wide
 MOST_ORDERED = 20_000
 _FOLDS = 5
-_ALARMS = 0.05  # false alarms at which "found_at_5" asks how much is found
+_ALARMS = 0.05  # share of false positives at which sensitivity_at_5 is taken
 _LEAST = 100  # loops below which gradient boosting has nothing to split
 # trees, and leaves of each: with twice the trees of four times the leaves the AUC of 12 sets of
 # loops is .54 as well, where noise is asked for .998, and it takes four times as long
@@ -42,7 +42,7 @@ def folds_of(groups: np.ndarray) -> np.ndarray:
 def found_at(
     ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray, alarms: float = _ALARMS
 ) -> int:
-    """Count positives above a threshold that lets so many false alarms through on the other
+    """Count positives above a threshold that lets so many false positives through on the other
     folds.
     """
     found = 0

@@ -30,18 +30,18 @@ _ROWS = (
     *_PLACE,
     "n",
     "applicable",
-    "accuracy_applicable",
+    "accuracy",
     "accuracy_decided",
     "no_decision",
-    "found",
-    "false_alarms",
+    "sensitivity",
+    "false_positives",
     "accuracy_all",
     "auc",
-    "lo",
-    "hi",
+    "accuracy_lo",
+    "accuracy_hi",
     "sees_mv",
     "rank",
-    "found_at_5",
+    "sensitivity_at_5",
     "cost",
     "risk_coverage",
     "home",
@@ -56,8 +56,8 @@ _INTERVALS = (
     "cost_hi",
     "no_decision_lo",
     "no_decision_hi",
-    "found_at_5_lo",
-    "found_at_5_hi",
+    "sensitivity_at_5_lo",
+    "sensitivity_at_5_hi",
     "positives",
     "cost_over_no_waveform",
     "cost_over_no_waveform_lo",
@@ -76,23 +76,22 @@ class Scores:
     table : DataFrame
         One row per method, truth, process ("all", "self-regulating", "integrating") and population
         ("all", "oscillating", "not oscillating", by the common oscillation detection; loops of
-        blocks that are not ranked are in "all" alone): n scenarios
-        with a truth, positives; applicable: on how many the method's source covers the loop; over
-        those, with Wilson intervals (NAME_lo, NAME_hi), accuracy_applicable (no decision is wrong),
-        accuracy_decided, no_decision, found (of positives, no decision is not found), false_alarms
-        (of negatives), auc over records with a score, with DeLong's interval; cost (an error 1, no
+        blocks that are not ranked are in "all" alone): n scenarios with a truth, positives;
+        applicable: on how many the method's source covers the loop; over those, with Wilson
+        intervals (NAME_lo, NAME_hi), accuracy (no decision is wrong), accuracy_decided,
+        no_decision, sensitivity (of positives, no decision counts as missed), false_positives (of
+        negatives), auc over records with a score, with DeLong's interval; cost (an error 1, no
         decision `undecided`) and rank by it among its kind (none where it answers less than 90 % of
         the loops, failed too often, or fewer than 30 loops have a label; one of the user's own
-        (own) that answers fewer is ranked on these, rank_loops of them); found_at_5 (found at 5 %
-        false alarms, threshold from other groups); risk_coverage (area under the curve: mean error
-        of the surest answers); cost_over_no_waveform, the cost less that of the reference row
+        (own) that answers fewer is ranked on these, rank_loops of them); sensitivity_at_5 (at 5 %
+        false positives, threshold from other groups); risk_coverage (area under the curve: mean
+        error of the surest answers); cost_over_no_waveform, the cost less that of the reference row
         `no_waveform` on the same loops; accuracy_all over everything; home, where its constants
         were fitted; division ("published", "tuned" here, "learned", "reference", None where not
         stated), name with every changed threshold; verified, whether simbench itself asked for the
         answers or asked again; answered ("package", of an exam's foreign methods "before opening"
-        or "after opening"); missed, undecided_positives and
-        undecided_negatives (no decision of positives and of negatives); errors; median runtime in
-        ms.
+        or "after opening"); missed, no_decision_positives and no_decision_negatives (no decision of
+        positives and of negatives); errors; median runtime in ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.
     disagreement : DataFrame
@@ -115,8 +114,9 @@ class Scores:
     counts : dict
         How many scenarios the run has, how many of them oscillate and, of a run of more than
         20 000, how many were drawn at random (whole groups) for what needs an order or a scatter:
-        AUC, found_at_5, risk_coverage, cost_over_no_waveform, median_ms, the rows `no_waveform` and
-        `rhythm`, and the width of the cost's interval. Every other number counts all.
+        AUC, sensitivity_at_5, risk_coverage, cost_over_no_waveform, median_ms, the rows
+        `no_waveform` and `rhythm`, and the width of the cost's interval. Every other number
+        counts all.
     stability : dict of truth to RankStability
         How stable the ranking on oscillating loops is.
     failing : dict of method to int
@@ -193,10 +193,7 @@ class Scores:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity
         become null.
         """
-        table = self.table.rename(
-            columns={"accuracy_applicable_lo": "lo", "accuracy_applicable_hi": "hi"}
-        )
-        resolution = self.resolution
+        table, resolution = self.table, self.resolution
         return {
             "grid": self.manifest["grid"],
             "grid_hash": self.manifest["grid_hash"],
@@ -250,11 +247,13 @@ class Scores:
         known = list(dict.fromkeys(rows.axis))
         if axis not in known:
             raise ParameterError(f"no axis {axis!r} in this run: {nearest(axis, known)}")
-        names = {"applicable": "n", "found": "sensitivity", "false_alarms": "false_positives"}
-        for old, new in list(names.items())[1:]:
-            names |= {f"{old}{end}": f"{new}{end}" for end in ("_lo", "_hi")}
-        kept = ["method", "value", *names, "no_decision"]
-        return rows.loc[rows.axis == axis, kept].rename(columns=names).reset_index(drop=True)
+        rates = [
+            f"{rate}{end}"
+            for rate in ("sensitivity", "false_positives")
+            for end in ("", "_lo", "_hi")
+        ]
+        kept = rows.loc[rows.axis == axis, ["method", "value", "applicable", *rates, "no_decision"]]
+        return kept.rename(columns={"applicable": "n"}).reset_index(drop=True)
 
     def plot(self, by: str | None = None, **options: Any) -> Any:
         """Draw each method's accuracy on oscillating loops where it applies, with its interval; or
@@ -296,11 +295,11 @@ class Scores:
             )
             return panels
         rows = self.ranking().set_index("method")[::-1]
-        value = rows.accuracy_applicable
+        value = rows.accuracy
         around = [
             [
-                (value - rows.accuracy_applicable_lo).to_numpy(),
-                (rows.accuracy_applicable_hi - value).to_numpy(),
+                (value - rows.accuracy_lo).to_numpy(),
+                (rows.accuracy_hi - value).to_numpy(),
             ]
         ]
         look = {
@@ -311,7 +310,7 @@ class Scores:
             "legend": False,
         }
         # a frame opens a figure of its own, a series draws over the last one
-        return rows[["accuracy_applicable"]].plot.barh(**{**look, **options})
+        return rows[["accuracy"]].plot.barh(**{**look, **options})
 
     def _repr_html_(self) -> str:
         keys = [
@@ -320,13 +319,13 @@ class Scores:
             "n",
             "applicable",
             "cost",
-            "accuracy_applicable",
+            "accuracy",
             "accuracy_decided",
             "no_decision",
-            "found",
+            "sensitivity",
         ]
         said = f"oscillating loops; costs at least {self.resolution:.3f} apart give different ranks"
-        return page_part(said, self.to_frame()[[*keys, "false_alarms", "auc"]])
+        return page_part(said, self.to_frame()[[*keys, "false_positives", "auc"]])
 
     def write(self, folder: str | Path | Place) -> None:
         """Write scores.csv and scores_by_axis.csv."""

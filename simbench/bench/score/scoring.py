@@ -50,11 +50,11 @@ _POPULATIONS = {
 _AXIS_OF_CELL = {"S_over_2J": CELL_S_OVER_2J}
 # rates with Wilson intervals, in the order they are shown
 _RATES = (
-    "accuracy_applicable",
+    "accuracy",
     "accuracy_decided",
     "no_decision",
-    "found",
-    "false_alarms",
+    "sensitivity",
+    "false_positives",
     "accuracy_all",
 )
 _LEFT_OUT = ("entrained", "unclear")
@@ -341,8 +341,8 @@ def _row(
         row[f"{name}_lo"], row[f"{name}_hi"] = ends
     row |= {
         "missed": yes[0] / p if p else math.nan,
-        "undecided_positives": yes[2] / p if p else math.nan,
-        "undecided_negatives": no[2] / (m - p) if m > p else math.nan,
+        "no_decision_positives": yes[2] / p if p else math.nan,
+        "no_decision_negatives": no[2] / (m - p) if m > p else math.nan,
     }
     earned = _earned(said, positive, cost)
     mean = (m - right - (1.0 - cost) * undecided) / m if m else math.nan
@@ -357,7 +357,7 @@ def _row(
             "cost_over_no_waveform": _mean_of_groups(
                 _earned(blind, positive, cost) - earned, groups, -1.0
             ),
-            "found_at_5": found,
+            "sensitivity_at_5": found,
             "risk_coverage": _mean_of_groups(sure, groups),
         }
     for name, ends in ranges.items():

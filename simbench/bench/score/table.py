@@ -273,13 +273,13 @@ def _cells(rows: Sequence[Any]) -> list[str]:
                     r.method + HOME_MARKS[r.home],
                     _interval(r.cost, r.cost_lo, r.cost_hi, few),
                     shown(
-                        r.accuracy_applicable,
-                        r.accuracy_applicable_lo,
-                        r.accuracy_applicable_hi,
+                        r.accuracy,
+                        r.accuracy_lo,
+                        r.accuracy_hi,
                         few,
                     ),
-                    _rate(r.found, few),
-                    _rate(r.false_alarms, few),
+                    _rate(r.sensitivity, few),
+                    _rate(r.false_positives, few),
                     shown(r.no_decision, r.no_decision_lo, r.no_decision_hi, few),
                 )
             )
@@ -301,7 +301,7 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
 
 
 def _still(scores: Any, truth: str) -> list[str]:
-    """Return the second table: false alarms and no decision on loops that do not oscillate."""
+    """Return the second table: false positives and no decision on loops that do not oscillate."""
     rows = scores.ranking(truth, population=OF_NOT_OSCILLATING)
     if rows.empty or rows.iloc[0].n < LEAST:
         return [
@@ -311,7 +311,7 @@ def _still(scores: Any, truth: str) -> list[str]:
     first = rows.iloc[0]
     lines = [("method", "n", "false positives", "no decision")]
     for r in rows[rows.role != ROLE_YARDSTICK].itertuples():
-        few, rates = r.applicable < LEAST, (r.false_alarms, r.no_decision)
+        few, rates = r.applicable < LEAST, (r.false_positives, r.no_decision)
         lines.append(
             (r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates))
         )
@@ -368,7 +368,7 @@ def _resolved_corners(scores: Any) -> list[str]:
         return ["no block has echoes of several cuts"]
     lines = [("method", *cuts)]
     for method, of in rows.groupby("method", sort=False):
-        known = {r.value: _rate(r.false_alarms, r.applicable < LEAST) for r in of.itertuples()}
+        known = {r.value: _rate(r.false_positives, r.applicable < LEAST) for r in of.itertuples()}
         lines.append((names.get(method, method), *(known.get(c, "") for c in cuts)))
     title = _wrapped(
         "resolution: share of echoes called sticky, over the multiple of the cycle's frequency"
@@ -442,9 +442,9 @@ def _details(scores: Any, truth: str) -> list[str]:
         few, none = r.applicable < LEAST, math.isnan(r.rank)
         rates = (
             r.cost,
-            r.accuracy_applicable,
+            r.accuracy,
             r.no_decision,
-            r.found_at_5,
+            r.sensitivity_at_5,
             r.auc,
             r.risk_coverage,
             r.accuracy_all,
@@ -497,9 +497,9 @@ def _dead_band(scores: Any) -> list[str]:
     if rows.empty:
         return ["no dead-band cell cycles here"]
     found = ", ".join(
-        f"{r.method}{HOME_MARKS[r.home]} {_rate(r.found)}"
+        f"{r.method}{HOME_MARKS[r.home]} {_rate(r.sensitivity)}"
         for r in rows.itertuples()
-        if not math.isnan(r.found)
+        if not math.isnan(r.sensitivity)
     )
     return _wrapped(
         f"sensitivity on dead-band alone ({int(rows.positives.max())} cycling): {found}"

@@ -59,7 +59,7 @@ def _errors(rows: pd.DataFrame, weight: float) -> tuple[np.ndarray, np.ndarray]:
     """Return what a method costs on the cycling loops, and on the others."""
     missed, open_, alarms, others_open = (
         rows[name].to_numpy(float)
-        for name in ("missed", "undecided_positives", "false_alarms", "undecided_negatives")
+        for name in ("missed", "no_decision_positives", "false_positives", "no_decision_negatives")
     )
     return missed + weight * open_, alarms + weight * others_open
 

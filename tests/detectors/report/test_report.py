@@ -63,10 +63,10 @@ def test_labels_pick_the_records_give_their_kind_and_score(folder):
     assert by_method["hammerstein"] == {
         "method": "hammerstein",
         "n_stiction": 1,
-        "found": 1,
+        "true_positives": 1,
         "n_other": 1,
-        "false_alarms": 0,
-        "undecided": 0,
+        "false_positives": 0,
+        "no_decision": 0,
         "not_applicable": 0,
         "auc": 1.0,
         "cost": 0.0,
@@ -95,7 +95,12 @@ def test_a_unit_that_a_method_is_not_made_for_is_not_undecided(folder):
     horch = judge_files(
         folder, ["horch"], labels=folder / "labels.csv", process="integrating"
     ).scores[0]
-    assert (horch["n_stiction"], horch["n_other"], horch["undecided"], horch["not_applicable"]) == (
+    assert (
+        horch["n_stiction"],
+        horch["n_other"],
+        horch["no_decision"],
+        horch["not_applicable"],
+    ) == (
         0,
         0,
         0,
@@ -129,10 +134,10 @@ def test_units_count_once_and_undecided_records_do_not_vote():
     row = score_units(verdicts, labels)[0]
     assert (
         row["n_stiction"],
-        row["found"],
+        row["true_positives"],
         row["n_other"],
-        row["false_alarms"],
-        row["undecided"],
+        row["false_positives"],
+        row["no_decision"],
     ) == (1, 1, 2, 0, 1)
     assert row["auc"] == pytest.approx(0.25)
     # A found, B as often yes as no and so not called sticky, C undecided

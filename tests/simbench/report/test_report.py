@@ -119,8 +119,8 @@ def test_numbers_in_the_summary_are_those_of_score(run, report):
     text = report.read_text(encoding="utf-8")
     for row in scores.ranking().itertuples():
         value, shown = (
-            re.escape(repr(float(row.accuracy_applicable))),
-            f"{row.accuracy_applicable:.2f}",
+            re.escape(repr(float(row.accuracy))),
+            f"{row.accuracy:.2f}",
         )
         assert re.search(rf'<td class="name">{row.method}</td>.*?data-v="{value}">{shown}', text)
 
@@ -154,7 +154,7 @@ def test_roc_curve_is_that_of_every_threshold_and_its_area_the_auc():
     finite = np.where(np.isinf(score), -1e9, score)
     passed = [finite >= cut for cut in [np.inf, *sorted(set(finite), reverse=True)]]
     assert np.allclose(curve, [[over[~positive].mean(), over[positive].mean()] for over in passed])
-    assert np.trapezoid(curve["detections"], curve["false_alarms"]) == pytest.approx(
+    assert np.trapezoid(curve["sensitivity"], curve["false_positives"]) == pytest.approx(
         roc_auc_score(positive, finite)
     )
 

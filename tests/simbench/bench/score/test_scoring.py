@@ -86,18 +86,20 @@ def test_the_table_is_a_plain_count(rows, joined, truth, process, population):
         assert row.accuracy_all == pytest.approx(right.sum() / use.sum())
         if not covered.any():
             assert np.isnan(
-                [row.accuracy_applicable, row.accuracy_decided, row.no_decision, row.found, row.auc]
+                [row.accuracy, row.accuracy_decided, row.no_decision, row.sensitivity, row.auc]
             ).all()
             assert row["rank"] is None or np.isnan(row["rank"])
             continue
-        assert row.accuracy_applicable == pytest.approx(right.mean())
+        assert row.accuracy == pytest.approx(right.mean())
         assert row.accuracy_decided == pytest.approx(
             right[answers != NO_DECISION].mean(), nan_ok=True
         )
         assert row.no_decision == pytest.approx((answers == NO_DECISION).mean())
-        assert row.found == pytest.approx((answers[true] == STICTION).mean(), nan_ok=True)
-        assert row.false_alarms == pytest.approx((answers[~true] == STICTION).mean(), nan_ok=True)
-        assert row.accuracy_applicable_lo <= row.accuracy_applicable <= row.accuracy_applicable_hi
+        assert row.sensitivity == pytest.approx((answers[true] == STICTION).mean(), nan_ok=True)
+        assert row.false_positives == pytest.approx(
+            (answers[~true] == STICTION).mean(), nan_ok=True
+        )
+        assert row.accuracy_lo <= row.accuracy <= row.accuracy_hi
 
 
 def test_auc_is_sklearns_on_the_very_scores_of_the_tables(rows, joined):
@@ -116,7 +118,12 @@ def test_auc_is_sklearns_on_the_very_scores_of_the_tables(rows, joined):
 def test_yardsticks_answer_always_the_same(scores):
     block = scores.ranking().set_index("method")
     no, yes = block.loc["always_no"], block.loc["always_yes"]
-    assert (no.found, no.false_alarms, yes.found, yes.false_alarms) == (0.0, 0.0, 1.0, 1.0)
+    assert (no.sensitivity, no.false_positives, yes.sensitivity, yes.false_positives) == (
+        0.0,
+        0.0,
+        1.0,
+        1.0,
+    )
     assert no.accuracy_all + yes.accuracy_all == pytest.approx(1.0)
     assert no.auc == yes.auc == 0.5
     assert block.loc[["always_no", "always_yes"], "rank"].isna().all()
@@ -142,7 +149,7 @@ def test_a_method_that_does_not_apply_is_not_undecided(book):
     processes = np.array(["foptd"] * 20 + ["integrating"] * 20)
     run = book(verdict, truth, axes={"process": processes})
     run.applicable[1, 20:] = 0
-    shown = ["applicable", "accuracy_applicable", "no_decision", "found", "accuracy_all"]
+    shown = ["applicable", "accuracy", "no_decision", "sensitivity", "accuracy_all"]
     partial = score_book(run).ranking().set_index("method")
     assert partial.loc["m1", shown].tolist() == [20, 1, 0, 1, 0.5]
     undecided = (
@@ -244,7 +251,7 @@ def test_loops_that_do_not_oscillate_have_another_table(book):
         oscillating=going,
     )
     still = score_book(run).ranking(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
-    assert (still.n, still.false_alarms, still.no_decision) == (100, 1.0, 0.0)
+    assert (still.n, still.false_positives, still.no_decision) == (100, 1.0, 0.0)
     lines = score_book(run).as_text(full=True).splitlines()
     at = next(
         k
@@ -317,15 +324,16 @@ def test_the_winner_of_random_halves_and_the_separated_pairs_are_counted(book):
 def test_json_is_the_contracts(scores):
     content = json.loads(json.dumps(scores.as_json(), allow_nan=False))
     keys = (
-        "method,truth,process,population,n,applicable,accuracy_applicable,"
-        "accuracy_decided,no_decision,found"
+        "method,truth,process,population,n,applicable,accuracy,"
+        "accuracy_decided,no_decision,sensitivity"
     )
-    new = "found_at_5,cost,risk_coverage,home,division,name,verified,answered"
+    new = "sensitivity_at_5,cost,risk_coverage,home,division,name,verified,answered"
     assert {",".join(row) for row in content["rows"]} == {
-        f"{keys},false_alarms,accuracy_all,auc,lo,hi,sees_mv,rank,{new}"
+        f"{keys},false_positives,accuracy_all,auc,accuracy_lo,accuracy_hi,sees_mv,rank,{new}"
     }
     within = {",".join(row) for row in content["intervals"]}
-    ends = "cost_lo,cost_hi,no_decision_lo,no_decision_hi,found_at_5_lo,found_at_5_hi,positives"
+    ends = "cost_lo,cost_hi,no_decision_lo,no_decision_hi"
+    ends += ",sensitivity_at_5_lo,sensitivity_at_5_hi,positives"
     over = "cost_over_no_waveform,cost_over_no_waveform_lo,cost_over_no_waveform_hi"
     assert within == {
         f"method,truth,process,population,{ends},{over},risk_coverage_lo,risk_coverage_hi"
@@ -346,7 +354,7 @@ def test_json_is_the_contracts(scores):
     )
     assert (
         horch["applicable"],
-        horch["accuracy_applicable"],
+        horch["accuracy"],
         horch["rank"],
         horch["accuracy_all"],
     ) == (0, None, None, 0.0)
@@ -382,7 +390,7 @@ def test_the_table_is_ranked_by_cost_not_by_silence(book):
         ]
     )
     shown = score_book(book(verdict, truth)).ranking().set_index("method")
-    assert shown.loc["m0", "accuracy_applicable"] < shown.loc["m1", "accuracy_applicable"]
+    assert shown.loc["m0", "accuracy"] < shown.loc["m1", "accuracy"]
     assert shown.loc[["m0", "m1"], "rank"].tolist() == [1, 2]
 
 
@@ -401,7 +409,7 @@ def test_a_large_run_counts_all_loops_and_orders_a_sample_of_whole_groups(book, 
     assert set(taken) == {0, 3}
     assert part.counts["sampled"] == taken.sum() == 1500
     one, other = (x.ranking().set_index("method") for x in (whole, part))
-    counted = ["n", "n_all", "positives", "accuracy_applicable", "found", "cost", "errors", "rank"]
+    counted = ["n", "n_all", "positives", "accuracy", "sensitivity", "cost", "errors", "rank"]
     pd.testing.assert_frame_equal(one.loc[["m0", "m1"], counted], other.loc[["m0", "m1"], counted])
     assert other.applicable.to_dict() == {
         **one.applicable,
@@ -425,7 +433,7 @@ def test_an_axis_of_many_values_has_a_row_for_each(book):
     rows = score_book(run).by_axis.query("axis == 'Td_over_T' and method == 'm0'")
     assert rows.value.tolist() == [f"{v:g}" for v in range(200)]
     assert set(rows.n) == {3}
-    assert (rows.accuracy_applicable == 1.0).all()
+    assert (rows.accuracy == 1.0).all()
 
 
 def test_the_classifiers_without_waveform_are_trained_once_for_the_same_loops(book):
@@ -453,7 +461,7 @@ def test_where_loops_oscillate_a_method_is_compared_with_the_classifier_without_
     everything, table = (
         scores.ranking(population=x).set_index("method") for x in (ALL, OF_OSCILLATING)
     )
-    assert everything.loc["no_waveform", "accuracy_applicable"] > 0.7
+    assert everything.loc["no_waveform", "accuracy"] > 0.7
     assert (table.n == 400).all()
     undecided = (seeing[:400] == 2).mean()
     assert table.loc["m0", "cost"] == pytest.approx(0.5 * undecided)
@@ -532,7 +540,7 @@ def test_scores_are_a_table_a_picture_and_a_notebook_cell(scores):
     frame = scores.to_frame()
     assert frame.method.tolist() == scores.ranking().method.tolist()
     bars = [p.get_width() for p in scores.plot().patches]
-    assert bars == pytest.approx(frame.accuracy_applicable[::-1].tolist(), nan_ok=True)
+    assert bars == pytest.approx(frame.accuracy[::-1].tolist(), nan_ok=True)
     assert "give different ranks" in scores._repr_html_()
 
 

@@ -45,7 +45,7 @@ def test_a_run_in_memory_has_the_bits_of_one_on_disk_and_is_read_by_every_verb(
     assert run_grid(small, url, METHODS) == url
     assert same(url, finished)
     assert place_of(url).names() == sorted(f.name for f in finished.iterdir())
-    shown = ["method", "truth", "process", "found", "auc", "rank"]
+    shown = ["method", "truth", "process", "sensitivity", "auc", "rank"]
     assert score_run(url).table[shown].equals(score_run(finished).table[shown])
     assert read_failures(url).scenarios == 0
     ident = RunArrays.read(url).ids[0].decode()

@@ -265,9 +265,7 @@ def test_answers_of_a_stranger_are_scored_as_given_and_missing_ones_are_counted(
         if (r["method"], r["truth"], r["process"], r["population"]) == whole
     ]
     assert mine["n"] == clear.sum()
-    assert mine["accuracy_applicable"] == pytest.approx(
-        (given == labels.cycled)[clear].mean(), abs=1e-6
-    )
+    assert mine["accuracy"] == pytest.approx((given == labels.cycled)[clear].mean(), abs=1e-6)
     page = (tmp_path / "r.html").read_text()
     assert "my-method" in page
     # the tables lay in a folder that is gone; what is proposed works on what the reader has
