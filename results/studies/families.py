@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from results.studies.procedure_weights import fit
+from simbench.bench.score.answers import home_of
 from simbench.bench.score.quantification import estimates
-from simbench.bench.score.scoring import home_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays, read_table
 from simbench.detectors.evidence import EVIDENCE

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simbench.bench.score.scoring import home_of
+from simbench.bench.score.answers import home_of
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import RunArrays
 from simbench.usage import exit_code

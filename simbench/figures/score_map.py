@@ -13,8 +13,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from simbench.bench.score.answers import answers_of
 from simbench.bench.score.names import HOME_MARKS, LEAST
-from simbench.bench.score.scoring import answers_of
 from simbench.bench.score.shipped import read_joined
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays

@@ -12,9 +12,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from simbench.bench.score.answers import answers_of, reference_answers
 from simbench.bench.score.names import ALL, CONSTANTS, HOME_MARKS, LEAST
 from simbench.bench.score.result import Scores
-from simbench.bench.score.scoring import answers_of, reference_answers, score_book
+from simbench.bench.score.scoring import score_book
 from simbench.bench.score.shipped import read_joined
 from simbench.bench.statistics import wilson
 from simbench.bench.store.reading import CODES, RunArrays

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from simbench.bench.score.answers import axis_codes, home_of
 from simbench.bench.score.baseline import read_book
 from simbench.bench.score.pairing import pair
-from simbench.bench.score.scoring import axis_codes, home_of
 from simbench.bench.score.shipped import with_shipped
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
 from simbench.bench.store.benchmark import refuse_other_benchmark

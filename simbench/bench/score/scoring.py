@@ -10,19 +10,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from simbench.bench.score.answers import Answers, answers_of, axis_codes, reference_answers
 from simbench.bench.score.folds import folds_of, found_at, risk_coverage
 from simbench.bench.score.names import (
     ALL,
-    CONSTANTS,
-    NO_WAVEFORM,
     OF_NOT_OSCILLATING,
     OF_OSCILLATING,
-    ROLE_YARDSTICK,
     SAMPLED,
-    WITH_RHYTHM,
     kind_of,
 )
-from simbench.bench.score.no_waveform import no_waveform
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
 from simbench.bench.score.result import Scores
@@ -30,11 +26,9 @@ from simbench.bench.score.shipped import read_joined, with_shipped
 from simbench.bench.score.stability import RankStability, stability
 from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
-from simbench.bench.store.tables import CELL_S_OVER_2J
 from simbench.detectors.signal.conditioning import median
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.cell import ULTIMATE
-from simbench.scenarios.grid import grid_names, packaged_grid
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,8 +40,6 @@ _POPULATIONS = {
     OF_OSCILLATING: slice(1, 2),
     OF_NOT_OSCILLATING: slice(1),
 }
-# of a healthy loop the cell's place on the axis, so that false positives have one
-_AXIS_OF_CELL = {"S_over_2J": CELL_S_OVER_2J}
 # rates with Wilson intervals, in the order they are shown
 _RATES = (
     "accuracy",
@@ -60,26 +52,6 @@ _RATES = (
 _LEFT_OUT = ("entrained", "unclear")
 _EACH = ("said", "applies", "failed", "runtime")
 _COVERED = 0.9  # of a block's loops: a method that answers fewer has no rank there
-
-
-class _Answers(NamedTuple):
-    """What one method said on all n scenarios of a run."""
-
-    method: str
-    role: str
-    sees_mv: bool
-    said: np.ndarray
-    score: np.ndarray
-    applies: np.ndarray
-    failed: np.ndarray
-    runtime: np.ndarray
-    home: str = "no"
-    # "published", "tuned" (here, to simulated loops), "learned" or "reference"; None: not stated
-    division: str | None = "reference"
-    name: str = ""  # with every threshold that is not the method's default
-    verified: bool = True  # by asking a method of the package
-    answered: str = "package"  # of a foreign method "before opening" or "after opening" of an exam
-    own: bool = False  # a plug-in or a detector of whoever ran it
 
 
 def score_run(
@@ -187,89 +159,6 @@ def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
     )
 
 
-def answers_of(book: RunArrays) -> Iterator[_Answers]:
-    """Yield what every method of a run said, and two yardsticks that always say the same."""
-    for i, method in enumerate(book.methods):
-        about = book.manifest["methods"][method]
-        foreign = {method, f"own {method}"} & set(book.manifest.get("plugins", ()))
-        applies = book.applicable[i] != 0
-        yield _Answers(
-            method,
-            about["role"],
-            about["needs_mv"],
-            book.verdict[i],
-            book.score[i],
-            applies,
-            book.failed[i],
-            book.runtime[i],
-            home_of(method, book),
-            about.get("division"),
-            _full_name(method, about.get("changed", {})),
-            about.get("verified", not foreign),
-            about.get("answered", "package"),
-            bool(foreign),
-        )
-    nothing = np.zeros(book.ids.size)
-    for name, word in CONSTANTS.items():
-        said = np.full(book.ids.size, CODES[word])
-        yield _Answers(
-            name,
-            ROLE_YARDSTICK,
-            False,
-            said,
-            nothing,
-            nothing == 0,
-            nothing != 0,
-            nothing,
-            name=name,
-        )
-
-
-def _full_name(method: str, changed: Mapping[str, float]) -> str:
-    stated = ", ".join(f"{name} = {value:g}" for name, value in changed.items())
-    return f"{method} ({stated})" if stated else method
-
-
-def home_of(method: str, book: RunArrays) -> str:
-    """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the
-    same blocks, or "no".
-    """
-    known = [
-        name
-        for name in book.manifest["methods"][method].get("fitted_on", ())
-        if name in grid_names()
-    ]
-    if book.manifest["grid"] in known:
-        return "fitted here"
-    blocks = {block.name for name in known for block in packaged_grid(name).content.block}
-    return "siblings" if blocks & set(book.axes["block"]) else "no"
-
-
-def reference_answers(book: RunArrays) -> list[_Answers]:
-    """Return what classifiers answer of an oscillating loop from everything but its waveform,
-    learned on other groups: `no_waveform`, and `rhythm`.
-    """
-    nothing, rows = np.zeros(book.ids.size), []
-    for name in (NO_WAVEFORM, WITH_RHYTHM):
-        chance, verdicts, asked = no_waveform(book, rhythm=name == WITH_RHYTHM)
-        told = verdicts, chance, asked, nothing != 0, nothing
-        rows.append(_Answers(name, ROLE_YARDSTICK, False, *told, name=name))
-    return rows
-
-
-def axis_codes(book: RunArrays, axis: str) -> tuple[list[str], np.ndarray]:
-    """Return the values of an axis as text, in order, and which of them each scenario has; one more
-    than there are where it has none.
-    """
-    import pandas as pd
-
-    codes, values = pd.factorize(book.axes[_AXIS_OF_CELL.get(axis, axis)], sort=True)
-    texts = [v if isinstance(v, str) else f"{v:g}" for v in values]
-    if texts[:1] == [""]:
-        codes, texts = codes - 1, texts[1:]
-    return texts, np.where(codes < 0, len(texts), codes)
-
-
 class _Block(NamedTuple):
     """The loops of one row that have the truth asked for, of a large run those of its sample: which
     are positive, in what group and fold.
@@ -286,7 +175,7 @@ class _Block(NamedTuple):
 
 
 def _block(
-    book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: _Answers
+    book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: Answers
 ) -> _Block:
     some = np.flatnonzero(blind.applies)
     label = book.truth[truth][some]
@@ -296,7 +185,7 @@ def _block(
 
 
 def _row(
-    block: _Block, a: _Answers, counts: np.ndarray, cost: float, interval: bool = True
+    block: _Block, a: Answers, counts: np.ndarray, cost: float, interval: bool = True
 ) -> dict[str, Any]:
     """Return a row: what is a count, of all loops; orders and spreads of those in the block.
 
@@ -406,7 +295,7 @@ def _mean_of_groups(
 
 
 def _left_out(
-    book: RunArrays, everyone: list[_Answers], codes: list[np.ndarray]
+    book: RunArrays, everyone: list[Answers], codes: list[np.ndarray]
 ) -> list[dict[str, Any]]:
     """Count what every method says of loops that no score against `cycled` holds, and of those it
     does not apply to.
@@ -428,7 +317,7 @@ def _left_out(
 
 
 def _by_cause(
-    book: RunArrays, everyone: list[_Answers], codes: list[np.ndarray]
+    book: RunArrays, everyone: list[Answers], codes: list[np.ndarray]
 ) -> Iterator[dict[str, Any]]:
     """Yield how often every method calls loops sticky that the valve does not make cycle, by what
     makes them oscillate.
@@ -460,7 +349,7 @@ def _by_cause(
 
 def _rank(
     block: _Block,
-    everyone: list[_Answers],
+    everyone: list[Answers],
     rows: list[dict[str, Any]],
     cost: float,
     failing: dict[str, int],
@@ -502,7 +391,7 @@ def _rank(
     return standing[0] if standing[0][1] else standing[1]
 
 
-def _earned_on_average(block: _Block, a: _Answers, cost: float) -> np.ndarray:
+def _earned_on_average(block: _Block, a: Answers, cost: float) -> np.ndarray:
     """Return what a method earns on each loop of a block: where it does not answer, what it earns
     elsewhere, so that a gap neither helps nor harms it.
     """
@@ -511,7 +400,7 @@ def _earned_on_average(block: _Block, a: _Answers, cost: float) -> np.ndarray:
 
 
 def _rank_where_it_answers(
-    block: _Block, everyone: list[_Answers], earned: Mapping[int, np.ndarray], own: int
+    block: _Block, everyone: list[Answers], earned: Mapping[int, np.ndarray], own: int
 ) -> int:
     """Return the rank of a method among those that answer the loops that it answers."""
     here = everyone[own].applies[block.use]
@@ -521,7 +410,7 @@ def _rank_where_it_answers(
 
 
 def _stability(
-    book: RunArrays, truth: str, ranked: Sequence[_Answers], cost: float
+    book: RunArrays, truth: str, ranked: Sequence[Answers], cost: float
 ) -> RankStability:
     """Return how stable the order of the ranked methods is on loops that oscillate, with halves
     drawn from the run's seed.

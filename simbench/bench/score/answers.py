@@ -1,0 +1,120 @@
+"""What every method of a run said, one row a method, and what the reference rows say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from simbench.bench.score.names import CONSTANTS, NO_WAVEFORM, ROLE_YARDSTICK, WITH_RHYTHM
+from simbench.bench.score.no_waveform import no_waveform
+from simbench.bench.store.reading import CODES, RunArrays
+from simbench.bench.store.tables import CELL_S_OVER_2J
+from simbench.scenarios.grid import grid_names, packaged_grid
+
+# of a healthy loop the cell's place on the axis, so that false positives have one
+_AXIS_OF_CELL = {"S_over_2J": CELL_S_OVER_2J}
+
+
+class Answers(NamedTuple):
+    """What one method said on all n scenarios of a run."""
+
+    method: str
+    role: str
+    sees_mv: bool
+    said: np.ndarray
+    score: np.ndarray
+    applies: np.ndarray
+    failed: np.ndarray
+    runtime: np.ndarray
+    home: str = "no"
+    # "published", "tuned" (here, to simulated loops), "learned" or "reference"; None: not stated
+    division: str | None = "reference"
+    name: str = ""  # with every threshold that is not the method's default
+    verified: bool = True  # by asking a method of the package
+    answered: str = "package"  # of a foreign method "before opening" or "after opening" of an exam
+    own: bool = False  # a plug-in or a detector of whoever ran it
+
+
+def answers_of(book: RunArrays) -> Iterator[Answers]:
+    """Yield what every method of a run said, and two yardsticks that always say the same."""
+    for i, method in enumerate(book.methods):
+        about = book.manifest["methods"][method]
+        foreign = {method, f"own {method}"} & set(book.manifest.get("plugins", ()))
+        applies = book.applicable[i] != 0
+        yield Answers(
+            method,
+            about["role"],
+            about["needs_mv"],
+            book.verdict[i],
+            book.score[i],
+            applies,
+            book.failed[i],
+            book.runtime[i],
+            home_of(method, book),
+            about.get("division"),
+            _full_name(method, about.get("changed", {})),
+            about.get("verified", not foreign),
+            about.get("answered", "package"),
+            bool(foreign),
+        )
+    nothing = np.zeros(book.ids.size)
+    for name, word in CONSTANTS.items():
+        said = np.full(book.ids.size, CODES[word])
+        yield Answers(
+            name,
+            ROLE_YARDSTICK,
+            False,
+            said,
+            nothing,
+            nothing == 0,
+            nothing != 0,
+            nothing,
+            name=name,
+        )
+
+
+def _full_name(method: str, changed: Mapping[str, float]) -> str:
+    stated = ", ".join(f"{name} = {value:g}" for name, value in changed.items())
+    return f"{method} ({stated})" if stated else method
+
+
+def home_of(method: str, book: RunArrays) -> str:
+    """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the
+    same blocks, or "no".
+    """
+    known = [
+        name
+        for name in book.manifest["methods"][method].get("fitted_on", ())
+        if name in grid_names()
+    ]
+    if book.manifest["grid"] in known:
+        return "fitted here"
+    blocks = {block.name for name in known for block in packaged_grid(name).content.block}
+    return "siblings" if blocks & set(book.axes["block"]) else "no"
+
+
+def reference_answers(book: RunArrays) -> list[Answers]:
+    """Return what classifiers answer of an oscillating loop from everything but its waveform,
+    learned on other groups: `no_waveform`, and `rhythm`.
+    """
+    nothing, rows = np.zeros(book.ids.size), []
+    for name in (NO_WAVEFORM, WITH_RHYTHM):
+        chance, verdicts, asked = no_waveform(book, rhythm=name == WITH_RHYTHM)
+        told = verdicts, chance, asked, nothing != 0, nothing
+        rows.append(Answers(name, ROLE_YARDSTICK, False, *told, name=name))
+    return rows
+
+
+def axis_codes(book: RunArrays, axis: str) -> tuple[list[str], np.ndarray]:
+    """Return the values of an axis as text, in order, and which of them each scenario has; one more
+    than there are where it has none.
+    """
+    import pandas as pd
+
+    codes, values = pd.factorize(book.axes[_AXIS_OF_CELL.get(axis, axis)], sort=True)
+    texts = [v if isinstance(v, str) else f"{v:g}" for v in values]
+    if texts[:1] == [""]:
+        codes, texts = codes - 1, texts[1:]
+    return texts, np.where(codes < 0, len(texts), codes)
