@@ -245,12 +245,12 @@ def score(
 ) -> None:
     """Score a run: rank its methods on the loops that oscillate, with 95 % intervals.
 
-    The table has one row per method. Rank: 1 more than the number of methods whose cost is lower
-    by at least what the run can resolve. Cost: mean over the loops of 1 for a wrong verdict, 0.5
-    for no decision and 0 for a right one. Accuracy: share of right verdicts; no decision counts as
-    wrong. Sensitivity: share of the loops that the valve makes cycle called stiction. False
-    positives: share of the other loops called stiction. No decision: share of loops without a
-    verdict. Two numbers after a value are its 95 % interval.
+    The table has one row per method. Rank 1: no method costs less by a difference that these loops
+    resolve; 2: only methods of rank 1 do; and so on. Cost: mean over the loops of 1 for a wrong
+    verdict, 0.5 for no decision and 0 for a right one. Accuracy: share of right verdicts; no
+    decision counts as wrong. Sensitivity: share of the loops that the valve makes cycle called
+    stiction. False positives: share of the other loops called stiction. No decision: share of loops
+    without a verdict. Two numbers after a value are its 95 % interval.
 
     Methods that need the valve position (MV) are ranked among themselves. Reference rows are no
     detectors: the oracle knows the loop, no_waveform is a classifier that sees period, amplitude

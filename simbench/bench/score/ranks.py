@@ -4,7 +4,6 @@ many loops more would take.
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -19,10 +18,12 @@ RANKED_LOOPS = 30
 class Ranks(NamedTuple):
     """Who stands where."""
 
-    # (m,) 1 = no method is better by a difference the run resolves; methods that cannot be told
-    # apart share a rank
+    # (m,) 1 = no method is better by a difference that these loops resolve between the two; 2 =
+    # only methods of rank 1 are, and so on
     rank: np.ndarray
-    resolution: float  # smallest difference of the mean that counts; NaN without methods or loops
+    # a difference of the mean that is resolved between any two of them; NaN without methods or
+    # loops
+    resolution: float
     # largest variance of a difference times the number of loops; what `loops_needed` takes
     spread: float
 
@@ -35,32 +36,38 @@ def rank_methods(
 ) -> Ranks:
     """Rank methods by what each earns on the same loops.
 
-    The variance of a difference is the group bootstrap's (whole groups drawn with replacement), in
-    its closed form for many draws: the sum over groups of their squared share in it. It is not
-    taken smaller than for methods whose errors have nothing to do with each other, p (1 - p) + q (1
-    - q): a near copy of a method is no rival, however surely a paired test tells it from its
-    original (`simbench score --paired`). The largest pair's 1.96 sd is the resolution, for all. A
-    method's rank is one more than the number of methods that are better by that much. Where `right`
+    Two methods are held against each other by themselves, and a rank is one more than the last of
+    those that are better: no rank depends on who else is compared, and none moves when a copy of a
+    method joins. The variance of a difference is the group bootstrap's (whole groups drawn with
+    replacement), in its closed form for many draws: the sum over groups of their squared share in
+    it. It is not taken smaller than for methods whose errors have nothing to do with each other, p
+    (1 - p) + q (1 - q): a near copy of a method is no rival, however surely a paired test tells it
+    from its original (`simbench score --paired`). A difference counts from 1.96 sd. Where `right`
     is of a sample, `accuracy` is the mean of each method on all `loops`.
     """
     m, n = right.shape
     if m == 0 or n == 0:
         return Ranks(np.ones(m, dtype=int), float("nan"), float("nan"))
-    # a method alone is held against one as good
-    pairs = combinations(range(m), 2) if m > 1 else [(0, 0)]
     earned = right.astype(float)
     place = np.arange(n) if groups is None else np.unique(groups, return_inverse=True)[1]
     centred = earned - earned.mean(axis=1, keepdims=True)
     shares = np.array([np.bincount(place, row) for row in centred])
     # one success and one failure added: few loops never show a rate exactly
-    alone = [float(np.var(np.r_[row, 0.0, 1.0])) for row in earned]
-    spread = max(
-        max(float(np.sum((shares[i] - shares[j]) ** 2)) / n, alone[i] + alone[j]) for i, j in pairs
-    )
-    resolution = float(stats.norm.ppf(0.5 + _LEVEL / 2) * np.sqrt(spread / (loops or n)))
+    alone = np.array([np.var(np.r_[row, 0.0, 1.0]) for row in earned])
+    together = ((shares[:, None] - shares[None]) ** 2).sum(axis=2) / n
+    spreads = np.maximum(together, alone[:, None] + alone[None])
     accuracy = earned.mean(axis=1) if accuracy is None else accuracy
-    better = accuracy[None, :] - accuracy[:, None] >= resolution
-    return Ranks(1 + better.sum(axis=1), resolution, spread)
+    better = accuracy[None] - accuracy[:, None] >= _resolved(spreads, loops or n)
+    rank = np.ones(m, dtype=int)
+    for k in np.argsort(-accuracy, kind="stable"):
+        rank[k] = 1 + max(rank[better[k]], default=0)
+    spread = float(max(together.max(), 2.0 * alone.max()))
+    return Ranks(rank, float(_resolved(np.array(spread), loops or n)), spread)
+
+
+def _resolved(spread: np.ndarray, loops: int) -> np.ndarray:
+    """Return the least difference of means that so many loops resolve."""
+    return stats.norm.ppf(0.5 + _LEVEL / 2) * np.sqrt(spread / loops)
 
 
 def loops_needed(difference: float, spread: float) -> int:

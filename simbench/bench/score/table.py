@@ -181,8 +181,9 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     else:
         apart = sum(pair["separated"] for pair in stable.pairs)
         said.append(
-            "Rank: 1 more than the number of methods whose cost is lower by at least"
-            f" {_rate(standing.resolution)}, the least difference that these loops resolve."
+            "Rank 1: no method costs less by a difference that these loops resolve; 2: only methods"
+            f" of rank 1 do; and so on. A difference of {_rate(standing.resolution)} is resolved"
+            " between any two."
             f" {apart} of {len(stable.pairs)} adjacent pairs differ in accuracy (exact McNemar"
             " test, Holm)."
         )

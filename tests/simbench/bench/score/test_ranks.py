@@ -59,16 +59,39 @@ def test_methods_that_err_in_opposite_places_need_a_larger_difference():
     assert rank_methods(opposed).resolution > 1.1 * rank_methods(alike).resolution
 
 
-def test_a_rank_counts_the_methods_that_are_better_by_the_resolution():
+def test_methods_that_no_difference_separates_share_a_rank():
     right = np.zeros((4, 1000), dtype=bool)
     for row, hits in zip(right, (900, 890, 800, 790), strict=True):
         row[:hits] = True
     ranks = rank_methods(right)
     assert 0.01 < ranks.resolution < 0.09
-    assert ranks.rank.tolist() == [1, 1, 3, 3]
+    assert ranks.rank.tolist() == [1, 1, 2, 2]
 
 
 def test_more_loops_resolve_less_in_proportion_to_the_root():
     rng = np.random.default_rng(5)
     few, many = (rank_methods(rng.random((3, n)) < 0.7).resolution for n in (1000, 16000))
     assert few / many == pytest.approx(4.0, rel=0.1)
+
+
+def test_no_rank_moves_when_a_copy_of_a_method_joins():
+    rng = np.random.default_rng(17)
+    right = np.array([rng.random(300) < p for p in (0.85, 0.8, 0.7, 0.62, 0.5)]).astype(float)
+    silent = np.full(300, 0.5)  # a method that never decides
+    before = rank_methods(np.vstack([right, silent]))
+    for copied in range(6):
+        rows = np.vstack([right, silent])
+        after = rank_methods(np.vstack([rows, rows[copied]]))
+        assert after.rank[:6].tolist() == before.rank.tolist()
+        assert after.rank[6] == before.rank[copied]
+        assert after.resolution == before.resolution
+    assert before.rank[5] > before.rank[0]
+
+
+def test_a_method_that_never_decides_gives_no_other_the_first_rank():
+    """Its own cost scatters least: it may not be held against what the most scattered pair shows."""
+    rng = np.random.default_rng(2)
+    right = np.array([rng.random(38) < p for p in (0.92, 0.5)]).astype(float)
+    ranks = rank_methods(np.vstack([right, np.full(38, 0.5)]))
+    assert ranks.rank[0] == 1
+    assert ranks.rank[2] == 2

@@ -207,7 +207,7 @@ def test_a_table_of_many_methods_is_cut_where_the_screen_ends_and_keeps_the_refe
     lines = score_book(book(verdict, truth, methods=names)).as_text(where="Where.").splitlines()
     assert len(lines) <= 38
     assert max(map(len, lines)) <= 100
-    assert "whose cost is lower by" in " ".join(lines)
+    assert "costs less by a difference that these loops resolve" in " ".join(lines)
     assert "of 50 random halves" in " ".join(lines)
     assert any("no_waveform" in line for line in lines)
     (cut,) = [line for line in lines if "more methods: --full" in line]
