@@ -18,5 +18,6 @@ from simbench.workbench import Loop as Loop
 from simbench.workbench import load_loop as load_loop
 from simbench.workbench import run as run
 from simbench.workbench import score as score
+from simbench.workbench import table as table
 
 __version__: str

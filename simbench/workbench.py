@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, Required, Self, TypedD
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.score import paper
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_run
+from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.sources import Methods, named_methods
 from simbench.detectors.views import page_part
 from simbench.loop.plant import table_of
@@ -292,3 +294,37 @@ def score(folder: str | Path) -> Scores:
         When the folder holds no complete run.
     """
     return score_run(folder)
+
+
+def table(folder: str | Path, kind: str = "paper", truth: str = "cycled") -> pd.DataFrame:
+    """Return one table of a run's scores.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of a run.
+    kind : str
+        paper (values with their 95 % intervals as text, = after a rank that methods share), ranking
+        (the same as numbers), or pairs (wins, ties, losses and p of every two methods).
+    truth : str
+        The label that answers are compared with: cycled, predicted or sticky.
+
+    Returns
+    -------
+    DataFrame
+        One row per method, best first; of pairs, one row per pair.
+
+    Raises
+    ------
+    UserError
+        When the folder holds no complete run, or for another kind.
+    """
+    scores = score_run(folder)
+    kinds = {
+        "paper": lambda: paper.ranking_text(scores, truth),
+        "ranking": lambda: paper.ranking_numbers(scores, truth),
+        "pairs": lambda: scores.compare(truth=truth).pairs,
+    }
+    if kind not in kinds:
+        raise UserError(f"table {kind!r}: {nearest(kind, kinds)}")
+    return kinds[kind]()

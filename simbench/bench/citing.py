@@ -11,8 +11,8 @@ from string import ascii_lowercase
 
 from simbench import __version__
 from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.score.baseline import read_book
 from simbench.bench.store.benchmark import BENCHMARK
+from simbench.bench.store.reading import read_book
 from simbench.detectors.errors import UnknownName
 from simbench.detectors.plugins.registry import PluginFolder
 from simbench.detectors.plugins.registry import methods as registry

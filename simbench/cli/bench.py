@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option
 
@@ -187,13 +186,18 @@ def run(
     if as_json:
         show({"run": str(folder), "failed": failed.as_json(), **scores.as_json()}, as_json)
     else:
-        show(f"{scores.as_text(full=full, where=_where(folder, full))}\nrun: {folder}", as_json)
+        text = scores.as_text(where=_where(folder, full))
+        tables = f"\n\n{scores.as_text(full=True)}" if full else ""
+        show(f"{text}{tables}\nrun: {folder}", as_json)
     _end(failed, allow_failed)
 
 
 @app.command(
     epilog=examples(
-        "score runs/chapter --report report.html", "score runs/chapter --truth predicted --full"
+        "score runs/chapter --report report.html",
+        "score runs/chapter --by S_over_2J --by Td_over_T",
+        "score runs/chapter --paired --to pairs.csv",
+        "score runs/chapter --to table.tex",
     )
 )
 def score(
@@ -209,15 +213,24 @@ def score(
         bool,
         Option(
             "--paired",
-            help="Compare the methods of this run with each other, scenario by scenario.",
+            help="Compare every two methods of this run with each other, scenario by scenario.",
         ),
     ] = False,
     by: Annotated[
-        str | None,
+        list[str] | None,
         Option(
             metavar="AXIS",
-            help="Print sensitivity and false positives over this axis of the grid, for example"
-            " S_over_2J, or valve.S where a grid varies it.",
+            help="Print accuracy, sensitivity and false positives over this axis of the grid,"
+            " for example S_over_2J, or valve.S where a grid varies it; given twice, accuracy over"
+            " both.",
+        ),
+    ] = None,
+    to: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="Write the ranking, or what --paired or --by prints, as a table for a paper (.tex,"
+            " .md), as numbers (.csv), or as a picture (.svg, .pdf, .png).",
         ),
     ] = None,
     cost: Annotated[
@@ -258,39 +271,28 @@ def score(
     detector costs less than both.
     """
     from simbench.bench.execute.failures import read_failures
+    from simbench.bench.score.asked import Asked
     from simbench.bench.score.scoring import score_book
     from simbench.bench.score.shipped import read_joined
     from simbench.bench.store.reading import TRUTHS
+    from simbench.figures._asked import write_asked
     from simbench.files import refuse_own_input
 
     if truth not in TRUTHS:
         raise ParameterError(f"--truth {truth}: {nearest(truth, TRUTHS)}")
 
-    refuse_own_input([report], [folder, against])
+    refuse_own_input([report, to], [folder, against])
     book = read_joined(folder)
     scores, failed = score_book(book, cost, allow_failed), read_failures(folder)
-    content: Any = {**scores.as_json(), "failed": failed.as_json()}
-    if not as_json:
-        content = scores.as_text(truth, full, _where(folder, full) if report is None else "")
-    if against is not None or paired:
-        from simbench.bench.score.compare import compare
-
-        comparison = compare(folder, against, truth)
-        content = (
-            {**content, "comparison": comparison.as_json()}
-            if as_json
-            else f"{content}\n\n{comparison.as_text()}"
-        )
-    if by is not None:
-        from simbench.bench.score.table import along_lines
-
-        rows = json.loads(scores.along(by).to_json(orient="records"))
-        content = (
-            {**content, "by": {"axis": by, "rows": rows}}
-            if as_json
-            else "\n".join([content, "", *along_lines(scores, by)])
-        )
-    show(content, as_json)
+    answer = Asked(scores, truth, paired, against, by or [])
+    if to is not None:
+        write_asked(answer, to)
+    if as_json:
+        show({**scores.as_json(), **answer.as_json(), "failed": failed.as_json()}, as_json)
+    else:
+        show(answer.as_text(full, _where(folder, full) if report is None else ""), as_json)
+    if to is not None:
+        say(f"{to.suffix[1:]}: {to.resolve()}", as_json)
     if report is not None:
         from simbench.report import write_report
         from simbench.report.data import RunData

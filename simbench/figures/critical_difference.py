@@ -5,6 +5,10 @@ Detectors that need the valve position MV, and those that apply to only some of 
 left out. *: fitted on this grid, +: fitted on a related grid.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -13,6 +17,9 @@ from simbench.bench.score.names import HOME_MARKS
 from simbench.detectors.errors import ParameterError
 from simbench.figures._style import BLUE, GREY, label, panels, styled
 
+if TYPE_CHECKING:
+    from simbench.bench.score.compare import Comparison
+
 SOURCE = "Demsar (2006), J. Mach. Learn. Res. 7, 1, figure 1, drawn with one bar per method"
 
 
@@ -20,22 +27,36 @@ def data(run) -> pd.DataFrame:
     """Rank the detectors of a run.
 
     Columns: method, mean_rank (1 = best, ties shared), half_width (half the critical difference),
-    accuracy, lo, hi, cases, home (where its constants were fitted).
+    accuracy, accuracy_lo,
+    accuracy_hi, cases, home (where its constants were fitted).
     """
     from simbench.bench.score.compare import compare
 
-    comparison = compare(run)
+    return ranks_of(compare(run))
+
+
+def ranks_of(comparison: Comparison) -> pd.DataFrame:
+    """Rank the detectors of a comparison; see `data`."""
     if np.isnan(comparison.critical_difference):
         needed = (
             "3 stiction detectors without MV that apply to all scenarios, and 2 scenarios with a"
             " label"
         )
-        raise ParameterError(f"{run}: ranks need at least {needed}")
+        raise ParameterError(f"mean ranks need at least {needed}")
     ranked = comparison.ranking.dropna(subset=["mean_rank"]).sort_values(
         "mean_rank", ignore_index=True
     )
     ranked.insert(2, "half_width", comparison.critical_difference / 2)
-    columns = ["method", "mean_rank", "half_width", "accuracy", "lo", "hi", "cases", "home"]
+    columns = [
+        "method",
+        "mean_rank",
+        "half_width",
+        "accuracy",
+        "accuracy_lo",
+        "accuracy_hi",
+        "cases",
+        "home",
+    ]
     return ranked.assign(cases=comparison.cases).reindex(columns=columns)
 
 
@@ -51,7 +72,7 @@ def draw(data: pd.DataFrame) -> Figure:
     left.axvline(best["mean_rank"] + best["half_width"], color=GREY, linewidth=0.8, linestyle="--")
     label(left, "mean rank, bar = critical difference", "", "bars that overlap: not told apart")
     left.set_yticks(place, data["method"] + data["home"].map(HOME_MARKS))
-    reach = [data["accuracy"] - data["lo"], data["hi"] - data["accuracy"]]
+    reach = [data["accuracy"] - data["accuracy_lo"], data["accuracy_hi"] - data["accuracy"]]
     right.errorbar(data["accuracy"], place, xerr=reach, fmt="o", color=BLUE, elinewidth=1.2)
     label(right, "accuracy against cycled, 95 %", "", f"{int(best['cases'])} scenarios")
     right.set_xlim(0, 1)

@@ -2,7 +2,7 @@
 self-regulating and integrating plants apart.
 
 The row "none" holds healthy valves: a share below 1 there comes from false positives and from no
-decision. Below each share: half the width of its 95 % interval, and the number of loops; empty:
+decision. Below each share: half the width of its 95 % interval, and the number of loops; pale:
 fewer than 20 loops. Hatched: the method does not apply to such a process.
 """
 
@@ -111,8 +111,8 @@ def draw(data: pd.DataFrame) -> Figure:
     if image is not None and len(methods) > 1:  # one map's numbers stand in its cells
         bar = figure.colorbar(image, ax=axes, location="right", shrink=0.5, aspect=40)
         bar.set_label(
-            "share of right answers (no decision counts as wrong)\n* fitted here, + on its"
-            " siblings; hatched: does not apply"
+            "share of right answers (no decision counts as wrong)\n* fitted on this grid, + on a"
+            f" related one\npale: fewer than {LEAST} loops; hatched: does not apply"
         )
     return figure
 
@@ -129,9 +129,7 @@ def draw_bar() -> Figure:
 
 
 def _map(axes: Axes, part: pd.DataFrame, name: str):
-    shown = part.assign(
-        right=part["right"].where(part["applicable"] >= LEAST), half=(part["hi"] - part["lo"]) / 2
-    )
+    shown = part.assign(half=(part["hi"] - part["lo"]) / 2)
     shares, applies, half = (
         shown.pivot(index="S_over_2J", columns="ratio", values=v).sort_index()
         for v in ("right", "applicable", "half")

@@ -3,7 +3,7 @@
 One row per method, sorted by cost where it applies; methods that need MV, reference rows and
 nonlinearity tests are in groups of their own. Under "healthy" and "sticky, at rest" the share of
 the answer no stiction, under "cycling" the share of the answer stiction; below it half the width of
-its 95 % interval; empty: fewer than 20 loops.
+its 95 % interval; pale: fewer than 20 loops.
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.bench.score.answers import answers_of, reference_answers
-from simbench.bench.score.names import ALL, CONSTANTS, HOME_MARKS, LEAST
+from simbench.bench.score.names import ALL, CONSTANTS, HOME_MARKS
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_book
 from simbench.bench.score.shipped import read_joined
@@ -59,7 +59,7 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
     )
     answers = {a.method: a for a in (*answers_of(book), *reference_answers(book))}
     rows = []
-    ranking = (scores or score_book(book)).ranking("cycled", population=ALL)
+    ranking = (scores or score_book(book)).rows("cycled", population=ALL)
     # what always says the same is a row of the table, and no news in a picture
     for r in ranking[~ranking.method.isin(list(CONSTANTS))].itertuples():
         a = answers[str(r.method)]
@@ -140,7 +140,6 @@ def draw(data: pd.DataFrame) -> Figure:
 
 
 def _cells(axes, shares: np.ndarray, applies: np.ndarray):
-    shares = np.where(applies >= LEAST, shares, np.nan)
     lo, hi = wilson(np.nan_to_num(shares) * applies, applies)
     texts = np.char.mod("%.2f\n", shares) + np.char.mod("±%.2f", (hi - lo) / 2)
     image = share_map(axes, shares, applies, texts, 5.5)

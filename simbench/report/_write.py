@@ -10,6 +10,7 @@ from simbench.report import (
     failures,
     maps,
     overview,
+    pairs,
     provenance,
     roc,
     slowest,
@@ -22,6 +23,7 @@ from simbench.report.page import render
 _SECTIONS = (
     summary,
     overview,
+    pairs,
     tradeoff,
     maps,
     roc,

@@ -17,7 +17,7 @@ def section(run: RunData) -> Markup:
     counted = cells(run.book)
     items = []
     there = set(counted["method"])
-    for method in (m for m in run.scores.ranking()["method"] if m in there):
+    for method in (m for m in run.scores.rows()["method"] if m in there):
         caption = f"share of right verdicts of {method} over dead time and S/2J"
         picture = inline_svg(draw(counted[counted["method"] == method]), f"map-{method}", caption)
         items.append({"svg": picture, "caption": ""})

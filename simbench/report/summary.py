@@ -48,7 +48,7 @@ def section(run: RunData) -> Markup:
         ),
         (f"{len(book.methods)}", "detectors"),
     ]
-    ranking, stable = run.scores.ranking(), run.scores.stability["cycled"]
+    ranking, stable = run.scores.rows(), run.scores.stability["cycled"]
     fair = ranking[ranking["rank"].notna() & ~ranking["partial"] & ~ranking["sees_mv"]]
     if len(fair):
         best = fair.iloc[0]
@@ -100,7 +100,7 @@ def _readable(scores: Scores, place: tuple[str, str, str]) -> dict[str, Any] | N
     """Return one row per detector with the columns a reader compares; None when there are no such
     loops.
     """
-    ranking = scores.ranking(*place)
+    ranking = scores.rows(*place)
     if ranking.empty:
         return None
     # a rank on a part of the loops says so

@@ -23,7 +23,6 @@ from simbench.bench.execute.verify_result import Notes, Verification
 from simbench.bench.execute.work import WorkSettings, scenario_columns, work
 from simbench.bench.execute.workers import on_processes
 from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.score.baseline import read_book
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import BENCHMARK, OF_RUN, SETTLED, benchmark_of, grid_of_run
 from simbench.bench.store.checksums import (
@@ -36,7 +35,7 @@ from simbench.bench.store.checksums import (
 )
 from simbench.bench.store.manifest import MANIFEST, describe, read_manifest
 from simbench.bench.store.place import Place, place_of
-from simbench.bench.store.reading import read_scenario
+from simbench.bench.store.reading import read_book, read_scenario
 from simbench.detectors.errors import UnknownName
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry

@@ -95,6 +95,20 @@ def home_of(method: str, book: RunArrays) -> str:
     return "siblings" if blocks & set(book.axes["block"]) else "no"
 
 
+def failures(book: RunArrays) -> dict[str, int]:
+    """Return on how many simulated records each method raised an error."""
+    counts = (book.failed & (book.hashes != b"")).sum(axis=1)
+    return dict(zip(book.methods, counts.tolist(), strict=True))
+
+
+def failing_methods(book: RunArrays, allowed: float) -> dict[str, int]:
+    """Return the methods that raised an error on more than a share of the simulated records, and on
+    how many.
+    """
+    most = allowed * int((book.hashes != b"").sum())
+    return {method: count for method, count in failures(book).items() if count > most}
+
+
 def reference_answers(book: RunArrays) -> list[Answers]:
     """Return what classifiers answer of an oscillating loop from everything but its waveform,
     learned on other groups: `no_waveform`, and `rhythm`.

@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 
 from simbench.bench.score.names import OF_NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
-from simbench.bench.store.checksums import RunError, digest
+from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
-from simbench.bench.store.reading import RunArrays, read_table
+from simbench.bench.store.reading import read_table
 from simbench.files import folder as make_folder
 from simbench.files import whole_file, write_table
 
@@ -111,27 +111,3 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
     write_table(
         table.loc[shown, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f"
     )
-
-
-def read_book(folder: str | Path) -> RunArrays:
-    """Read a run or a baseline."""
-    try:
-        book = RunArrays.read(folder)
-    except (
-        pa.ArrowException,
-        OSError,
-        ArithmeticError,
-        LookupError,
-        TypeError,
-        ValueError,
-    ) as error:
-        raise RunError(
-            f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it"
-            " again"
-        ) from None
-    if not book.ids.size or not book.methods:
-        raise RunError(
-            f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods;"
-            " run it again"
-        )
-    return book

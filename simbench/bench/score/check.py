@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from simbench.bench.score.baseline import read_book, write_baseline
+from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check_result import Check, sentence
 from simbench.bench.score.names import ALL
 from simbench.bench.score.pairing import Pairs, pair
@@ -20,7 +20,7 @@ from simbench.bench.statistics import auc, auc_drop, holm, mcnemar
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.checksums import NoRun
 from simbench.bench.store.manifest import own_methods
-from simbench.bench.store.reading import CODES, RunArrays, RunError
+from simbench.bench.store.reading import CODES, RunArrays, RunError, read_book
 from simbench.detectors.errors import UserError
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 

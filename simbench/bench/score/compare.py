@@ -4,7 +4,7 @@ two runs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -13,95 +13,185 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from simbench.bench.score.answers import axis_codes, home_of
-from simbench.bench.score.baseline import read_book
+from simbench.bench.score.answers import axis_codes, failing_methods, failures, home_of
 from simbench.bench.score.pairing import pair
 from simbench.bench.score.shipped import with_shipped
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
 from simbench.bench.store.benchmark import refuse_other_benchmark
-from simbench.bench.store.reading import TRUTHS, RunArrays, RunError
+from simbench.bench.store.reading import TRUTHS, RunArrays, RunError, read_book
 from simbench.detectors.errors import UserError, nearest
+from simbench.detectors.report.report import columns
+from simbench.detectors.views import page_part
 
 _LEVEL = 0.05
 _WORKING_ACCURACY = 0.8  # accuracy below this counts as broken down
 _ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
+_WIDTH = 100  # characters of a line
+_COUNTS = ("win", "tie", "loss")
+_PAIR = ("first", "second", "n", *_COUNTS, "p", "differ")
 
 
 @dataclass(frozen=True, eq=False)
-class _Comparison:
-    """Who answers better, and where."""
+class Comparison:
+    """Who answers better, and where.
 
-    truth: str  # the label answers are compared with
-    cases: int  # scenarios both sides judged
-    # method, n (scenarios it applies to), accuracy over those with interval (lo, hi), mean_rank (1
-    # = best, ties shared; NaN for what is not ranked: methods that see MV or are made for a part of
-    # the scenarios), home (where its constants were fitted), best first
+    Parameters
+    ----------
+    truth : str
+        The label answers are compared with.
+    cases : int
+        Scenarios with a label, of two runs those in both.
+    ranking : DataFrame
+        method, n (scenarios it applies to), accuracy over those with its 95 % interval
+        (accuracy_lo, accuracy_hi), failed (records on which it raised an error, which count as
+        wrong), mean_rank (1 = best, ties shared; NaN for what is not ranked: methods that failed,
+        that see MV or are made for a part of the scenarios), home (where its constants were
+        fitted); best first.
+    critical_difference : float
+        Mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two
+        runs or for fewer than 3 methods.
+    pairs : DataFrame
+        first, second, n scenarios to which both apply; win (only the first was right), tie (both
+        or neither), loss (only the second); p (exact McNemar test, Holm-corrected over all pairs),
+        differ (p below .05). Between two runs `second` is the method in the other one.
+    by_axis : DataFrame
+        method, axis, value, n, accuracy, accuracy_lo, accuracy_hi.
+    breakdown : DataFrame
+        method, axis, value, accuracy, accuracy_lo, accuracy_hi: the first value of the axis at
+        which accuracy is below 0.8.
+    """
+
+    truth: str
+    cases: int
     ranking: pd.DataFrame
-    # mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two runs
-    # or for fewer than 3 methods
     critical_difference: float
-    # first, second, only_first, only_second (scenarios that both apply to and only one got right),
-    # p (exact McNemar, Holm-corrected), differ
     pairs: pd.DataFrame
-    by_axis: pd.DataFrame  # method, axis, value, n, accuracy, lo, hi
-    # method, axis, value, accuracy, lo, hi: the first value of the axis at which accuracy is below
-    # 0.8
+    by_axis: pd.DataFrame
     breakdown: pd.DataFrame
 
-    def as_text(self) -> str:
-        """Return ranking, which methods differ from the best (or between two runs), and breakdowns,
-        for a terminal.
+    def matrix(self, what: str = "p") -> pd.DataFrame:
+        """Return one number of every pair of methods, best method first.
+
+        Parameters
+        ----------
+        what : str
+            win (scenarios on which only the row's method was right), tie (both or neither), loss
+            (only the column's), n (all three), or p (exact McNemar test, Holm-corrected).
+
+        Returns
+        -------
+        DataFrame
+            Methods by methods; NaN on the diagonal, and everywhere between two runs.
+
+        Raises
+        ------
+        UserError
+            For another word.
         """
-        lines = [
-            f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals",
-            _text(self.ranking),
-        ]
+        known = ("p", *_COUNTS, "n")
+        if what not in known:
+            raise UserError(f"matrix {what!r}: {nearest(what, known)}")
+        turned = {"win": "loss", "loss": "win"}.get(what, what)
+        names = list(self.ranking["method"])
+        table = pd.DataFrame(np.nan, names, names)
+        for row in self.pairs[self.pairs["second"].isin(names)].to_dict("records"):
+            table.loc[row["first"], row["second"]] = row[what]
+            table.loc[row["second"], row["first"]] = row[turned]
+        return table
+
+    def cells(self) -> pd.DataFrame:
+        """Return every pair as text: above the diagonal win-tie-loss of the row's method, below it
+        p, with a star where it is below .05.
+
+        Returns
+        -------
+        DataFrame
+            Methods by methods, best first.
+        """
+        numbers = {what: self.matrix(what).to_numpy() for what in ("p", *_COUNTS)}
+        names = list(self.ranking["method"])
+        p, wins, ties, losses = (numbers[what] for what in ("p", *_COUNTS))
+        text = np.full(p.shape, "", dtype=object)
+        for i, j in combinations(range(len(names)), 2):
+            if np.isfinite(p[i, j]):
+                star = "*" if p[i, j] < _LEVEL else ""
+                text[i, j] = f"{wins[i, j]:.0f}-{ties[i, j]:.0f}-{losses[i, j]:.0f}{star}"
+                text[j, i] = _p(p[i, j]) + star
+        return pd.DataFrame(text, names, names)
+
+    def as_text(self) -> str:
+        """Return how often each method is right, and all pairs, for a terminal."""
+        lines = [f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals"]
+        lines += self._accuracies()
         if not np.isnan(self.critical_difference):
             lines += [
                 f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (group"
                 " bootstrap, 5 %)"
             ]
-        differ = self.pairs[self.pairs["differ"]].drop(columns="differ")
-        alike = len(self.pairs) - len(differ)
+        for row in self.ranking[self.ranking["failed"] > 0].itertuples():
+            lines.append(
+                f"! {row.method} failed on {row.failed} of {row.n} records, which count as wrong"
+            )
+        differ = int(self.pairs["differ"].sum())
         lines += [
             "",
-            (
-                f"{len(differ)} pairs differ (exact McNemar, Holm-corrected p < {_LEVEL:g}),"
-                f" {alike} do not"
-            ),
+            f"{differ} of {len(self.pairs)} pairs differ (exact McNemar test, Holm-corrected p <"
+            f" {_LEVEL:g})",
         ]
-        ranked = self.ranking.dropna(subset=["mean_rank"])
-        best = (ranked if len(ranked) else self.ranking)["method"].iloc[0]
-        shown = differ[
-            differ["first"].eq(best)
-            | differ["second"].eq(best)
-            | ~differ["second"].isin(self.ranking["method"])
-        ]
-        lines += [_text(shown)] if len(shown) else []
-        if len(self.breakdown):
-            cell = self.breakdown.assign(
-                at=[
-                    f"{v} ({a:.2f})"
-                    for v, a in zip(self.breakdown["value"], self.breakdown["accuracy"])
-                ]
-            )
-            wide = cell.pivot(index="method", columns="axis", values="at").reindex(
-                self.ranking["method"]
-            )
-            lines += [
-                "",
-                (
-                    f"first value of each axis with accuracy below {_WORKING_ACCURACY:g}, and the"
-                    " accuracy there"
-                ),
-            ]
-            lines += [
-                wide.dropna(how="all")
-                .rename_axis(columns=None)
-                .reset_index()
-                .to_string(index=False, na_rep="-")
-            ]
+        lines += self._matrix_lines() if self.of_one_run else self._pair_lines()
         return "\n".join(lines)
+
+    @property
+    def of_one_run(self) -> bool:
+        """Whether the methods of one run are compared with each other, not with another run."""
+        return bool(self.pairs["second"].isin(self.ranking["method"]).all())
+
+    def _names(self) -> list[str]:
+        """Return the methods with a number, and a mark where one failed."""
+        return [
+            f"{k} {r.method}{'!' if r.failed else ''}"
+            for k, r in enumerate(self.ranking.itertuples(), 1)
+        ]
+
+    def _accuracies(self) -> list[str]:
+        lines = [("method", "n", "accuracy", "95 %", "mean rank")]
+        for name, r in zip(self._names(), self.ranking.itertuples(), strict=True):
+            rank = "-" if np.isnan(r.mean_rank) else f"{r.mean_rank:.2f}"
+            ends = f"{r.accuracy_lo:.3f}-{r.accuracy_hi:.3f}"
+            lines.append((name, str(r.n), f"{r.accuracy:.3f}", ends, rank))
+        return columns(lines)
+
+    def _matrix_lines(self) -> list[str]:
+        """Return the matrix, in parts as wide as a line."""
+        names, text = self._names(), self.cells().to_numpy()
+        widths = [
+            max(len(str(k + 1)), *map(len, text[:, k])) + 2 if names else 0
+            for k in range(len(names))
+        ]
+        room, parts = _WIDTH - max(map(len, names), default=0), [[]]
+        for k, width in enumerate(widths):
+            if sum(widths[i] for i in parts[-1]) + width > room:
+                parts.append([])
+            parts[-1].append(k)
+        lines = [
+            "above the diagonal: win-tie-loss (only the row's method right, both or neither, only",
+            "the column's); below it: p; *: they differ",
+        ]
+        for part in parts:
+            head = ("", *(str(k + 1) for k in part))
+            rows = [
+                (name, *("." if i == k else text[i, k] for k in part))
+                for i, name in enumerate(names)
+            ]
+            lines += ["", *columns([head, *rows])]
+        return lines
+
+    def _pair_lines(self) -> list[str]:
+        lines = [("method", "n", *_COUNTS, "p")]
+        for row in self.pairs.itertuples():
+            counts = (str(row.n), str(row.win), str(row.tie), str(row.loss))
+            lines.append((row.first, *counts, _p(row.p) + ("*" if row.differ else "")))
+        return ["win: right in this run only; loss: in the other only", *columns(lines)]
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
@@ -112,37 +202,79 @@ class _Comparison:
         }
         return {"truth": self.truth, "cases": self.cases, "critical_difference": cd, **tables}
 
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per pair, as `pairs`."""
+        return self.pairs
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        differ = int(self.pairs["differ"].sum())
+        return f"Comparison of {len(self.ranking)} methods: {differ} of {len(self.pairs)} differ"
+
+    def _repr_html_(self) -> str:
+        said = "above the diagonal win-tie-loss of the row's method, below it p; *: they differ"
+        shown = self.cells() if self.of_one_run else self.pairs
+        return page_part(f"{self!r}; {said}", shown.rename_axis("method").reset_index())
+
+
+def _p(p: float) -> str:
+    """Return a p-value as papers print it.
+
+    >>> _p(0.0126), _p(0.00002), _p(1.0)
+    ('.013', '<.001', '1')
+    """
+    return "<.001" if p < 0.001 else "1" if p > 0.9995 else f"{p:.3f}".removeprefix("0")
+
 
 def compare(
-    folder: str | Path, other: str | Path | None = None, truth: str = "cycled"
-) -> _Comparison:
+    folder: str | Path,
+    other: str | Path | None = None,
+    truth: str = "cycled",
+) -> Comparison:
     """Compare the methods of a run with each other, or with themselves in another run.
 
     An answer is right when it is the label; "no decision" is never right. Where a method does not
-    apply it is not compared. McNemar (1947), Holm (1979), Demsar (2006).
+    apply it is not compared; one that failed on a record has no mean rank. McNemar (1947), Holm
+    (1979), Demsar (2006).
+    """
+    return compare_books(
+        with_shipped(read_book(folder)) if other is None else read_book(folder),
+        None if other is None else read_book(other),
+        truth,
+    )
+
+
+def compare_books(
+    book: RunArrays,
+    other: RunArrays | None,
+    truth: str = "cycled",
+    failing: Collection[str] | None = None,
+) -> Comparison:
+    """Compare runs in memory; see `compare`. Methods that are failing have no mean rank; where they
+    are not given, they are those that raised an error at all.
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
-    book = read_book(folder)
     if other is None:
-        return between_methods(with_shipped(book), truth)
-    theirs = read_book(other)
-    refuse_other_benchmark(book.manifest, theirs.manifest, pair(book, theirs).now.size)
-    return between_runs(book, theirs, truth)
+        return between_methods(book, truth, failing)
+    refuse_other_benchmark(book.manifest, other.manifest, pair(book, other).now.size)
+    return between_runs(book, other, truth)
 
 
-def between_methods(book: RunArrays, truth: str = "cycled") -> _Comparison:
+def between_methods(
+    book: RunArrays, truth: str = "cycled", failing: Collection[str] | None = None
+) -> Comparison:
     """Compare all methods of a run pairwise; see `compare`."""
     use = book.truth[truth] >= 0
     right, applies = _right(book, truth)[:, use], _applies(book)[:, use]
     names = np.array(book.methods)
     rows = []
     for i, j in combinations(range(len(names)), 2):
-        one, other = (right[k, applies[i] & applies[j]] for k in (i, j))
-        rows.append((names[i], names[j], int((one & ~other).sum()), int((~one & other).sum())))
+        rows.append((names[i], names[j], *_counted(*right[[i, j]][:, applies[i] & applies[j]])))
     about = [book.manifest["methods"][m] for m in book.methods]
     alike = np.array([a["role"] not in _ALONE and not a["needs_mv"] for a in about])
-    ranked = applies.all(axis=1) & alike
+    failed = failing_methods(book, 0.0) if failing is None else failing
+    ranked = applies.all(axis=1) & alike & ~np.isin(names, list(failed))
     ranks, cd = np.full(len(names), np.nan), float("nan")
     if ranked.sum() >= 3 and right.shape[1] >= 2:
         found = mean_ranks(right[ranked].T, groups=book.groups[use])
@@ -150,7 +282,7 @@ def between_methods(book: RunArrays, truth: str = "cycled") -> _Comparison:
     return _comparison(book, truth, right, applies, ranks, cd, rows)
 
 
-def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled") -> _Comparison:
+def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled") -> Comparison:
     """Compare every method with itself in another run; see `compare`. `first` is this run, `second`
     the other.
     """
@@ -168,9 +300,7 @@ def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled") -> _C
     for method in common:
         i, j = book.methods.index(method), other.methods.index(method)
         mine, its = (found[k, applies[i] & apply[j]] for found, k in ((right, i), (theirs, j)))
-        rows.append(
-            (method, f"{method} (other run)", int((mine & ~its).sum()), int((~mine & its).sum()))
-        )
+        rows.append((method, f"{method} (other run)", *_counted(mine, its)))
     return _comparison(
         book, truth, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows
     )
@@ -207,22 +337,30 @@ def _comparison(
     ranks: np.ndarray,
     cd: float,
     rows: list[tuple],
-) -> _Comparison:
-    cases = right.shape[1]
+) -> Comparison:
     accuracy = [
         (int(a.sum()), *rate(int(r[a].sum()), int(a.sum()))) for r, a in zip(right, applies)
     ]
-    ranking = pd.DataFrame(accuracy, columns=["n", "accuracy", "lo", "hi"]).assign(mean_rank=ranks)
+    share = ["accuracy", "accuracy_lo", "accuracy_hi"]
+    ranking = pd.DataFrame(accuracy, columns=["n", *share])
     ranking.insert(0, "method", book.methods)
+    ranking["failed"] = [failures(book)[method] for method in book.methods]
+    ranking["mean_rank"] = ranks
     ranking["home"] = [home_of(method, book) for method in book.methods]
-    pairs = pd.DataFrame(rows, columns=["first", "second", "only_first", "only_second"])
-    pairs["p"] = holm([mcnemar(lost, won) for _, _, lost, won in rows])
+    pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))
+    pairs["p"] = holm([mcnemar(loss, win) for *_, win, _, loss in rows])
     pairs["differ"] = pairs["p"] < _LEVEL
-    by_axis = pd.DataFrame(
-        _by_axis(book, truth), columns=["method", "axis", "value", "n", "accuracy", "lo", "hi"]
-    )
+    by_axis = pd.DataFrame(_by_axis(book, truth), columns=["method", "axis", "value", "n", *share])
     ranking = ranking.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)
-    return _Comparison(truth, cases, ranking, cd, pairs, by_axis, _breakdowns(by_axis))
+    return Comparison(truth, right.shape[1], ranking, cd, pairs, by_axis, _breakdowns(by_axis))
+
+
+def _counted(one: np.ndarray, other: np.ndarray) -> tuple[int, int, int, int]:
+    """Return how many scenarios there are, and on how many only the first was right, both or
+    neither, only the second.
+    """
+    win, loss = int((one & ~other).sum()), int((~one & other).sum())
+    return one.size, win, one.size - win - loss, loss
 
 
 def _by_axis(book: RunArrays, truth: str) -> Iterator[tuple]:
@@ -241,7 +379,3 @@ def _by_axis(book: RunArrays, truth: str) -> Iterator[tuple]:
                         int(use.sum()),
                         *rate(int(row[use].sum()), int(use.sum())),
                     )
-
-
-def _text(frame: pd.DataFrame) -> str:
-    return frame.to_string(index=False, float_format=lambda x: f"{x:.3g}", na_rep="-")

@@ -56,10 +56,10 @@ def rank_methods(
     alone = np.array([np.var(np.r_[row, 0.0, 1.0]) for row in earned])
     together = ((shares[:, None] - shares[None]) ** 2).sum(axis=2) / n
     spreads = np.maximum(together, alone[:, None] + alone[None])
-    accuracy = earned.mean(axis=1) if accuracy is None else accuracy
-    better = accuracy[None] - accuracy[:, None] >= _resolved(spreads, loops or n)
+    means = earned.mean(axis=1) if accuracy is None else accuracy
+    better = np.subtract.outer(means, means).T >= _resolved(spreads, loops or n)
     rank = np.ones(m, dtype=int)
-    for k in np.argsort(-accuracy, kind="stable"):
+    for k in np.argsort(-means, kind="stable"):
         rank[k] = 1 + max(rank[better[k]], default=0)
     spread = float(max(together.max(), 2.0 * alone.max()))
     return Ranks(rank, float(_resolved(np.array(spread), loops or n)), spread)

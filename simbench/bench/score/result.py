@@ -6,17 +6,22 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from simbench.bench.score.names import ALL, OF_OSCILLATING, ROLE_YARDSTICK, SAMPLED, kind_of
+from simbench.bench.score import picture
+from simbench.bench.score.along import along
+from simbench.bench.score.compare import Comparison, compare_books
+from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.table import full_text, headline
 from simbench.bench.score.tradeoff import as_rows
 from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.place import Place, place_of
-from simbench.detectors.errors import ParameterError, nearest
+from simbench.bench.store.reading import RunArrays, read_book
+from simbench.detectors.errors import UserError
 from simbench.detectors.views import page_part
 from simbench.files import csv_text
 
@@ -49,6 +54,18 @@ _ROWS = (
     "name",
     "verified",
     "answered",
+)
+_RANKING = (
+    "rank",
+    "method",
+    "n",
+    "cost",
+    "cost_lo",
+    "cost_hi",
+    "accuracy",
+    "sensitivity",
+    "false_positives",
+    "no_decision",
 )
 _INTERVALS = (
     *_PLACE,
@@ -123,6 +140,8 @@ class Scores:
         Methods without a rank because they failed on more records than allowed, and on how many.
     undecided : float
         Cost of no decision.
+    book : RunArrays
+        The answers that were scored.
     """
 
     table: pd.DataFrame
@@ -137,6 +156,7 @@ class Scores:
     stability: dict[str, RankStability] = field(default_factory=dict)
     failing: dict[str, int] = field(default_factory=dict)
     undecided: float = UNDECIDED
+    book: RunArrays | None = field(default=None, repr=False)
 
     @property
     def resolution(self) -> float:
@@ -145,14 +165,14 @@ class Scores:
         """
         return self.standing["cycled", ALL, OF_OSCILLATING].resolution
 
-    def ranking(
+    def rows(
         self,
         truth: str = "cycled",
         process: str = ALL,
         population: str = OF_OSCILLATING,
     ) -> pd.DataFrame:
-        """Return the rows of one block, best first: methods that see OP and PV, those that see MV,
-        reference rows, other tests.
+        """Return the rows of one block with every column of `table`, best first: methods that see
+        OP and PV, those that see MV, reference rows, other tests.
         """
         t = self.table
         here = (t.truth == truth) & (t.process == process)
@@ -164,6 +184,35 @@ class Scores:
         order = ["kind", "partial", "_unranked", "_few", "cost"]
         rows = rows.assign(**keys).sort_values(order, kind="stable")
         return rows.drop(columns=["_unranked", "_few"])
+
+    def ranking(
+        self,
+        truth: str = "cycled",
+        process: str = ALL,
+        population: str = OF_OSCILLATING,
+    ) -> pd.DataFrame:
+        """Return the ranking on one kind of loops.
+
+        Parameters
+        ----------
+        truth : str
+            The label answers are compared with: cycled, predicted or sticky.
+        process : str
+            all, self-regulating or integrating.
+        population : str
+            oscillating, not oscillating or all.
+
+        Returns
+        -------
+        DataFrame
+            rank (NaN for what is not ranked), method, n (loops with a label to which it applies),
+            cost with its 95 % interval (cost_lo, cost_hi), accuracy, sensitivity, false_positives,
+            no_decision; best first: methods that see OP and PV, those that see MV, reference rows,
+            other tests. `table` has every column.
+        """
+        rows = self.rows(truth, process, population)
+        rows = rows.assign(n=rows.applicable) if len(rows) else rows.reindex(columns=_RANKING)
+        return rows.loc[:, list(_RANKING)].reset_index(drop=True)
 
     def as_text(self, truth: str = "cycled", full: bool = False, where: str = "") -> str:
         """Return the score table for a terminal.
@@ -186,7 +235,7 @@ class Scores:
 
     def ranked_methods(self, truth: str = "cycled") -> pd.DataFrame:
         """Return the ranking without methods that see MV, reference rows and other tests."""
-        rows = self.ranking(truth)
+        rows = self.rows(truth)
         return rows.query("kind == 0") if len(rows) else rows
 
     def as_json(self) -> dict[str, Any]:
@@ -219,113 +268,102 @@ class Scores:
         Returns
         -------
         DataFrame
-            One row per method, best first; `table` holds every truth, process and population.
+            One row per method, best first, as `ranking`.
         """
-        return self.ranking().reset_index(drop=True)
+        return self.ranking()
 
-    def along(self, axis: str) -> pd.DataFrame:
-        """Return how sensitivity and false positives of each method depend on an axis of the grid.
+    def along(self, axis: str | Sequence[str], truth: str = "cycled") -> pd.DataFrame:
+        """Return how each method's answers depend on one axis of the grid, or on two together.
 
         Parameters
         ----------
-        axis : str
+        axis : str or sequence of str
             Td_over_T, Td_over_Ti, S_over_2J, noise_ratio, disturbance, tuning, samples_per_period,
-            or an axis of the grid's own, such as valve.S.
+            or an axis of the grid's own, such as valve.S; one, or two.
+        truth : str
+            The label answers are compared with.
 
         Returns
         -------
         DataFrame
-            method, value, n loops with a clear label to which the method applies, sensitivity and
-            false_positives with their 95 % intervals (_lo, _hi), no_decision; values in order.
+            method, value (of two axes a column each, by their names), n loops with a label to which
+            the method applies, accuracy, sensitivity, false_positives and no_decision with their
+            95 % intervals (_lo, _hi); values in order.
 
         Raises
         ------
         ParameterError
-            For what is no axis of this run.
+            For what is no axis of this run, or more than two.
         """
-        rows = self.by_axis[self.by_axis.role != ROLE_YARDSTICK]
-        known = list(dict.fromkeys(rows.axis))
-        if axis not in known:
-            raise ParameterError(f"no axis {axis!r} in this run: {nearest(axis, known)}")
-        rates = [
-            f"{rate}{end}"
-            for rate in ("sensitivity", "false_positives")
-            for end in ("", "_lo", "_hi")
-        ]
-        kept = rows.loc[rows.axis == axis, ["method", "value", "applicable", *rates, "no_decision"]]
-        return kept.rename(columns={"applicable": "n"}).reset_index(drop=True)
+        return along(self._answers(), axis, truth)
 
-    def plot(self, by: str | None = None, **options: Any) -> Any:
-        """Draw each method's accuracy on oscillating loops where it applies, with its interval; or
-        sensitivity and false positives over an axis of the grid.
+    def compare(
+        self, other: Scores | str | Path | None = None, truth: str = "cycled"
+    ) -> Comparison:
+        """Compare the methods with each other, scenario by scenario, or with themselves in another
+        run.
 
         Parameters
         ----------
-        by : str, optional
-            Axis, as in `along`.
+        other : Scores, str or Path, optional
+            Another run, scored or its folder.
+        truth : str
+            The label answers are compared with.
+
+        Returns
+        -------
+        Comparison
+            `pairs` has wins, ties, losses and p of every pair; `matrix("p")` is one of them as a
+            square table.
+
+        Raises
+        ------
+        UserError
+            For another benchmark, or an unknown truth.
+        """
+        theirs = other._answers() if isinstance(other, Scores) else other and read_book(other)
+        return compare_books(self._answers(), theirs or None, truth, set(self.failing))
+
+    def _answers(self) -> RunArrays:
+        """Return the answers, without which scores are tables alone."""
+        if self.book is None:
+            raise UserError("these scores hold no answers; score the folder of a run")
+        return self.book
+
+    def plot(self, by: str | Sequence[str] | None = None, **options: Any) -> Any:
+        """Draw each method's cost on oscillating loops, with its interval; or its shares over one
+        axis of the grid, or its accuracy over two.
+
+        Parameters
+        ----------
+        by : str or sequence of str, optional
+            One axis or two, as in `along`.
         **options
             As `pandas.DataFrame.plot` takes them, such as figsize.
 
         Returns
         -------
         matplotlib.axes.Axes or array of them
-            Bars of accuracy (0 to 1), the best method on top; with `by` a line per method in two
-            panels, sensitivity and false positives (0 to 1).
+            Bars of cost (0 to 1), the lowest on top; with one axis a line per method in three
+            panels, accuracy, sensitivity and false positives (0 to 1); with two a map of accuracy
+            per method.
         """
-        if by is not None:
-            rows = self.along(by)
-            values = list(dict.fromkeys(rows["value"]))
-            wide = rows.pivot(index="value", columns="method").loc[values]
-            panels = options.pop("ax", None)
-            if panels is None:
-                import matplotlib.pyplot as plt
+        if by is None:
+            return picture.bars(self.ranking(), **options)
+        axes = [by] if isinstance(by, str) else list(by)
+        if len(axes) == 1:
+            return picture.lines(self.along(axes[0]), axes[0], **options)
+        return picture.maps(self.along(axes), *axes, **options)
 
-                size = options.pop("figsize", (9, 4))
-                _, panels = plt.subplots(1, 2, sharey=True, figsize=size, layout="constrained")
-            look = {"marker": "o", "ylim": (-0.02, 1.02), "xlabel": by, "ylabel": "share of loops"}
-            # both panels show every value, also one at which no loop has a rate
-            look |= {"xticks": range(len(values)), "xlim": (-0.3, len(values) - 0.7)}
-            look |= {"rot": 20, "colormap": "tab20"}
-            for axes, name in zip(panels, ("sensitivity", "false_positives"), strict=True):
-                title = name.replace("_", " ")
-                wide[name].plot(ax=axes, **{**look, "title": title, "legend": False, **options})
-            # beside the curves, none of which it may hide
-            panels[-1].legend(
-                loc="center left", bbox_to_anchor=(1.0, 0.5), title="method", fontsize="small"
-            )
-            return panels
-        rows = self.ranking().set_index("method")[::-1]
-        value = rows.accuracy
-        around = [
-            [
-                (value - rows.accuracy_lo).to_numpy(),
-                (rows.accuracy_hi - value).to_numpy(),
-            ]
-        ]
-        look = {
-            "xerr": around,
-            "xlim": (0, 1),
-            "xlabel": "accuracy where applicable",
-            "color": "0.7",
-            "legend": False,
-        }
-        # a frame opens a figure of its own, a series draws over the last one
-        return rows[["accuracy"]].plot.barh(**{**look, **options})
+    def __repr__(self) -> str:
+        """Return one line."""
+        ranked = int(self.ranking()["rank"].notna().sum())
+        scenarios = self.counts.get("scenarios", 0)
+        return f"Scores of grid {self.manifest['grid']}: {ranked} ranked methods, {scenarios} loops"
 
     def _repr_html_(self) -> str:
-        keys = [
-            "rank",
-            "method",
-            "n",
-            "applicable",
-            "cost",
-            "accuracy",
-            "accuracy_decided",
-            "no_decision",
-            "sensitivity",
-        ]
-        said = f"oscillating loops; costs at least {self.resolution:.3f} apart give different ranks"
-        return page_part(said, self.to_frame()[[*keys, "false_positives", "auc"]])
+        said = f"oscillating loops; costs {self.resolution:.3f} apart give any two another rank"
+        return page_part(said, self.ranking())
 
     def write(self, folder: str | Path | Place) -> None:
         """Write scores.csv and scores_by_axis.csv."""

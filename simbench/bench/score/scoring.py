@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from simbench.bench.score.answers import Answers, answers_of, axis_codes, reference_answers
+from simbench.bench.score.answers import (
+    Answers,
+    answers_of,
+    axis_codes,
+    failing_methods,
+    reference_answers,
+)
 from simbench.bench.score.folds import folds_of, found_at, risk_coverage
 from simbench.bench.score.names import (
     ALL,
@@ -21,6 +27,7 @@ from simbench.bench.score.names import (
 )
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
+from simbench.bench.score.rates import coded, counted, rates_of
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import read_joined, with_shipped
 from simbench.bench.score.stability import RankStability, stability
@@ -40,15 +47,6 @@ _POPULATIONS = {
     OF_OSCILLATING: slice(1, 2),
     OF_NOT_OSCILLATING: slice(1),
 }
-# rates with Wilson intervals, in the order they are shown
-_RATES = (
-    "accuracy",
-    "accuracy_decided",
-    "no_decision",
-    "sensitivity",
-    "false_positives",
-    "accuracy_all",
-)
 _LEFT_OUT = ("entrained", "unclear")
 _EACH = ("said", "applies", "failed", "runtime")
 _COVERED = 0.9  # of a block's loops: a method that answers fewer has no rank there
@@ -69,7 +67,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     book = with_shipped(book)
     rows, by_axis = [], []
     standing, stable = {}, {}
-    reference, failing = reference_answers(book), _failing(book, allow_failed)
+    reference, failing = reference_answers(book), failing_methods(book, allow_failed)
     blind = reference[0]
     some = np.flatnonzero(blind.applies)
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
@@ -77,7 +75,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     going_on = np.where(book.apart, 2, book.oscillating)
     axes = {axis: axis_codes(book, axis) for axis in book.along}
     whole = [*answers_of(book), *reference]
-    codes = [((a.said & 3) * 2 + a.applies) * 2 + a.failed for a in whole]
+    codes = [coded(a) for a in whole]
     # the order of the scores is all that counts, and found once
     everyone = [
         a._replace(score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH})
@@ -85,7 +83,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     ]
     for truth in TRUTHS:
         known = book.truth[truth].astype(int) + 1
-        counts = _counted(9 * known + 3 * process + going_on, (3, 3, 3), codes)
+        counts = counted(9 * known + 3 * process + going_on, (3, 3, 3), codes)
         for (kind, of), (population, going) in product(_PROCESSES.items(), _POPULATIONS.items()):
             place = {"truth": truth, "process": kind, "population": population}
             here = _chosen(process[some], of) & _chosen(going_on[some], going)
@@ -103,7 +101,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     known = book.truth["cycled"].astype(int) + 1
     for axis, (values, code) in axes.items():
         size = len(values) + 1
-        counts = _counted(size * known + code, (3, size), codes)
+        counts = counted(size * known + code, (3, size), codes)
         for k, value in enumerate(values):
             place = {"axis": axis, "value": value, "truth": "cycled"}
             block = _block(book, "cycled", code[some] == k, place, blind)
@@ -118,35 +116,12 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int((going_on == 1).sum())}
     if some.size < book.ids.size:
         sizes[SAMPLED] = some.size
-    return Scores(*frames, *other, standing, book.manifest, sizes, stable, failing, undecided)
+    return Scores(*frames, *other, standing, book.manifest, sizes, stable, failing, undecided, book)
 
 
 def _chosen(numbers: np.ndarray, of: slice) -> np.ndarray:
     """Return which of some small numbers lie in a slice."""
     return np.isin(numbers, np.arange(3)[of])
-
-
-def _counted(
-    place: np.ndarray, shape: tuple[int, ...], codes: list[np.ndarray]
-) -> list[np.ndarray]:
-    """Count the answers of every method by place, what was said, whether it applies and whether it
-    failed.
-    """
-    size = math.prod(shape) * 16
-    return [np.bincount(16 * place + c, minlength=size).reshape(*shape, 4, 2, 2) for c in codes]
-
-
-def _failing(book: RunArrays, allowed: float) -> dict[str, int]:
-    """Return on how many simulated records each method raised an error that raised more than is
-    allowed.
-    """
-    simulated = book.hashes != b""
-    counts = (book.failed & simulated).sum(axis=1)
-    return {
-        m: int(k)
-        for m, k in zip(book.methods, counts, strict=True)
-        if k > allowed * simulated.sum()
-    }
 
 
 def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
@@ -202,15 +177,6 @@ def _row(
     no, yes = counts[1:, :, 1].sum(-1).tolist()
     n, m, p = int(counts[1:].sum()), sum(no) + sum(yes), sum(yes)
     right, undecided = no[0] + yes[1], no[2] + yes[2]
-    # where a method does not apply it does not decide: nothing right is added
-    of = (
-        (right, m),
-        (right, m - undecided),
-        (undecided, m),
-        (yes[1], p),
-        (no[1], m - p),
-        (right, n),
-    )
     row: dict[str, Any] = {
         "method": a.method,
         **block.place,
@@ -224,10 +190,7 @@ def _row(
         "own": a.own,
     }
     row.update(n=n, n_all=int(counts.sum()), positives=int(counts[2].sum()), applicable=m)
-    lo, hi = (bound.tolist() for bound in wilson(*zip(*of, strict=True)))
-    for name, (hits, trials), *ends in zip(_RATES, of, lo, hi, strict=True):
-        row[name] = hits / trials if trials else math.nan
-        row[f"{name}_lo"], row[f"{name}_hi"] = ends
+    row |= rates_of(counts)
     row |= {
         "missed": yes[0] / p if p else math.nan,
         "no_decision_positives": yes[2] / p if p else math.nan,
@@ -303,7 +266,7 @@ def _left_out(
     words = [book.truth["cycled_word"] == word for word in _LEFT_OUT]
     kind = np.select([*words, book.truth["cycled"] >= 0], [0, 1, 2], 3)
     rows = []
-    for a, c in zip(everyone, _counted(kind, (4,), codes), strict=True):
+    for a, c in zip(everyone, counted(kind, (4,), codes), strict=True):
         by_kind = zip((*_LEFT_OUT, "does not apply"), c.sum(-1), (1, 1, 0), strict=False)
         for of, answers, applies in by_kind:
             n = int(answers[:, applies].sum())
@@ -337,7 +300,7 @@ def _by_cause(
         [len(causes), *range(len(causes) - 1)],
         len(causes) - 1,
     )
-    for a, c in zip(everyone, _counted(place, (len(causes) + 1,), codes), strict=True):
+    for a, c in zip(everyone, counted(place, (len(causes) + 1,), codes), strict=True):
         for cause, answers in zip(causes, c.sum(-1), strict=False):
             n = int(answers[:, 1].sum())
             said, undecided = (int(answers[CODES[w], 1]) for w in (STICTION, NO_DECISION))

@@ -62,9 +62,9 @@ def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     """Return one table of at most 40 lines and 100 columns, the ranking on oscillating loops, and
     three sentences.
     """
-    title, rows = _title(scores), scores.ranking(truth)
+    title, rows = _title(scores), scores.rows(truth)
     tail = [
-        *_wrapped(_LEGEND.format(undecided=scores.undecided)),
+        *_legend(scores),
         "",
         *_sentences(scores, truth, where),
     ]
@@ -80,10 +80,13 @@ def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
 
 
 def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
-    """Return every table of a run."""
-    lines = headline(scores, truth)
+    """Return every table of a run, the whole ranking first."""
+    rows = scores.rows(truth)
+    title = f"all methods on the {rows.iloc[0].n} loops of the ranking" if len(rows) else ""
+    lines = [title, *_ranking(rows, scores)] if title else [*_sentences(scores, truth, "")]
+    lines += ["", *_legend(scores)]
     for process in ("self-regulating", "integrating"):
-        rows = scores.ranking(truth, process=process)
+        rows = scores.rows(truth, process=process)
         if len(rows):
             title = (
                 f"oscillating {process} loops, truth {truth!r} ({rows.iloc[0].n},"
@@ -111,22 +114,51 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     return [*lines, *(["", *_wrapped(where)] if where else [])]
 
 
-def along_lines(scores: Any, axis: str) -> list[str]:
+def along_lines(rates: pd.DataFrame, axes: Sequence[str], grid: str) -> list[str]:
     """Return how the methods depend on an axis of the grid, a line per value and method."""
-    lines = [(axis, "method", "n", "sensitivity", "false positives", "no decision")]
-    for r in scores.along(axis).itertuples():
-        few = r.n < LEAST
-        lines.append(
-            (
-                str(r.value),
-                r.method,
-                str(r.n),
-                _interval(r.sensitivity, r.sensitivity_lo, r.sensitivity_hi, few),
-                _interval(r.false_positives, r.false_positives_lo, r.false_positives_hi, few),
-                _rate(r.no_decision, few),
-            )
-        )
-    return columns(lines)
+    lines = [(axes[0], "method", "n", "accuracy", "sensitivity", "false positives", "no decision")]
+    for r in rates.to_dict("records"):
+        few = r["n"] < LEAST
+        shares = [
+            _interval(r[name], r[f"{name}_lo"], r[f"{name}_hi"], few)
+            for name in ("accuracy", "sensitivity", "false_positives")
+        ]
+        counts = (str(r["value"]), r["method"], str(r["n"]))
+        lines.append((*counts, *shares, _rate(r["no_decision"], few)))
+    about = f"grid {grid}, all loops with a label; -: fewer than {LEAST} loops, or no such loop"
+    return [*_wrapped(about), *columns(lines)]
+
+
+def two_way_lines(rates: pd.DataFrame, axes: Sequence[str], grid: str) -> list[str]:
+    """Return the accuracy of each method over two axes, the first down and the second across."""
+    down, across = axes
+    lines = _wrapped(
+        f"grid {grid}: accuracy and number of loops, {down} down and {across} across; in brackets:"
+        f" fewer than {LEAST} loops"
+    )
+    values = list(dict.fromkeys(rates[across]))
+    for method, of in rates.groupby("method", sort=False):
+        rows: list[tuple[str, ...]] = [(str(method), *values)]
+        for value, line in of.groupby(down, sort=False):
+            known = {r[across]: _cell(r["accuracy"], r["n"]) for r in line.to_dict("records")}
+            rows.append((str(value), *(known.get(v, "-") for v in values)))
+        lines += ["", *columns(rows)]
+    return lines
+
+
+def _cell(share: float, n: int) -> str:
+    """Return a share with the number of loops it is of.
+
+    >>> _cell(0.5, 24), _cell(0.5, 12), _cell(math.nan, 0)
+    ('.50 24', '(.50) 12', '-')
+    """
+    if math.isnan(share):
+        return "-"
+    return f"({_rate(share)}) {n}" if n < LEAST else f"{_rate(share)} {n}"
+
+
+def _legend(scores: Any) -> list[str]:
+    return _wrapped(_LEGEND.format(undecided=scores.undecided))
 
 
 def _title(scores: Any) -> list[str]:
@@ -169,7 +201,7 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
         scores.standing[truth, ALL, OF_OSCILLATING],
         scores.stability[truth],
     )
-    rows = scores.ranking(truth)
+    rows = scores.rows(truth)
     said = [
         f"Not ranked, too many errors: {m} failed on {k} records."
         for m, k in scores.failing.items()
@@ -293,7 +325,7 @@ def _cells(rows: Sequence[Any]) -> list[str]:
 def _resolution(scores: Any, truth: str, process: str) -> str:
     standing = scores.standing[truth, process, OF_OSCILLATING]
     if math.isnan(standing.resolution):
-        return f"There is no ranking: {_why_not(scores, scores.ranking(truth, process=process))}."
+        return f"There is no ranking: {_why_not(scores, scores.rows(truth, process=process))}."
     more = " and ".join(f"{d:g} with {loops_needed(d, standing.spread)} loops" for d in _PLANNED)
     return (
         f"These loops resolve costs {_rate(standing.resolution)} apart; 9 of 10 runs would resolve"
@@ -303,7 +335,7 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
 
 def _still(scores: Any, truth: str) -> list[str]:
     """Return the second table: false positives and no decision on loops that do not oscillate."""
-    rows = scores.ranking(truth, population=OF_NOT_OSCILLATING)
+    rows = scores.rows(truth, population=OF_NOT_OSCILLATING)
     if rows.empty or rows.iloc[0].n < LEAST:
         return [
             f"{rows.n.max() if len(rows) else 0} loops with a clear label do not oscillate: too few"
@@ -399,7 +431,7 @@ def _neighbours(scores: Any, truth: str) -> list[str]:
 
 
 def _over_no_waveform(scores: Any, truth: str) -> list[str]:
-    rows = scores.ranking(truth)
+    rows = scores.rows(truth)
     rows = rows[(rows.kind < 2) & (rows.applicable >= LEAST)]
     lines = [("method", "n", "cost over no_waveform", "95 %", "less than no_waveform")]
     for r in rows.itertuples():
@@ -422,7 +454,7 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
 
 def _details(scores: Any, truth: str) -> list[str]:
     """Return what the headline leaves out, over all loops."""
-    rows = scores.ranking(truth, population=ALL)
+    rows = scores.rows(truth, population=ALL)
     if rows.empty:
         return [f"no loop has a clear label against {truth!r}"]
     lines = [

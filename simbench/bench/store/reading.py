@@ -309,3 +309,27 @@ def _lists(column: pa.ChunkedArray) -> np.ndarray:
     rows = np.zeros((there.size, max(values.size // max(int(there.sum()), 1), 1)))
     rows[there] = values.reshape(int(there.sum()), -1) if there.any() else 0.0
     return rows
+
+
+def read_book(folder: str | Path) -> RunArrays:
+    """Read a run or a baseline."""
+    try:
+        book = RunArrays.read(folder)
+    except (
+        pa.ArrowException,
+        OSError,
+        ArithmeticError,
+        LookupError,
+        TypeError,
+        ValueError,
+    ) as error:
+        raise RunError(
+            f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it"
+            " again"
+        ) from None
+    if not book.ids.size or not book.methods:
+        raise RunError(
+            f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods;"
+            " run it again"
+        )
+    return book

@@ -85,6 +85,7 @@ def test_sections_come_summary_first_and_provenance_last(report):
     assert titles == [
         "Summary",
         "Overview",
+        "Pairs",
         "What the order rests on",
         "Maps",
         "ROC",
@@ -117,7 +118,7 @@ def test_no_text_of_a_detector_becomes_markup(report):
 def test_numbers_in_the_summary_are_those_of_score(run, report):
     scores = RunData.read(run).scores
     text = report.read_text(encoding="utf-8")
-    for row in scores.ranking().itertuples():
+    for row in scores.rows().itertuples():
         value, shown = (
             re.escape(repr(float(row.accuracy))),
             f"{row.accuracy:.2f}",

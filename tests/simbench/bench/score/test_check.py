@@ -12,9 +12,8 @@ from bench_fixtures import change_answers
 from typer.testing import CliRunner
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.baseline import read_book
 from simbench.bench.score.check import Shaken, check_run, compare_books, update_baseline
-from simbench.bench.store.reading import RunError
+from simbench.bench.store.reading import RunError, read_book
 from simbench.cli import app
 from simbench.cli.common import wrapped
 from simbench.detectors.judge import judge

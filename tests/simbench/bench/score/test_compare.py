@@ -8,6 +8,7 @@ import pytest
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.compare import between_methods, between_runs, compare
+from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.statistics import mcnemar, rate
 from simbench.detectors.errors import UserError
 
@@ -28,9 +29,9 @@ def test_pairs_are_counted_by_scenario(run):
         (comparison.pairs["first"] == "good") & (comparison.pairs["second"] == "fair")
     ].to_dict("records")
     good, fair = (run.verdict[i] == TRUTH for i in (0, 1))
-    assert pair["only_first"] == sum(bool(a and not b) for a, b in zip(good, fair))
-    assert pair["only_second"] == sum(bool(b and not a) for a, b in zip(good, fair))
-    assert pair["p"] >= mcnemar(pair["only_first"], pair["only_second"])
+    assert pair["win"] == sum(bool(a and not b) for a, b in zip(good, fair))
+    assert pair["loss"] == sum(bool(b and not a) for a, b in zip(good, fair))
+    assert pair["p"] >= mcnemar(pair["win"], pair["loss"])
     assert pair["differ"]
 
 
@@ -61,7 +62,9 @@ def test_breakdown_is_the_first_value_below_four_fifths(book):
     (row,) = comparison.breakdown.to_dict("records")
     assert (row["method"], row["axis"], row["value"]) == ("m0", "S_over_2J", "1.5")
     here = right[axis == 1.5]
-    assert (row["accuracy"], row["lo"], row["hi"]) == tuple(rate(int(here.sum()), here.size))
+    assert (row["accuracy"], row["accuracy_lo"], row["accuracy_hi"]) == tuple(
+        rate(int(here.sum()), here.size)
+    )
 
 
 def test_two_runs_are_compared_method_by_method_in_any_order(run, book):
@@ -91,6 +94,10 @@ def test_from_folders_with_texts_that_hold_the_numbers(tmp_path):
     content = json.loads(json.dumps(comparison.as_json(), allow_nan=False))
     assert len(content["pairs"]) == 3
     assert not compare(folder, folder).pairs["differ"].any()
+    again = score_run(folder).compare(score_run(folder))
+    assert again.pairs.equals(score_run(folder).compare(folder).pairs)
+    assert again.pairs.p.eq(1).all()
+    assert "right in this run only" in again.as_text()
     with pytest.raises(UserError, match="cycled"):
         compare(folder, truth="cicled")
 
@@ -107,14 +114,14 @@ def test_what_does_not_apply_is_not_compared(run):
         (comparison.pairs["first"] == "good") & (comparison.pairs["second"] == "fair")
     ].to_dict("records")
     good, fair = (run.verdict[i, 150:] == TRUTH[150:] for i in (0, 1))
-    assert (pair["only_first"], pair["only_second"]) == (
+    assert (pair["win"], pair["loss"]) == (
         int((good & ~fair).sum()),
         int((~good & fair).sum()),
     )
     assert of.mean_rank.isna().all()  # two are left to rank
     against = between_runs(part, run)
     assert against.ranking.set_index("method").n["fair"] == N - 150
-    assert against.pairs[["only_first", "only_second"]].to_numpy().sum() == 0
+    assert against.pairs[["win", "loss"]].to_numpy().sum() == 0
 
 
 def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
@@ -123,3 +130,61 @@ def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
     blind = replace(run, manifest={**run.manifest, "methods": about})
     assert between_methods(run).ranking.mean_rank.notna().all()
     assert between_methods(blind).ranking.mean_rank.isna().all()
+
+
+def test_every_pair_stands_in_the_matrix(run):
+    comparison = between_methods(run)
+    wins, ties, losses, n = (comparison.matrix(x) for x in ("win", "tie", "loss", "n"))
+    names = list(comparison.ranking.method)
+    for first in names:
+        for second in names:
+            if first == second:
+                assert np.isnan(wins.loc[first, second])
+                continue
+            i, j = (run.methods.index(m) for m in (first, second))
+            one, other = (run.verdict[k] == TRUTH for k in (i, j))
+            assert wins.loc[first, second] == (one & ~other).sum() == losses.loc[second, first]
+            assert ties.loc[first, second] == (one == other).sum()
+            assert n.loc[first, second] == N
+    assert np.allclose(comparison.matrix(), comparison.matrix().T, equal_nan=True)
+    with pytest.raises(UserError, match="win"):
+        comparison.matrix("wins")
+
+
+def test_the_text_shows_every_pair_within_a_line_of_a_terminal(book, noisy):
+    rng = np.random.default_rng(3)
+    names = [f"a_method_named_{k}" for k in range(14)]
+    parts = [noisy(rng, TRUTH, 0.95 - 0.03 * k, methods=1)[0][0] for k in range(14)]
+    comparison = between_methods(book(parts, TRUTH, methods=names))
+    lines = comparison.as_text().splitlines()
+    assert max(map(len, lines)) <= 100
+    shown = [
+        cell
+        for line in lines
+        for cell in line.split()
+        if cell[0].isdigit() and cell.count("-") == 2
+    ]
+    assert len(shown) == len(comparison.pairs) == 14 * 13 // 2
+    assert len([cell for cell in shown if cell.endswith("*")]) == comparison.pairs.differ.sum()
+
+
+def test_a_method_that_failed_is_marked(run):
+    failed = np.zeros((3, N), dtype=bool)
+    failed[1, :38] = True
+    comparison = between_methods(replace(run, failed=failed))
+    assert comparison.ranking.set_index("method").failed.to_dict() == {
+        "good": 0,
+        "fair": 38,
+        "also_fair": 0,
+    }
+    assert f"! fair failed on 38 of {N} records" in comparison.as_text()
+    assert "fair!" in comparison.as_text()
+    # fewer than three are left to rank
+    assert comparison.ranking.mean_rank.isna().all()
+
+
+def test_scores_compare_their_methods(run):
+    scores = score_book(run)
+    assert scores.compare().pairs.equals(between_methods(run).pairs)
+    assert "\n" not in repr(scores.compare())
+    assert "<table" in scores.compare()._repr_html_()

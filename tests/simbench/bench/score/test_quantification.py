@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.baseline import read_book, write_baseline
+from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check import compare_books
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.scoring import score_book, score_run
+from simbench.bench.store.reading import read_book
 
 N = 200
 S, J = 4.0, 2.0

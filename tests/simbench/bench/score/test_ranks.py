@@ -30,7 +30,7 @@ def test_two_equal_methods_share_a_rank(book, accuracy):
         other = np.where(rng.random(verdict.size) < 0.01, 1 - np.minimum(verdict, 1), verdict)
         shared += rank_methods(np.array([verdict == truth, other == truth])).rank.tolist() == [1, 1]
     assert shared >= 0.95 * RUNS
-    block = score_book(book([verdict, other], truth)).ranking().set_index("method")
+    block = score_book(book([verdict, other], truth)).rows().set_index("method")
     assert block["rank"][["m0", "m1"]].tolist() == [1, 1]
 
 
@@ -89,7 +89,7 @@ def test_no_rank_moves_when_a_copy_of_a_method_joins():
 
 
 def test_a_method_that_never_decides_gives_no_other_the_first_rank():
-    """Its own cost scatters least: it may not be held against what the most scattered pair shows."""
+    """Its own cost hardly scatters: that of other pairs is not its measure."""
     rng = np.random.default_rng(2)
     right = np.array([rng.random(38) < p for p in (0.92, 0.5)]).astype(float)
     ranks = rank_methods(np.vstack([right, np.full(38, 0.5)]))

@@ -116,7 +116,7 @@ def test_auc_is_sklearns_on_the_very_scores_of_the_tables(rows, joined):
 
 
 def test_yardsticks_answer_always_the_same(scores):
-    block = scores.ranking().set_index("method")
+    block = scores.rows().set_index("method")
     no, yes = block.loc["always_no"], block.loc["always_yes"]
     assert (no.sensitivity, no.false_positives, yes.sensitivity, yes.false_positives) == (
         0.0,
@@ -130,7 +130,7 @@ def test_yardsticks_answer_always_the_same(scores):
 
 
 def test_methods_that_see_mv_are_ranked_apart_and_partial_ones_where_they_apply(scores):
-    everywhere, few = scores.ranking(), scores.ranking(process="self-regulating")
+    everywhere, few = scores.rows(), scores.rows(process="self-regulating")
     assert everywhere.set_index("method").loc[["he", "yamashita"], "rank"].tolist() == [1, 1]
     assert everywhere.set_index("method")["rank"].isna()["horch"]
     assert few.n.max() < RANKED_LOOPS
@@ -150,10 +150,10 @@ def test_a_method_that_does_not_apply_is_not_undecided(book):
     run = book(verdict, truth, axes={"process": processes})
     run.applicable[1, 20:] = 0
     shown = ["applicable", "accuracy", "no_decision", "sensitivity", "accuracy_all"]
-    partial = score_book(run).ranking().set_index("method")
+    partial = score_book(run).rows().set_index("method")
     assert partial.loc["m1", shown].tolist() == [20, 1, 0, 1, 0.5]
     undecided = (
-        score_book(book(verdict, truth, axes={"process": processes})).ranking().set_index("method")
+        score_book(book(verdict, truth, axes={"process": processes})).rows().set_index("method")
     )
     assert undecided.loc["m1", shown].tolist() == [40, 0.5, 0.5, 0.5, 0.5]
 
@@ -161,7 +161,7 @@ def test_a_method_that_does_not_apply_is_not_undecided(book):
 def test_axis_rows_add_up_to_the_whole(scores):
     for axis in ("disturbance", "S_over_2J", "noise_ratio"):
         rows = scores.by_axis[scores.by_axis.axis == axis].query("method == 'he'")
-        whole = scores.ranking(population=ALL).set_index("method").loc["he"]
+        whole = scores.rows(population=ALL).set_index("method").loc["he"]
         assert rows.n.sum() == whole.n
         assert (rows.accuracy_all * rows.n).sum() == pytest.approx(whole.accuracy_all * whole.n)
 
@@ -170,7 +170,7 @@ def test_entrained_and_unclear_are_counted_but_not_scored(scores, joined):
     one = joined[joined.method == "he"]
     assert scores.disagreement.scenarios.sum() == len(one)
     left_out = one.cycled.isin(["entrained", "unclear"]).sum()
-    row = scores.ranking(population=ALL).set_index("method").loc["he"]
+    row = scores.rows(population=ALL).set_index("method").loc["he"]
     assert row.n == len(one) - left_out
 
 
@@ -230,7 +230,7 @@ def test_everything_is_printed_on_request(scores):
 
 def test_the_table_against_another_truth_counts_that_truth(scores, joined):
     text = scores.as_text("predicted")
-    row = scores.ranking("predicted").set_index("method").loc["he"]
+    row = scores.rows("predicted").set_index("method").loc["he"]
     one = joined[(joined.method == "he") & joined.oscillating]
     assert (row.n, row.positives) == (
         one.predicted.notna().sum(),
@@ -250,7 +250,7 @@ def test_loops_that_do_not_oscillate_have_another_table(book):
         book(np.where(going, truth, 1), truth),
         oscillating=going,
     )
-    still = score_book(run).ranking(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
+    still = score_book(run).rows(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
     assert (still.n, still.false_positives, still.no_decision) == (100, 1.0, 0.0)
     lines = score_book(run).as_text(full=True).splitlines()
     at = next(
@@ -267,7 +267,7 @@ def test_where_no_ranking_is_possible_the_reason_is_printed(book):
     assert (
         "There is no ranking: 18 oscillating loops have a clear label, and 30 are needed." in text
     )
-    assert score_book(book([few, few], few)).ranking()["rank"].isna().all()
+    assert score_book(book([few, few], few)).rows()["rank"].isna().all()
     unclear = score_book(book(np.ones(40), np.full(40, -1))).as_text()
     assert "There is no ranking: 0 oscillating loops have a clear label" in unclear
     assert "0 yes, 0 no, 0 entrained, 40 unclear" in " ".join(unclear.split())
@@ -285,7 +285,7 @@ def test_a_method_that_failed_more_often_than_allowed_has_no_rank(book):
     run = book([truth, truth, truth], truth)
     run.failed[1, :20] = True
     ranks = [
-        score_book(run, allow_failed=share).ranking().set_index("method")["rank"]["m1"]
+        score_book(run, allow_failed=share).rows().set_index("method")["rank"]["m1"]
         for share in (0.0, 0.2)
     ]
     assert np.isnan(float(ranks[0] if ranks[0] is not None else "nan"))
@@ -372,10 +372,10 @@ def test_cost_counts_no_decision_as_half_an_error_or_as_asked(book):
     truth = np.tile([1, 0], 30)
     verdict = np.where(np.arange(60) < 30, truth, np.where(np.arange(60) < 50, 2, 1 - truth))
     run = book(verdict, truth)
-    assert score_book(run).ranking().set_index("method").loc["m0", "cost"] == pytest.approx(
+    assert score_book(run).rows().set_index("method").loc["m0", "cost"] == pytest.approx(
         (10 + 20 / 2) / 60
     )
-    assert score_book(run, undecided=1.0).ranking().set_index("method").loc[
+    assert score_book(run, undecided=1.0).rows().set_index("method").loc[
         "m0", "cost"
     ] == pytest.approx(0.5)
 
@@ -389,7 +389,7 @@ def test_the_table_is_ranked_by_cost_not_by_silence(book):
             np.where(rng.random(1000) < 0.62, truth, 1 - truth),
         ]
     )
-    shown = score_book(book(verdict, truth)).ranking().set_index("method")
+    shown = score_book(book(verdict, truth)).rows().set_index("method")
     assert shown.loc["m0", "accuracy"] < shown.loc["m1", "accuracy"]
     assert shown.loc[["m0", "m1"], "rank"].tolist() == [1, 2]
 
@@ -408,7 +408,7 @@ def test_a_large_run_counts_all_loops_and_orders_a_sample_of_whole_groups(book, 
     taken = np.bincount(run.groups[folds.sample_of(run.groups)], minlength=n // 3)
     assert set(taken) == {0, 3}
     assert part.counts["sampled"] == taken.sum() == 1500
-    one, other = (x.ranking().set_index("method") for x in (whole, part))
+    one, other = (x.rows().set_index("method") for x in (whole, part))
     counted = ["n", "n_all", "positives", "accuracy", "sensitivity", "cost", "errors", "rank"]
     pd.testing.assert_frame_equal(one.loc[["m0", "m1"], counted], other.loc[["m0", "m1"], counted])
     assert other.applicable.to_dict() == {
@@ -459,7 +459,7 @@ def test_where_loops_oscillate_a_method_is_compared_with_the_classifier_without_
     run = replace(run, design=rng.normal(size=(800, 6)))
     scores = score_book(run)
     everything, table = (
-        scores.ranking(population=x).set_index("method") for x in (ALL, OF_OSCILLATING)
+        scores.rows(population=x).set_index("method") for x in (ALL, OF_OSCILLATING)
     )
     assert everything.loc["no_waveform", "accuracy"] > 0.7
     assert (table.n == 400).all()
@@ -531,17 +531,26 @@ def test_a_books_scores_are_the_runs(finished, joined):
 
 def test_the_oracle_is_not_ranked(tmp_path):
     run = run_grid("smoke", tmp_path / "run", ["he", "oracle"], sets={"disturbance": "sine"})
-    block = score_run(run).ranking()
+    block = score_run(run).rows()
     assert block.method.tolist()[0] == "he"
     assert block.set_index("method")["rank"].isna()["oracle"]
 
 
 def test_scores_are_a_table_a_picture_and_a_notebook_cell(scores):
     frame = scores.to_frame()
-    assert frame.method.tolist() == scores.ranking().method.tolist()
-    bars = [p.get_width() for p in scores.plot().patches]
-    assert bars == pytest.approx(frame.accuracy[::-1].tolist(), nan_ok=True)
-    assert "give different ranks" in scores._repr_html_()
+    assert frame.equals(scores.ranking())
+    assert frame.method.tolist() == scores.rows().method.tolist()
+    assert frame.shape[1] == 10
+    axes = scores.plot()
+    bars = [p.get_width() for p in axes.patches]
+    # what orders the bars is what they show
+    assert bars == pytest.approx(sorted(frame.cost, reverse=True), nan_ok=True)
+    canvas = axes.figure.canvas
+    canvas.draw()
+    assert all(t.get_window_extent().x0 >= 0 for t in axes.get_yticklabels())
+    assert axes.figure.dpi >= 200
+    assert "another rank" in scores._repr_html_()
+    assert "\n" not in repr(scores)
 
 
 def test_the_table_of_truths_begins_with_sticky_loops_that_should_cycle_and_do(scores):
@@ -575,10 +584,12 @@ def test_rates_over_an_axis_are_printed_drawn_and_given_as_json(finished, joined
         assert row["sensitivity"] == pytest.approx(hit[sticks].mean(), nan_ok=True)
         assert row["false_positives"] == pytest.approx(hit[~sticks].mean(), nan_ok=True)
     assert set(rows.method) == {"he", "horch", "yamashita"}
-    sensitivity, alarms = scores.plot(by="disturbance")
-    assert [len(axes.get_lines()) for axes in (sensitivity, alarms)] == [3, 3]
+    assert [len(axes.get_lines()) for axes in scores.plot(by="disturbance")] == [3, 3, 3]
     assert main(["score", str(finished), "--by", "disturbance"]) == 0
-    assert "\ndisturbance  method" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "\ndisturbance  method" in said
+    assert "accuracy" in said
+    assert "no_waveform" not in said  # no ranking before it
     assert main(["score", str(finished), "--by", "disturbance", "--json"]) == 0
     by = json.loads(capsys.readouterr().out)["by"]
     assert by["axis"] == "disturbance"
@@ -638,8 +649,8 @@ def test_loops_apart_are_in_no_ranking_and_false_positives_have_a_cause(book):
     run.axes["tuning"] = np.where(np.arange(240) < 200, "slow", "aggressive")
     run.axes["echo"][200:] = "none"
     scores = score_book(run)
-    assert scores.ranking().n.iloc[0] == 200
-    assert scores.ranking(population=ALL).n.iloc[0] == 240
+    assert scores.rows().n.iloc[0] == 200
+    assert scores.rows(population=ALL).n.iloc[0] == 240
     causes = scores.by_cause.query("method == 'm0'").set_index("cause")
     assert causes.n.to_dict() == {"echo, smooth": 40, "echo, harmonics": 40, "own tuning": 40}
     assert (causes.false_positives == 1.0).all()
@@ -667,10 +678,10 @@ def test_a_method_of_ones_own_always_has_a_row_and_a_rank(book):
     run = book(said, truth)
     run.applicable[1, 150:] = 0  # m1 answers 150 loops, m2 these and no others
     run.applicable[2, 150:] = 0
-    foreign = score_book(run).ranking().set_index("method")
+    foreign = score_book(run).rows().set_index("method")
     assert foreign["rank"][["m1", "m2"]].isna().all()
     scores = score_book(named(run, "m1", "m33"))
-    rows = scores.ranking().set_index("method")
+    rows = scores.rows().set_index("method")
     assert (rows["rank"]["m1"], rows.rank_loops["m1"]) == (2, 150)  # after m0, before m2
     assert (rows["rank"]["m0"], rows.rank_loops["m0"]) == (1, 400)
     assert np.isnan(rows["rank"]["m2"])
@@ -700,10 +711,10 @@ def test_a_gap_in_the_answers_neither_helps_nor_harms(book):
     said = np.where(rng.random(2000) < 0.8, truth, 1 - truth)
     run = book([said, said, np.full(2000, 2)], truth)
     run.applicable[1, ::12] = 0
-    ranks = score_book(run).ranking().set_index("method")["rank"]
+    ranks = score_book(run).rows().set_index("method")["rank"]
     assert ranks["m0"] == ranks["m1"] == 1
     run.applicable[1, ::8] = 0
-    assert np.isnan(score_book(run).ranking().set_index("method")["rank"]["m1"])
+    assert np.isnan(score_book(run).rows().set_index("method")["rank"]["m1"])
 
 
 def test_a_rank_on_a_part_of_the_loops_says_so_wherever_it_stands(book):
@@ -712,7 +723,7 @@ def test_a_rank_on_a_part_of_the_loops_says_so_wherever_it_stands(book):
     run.applicable[0, 150:] = 0
     run = named(run, "m0")
     scores = score_book(run)
-    row = scores.ranking().set_index("method").loc["m0"]
+    row = scores.rows().set_index("method").loc["m0"]
     assert (row["rank"], row.rank_loops, row.n) == (1, 150, 400)
     page = summary.section(SimpleNamespace(book=run, scores=scores, errors=()))
     assert "m0 (ranked on the 150 loops that it answers)" in page

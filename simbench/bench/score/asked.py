@@ -1,0 +1,68 @@
+"""What is asked of the scores of a run: the ranking, a comparison, or rates over axes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from simbench.bench.score.table import along_lines, two_way_lines
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from simbench.bench.score.compare import Comparison
+    from simbench.bench.score.result import Scores
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One question to the scores of a run; without a comparison and axes, the ranking."""
+
+    scores: Scores
+    truth: str
+    paired: bool  # every two methods with each other
+    against: Path | None  # with themselves in this other run
+    axes: list[str]
+
+    @cached_property
+    def comparisons(self) -> list[Comparison]:
+        """The comparisons that are asked for."""
+        others = [None] * self.paired + [self.against] * (self.against is not None)
+        return [self.scores.compare(other, self.truth) for other in others]
+
+    @cached_property
+    def rates(self) -> pd.DataFrame | None:
+        """Rates over the axes; None where none is asked for."""
+        if not self.axes:
+            return None
+        axes = self.axes[0] if len(self.axes) == 1 else self.axes
+        return self.scores.along(axes, self.truth)
+
+    def as_text(self, full: bool, where: str) -> str:
+        """Return what is asked for, as text; the ranking, or every table, where it is neither a
+        comparison nor rates.
+        """
+        parts = [comparison.as_text() for comparison in self.comparisons]
+        if self.rates is not None:
+            lines = along_lines if len(self.axes) == 1 else two_way_lines
+            parts.append("\n".join(lines(self.rates, self.axes, self.scores.manifest["grid"])))
+        if full or not parts:
+            parts.append(self.scores.as_text(self.truth, full, where))
+        return "\n\n".join(parts)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the keys that stand beside those of the scores."""
+        keys: dict[str, Any] = {}
+        if self.comparisons:
+            # of both, the one with another run; the pairs of methods are in `paired`
+            keys["comparison"] = self.comparisons[-1].as_json()
+        if len(self.comparisons) > 1:
+            keys["paired"] = self.comparisons[0].as_json()
+        if self.rates is not None:
+            rows = json.loads(self.rates.to_json(orient="records"))
+            axis = self.axes[0] if len(self.axes) == 1 else self.axes
+            keys["by"] = {"axis": axis, "rows": rows}
+        return keys

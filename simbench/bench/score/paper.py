@@ -1,0 +1,109 @@
+"""Tables of scores as a paper prints them: LaTeX, Markdown, or CSV with every number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from simbench.bench.score.names import HOME_MARKS, benchmark_text
+from simbench.detectors.errors import ParameterError
+from simbench.files import csv_text, whole_file
+
+if TYPE_CHECKING:
+    from simbench.bench.score.compare import Comparison
+    from simbench.bench.score.result import Scores
+
+TABLE_KINDS = (".tex", ".md", ".csv")
+_SHARES = ("cost", "accuracy", "sensitivity", "false_positives", "no_decision")
+_ENDS = ("", "_lo", "_hi")
+
+
+def table_kind(path: str | Path) -> str:
+    """Return .tex, .md or .csv, whichever a table's name asks for; refuse another."""
+    kind = Path(path).suffix.lower()
+    if kind not in TABLE_KINDS:
+        raise ParameterError(f"table {path}: .tex, .md or .csv is needed")
+    return kind
+
+
+def ranking_numbers(scores: Scores, truth: str = "cycled") -> pd.DataFrame:
+    """Return the ranking with every interval; `shared`: other methods have the same rank."""
+    rows = scores.rows(truth)
+    # methods that see MV are ranked among themselves
+    shared = rows["rank"].notna() & rows.duplicated(["kind", "partial", "rank"], keep=False)
+    rows = rows.assign(shared=shared, n=rows["applicable"], failed=rows["errors"])
+    shares = [f"{name}{end}" for name in _SHARES for end in _ENDS]
+    names = ["rank", "shared", "method", "home", "n", "positives", "failed", *shares]
+    return rows.loc[:, names].reset_index(drop=True)
+
+
+def ranking_text(scores: Scores, truth: str = "cycled") -> pd.DataFrame:
+    """Return the ranking as a paper prints it: values with their 95 % intervals, = after a rank
+    that several methods share.
+    """
+    rows = []
+    for r in ranking_numbers(scores, truth).to_dict("records"):
+        rank = "" if pd.isna(r["rank"]) else f"{r['rank']:.0f}{'=' if r['shared'] else ''}"
+        name = r["method"] + HOME_MARKS[r["home"]]
+        rows.append({"Rank": rank, "Method": name, "n": str(r["n"]), **_shares(r, _SHARES)})
+    return pd.DataFrame(rows)
+
+
+def along_text(rates: pd.DataFrame) -> pd.DataFrame:
+    """Return rates along one axis or two as a paper prints them."""
+    axes = list(rates.columns[1 : list(rates.columns).index("n")])
+    rows = []
+    for r in rates.to_dict("records"):
+        place = {name: r[name] for name in axes}
+        rows.append({"Method": r["method"], **place, "n": str(r["n"]), **_shares(r, _SHARES[1:])})
+    return pd.DataFrame(rows)
+
+
+def pairs_text(comparison: Comparison) -> pd.DataFrame:
+    """Return all pairs as a square table; of two runs, as rows."""
+    if comparison.of_one_run:
+        return comparison.cells().rename_axis("Method").reset_index()
+    return comparison.pairs.map(lambda x: f"{x:.3g}" if isinstance(x, float) else str(x))
+
+
+def caption(scores: Scores, truth: str = "cycled") -> str:
+    """Return what a ranking is of, in one sentence, with the benchmark's version."""
+    rows, m = scores.rows(truth), scores.manifest
+    n, positives = (int(rows[x].max()) if len(rows) else 0 for x in ("n", "positives"))
+    return (
+        f"Detectors of valve stiction on grid {m['grid']}{benchmark_text(m)}, seed {m.get('seed')}:"
+        f" {n} oscillating loops, {positives} positive (label {truth}); 95 % intervals; methods"
+        " that these loops cannot tell apart share a rank (=); * fitted on this grid, + on a"
+        " related grid."
+    )
+
+
+def write(path: str | Path, numbers: pd.DataFrame, text: pd.DataFrame, about: str) -> None:
+    """Write a table: CSV has the numbers, the other kinds the text with what it is about."""
+    kind = table_kind(path)
+    content = csv_text(numbers) if kind == ".csv" else _formatted(kind, text, about)
+    with whole_file(path) as f:
+        f.write(content)
+
+
+def _formatted(kind: str, text: pd.DataFrame, about: str) -> str:
+    if kind == ".md":
+        rows = [list(text.columns), ["---"] * text.shape[1], *text.to_numpy().tolist()]
+        lines = ["| " + " | ".join(str(x).replace("|", r"\|") for x in row) + " |" for row in rows]
+        return "\n".join([about, "", *lines, ""])
+    layout = "l" * text.shape[1]
+    table = text.to_latex(index=False, escape=True, column_format=layout)
+    return f"% {about}\n% needs the package booktabs\n{table}"
+
+
+def _shares(row: dict[str, Any], names: Sequence[str]) -> dict[str, str]:
+    """Return shares as text with their intervals, by the name of their column."""
+    cells = {}
+    for name in names:
+        value, lo, hi = (row[f"{name}{end}"] for end in _ENDS)
+        said = "" if pd.isna(value) else f"{value:.2f} [{lo:.2f}, {hi:.2f}]"
+        cells[name.replace("_", " ").capitalize()] = said
+    return cells

@@ -1,0 +1,101 @@
+"""Pictures of scores for notebooks: costs as bars, shares over an axis as lines, accuracy over two
+axes as maps.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simbench.bench.score.names import LEAST
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_DPI = 200  # of a picture that is saved as pixels
+_PANELS = ("accuracy", "sensitivity", "false_positives")
+_SIDE = 3  # maps beside each other
+_PALE = 0.35  # opacity of a cell of fewer than `LEAST` loops
+
+
+def bars(ranking: pd.DataFrame, **options: Any) -> Any:
+    """Draw the cost of every method with its interval, the lowest on top; reference rows and other
+    methods without a rank are grey.
+    """
+    rows = ranking.sort_values("cost", ascending=False, kind="stable").set_index("method")
+    look: dict[str, Any] = {
+        "xerr": [(rows.cost - rows.cost_lo).to_numpy(), (rows.cost_hi - rows.cost).to_numpy()],
+        "xlim": (0, 1),
+        "xlabel": "cost (mean loss: an error 1), with its 95 % interval; grey: not ranked",
+        "color": ["0.8" if np.isnan(rank) else "tab:blue" for rank in rows["rank"]],
+    }
+    if "ax" not in options:
+        size = options.pop("figsize", (7.0, 0.9 + 0.27 * len(rows)))
+        options["ax"] = _figure(1, 1, size)[0, 0]
+    return rows["cost"].plot.barh(**{**look, **options})
+
+
+def lines(rows: pd.DataFrame, axis: str, **options: Any) -> Any:
+    """Draw the shares of each method over the values of an axis."""
+    values = list(dict.fromkeys(rows["value"]))
+    wide = rows.pivot(index="value", columns="method").loc[values]
+    panels = options.pop("ax", None)
+    if panels is None:
+        panels = _figure(1, len(_PANELS), options.pop("figsize", (11.0, 4.0)), sharey=True)[0]
+    look = {"marker": "o", "ylim": (-0.02, 1.02), "xlabel": axis, "ylabel": "share of loops"}
+    # every panel shows every value, also one at which no loop has a rate
+    look |= {"xticks": range(len(values)), "xlim": (-0.3, len(values) - 0.7)}
+    look |= {"rot": 20, "colormap": "tab20", "legend": False}
+    for axes, name in zip(panels, _PANELS, strict=True):
+        wide[name].plot(ax=axes, **{**look, "title": name.replace("_", " "), **options})
+    # beside the curves, none of which it may hide
+    panels[-1].legend(
+        loc="center left", bbox_to_anchor=(1.0, 0.5), title="method", fontsize="small"
+    )
+    return panels
+
+
+def maps(rows: pd.DataFrame, first: str, second: str, **options: Any) -> Any:
+    """Draw the accuracy of each method over two axes, with the number of loops in each cell; cells
+    of few loops are pale.
+    """
+    methods = list(dict.fromkeys(rows["method"]))
+    down, across = (list(dict.fromkeys(rows[name])) for name in (first, second))
+    side = min(_SIDE, len(methods))
+    deep = -(-len(methods) // side)
+    size = (side * (0.9 + 0.55 * len(across)), deep * (0.9 + 0.42 * len(down)))
+    panels = options.pop("ax", None)
+    if panels is None:
+        panels = _figure(deep, side, options.pop("figsize", size)).ravel()
+    image = None
+    for axes, method in zip(panels, methods, strict=False):
+        wide = rows[rows.method == method].pivot(index=first, columns=second)
+        shares, n = (wide[x].reindex(index=down, columns=across) for x in ("accuracy", "n"))
+        few = n.to_numpy() < LEAST
+        image = axes.imshow(
+            shares, vmin=0.0, vmax=1.0, cmap="cividis", alpha=np.where(few, _PALE, 1.0),
+            aspect="auto", **options,
+        )  # fmt: skip
+        for (i, j), share in np.ndenumerate(shares.to_numpy()):
+            if np.isfinite(share):
+                ink = "white" if share < 0.55 and not few[i, j] else "black"
+                text = f"{share:.2f}\n{n.to_numpy()[i, j]:.0f}"
+                axes.text(j, i, text, ha="center", va="center", fontsize=6, color=ink)
+        axes.set_xticks(range(len(across)), across, fontsize=7)
+        axes.set_yticks(range(len(down)), down, fontsize=7)
+        axes.set(xlabel=second, ylabel=first, title=method)
+    for axes in panels[len(methods) :]:
+        axes.set_axis_off()
+    if image is not None:
+        bar = panels[0].figure.colorbar(image, ax=list(panels), shrink=0.6, aspect=40)
+        bar.set_label(f"accuracy; below it the number of loops, pale: fewer than {LEAST}")
+    return panels
+
+
+def _figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -> Any:
+    """Return the axes of a new figure, which leaves room for every name."""
+    import matplotlib.pyplot as plt
+
+    look = {"figsize": size, "dpi": _DPI, "layout": "constrained", "squeeze": False, **options}
+    return plt.subplots(rows, columns, **look)[1]

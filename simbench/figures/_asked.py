@@ -1,0 +1,46 @@
+"""Write what is asked of the scores of a run to one file: a table or a picture."""
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from simbench.bench.score import paper
+from simbench.bench.score.asked import Asked
+from simbench.detectors.errors import ParameterError
+from simbench.figures import critical_difference
+from simbench.figures._style import write_picture
+
+
+def write_asked(asked: Asked, path: Path) -> None:
+    """Write one table or picture; the kind follows from the file's name."""
+    wanted = len(asked.comparisons) + bool(asked.axes)
+    if wanted > 1:
+        raise ParameterError(
+            f"--to {path}: one table is written; give one of --paired, --compare and --by"
+        )
+    if path.suffix.lower() in (".svg", ".pdf", ".png"):
+        write_picture(_picture(asked), path)
+        return
+    paper.table_kind(path)
+    about = paper.caption(asked.scores, asked.truth)
+    if asked.comparisons:
+        (comparison,) = asked.comparisons
+        about = (
+            f"{comparison.cases} scenarios, right against {comparison.truth}; above the diagonal"
+            " win-tie-loss of the row's method, below it p (exact McNemar test, Holm-corrected)"
+        )
+        paper.write(path, comparison.pairs, paper.pairs_text(comparison), about)
+    elif asked.rates is not None:
+        paper.write(path, asked.rates, paper.along_text(asked.rates), about)
+    else:
+        numbers = paper.ranking_numbers(asked.scores, asked.truth)
+        paper.write(path, numbers, paper.ranking_text(asked.scores, asked.truth), about)
+
+
+def _picture(asked: Asked) -> Any:
+    """Return the picture of a ranking, of pairs, or of rates over axes."""
+    if asked.comparisons:
+        return critical_difference.draw(critical_difference.ranks_of(asked.comparisons[0]))
+    axes = asked.scores.plot(asked.axes or None)
+    return (axes if isinstance(axes, Axes) else axes.flat[0]).figure

@@ -1,0 +1,87 @@
+"""Rates over one axis or two are counts of the run's tables, in text, tables and pictures."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from simbench.bench.score.scoring import score_book, score_run
+from simbench.cli import main
+from simbench.detectors.errors import ParameterError
+
+
+@pytest.fixture(scope="module")
+def counted(finished):
+    """Return scores, and the verdicts of one method beside the axes."""
+    scenarios, verdicts = (
+        pd.read_parquet(finished / f"{t}.parquet") for t in ("scenarios", "verdicts")
+    )
+    he = verdicts[verdicts.method == "he"].merge(scenarios, on="scenario_id")
+    return score_run(finished), he[he.cycled.isin(["yes", "no"])]
+
+
+def test_one_axis_is_what_the_table_by_axis_says(counted):
+    scores, _ = counted
+    rows = scores.along("S_over_2J").set_index(["method", "value"])
+    every = scores.by_axis[scores.by_axis.axis == "S_over_2J"].set_index(["method", "value"])
+    for name in ("accuracy", "accuracy_lo", "sensitivity", "false_positives_hi", "no_decision"):
+        same = every.loc[rows.index, name].to_numpy(dtype=float)
+        assert np.allclose(rows[name].to_numpy(dtype=float), same, equal_nan=True)
+
+
+def test_two_axes_are_counted_together(counted):
+    scores, he = counted
+    rows = scores.along(["disturbance", "tuning"])
+    assert list(rows.columns[:4]) == ["method", "disturbance", "tuning", "n"]
+    for row in rows[rows.method == "he"].to_dict("records"):
+        use = he[(he.disturbance == row["disturbance"]) & (he.tuning == row["tuning"])]
+        sticks = use.cycled == "yes"
+        right = (use.verdict == "stiction") & sticks | (use.verdict == "no_stiction") & ~sticks
+        assert row["n"] == len(use)
+        assert row["accuracy"] == pytest.approx(right.mean())
+    assert rows[rows.method == "he"].n.sum() == len(he)
+
+
+def test_two_axes_as_text_json_csv_and_heat_map(finished, tmp_path, capsys):
+    command = ["score", str(finished), "--by", "disturbance", "--by", "tuning"]
+    assert main([*command, "--to", str(tmp_path / "two.csv")]) == 0
+    said = capsys.readouterr().out
+    assert "disturbance down and tuning across" in said
+    assert "rank  method" not in said
+    two = pd.read_csv(tmp_path / "two.csv")
+    assert {"disturbance", "tuning", "accuracy", "accuracy_lo", "n"} <= set(two)
+    assert main([*command, "--json"]) == 0
+    by = json.loads(capsys.readouterr().out)["by"]
+    assert by["axis"] == ["disturbance", "tuning"]
+    assert len(by["rows"]) == len(two)
+    assert main([*command, "--to", str(tmp_path / "two.png")]) == 0
+    assert (tmp_path / "two.png").stat().st_size > 10_000
+    scores = score_run(finished)
+    maps = scores.plot(by=["disturbance", "tuning"])
+    assert [axes.get_title() for axes in maps] == ["he", "yamashita"]
+
+
+def test_cells_of_few_loops_are_marked_with_their_number(book):
+    truth = np.tile([0, 1], 20)
+    axes = {"Td_over_T": np.repeat([0.1, 0.5], [8, 32]), "noise_ratio": np.zeros(40)}
+    scores = score_book(book([truth], truth, axes=axes))
+    scores.book.axes.update(axes)
+    maps = scores.plot(by=["Td_over_T", "noise_ratio"])
+    shown = [text.get_text() for text in maps[0].texts]
+    assert shown == ["1.00\n8", "1.00\n32"]
+    assert maps[0].images[0].get_alpha()[0, 0] < maps[0].images[0].get_alpha()[1, 0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        (["disturbance", "tunin"], "did you mean 'tuning'"),
+        (["disturbance", "disturbance"], "two different"),
+        (["disturbance", "tuning", "noise_ratio"], "two different"),
+        ([], "one axis"),
+    ],
+)
+def test_other_axes_are_refused_in_one_sentence(counted, axes, words):
+    with pytest.raises(ParameterError, match=words):
+        counted[0].along(axes)
