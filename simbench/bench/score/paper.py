@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from simbench.bench.score.compare import Comparison
     from simbench.bench.score.result import Scores
 
-TABLE_KINDS = (".tex", ".md", ".csv")
+PAPER_KINDS = (".tex", ".md", ".csv")
 _SHARES = ("cost", "accuracy", "sensitivity", "false_positives", "no_decision")
 _ENDS = ("", "_lo", "_hi")
 
@@ -24,7 +24,7 @@ _ENDS = ("", "_lo", "_hi")
 def table_kind(path: str | Path) -> str:
     """Return .tex, .md or .csv, whichever a table's name asks for; refuse another."""
     kind = Path(path).suffix.lower()
-    if kind not in TABLE_KINDS:
+    if kind not in PAPER_KINDS:
         raise ParameterError(f"table {path}: .tex, .md or .csv is needed")
     return kind
 

@@ -34,7 +34,7 @@ def test_the_numbers_are_the_rankings_and_shared_ranks_are_marked(scores):
     assert text.Cost["good"] == f"{good.cost:.2f} [{good.cost_lo:.2f}, {good.cost_hi:.2f}]"
 
 
-@pytest.mark.parametrize("kind", paper.TABLE_KINDS)
+@pytest.mark.parametrize("kind", paper.PAPER_KINDS)
 def test_a_run_is_a_table_in_one_call(finished, tmp_path, capsys, kind):
     path = tmp_path / f"table{kind}"
     assert main(["score", str(finished), "--to", str(path)]) == 0
