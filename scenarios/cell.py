@@ -202,6 +202,10 @@ def cell_group(
     return twin, rules, tuple(drafts)
 
 
+# axes of a whole loop that are ratios of its numbers
+RATIOS = ("Td_over_T", "Td_over_Ti", "S_over_2J")
+
+
 def scenario_id(tags: Mapping[str, Any], seed: int) -> str:
     """Return the id of a scenario: a hash of what is asked for, and of no computed number."""
     return content_hash({**{key: tags[key] for key in _IDENTITY}, "seed": str(seed)})
@@ -234,6 +238,42 @@ def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
         "controller": loop.controller.type,
         "valve": loop.valve.name,
     }
+
+
+def with_ratios(loop: Loop, ratios: Mapping[str, Value], where: str) -> Loop:
+    """Return a loop whose dead time and slip jump have these ratios; everything else stays.
+
+    Td_over_T and Td_over_Ti set the dead time. S_over_2J sets J beside the valve's S: inf is a
+    dead-band, and 0 a healthy valve.
+    """
+    for name, value in ratios.items():
+        if isinstance(value, (bool, str)) or not isinstance(value, (int, float)) or not value >= 0:
+            raise SpecError(f"{where}: {name} = {value!r}; a number from 0 is needed")
+        if name == "S_over_2J":
+            loop = _with_slip_jump(loop, float(value), where)
+            continue
+        unit, scale = {
+            "Td_over_T": ("plant.T", loop.plant.T),
+            "Td_over_Ti": ("controller.Ti", loop.controller.Ti),
+        }[name]
+        if not scale or math.isinf(value):
+            raise SpecError(
+                f"{where}: {name} = {value:g} needs a loop with {unit}, and a finite ratio"
+            )
+        loop = loop.with_all({"plant.Td": value * scale})
+    return loop
+
+
+def _with_slip_jump(loop: Loop, ratio: float, where: str) -> Loop:
+    if ratio == 0.0:
+        return loop.with_all({"valve": {"model": "ideal"}})
+    S = loop.valve.parameters.get("S")
+    if not isinstance(S, (int, float)) or not S > 0 or "J" not in loop.valve.parameters:
+        raise SpecError(
+            f"{where}: S_over_2J = {ratio:g} needs a valve with S > 0 and J, such as model"
+            f" 'choudhury', not {loop.valve.name!r}"
+        )
+    return loop.with_all({"valve.J": S / (2.0 * ratio)})
 
 
 def ultimate_gain(Td_over_T: float) -> float:

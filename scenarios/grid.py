@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
 from simbench.scenarios.cell import (
+    RATIOS,
     SETTINGS,
     Draft,
     Rules,
@@ -24,6 +25,7 @@ from simbench.scenarios.cell import (
     cell_group,
     loop_axes,
     scenario_id,
+    with_ratios,
 )
 from simbench.scenarios.errors import SpecError, suggestion
 from simbench.scenarios.grid_check import MOST_CELLS, refuse_mistakes
@@ -379,11 +381,16 @@ class Grid:
         settings = {**values, **self.overrides}
         for key in [key for key in settings if key in Rules.FIELDS]:
             rules[key] = settings.pop(key)
+        ratios = {key: settings.pop(key) for key in RATIOS if key in settings}
         loop = loop.with_all(settings)
+        # a healthy valve is sampled as its sticky twin
+        moving = {key: value for key, value in ratios.items() if (key, value) != ("S_over_2J", 0)}
+        sticky = with_ratios(loop, moving, self.name)
+        loop = with_ratios(loop, ratios, self.name)
         seed = int(rng.integers(2**63))
         told = {key: _told(value) for key, value in values.items()}
         tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **told}
-        twin = loop.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
+        twin = sticky.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
         draft = Draft(loop, tags, Rules(**rules), seed, scenario_id(tags, seed))
         return Group(index, twin, Rules(**rules), (draft,))
 

@@ -101,7 +101,10 @@ def _mistakes(content: Any) -> Iterator[str]:
             for key, value in part.parameters.items():
                 yield from _range(f"{kind} {name!r}: {key}", value)
     if content.loop is not None:
-        yield from _axes("", content.axes, {})
+        axes = dict(content.axes)
+        if "S_over_2J" in axes:  # of a whole loop, 0 is a healthy valve
+            axes["S_over_2J"] = tuple(v for v in axes["S_over_2J"] if v != 0) or (1.0,)
+        yield from _axes("", axes, {})
         return
     for name, count in _counted(b.name for b in content.block):
         if count > 1:

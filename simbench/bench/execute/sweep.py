@@ -8,13 +8,14 @@ import contextlib
 import json
 import math
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.statistics import wilson
+from simbench.detectors.sources import Methods, named_methods
 from simbench.detectors.verdict import STICTION
 from simbench.scenarios.grid import Grid, make_grid
 from simbench.scenarios.spec import Loop, load_loop
@@ -35,13 +36,13 @@ class Sweep:
 
     def verdicts(
         self,
-        detectors: Iterable[str] = ("fast",),
+        detectors: Methods = ("fast",),
         jobs: int = 1,
         out: str | Path | None = None,
         **settings: Any,
     ) -> pd.DataFrame:
         """Simulate and judge; one row per scenario and method, with the axes and the truth next to
-        the verdict.
+        the verdict. Detectors are method ids, functions or objects, as in `simbench.detect`.
 
         With `out` the tables stay in that folder, and a sweep that was interrupted goes on there.
         """
@@ -49,7 +50,7 @@ class Sweep:
 
     def _run(
         self,
-        detectors: Iterable[str],
+        detectors: Methods,
         jobs: int,
         out: str | Path | None,
         settings: Mapping[str, Any],
@@ -60,10 +61,10 @@ class Sweep:
         """
         import pandas as pd
 
-        names = [detectors] if isinstance(detectors, str) else list(detectors)
+        names, own = named_methods(detectors)
         with _kept_in(out) as where:
             resume = {"resume": out is not None, **settings}
-            folder = run_grid(self.grid, where, names, jobs, **resume)
+            folder = run_grid(self.grid, where, names, jobs, own=own, **resume)
             scenarios, verdicts = (
                 pd.read_parquet(
                     folder / f"{table}.parquet",
@@ -84,12 +85,13 @@ class Sweep:
 
     def score(
         self,
-        detectors: Iterable[str] = ("fast",),
+        detectors: Methods = ("fast",),
         jobs: int = 1,
         out: str | Path | None = None,
         **settings: Any,
     ) -> pd.DataFrame:
-        """Simulate, judge and score; one row per combination of axis values and method.
+        """Simulate, judge and score; one row per combination of axis values and method. Detectors
+        are method ids, functions or objects, as in `simbench.detect`.
 
         With `out` the tables stay in that folder, and a sweep that was interrupted goes on there.
         """
@@ -141,8 +143,10 @@ def sweep(
     loop : Loop, str or Path
         A loop, or a loop file.
     axes : mapping of str to sequence
-        Dotted loop keys ("valve.J", "noise.std"), or the rules samples_per_period with periods, and
-        noise_ratio.
+        Dotted loop keys ("valve.J", "noise.std"); the ratios Td_over_T (or Td_over_Ti), which sets
+        the dead time, and S_over_2J, which sets J beside the valve's S (inf: dead-band, 0: a
+        healthy valve), while the controller stays as it is; or the rules samples_per_period with
+        periods, and noise_ratio.
     seeds : int
         Scenarios per combination; only noise and random disturbances differ between them.
     seed : int

@@ -1,98 +1,70 @@
-"""A sweep's table counted again from its verdicts."""
+"""Sweeps take functions as detectors, and the ratios of the benchmark's axes as axes."""
 
+import json
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from simbench.bench.execute import work
-from simbench.bench.execute.sweep import Sweep, sweep
-from simbench.bench.statistics import wilson
+from simbench.bench.execute.sweep import sweep
+from simbench.detectors.errors import UserError
 from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(
     {
-        "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
-        "controller": {"type": "PI", "Kc": 1, "Ti": 10},
-        "valve": {"model": "choudhury", "S": 5, "J": 2},
-        "sampling": {"Ts": 1},
+        "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
+        "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
+        "valve": {"model": "choudhury", "S": 4.0, "J": 1.0},
+        "sampling": {"Ts": 1.0, "n": 400},
+        "setpoint": {"steps": [[10.0, 55.0]]},
     }
 )
 
 
-@pytest.fixture
-def made(monkeypatch):
-    rng = np.random.default_rng(0)
-    rows = []
-    for cell, J in enumerate((1.0, 2.0)):
-        for method in ("a", "b"):
-            for _ in range(40):
-                verdict = rng.choice(["stiction", "no_stiction", "no_decision"])
-                cycled = rng.choice(["yes", "no", "unclear", "entrained"]) if J > 1 else "unclear"
-                rows.append([cell, method, J, cycled, verdict, rng.normal()])
-    names = ["cell", "method", "valve.J", "cycled", "verdict", "score"]
-    frame = pd.DataFrame(rows, columns=names)
-    monkeypatch.setattr(Sweep, "_run", lambda self, *a: frame)
-    return frame
+def never(record):
+    """Answer no stiction."""
+    return False
 
 
-def test_every_number_of_a_sweep(made):
-    scores = sweep(LOOP, {"valve.J": [1.0, 2.0]}, seeds=40).score(["a", "b"])
-    verdict, score = "verdict", "score"
-    assert len(scores) == 4
-    for row in scores.to_dict("records"):
-        part = [
-            r
-            for r in made.to_dict("records")
-            if (r["valve.J"], r["method"]) == (row["valve.J"], row["method"])
-        ]
-        assert row["n"] == len(part) == 40
-        for name, wanted in (("stiction", "stiction"), ("no_decision", "no_decision")):
-            assert row[name] == pytest.approx(np.mean([r[verdict] == wanted for r in part]))
-        assert row["cycling"] == pytest.approx(np.mean([r["cycled"] == "yes" for r in part]))
-        assert row["score"] == pytest.approx(np.median([r[score] for r in part]))
-        right = {("yes", "stiction"), ("no", "no_stiction")}
-        judged = [(r["cycled"], r[verdict]) in right for r in part if r["cycled"] in ("yes", "no")]
-        lo, hi = wilson(sum(judged), len(judged))
-        assert (row["accuracy_lo"], row["accuracy_hi"]) == pytest.approx((float(lo), float(hi)))
-        if judged:
-            assert row["accuracy"] == pytest.approx(np.mean(judged))
-        else:
-            assert math.isnan(row["accuracy"])
+def test_functions_are_asked_beside_methods():
+    table = sweep(LOOP, {"valve.S": [4.0, 6.0]}).score([never, "horch"])
+    assert table.method.tolist() == ["never", "horch", "never", "horch"]
+    assert (table[table.method == "never"].stiction == 0.0).all()
+    assert sweep(LOOP, {"valve.S": [4.0]}).score(never).method.tolist() == ["never"]
 
 
-def test_one_seed_and_the_root_nought_unless_asked():
-    assert len(sweep(LOOP, {"valve.J": [1.0, 2.0]})) == 2
-    assert sweep(LOOP, {"valve.J": [1.0]}).grid.content.seed == 0
+def test_ratios_set_the_dead_time_and_the_slip_jump():
+    axes = {"Td_over_T": [0.1, 0.5], "S_over_2J": [0, 0.5, math.inf]}
+    verdicts = sweep(LOOP, axes).verdicts(never)
+    loops = verdicts.loop.map(json.loads)
+    assert loops.map(lambda x: x["plant"]["Td"]).tolist() == [1.0] * 3 + [5.0] * 3
+    assert loops.map(lambda x: x["valve"].get("J", "none")).tolist() == ["none", 4.0, 0.0] * 2
+    assert loops.map(lambda x: x["valve"]["model"]).tolist()[0] == "ideal"
+    assert verdicts.S_over_2J.tolist() == [0.0, 0.5, math.inf] * 2
+    assert verdicts.sticky.tolist() == [False, True, True] * 2
+    assert loops.map(lambda x: x["controller"]["Kc"]).eq(1.0).all()
 
 
-def test_a_sweep_that_was_interrupted_goes_on_in_its_folder(tmp_path, monkeypatch):
-    swept = sweep(LOOP.with_("sampling.n", 400), {"valve.J": [1.0, 2.0]}, seeds=3)
-    out, asked = tmp_path / "swept", []
-    whole = swept.score(["horch"])
-
-    def stop(*_):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as m:
-        m.setattr("simbench.bench.execute.pieces.finish", stop)
-        with pytest.raises(KeyboardInterrupt):
-            swept.score(["horch"], out=out)
-    resolved = work.judge_record
-    monkeypatch.setattr(work, "judge_record", lambda *a: asked.append(1) or resolved(*a))
-    pd.testing.assert_frame_equal(swept.score(["horch"], out=out), whole)
-    assert (asked, len(swept.verdicts(["horch"], out=out))) == ([], 6)
+def test_the_scores_of_ratios_say_who_sees_what():
+    table = sweep(LOOP, {"S_over_2J": [0, 1.0]}, seeds=2).score("he").set_index("S_over_2J")
+    assert table.cycling.to_dict() == {0.0: 0.0, 1.0: 1.0}
+    assert np.isfinite(table.accuracy).all()
 
 
-def test_a_score_reads_only_the_columns_that_it_needs(monkeypatch):
-    read, before = [], pd.read_parquet
-    monkeypatch.setattr(
-        pd, "read_parquet", lambda f, columns: read.append(columns) or before(f, columns=columns)
-    )
-    swept = sweep(LOOP.with_("sampling.n", 400), {"valve.J": [1.0, 2.0]})
-    assert list(swept.score("horch")["valve.J"]) == [1.0, 2.0]
-    assert read == [
-        ["scenario_id", "cell", "cycled", "tags"],
-        ["scenario_id", "method", "verdict", "score"],
-    ]
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ({"Td_over_T": [-1.0]}, "-1; 0 to"),
+        ({"Td_over_T": ["x"]}, "numbers are needed"),
+        ({"S_over_2J": [1.0], "valve": [{"model": "deadzone", "d": 1.0}]}, "valve with S > 0"),
+    ],
+)
+def test_impossible_ratios_are_one_sentence(axes, words):
+    with pytest.raises(UserError, match=words):
+        sweep(LOOP, axes).score("he")
+
+
+def test_a_dead_time_of_integral_times_needs_one():
+    proportional = LOOP.with_all({"controller": {"type": "P", "Kc": 1.0}})
+    with pytest.raises(UserError, match=r"controller\.Ti"):
+        sweep(proportional, {"Td_over_Ti": [0.1]}).score("he")
