@@ -67,6 +67,7 @@ def detect(
     methods: Methods = "all",
     *,
     plugins: Iterable[str | Path] = (),
+    conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
     **about: Any,
 ) -> Report:
     """Does this valve stick? Ask one or all detectors.
@@ -82,6 +83,8 @@ def detect(
         `detect` does, copied before every record.
     plugins : iterable of str or Path
         Detector files outside the package; they are judged too.
+    conclude : callable, optional
+        Weighs all evidence of one record.
     **about
         op, pv, sp, mv (shape (n,)) in place of a source: OP (%, or in `op_span` units), PV, SP (PV
         units), valve position (%); Ts (s), which a source may have itself; what is known of the
@@ -111,7 +114,7 @@ def detect(
     ['half']
     """
     asked, custom = named_methods(methods)
-    settings = _JudgeSettings()
+    settings = _JudgeSettings(conclude=conclude)
     with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
@@ -122,7 +125,10 @@ def detect(
             names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
             verdicts = judge(record, names)
-        return Report([(None, v) for v in verdicts], records={None: record})
+        conclusions = {} if conclude is None else {None: conclude(record)}
+        return Report(
+            [(None, v) for v in verdicts], records={None: record}, conclusions=conclusions
+        )
 
 
 def judge_files(

@@ -138,6 +138,10 @@ class Diagnosis:
             else f"{decisive[-2].evidence}; {decisive[-1].evidence}"
         )
 
+    def __repr__(self) -> str:
+        """Return one line."""
+        return f"Diagnosis: {self.verdict.replace('_', ' ')} ({self.conclusion})"
+
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
         return _plain(

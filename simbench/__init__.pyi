@@ -3,8 +3,6 @@
 from simbench import gap as gap
 from simbench.bench.execute.sweep import sweep as sweep
 from simbench.bench.score.shipped import results as results
-from simbench.detectors.detection import detect as detect
-from simbench.detectors.detection import diagnose as diagnose
 from simbench.detectors.record import LoopRecord as LoopRecord
 from simbench.detectors.records.io import read_record as read_record
 from simbench.detectors.verdict import Verdict as Verdict
@@ -14,6 +12,11 @@ from simbench.loop.simulate import simulate as simulate
 from simbench.loop.simulate import simulate_batch as simulate_batch
 from simbench.theory.predict import predict as predict
 from simbench.trust.trust import trust as trust
+from simbench.verbs import check as check
+from simbench.verbs import cite as cite
+from simbench.verbs import contract as contract
+from simbench.verbs import detect as detect
+from simbench.verbs import diagnose as diagnose
 from simbench.workbench import Loop as Loop
 from simbench.workbench import load_loop as load_loop
 from simbench.workbench import run as run

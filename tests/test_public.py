@@ -15,6 +15,7 @@ import pytest
 import simbench as sb
 import simbench.detectors as detectors
 import simbench.scenarios as scenarios
+from simbench.cli import main
 from simbench.detectors.errors import RecordError, UnknownName
 from simbench.detectors.record import LoopRecord
 from simbench.scenarios.errors import SpecError
@@ -204,7 +205,7 @@ def test_results_become_tables_pictures_and_notebook_cells(run):
         "self-regulating": run,
         "choudhury": sb.Loop(**TABLES),
         "kano_a": report,
-        "next": sb.diagnose(run),
+        "Next": sb.diagnose(run),
     }
     for word, thing in things.items():
         html = thing._repr_html_()
@@ -221,3 +222,44 @@ def test_reasons_are_given_on_request():
     )
     assert "OP is triangular" not in text
     assert "OP is triangular" in shown.as_text(why=True)
+
+
+def test_python_concludes_what_the_command_line_concludes(tmp_path, run, capsys):
+    path = tmp_path / "rec.csv"
+    run.to_frame().to_csv(path, index=False)
+    assert main(["detect", str(path), "--method", "likelihood", "--json"]) == 0
+    (printed,) = json.loads(capsys.readouterr().out)
+    assert sb.detect(path, "likelihood").conclusion.as_json() == printed["conclusion"]
+    assert sb.detect(path, "horch").conclusion is None
+    assert main(["diagnose", str(path), "--json"]) == 0
+    diagnosed = json.loads(capsys.readouterr().out)
+    assert json.loads(json.dumps(sb.diagnose(path).as_json())) == diagnosed
+    assert sb.diagnose(path).conclusion.as_json() == diagnosed["conclusion"]
+
+
+def test_there_is_one_class_of_loops():
+    assert scenarios.Loop is sb.Loop
+    assert scenarios.load_loop is sb.load_loop
+    loop = scenarios.Loop(**TABLES)
+    assert loop.simulate(seed=1).record.n == 1200
+
+
+def test_the_verbs_of_a_check_and_a_citation_are_functions(tmp_path, capsys):
+    folder = sb.run("smoke", "horch", out=tmp_path / "run", sets={"disturbance": "none"})
+    assert sb.check(folder, folder).result == "same"
+    assert main(["cite", str(folder)]) == 0
+    assert sb.cite(folder) == capsys.readouterr().out
+    grid = Path(scenarios.__file__).parent / "grids" / "smoke.toml"
+    assert sb.contract(grid).kept
+    import simbench.contract as room
+
+    assert room(grid).kept
+
+
+def test_results_show_themselves_in_one_line(run):
+    detected, diagnosed = sb.detect(run, "horch"), sb.diagnose(run)
+    assert repr(detected) == "Report: 1 verdict on 1 record"
+    for thing in (detected, diagnosed, diagnosed.conclusion, diagnosed.procedure):
+        assert "\n" not in repr(thing)
+        assert len(repr(thing)) < 300
+        assert thing._repr_html_()

@@ -89,9 +89,24 @@ class Report:
         ]
 
     @property
+    def conclusion(self) -> ShownConclusion | None:
+        """The conclusion about a single record; None where none was drawn, and of several records,
+        whose are in `conclusions`.
+        """
+        return self.conclusions.get(None)
+
+    @property
     def of_folder(self) -> bool:
         """Whether a folder was judged, or a file of several loops: its records have names."""
         return None not in self.records
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        sizes = (("verdict", len(self.verdicts)), ("record", len(self.records)))
+        text = "Report: " + " on ".join(f"{n} {word}{'s' * (n != 1)}" for word, n in sizes)
+        if self.conclusion is not None:
+            text += f"; {self.conclusion.as_lines()[0]}"
+        return text
 
     def __len__(self) -> int:
         """Number of verdicts."""

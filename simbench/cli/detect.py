@@ -22,6 +22,7 @@ from simbench.cli.common import (
     say,
     say_assumed,
     show,
+    show_result,
 )
 
 
@@ -81,21 +82,18 @@ def detect(
     from simbench.detectors.detection import judge_files
     from simbench.detectors.report.report import failed, table
     from simbench.files import refuse_kind, refuse_own_input
+    from simbench.verbs import concluded, weighs
 
     refuse_kind(csv or "")
     refuse_own_input([csv, html], [path, labels, *(plugin or [])])
     asked = method or ["all"]
-    # single methods are asked for their verdicts alone, and answer at once
-    weighed = {"all", "full", "likelihood"} & {
-        one.strip() for text in asked for one in text.split(",")
-    }
     report = judge_files(
         path,
         asked,
         labels=labels,
         plugins=plugin or [],
         time_limit=time_limit,
-        conclude=_conclude if weighed or html is not None else None,
+        conclude=concluded if weighs(asked) or html is not None else None,
         **about,
     )
     for name, sentence in report.refused.items():
@@ -149,49 +147,19 @@ def diagnose(
     the confidence (0 to 1) that the evidence for it gives; and the diagnosis procedure of the book
     chapter that simbench implements, question by question.
     """
-    from simbench.detectors.procedure import diagnose as procedure
     from simbench.detectors.records.io import read_record
-    from simbench.detectors.repaired import repaired
-    from simbench.detectors.verdict import PROBABILITY
-    from simbench.gap.stiction.conclusion import judged
+    from simbench.verbs import diagnose as diagnose_record
 
     refuse_picture(picture, path)
-    record = repaired(read_record(path, **about))
-    diagnosis, (concluded, causes) = procedure(record), judged(record)
+    diagnosis = diagnose_record(read_record(path, **about))
     if picture is not None:
         from simbench.figures import draw_path
 
-        draw_path(diagnosis, picture)
-    text = [
-        *concluded.as_lines(),
-        "Causes with their confidence (0 to 1). Several may act, so they need not add up to 1:",
-        *causes.as_lines(),
-        "The diagnosis procedure of the book chapter (one method among others):",
-    ]
-    whole = diagnosis.as_json()
-    procedure_json = {
-        key: whole[key] for key in ("verdict", "score", "conclusion", "reason", "next_test")
-    }
-    more = {
-        "verdict": concluded.verdict,
-        "reason": concluded.reason,
-        "next_test": concluded.next,
-        "conclusion": concluded.as_json(),
-        PROBABILITY: concluded.probability,
-        "causes": causes.as_json(),
-        "procedure": procedure_json,
-        "notes": [*record.notes],
-    }
-    show(whole | more if as_json else "\n".join([*text, diagnosis.as_text()]), as_json)
-    say_assumed([record], as_json)
+        draw_path(diagnosis.procedure, picture)
+    show_result(diagnosis, as_json)
+    say_assumed([diagnosis.record], as_json)
     if power:
         _print_power(path, ["all"], as_json, **about)
-
-
-def _conclude(record: Any) -> Any:
-    from simbench.gap.diagnosis import conclude
-
-    return conclude(record)
 
 
 def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:

@@ -14,6 +14,9 @@ from simbench.detectors.contract.engine import Contract
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.detectors.plugins.host import Host, PluginError
 from simbench.detectors.plugins.registry import PluginFolder
+from simbench.lazy import called_as
+
+called_as(__name__, "simbench.verbs")
 
 CONTRACT_SECONDS = 600.0  # for all that is asked of one plug-in
 # an effect may hold a valve's steps too: the kind of which most is there, the first of equals

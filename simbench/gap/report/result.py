@@ -15,10 +15,11 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
-from simbench.scenarios.spec import Loop
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from simbench.workbench import Loop
 
 LEAST_SHOWN = 0.005  # probability from which an explanation is shown: what does not round to 0 %
 
@@ -204,6 +205,10 @@ class GapReport:
             xlim=(0, 1), xlabel="probability", ylabel="", color="0.7", legend=False
         )
 
+    def __repr__(self) -> str:
+        """Return one line."""
+        return f"GapReport: {self.sentence()}"
+
     def _repr_html_(self) -> str:
         return page_part(self.sentence(), self.to_frame().head(8))
 
@@ -228,7 +233,9 @@ class GapReport:
         Loop
             A loop to simulate in place of the baseline.
         """
-        return self.behind.loops.corrected(self.named)
+        from simbench.workbench import Loop
+
+        return Loop.from_table(self.behind.loops.corrected(self.named).to_table())
 
     def sentence(self) -> str:
         """Return the answer in one sentence.

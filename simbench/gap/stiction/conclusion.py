@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,13 @@ class Conclusion:
     notes: tuple[str, ...] = ()
     S: Size | None = None
     J: Size | None = None
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return f"Conclusion: {self.sentence()}"
+
+    def _repr_html_(self) -> str:
+        return "".join(f"<p>{escape(line)}</p>" for line in self.as_lines())
 
     def as_json(self) -> dict[str, Any]:
         """Return the conclusion in JSON types, without the sizes, which stand beside it."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simbench.bench.execute.sweep import sweep
-from simbench.detectors.errors import UserError
+from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(
@@ -54,17 +54,17 @@ def test_the_scores_of_ratios_say_who_sees_what():
 @pytest.mark.parametrize(
     ("axes", "words"),
     [
-        ({"Td_over_T": [-1.0]}, "-1; 0 to"),
+        ({"Td_over_T": [-1.0]}, "value -1; 0 to"),
         ({"Td_over_T": ["x"]}, "numbers are needed"),
         ({"S_over_2J": [1.0], "valve": [{"model": "deadzone", "d": 1.0}]}, "valve with S > 0"),
     ],
 )
 def test_impossible_ratios_are_one_sentence(axes, words):
-    with pytest.raises(UserError, match=words):
+    with pytest.raises(SpecError, match=words):
         sweep(LOOP, axes).score("he")
 
 
 def test_a_dead_time_of_integral_times_needs_one():
     proportional = LOOP.with_all({"controller": {"type": "P", "Kc": 1.0}})
-    with pytest.raises(UserError, match=r"controller\.Ti"):
+    with pytest.raises(SpecError, match=r"controller\.Ti"):
         sweep(proportional, {"Td_over_Ti": [0.1]}).score("he")

@@ -5,8 +5,23 @@ from types import SimpleNamespace
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
 from simbench.gap.stiction.conclusion import Conclusion
+from simbench.scenarios import spec
+from simbench.workbench import Loop
 
-DETAILS = SimpleNamespace(loops=SimpleNamespace(corrected=lambda effects: ("loop with", *effects)))
+LOOP = Loop(
+    plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
+    controller={"type": "PI", "Kc": 1, "Ti": 10},
+    sampling={"Ts": 1, "n": 100},
+)
+
+
+def corrected(effects):
+    """Return the loop, with stiction where that is among the effects."""
+    sticky = {"valve": {"model": "choudhury", "S": 6.04, "J": 3.0}}
+    return spec.Loop.from_table(LOOP.with_all(sticky if "stiction" in effects else {}).to_table())
+
+
+DETAILS = SimpleNamespace(loops=SimpleNamespace(corrected=corrected))
 STUCK = {
     "block": "valve",
     "effect": "stiction",
@@ -156,9 +171,10 @@ def test_a_terminal_shows_what_cannot_be_distinguished_and_when_nothing_can_be_c
 
 
 def test_only_known_effects_are_added_to_the_baseline():
-    assert report().fixed_loop() == ("loop with", "stiction")
+    assert report().fixed_loop().valve.parameters == {"S": 6.04, "J": 3.0}
+    assert report().fixed_loop().simulate(seed=1).record.n == 100
     unknown = {"block": "process", "effect": "unknown", "parameters": {}, "probability": 0.62}
-    assert report("unknown", "process", (unknown,)).fixed_loop() == ("loop with",)
+    assert report("unknown", "process", (unknown,)).fixed_loop() == LOOP
 
 
 def test_a_table_and_a_picture_hold_the_ranking():
