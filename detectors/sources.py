@@ -21,10 +21,9 @@ from simbench.detectors.errors import AnswerError, ParameterError, RecordError
 from simbench.detectors.method import Method, refuse_wrong_call
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import RECORDED_SIGNALS, LoopRecord
-from simbench.detectors.records.io import read_record
+from simbench.detectors.records.io import read_columns, read_record
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, VERDICTS, Verdict
 
-_TIMES = ("t_s", "t", "time", "timestamp")
 _HINT = "for example detect(op=op, pv=pv, Ts=1.0), or a DataFrame or dict with columns op, pv and t"
 _WORDS = {True: STICTION, False: NO_STICTION, None: NO_DECISION}
 
@@ -107,7 +106,7 @@ def as_record(
         missing = [name for name in ("op", "pv") if name not in signals] + ["Ts"] * (Ts is None)
         if missing or Ts is None:
             raise RecordError(f"no {' and no '.join(missing)} given; a record is needed, {_HINT}")
-        return LoopRecord(Ts=Ts, **signals, **about)
+        return read_columns(signals, Ts=Ts, **about)
     if signals:
         raise RecordError(
             f"{', '.join(signals)} given beside a {type(source).__name__}; one of both is needed,"
@@ -116,7 +115,7 @@ def as_record(
     if isinstance(source, (str, Path)):
         return read_record(source, **about, **({} if Ts is None else {"Ts": Ts}))
     if isinstance(source, Mapping) or (hasattr(source, "columns") and hasattr(source, "index")):
-        return _of_table(source, Ts, about.pop("columns", None) or {}, about)
+        return read_columns(source, Ts=Ts, **about)
     record = source if isinstance(source, LoopRecord) else getattr(source, "record", None)
     if not isinstance(record, LoopRecord):
         raise RecordError(
@@ -125,45 +124,6 @@ def as_record(
         )
     changes = about if Ts is None else {**about, "Ts": Ts}
     return replace(record, **changes) if changes else record
-
-
-def _of_table(
-    table: Any, Ts: float | None, columns: Mapping[str, str], about: dict[str, Any]
-) -> LoopRecord:
-    """Return the record in the columns of a DataFrame, or in the arrays of a mapping."""
-    names = {
-        str(name).strip().lower(): name
-        for name in (table.keys() if isinstance(table, Mapping) else table.columns)
-    }
-    names |= {role.lower(): name for role, name in columns.items()}
-    for name in ("op", "pv"):
-        if name not in names:
-            raise RecordError(
-                f"no {name.upper()} column; columns are: {', '.join(map(str, table))}; {_HINT}"
-            )
-    time = next((table[names[t]] for t in _TIMES if t in names), None)
-    index = getattr(table, "index", None)
-    if time is None and np.asarray(index).dtype.kind == "M":
-        time = index
-    if Ts is None and time is None:
-        raise RecordError(f"no time column (t or t_s) and no sampling period Ts given; {_HINT}")
-    if Ts is None:
-        t = np.asarray(time)
-        if t.size < 3:
-            raise RecordError(f"{t.size} samples; at least 3 are needed")
-        steps = np.diff(t)
-        Ts = float(
-            np.median(
-                steps / np.timedelta64(1, "s") if t.dtype.kind == "M" else steps.astype(float)
-            )
-        )
-    try:
-        signals = {
-            s: np.asarray(table[names[s]], dtype=float) for s in RECORDED_SIGNALS if s in names
-        }
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecordError(f"a column of the record holds what is no number: {error}") from None
-    return LoopRecord(Ts=Ts, **signals, **about)
 
 
 def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:

@@ -56,7 +56,14 @@ from simbench.detectors.records.roles import (
     shown,
     unit,
 )
-from simbench.detectors.records.tables import BLANK, Sheet, range_of, read_sheets, read_table
+from simbench.detectors.records.tables import (
+    BLANK,
+    Sheet,
+    columns_of,
+    range_of,
+    read_sheets,
+    read_table,
+)
 from simbench.detectors.signal.holds import runs_of
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
@@ -138,6 +145,27 @@ def read_record(
         if (wanted is None and row.get("file", path.name) == path.name) or row["tag"] == wanted:
             return _of_row(path, row, given, named=wanted is not None)
     return _only(_of_file(path, wanted, single=True, **_merged({}, given)))
+
+
+def read_columns(
+    table: Any,
+    *,
+    columns: Mapping[str, str] | None = None,
+    tag: str | None = None,
+    **about: Any,
+) -> LoopRecord:
+    """Read one loop record from a data frame, or from a mapping of names to arrays, as
+    `read_record` reads a file.
+    """
+    cells, where, chosen = columns_of(table), "table", dict(columns or {})
+    rows = len(next(iter(cells.values()), ()))
+    sheet = Sheet(cells, [*range(rows)], unit="row")
+    take_rows(sheet, chosen)
+    units = take_units(sheet, chosen)
+    _join_dates(sheet)
+    opened = {"": _Opened(sheet, units, unfold(sheet, "none"), where)}
+    given = {k: v for k, v in about.items() if v is not None}
+    return _only(_of_tables(opened, where, tag, chosen, "", single=True, **given))
 
 
 def read_records(
@@ -285,8 +313,26 @@ def _of_file(
     """
     given = {k: v for k, v in given.items() if v is not None}
     chosen, where = dict(columns or {}), str(path)
-    loops: dict[str, tuple[_Opened, dict[str, str]]] = {}
+    if in_columns:
+        given["in_columns"] = True
     tables = _opened(path, chosen, tag)
+    return _of_tables(tables, where, tag, chosen, path.stem, single, **given)
+
+
+def _of_tables(
+    tables: Mapping[str, _Opened],
+    where: str,
+    tag: str | None,
+    chosen: Mapping[str, str],
+    stem: str,
+    single: bool = False,
+    **given: Any,
+) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:
+    """Return the records of tables by tag, and what was refused; `stem` names a loop that nothing
+    else does.
+    """
+    in_columns = given.pop("in_columns", False)
+    loops: dict[str, tuple[_Opened, dict[str, str]]] = {}
     for sheet, table in tables.items():
         names = list(table.parts or table.sheet.columns)
         only = (bool(sheet) or (tag is not None and not in_columns)) and not names_loops(names)
@@ -299,14 +345,14 @@ def _of_file(
         for name, roles in named.items():
             label = name or sheet or tag or ""
             if len(named) == 1 and not sheet and tag is None:
-                label = printable(table.loop or path.stem)
+                label = printable(table.loop or stem)
             loops[label if label not in loops else f"{sheet} {label}"] = table, roles
     mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
     if not mine or (single and len(mine) > 1):
         raise several_loops({name: roles for name, (_, roles) in loops.items()}, where)
     records, refused = {}, {}
     for label, (table, roles) in mine.items():
-        about = {"tag": printable(label or path.stem), **table.about, **given}
+        about = {"tag": printable(label or stem), **table.about, **given}
         try:
             records[label] = _record(table.with_separate_notes(), roles, chosen, about)
         except RecordError as error:

@@ -47,10 +47,11 @@ class Sheet:
     lines: list[int] = field(default_factory=list)
     delimiter: str = ""  # between the cells of a CSV
     notes: list[str] = field(default_factory=list)  # what had to be done to read it
+    unit: str = "line"  # what a row is called
 
     def place(self, row: int) -> str:
-        """Return the line of a row in its file."""
-        return f"line {self.lines[row] if self.lines else row + 2}"
+        """Return where a row stands, as its file counts."""
+        return f"{self.unit} {self.lines[row] if self.lines else row + 2}"
 
     def part(self, names: Mapping[str, str], rows: Sequence[int]) -> Sheet:
         """Return some rows of some columns, each under a new name, without the notes."""
@@ -194,6 +195,21 @@ def _of_workbook(path: Path, rows: list[list[str]], heads: list[bool]) -> Sheet:
     sheet = _table(path, rows, list(range(1, len(rows) + 1)), start, above)
     sheet.notes[:0] = _left_out(sum(any(map(str.strip, row)) for row in rows[:start]))
     return sheet
+
+
+def columns_of(table: Any) -> Columns:
+    """Return the cells of a data frame, or of a mapping of names to arrays or lists."""
+    if hasattr(table, "index") and hasattr(table, "dtypes"):
+        return _from_frame(table)
+    cells: Columns = {}
+    for name, values in table.items():
+        array = np.asarray(values)
+        cells[str(name)] = array if array.dtype.kind in "fiuM" else array.tolist()
+    sizes = {name: np.shape(c)[0] if np.ndim(c) == 1 else -1 for name, c in cells.items()}
+    if len(set(sizes.values())) > 1 or -1 in sizes.values():
+        told = ", ".join(f"{n} {'no column' if k < 0 else k}" for n, k in sizes.items())
+        raise RecordError(f"columns of one length are needed, not {told}")
+    return cells
 
 
 def _from_frame(frame) -> Columns:

@@ -8,6 +8,7 @@ import simbench as sb
 from simbench.detectors.errors import AnswerError, ParameterError, RecordError
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.sources import as_record
 from simbench.detectors.verdict import Verdict
 
 t = np.arange(600.0)
@@ -164,7 +165,7 @@ def horch(record):
         (lambda: sb.detect(FRAME, op=OP), "one of both"),
         (lambda: sb.detect({"op": OP}), "no PV column"),
         (lambda: sb.detect({"op": OP, "pv": PV}), "no sampling period"),
-        (lambda: sb.detect({"op": OP, "pv": ["x"] * 600}, Ts=1.0), "no number"),
+        (lambda: sb.detect({"op": OP, "pv": ["x"] * 600}, Ts=1.0), "row 0: pv is"),
     ],
 )
 def test_what_is_no_record_is_shown_one(call, words):
@@ -224,3 +225,24 @@ def test_trust_gap_and_confirm_take_the_same():
     assert sb.confirm(one, two, ratio=0.6).shift == pytest.approx(2 / 3, rel=0.01)
     with pytest.raises(RecordError, match="no Ts"):
         sb.gap.diagnose(op=OP, pv=PV)
+
+
+def test_files_frames_and_arrays_are_read_alike(tmp_path):
+    t = np.arange(400.0)
+    frame = pd.DataFrame({"t": t, "SP": np.nan, "op": 50 + np.sin(t / 8), "pv": 20 + np.cos(t / 8)})
+    frame.loc[[5, 90], "pv"] = np.nan
+    frame.to_csv(tmp_path / "rec.csv", index=False)
+    file = as_record(tmp_path / "rec.csv")
+    arrays = {name: frame[name].to_numpy() for name in ("op", "pv")}
+    tables = (frame, frame.set_index("t"), {name: frame[name].to_numpy() for name in frame})
+    for record in (*map(as_record, tables), as_record(**arrays, Ts=1.0)):
+        assert record.sp is None
+        assert record.Ts == file.Ts
+        assert np.allclose(record.pv, file.pv)
+        assert record.notes == file.notes
+    answers = [sb.detect(source, "he").as_json() for source in (frame, tmp_path / "rec.csv")]
+    assert answers[0] == answers[1]
+    stamped = frame.assign(t=pd.Timestamp("2026-01-01") + pd.to_timedelta(t, "s"))
+    assert as_record(stamped).Ts == 1.0
+    with pytest.raises(RecordError, match="one length"):
+        as_record({"op": [1.0, 2.0], "pv": [1.0], "t": [0.0, 1.0]})
