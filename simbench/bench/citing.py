@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from importlib.metadata import metadata
 from pathlib import Path
 from string import ascii_lowercase
 
 from simbench import __version__
+from simbench.bench.publications import details
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.benchmark import BENCHMARK
 from simbench.bench.store.reading import read_book
@@ -62,8 +64,8 @@ def bibtex_of(folder: str | Path) -> str:
     Returns
     -------
     str
-        One entry per publication; its note says what of the run stands on it. A plug-in whose file
-        is not given is cited by its name.
+        One entry per publication; its note says what of the run stands on it. A plug-in
+        is cited by its name and the source that its file states.
 
     Raises
     ------
@@ -72,8 +74,8 @@ def bibtex_of(folder: str | Path) -> str:
 
     Notes
     -----
-    Entries have no titles: they hold what the source line of a method or a valve model states,
-    which is enough to find the publication. Not a list of references to paste unread.
+    Entries hold what the source line of a method or a valve model states; an article of the package
+    has a title, and a DOI where one is known. Not a list of references to paste unread.
 
     Examples
     --------
@@ -84,6 +86,8 @@ def bibtex_of(folder: str | Path) -> str:
     """
     book = read_book(folder)
     found: dict[str, _Entry] = dict(_ALWAYS)
+    if url := _url():
+        found["simbench"] = "software", found["simbench"][1] | {"url": url}
     benchmark = book.manifest[BENCHMARK]
     named = {"title": f"simbench benchmark {benchmark['name']}", "note": benchmark["hash"]}
     found[benchmark["name"]] = "misc", named
@@ -94,10 +98,26 @@ def bibtex_of(folder: str | Path) -> str:
             users.setdefault(_key_of(entry, found), []).append(what)
     for key, names in users.items():
         kind, fields = found[key]
+        fields = _with_details(fields)
         said = [fields["note"]] if "note" in fields else []
         used = f"used by {', '.join(dict.fromkeys(names))}"
         found[key] = kind, fields | {"note": "; ".join([*said, used])}
     return "\n".join(_text(key, *entry) for key, entry in found.items())
+
+
+def _url() -> str:
+    """Return the address of the package's home, where its metadata have one."""
+    about = metadata("stiction-simbench")
+    stated = [line.partition(", ")[2] for line in about.get_all("Project-URL") or []]
+    return (about.get("Home-page") or "").strip() or next(iter(stated), "")
+
+
+def _with_details(fields: dict[str, str]) -> dict[str, str]:
+    """Return an entry with its title and DOI, where they are known."""
+    surnames, year, pages = _mark(("", fields))
+    known = details(surnames[0], year, pages.partition("--")[0])
+    first = {name: fields[name] for name in ("author",) if name in fields}
+    return {**first, **known, **fields}
 
 
 def entries_in(source: str) -> list[_Entry]:
@@ -128,9 +148,11 @@ def _entry(authors: str, year: str, after: str) -> _Entry:
 
 def _sources(manifest: Mapping, valves: list[str]) -> Iterator[tuple[str, str]]:
     """Yield what a run used, in words, with the source that its file states."""
-    for name in manifest["methods"]:
-        if name != ORACLE:
+    for name, about in manifest["methods"].items():
+        if name in registry.names() or name in registry.lent:
             yield f"method {name}", _stated(registry, name)
+        elif name != ORACLE:  # of a plug-in the run keeps what its file states
+            yield f"method {name}", about.get("source") or "plug-in, file not given"
     for name in valves:
         source = _stated(VALVES, name)
         if not source.startswith(_DEFINITION):

@@ -2,7 +2,7 @@
 bars overlap do not differ significantly.
 
 Detectors that need the valve position MV, and those that apply to only some of the scenarios, are
-left out. *: fitted on this grid, +: fitted on a related grid.
+left out. *: fitted on this grid, +: fitted on loops like these.
 """
 
 from __future__ import annotations

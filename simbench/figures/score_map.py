@@ -111,8 +111,8 @@ def draw(data: pd.DataFrame) -> Figure:
     if image is not None and len(methods) > 1:  # one map's numbers stand in its cells
         bar = figure.colorbar(image, ax=axes, location="right", shrink=0.5, aspect=40)
         bar.set_label(
-            "share of right answers (no decision counts as wrong)\n* fitted on this grid, + on a"
-            f" related one\npale: fewer than {LEAST} loops; hatched: does not apply"
+            "share of right answers (no decision counts as wrong)\n* fitted on this grid, + on"
+            f" loops like these\npale: fewer than {LEAST} loops; hatched: does not apply"
         )
     return figure
 

@@ -132,7 +132,7 @@ def draw(data: pd.DataFrame) -> Figure:
                 place.axhline(k - 0.5, color="white", linewidth=3)
     bar = figure.colorbar(image, ax=axes, location="right", shrink=0.7, aspect=30)
     about = (
-        "number after a name: rank; * fitted on this grid, + on its siblings; hatched: does not"
+        "number after a name: rank; * fitted on this grid, + on loops like these; hatched: does not"
         " apply"
     )
     bar.set_label(f"share right where it applies (no decision is not right)\n{about}")

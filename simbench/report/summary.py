@@ -130,7 +130,7 @@ def _readable(scores: Scores, place: tuple[str, str, str]) -> dict[str, Any] | N
     ]
     table["fitted"] = (
         ranking["home"]
-        .map({"fitted here": "on this grid", "siblings": "on a related grid"})
+        .map({"fitted here": "on this grid", "siblings": "on loops like these"})
         .fillna("")
     )
     return sortable(table, formats=_FORMATS, beside=beside)

@@ -469,7 +469,7 @@ def about_method(name: str) -> dict[str, Any]:
     method = registry.load(name).METHOD
     about = {key: getattr(method, key) for key in oracle}
     about = {key: list(v) if oracle[key] == [] else v for key, v in about.items()}
-    return about | {"changed": _changed(name, method)}
+    return about | {"changed": _changed(name, method), "source": method.source}
 
 
 def _changed(name: str, method: Method) -> dict[str, float]:

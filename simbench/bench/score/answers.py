@@ -17,6 +17,11 @@ from simbench.scenarios.grid import grid_names, packaged_grid
 _AXIS_OF_CELL = {"S_over_2J": CELL_S_OVER_2J}
 
 
+# axis of dead time of each process
+_RATIO_OF = {"foptd": "Td_over_T", "integrating": "Td_over_Ti"}
+_MOSTLY = 0.5  # share of a run's loops within a grid's ranges from which the run is alike
+
+
 class Answers(NamedTuple):
     """What one method said on all n scenarios of a run."""
 
@@ -33,7 +38,9 @@ class Answers(NamedTuple):
     division: str | None = "reference"
     name: str = ""  # with every threshold that is not the method's default
     verified: bool = True  # by asking a method of the package
-    answered: str = "package"  # of a foreign method "before opening" or "after opening" of an exam
+    # who answered: the "package", a "plug-in", or of an exam's foreign methods "before opening" or
+    # "after opening"
+    answered: str = "package"
     own: bool = False  # a plug-in or a detector of whoever ran it
 
 
@@ -53,10 +60,10 @@ def answers_of(book: RunArrays) -> Iterator[Answers]:
             book.failed[i],
             book.runtime[i],
             home_of(method, book),
-            about.get("division"),
+            None if foreign else about.get("division"),
             _full_name(method, about.get("changed", {})),
             about.get("verified", not foreign),
-            about.get("answered", "package"),
+            about.get("answered", "plug-in" if foreign else "package"),
             bool(foreign),
         )
     nothing = np.zeros(book.ids.size)
@@ -81,8 +88,8 @@ def _full_name(method: str, changed: Mapping[str, float]) -> str:
 
 
 def home_of(method: str, book: RunArrays) -> str:
-    """Return whether a method's constants were fitted to this grid ("fitted here"), to one with the
-    same blocks, or "no".
+    """Return whether a method's constants were fitted to this grid ("fitted here"), to loops like
+    most of these ("siblings"), or "no".
     """
     known = [
         name
@@ -91,8 +98,25 @@ def home_of(method: str, book: RunArrays) -> str:
     ]
     if book.manifest["grid"] in known:
         return "fitted here"
-    blocks = {block.name for name in known for block in packaged_grid(name).content.block}
-    return "siblings" if blocks & set(book.axes["block"]) else "no"
+    return "siblings" if any(_alike(book, name) >= _MOSTLY for name in known) else "no"
+
+
+def _alike(book: RunArrays, grid: str) -> float:
+    """Return the share of a run's loops that lie within the ranges of a grid of the package, in
+    dead time and shape of stiction.
+    """
+    within = np.zeros(book.ids.size, dtype=bool)
+    blocks = packaged_grid(grid).content.block
+    for process, axis in _RATIO_OF.items():
+        here = [b.axes for b in blocks if b.process == process]
+        if not here:
+            continue
+        inside = book.axes["process"] == process
+        for name, values in ((axis, book.axes[axis]), ("S_over_2J", book.axes[CELL_S_OVER_2J])):
+            known = [float(v) for axes in here for v in axes.get(name, ())]
+            inside = inside & (values >= min(known)) & (values <= max(known))
+        within |= inside
+    return float(within.mean()) if within.size else 0.0
 
 
 def failures(book: RunArrays) -> dict[str, int]:

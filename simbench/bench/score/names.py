@@ -14,8 +14,8 @@ ROLE_YARDSTICK = "yardstick"
 CONSTANTS = {"always_no": NO_STICTION, "always_yes": STICTION}  # rows that always say the same
 # reference rows that know everything but the waveform; the second also how regular the cycles are
 NO_WAVEFORM, WITH_RHYTHM = "no_waveform", "rhythm"
-# after a method's name, by where its constants were fitted: on loops of this grid, of one with the
-# same blocks, of neither
+# after a method's name, by where its constants were fitted: on loops of this grid, on loops like
+# most of these, on neither
 HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}
 
 

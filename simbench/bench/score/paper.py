@@ -76,8 +76,8 @@ def caption(scores: Scores, truth: str = "cycled") -> str:
     return (
         f"Detectors of valve stiction on grid {m['grid']}{benchmark_text(m)}, seed {m.get('seed')}:"
         f" {n} oscillating loops, {positives} positive (label {truth}); 95 % intervals; methods"
-        " that these loops cannot tell apart share a rank (=); * fitted on this grid, + on a"
-        " related grid."
+        " that these loops cannot tell apart share a rank (=); * fitted on this grid, + on"
+        " loops like these."
     )
 
 

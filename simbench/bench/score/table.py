@@ -53,7 +53,7 @@ _TRUTHS = {
 }
 _LEGEND = (
     "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this"
-    " grid, + on a related grid. no_waveform: a classifier that sees period, amplitude and noise,"
+    " grid, + on loops like these. no_waveform: a classifier that sees period, amplitude and noise,"
     " but no waveform; rhythm: and how regular the cycles are."
 )
 

@@ -8,6 +8,7 @@ import pytest
 from simbench.bench import citing
 from simbench.bench.citing import bibtex_of, entries_in
 from simbench.bench.execute.run import run_grid
+from simbench.bench.score.scoring import score_run
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
 from simbench.loop.parameters import VALVES
@@ -83,11 +84,37 @@ def test_a_run_is_cited_by_what_it_used(run, capsys):
     assert entries["horch1999"]["pages"] == "1221--1231"
     assert entries["jelali2008"]["note"] == "used by method hammerstein"
     assert entries["jelali2013"]["note"].endswith("; used by method horch")
-    assert entries["never"]["howpublished"] == "plug-in, file not given"
+    assert entries["horch1999"]["doi"] == "10.1016/S0967-0661(99)00100-8"
+    assert "stiction" in entries["horch1999"]["title"]
+    # of a plug-in the run keeps what its file states
+    assert entries["nobody2020"]["note"] == "used by method never"
     assert "used by valve choudhury" in entries["choudhury2005"]["note"]
     hash_of = json.loads((run / "manifest.json").read_text())["benchmark"]["hash"]
     assert entries["smoke-2"]["note"] == hash_of
     assert "yamashita2006" not in entries
+
+
+def test_every_article_of_the_package_has_a_title():
+    for folder in (methods, VALVES):
+        for name in {*folder.names(), *folder.lent}:
+            for kind, fields in entries_in(citing._stated(folder, name)):
+                if kind == "article":
+                    assert citing._with_details(fields).get("title"), (name, fields)
+
+
+def test_the_address_of_the_package_is_cited_where_there_is_one(run, monkeypatch):
+    assert "url" not in entries_of(bibtex_of(run))["simbench"]
+    monkeypatch.setattr(citing, "_url", lambda: "https://example.org/simbench")
+    assert entries_of(bibtex_of(run))["simbench"]["url"] == "https://example.org/simbench"
+
+
+def test_a_plug_in_is_no_method_of_the_package(run):
+    rows = score_run(run).table.drop_duplicates("method").set_index("method")
+    assert rows.answered.to_dict() | {"never": "plug-in", "horch": "package"} == (
+        rows.answered.to_dict()
+    )
+    assert rows.division.isna()["never"]
+    assert rows.division["horch"] == "published"
 
 
 def test_two_publications_of_one_year_have_two_keys_and_one_has_one(run, monkeypatch):

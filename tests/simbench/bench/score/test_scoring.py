@@ -11,6 +11,7 @@ import pytest
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
 from simbench.bench.score import folds, tradeoff
+from simbench.bench.score.answers import home_of
 from simbench.bench.score.compare import between_methods
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
@@ -571,6 +572,23 @@ def test_a_method_fitted_on_this_grid_is_marked_in_the_tables(book):
         "m0": "no",
         "m1": "fitted here",
     }
+
+
+def test_a_method_tuned_on_loops_like_those_of_a_users_grid_is_marked(book):
+    truth = np.tile([1, 0], 30)
+    about = {"Td_over_T": 0.5, "cell_S_over_2J": 1.0}
+
+    def marked(share, **changed):
+        """Return the home of a method where a share of the loops is within the ranges."""
+        here = np.arange(60) < 60 * share
+        axes = {k: np.where(here, v, 100.0) for k, v in (about | changed).items()}
+        axes["process"] = np.full(60, "foptd")
+        run = book([truth], truth, axes=axes)
+        run.manifest["methods"]["m0"] = {**run.manifest["methods"]["m0"], "fitted_on": ["chapter"]}
+        return home_of("m0", run)
+
+    assert marked(1.0) == marked(0.6) == "siblings"
+    assert marked(0.4) == marked(1.0, Td_over_T=3.0) == marked(1.0, cell_S_over_2J=0.3) == "no"
 
 
 def test_rates_over_an_axis_are_printed_drawn_and_given_as_json(finished, joined, capsys):
