@@ -541,7 +541,11 @@ def load_grid(
             raise SpecError(
                 f"{error}; for example --set repeats=2, --axis noise_ratio=0.1,0.3"
             ) from None
-        raise SpecError(f"{error}; {_smallest(table)}") from None
+        if {"block", "loop"} & set(table):
+            raise
+        raise SpecError(
+            f"{error}; the smallest grids that work: {SMALLEST_LOOP}, or {SMALLEST_BLOCK}"
+        ) from None
 
 
 @cache
@@ -563,10 +567,6 @@ SMALLEST_BLOCK = (
     ' }, axes = { Td_over_T = [0.2], S_over_2J = [1.0] }, member = [{ name = "sticky", valve ='
     ' "choudhury" }] }]'
 )
-
-
-def _smallest(table: Mapping[str, Any]) -> str:
-    return f"the smallest grid that works: {SMALLEST_BLOCK if 'block' in table else SMALLEST_LOOP}"
 
 
 def make_grid(
@@ -615,7 +615,7 @@ def make_grid(
     if changed:
         content = _with_axes(content, changed, name)
     for key in overrides:
-        if key not in Rules.FIELDS and (
+        if key not in (*Rules.FIELDS, *RATIOS) and (
             key.partition(".")[0] not in Loop.model_fields or "." not in key
         ):
             raise SpecError(

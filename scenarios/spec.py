@@ -533,11 +533,7 @@ class Loop(_Table):
                 or (dot and not name)
                 or not (name or isinstance(value, (dict, list, tuple)))
             ):
-                known = suggestion(section, Loop.model_fields)
-                raise SpecError(
-                    f"key {key!r} is not section.name, nor a section with a table for its value:"
-                    f" {known}"
-                )
+                raise SpecError(_no_key(key, value))
             if not name:
                 table[section] = value
                 continue
@@ -550,6 +546,22 @@ class Loop(_Table):
         return type(self).from_table(
             table, f"with {', '.join(f'{key} = {value}' for key, value in changes.items())}"
         )
+
+
+def _no_key(key: str, value: Any) -> str:
+    """Return why a key names nothing of a loop, and what is meant."""
+    section, dot, _ = key.partition(".")
+    if section not in Loop.model_fields:
+        near = suggestion(section, Loop.model_fields)
+        return f"unknown key {key!r}: no section {section!r}, {near}"
+    if dot:
+        return f"key {key!r} names section {section} and no key of it"
+    fields = getattr(Loop.model_fields[section].annotation, "model_fields", {})
+    names = [f"{section}.{name}" for name in fields if section != "valve"] or [f"{section}.S"]
+    return (
+        f"key {key!r} = {value!r} is a section: a table is needed, or a key of it, such as"
+        f" {names[0]}"
+    )
 
 
 class Scenario(_Table):

@@ -58,7 +58,7 @@ def _words(grid: Grid, groups: list[Group]) -> Iterator[str]:
         yield "is not deterministic: a group built twice is two groups"
 
 
-def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
+def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str | tuple[str, str]]:
     # in a plain grid every draft is its scenario; in a ruled one the first of each block stand for
     # the rest
     count = len(groups)
@@ -69,7 +69,7 @@ def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
     ids: dict[str, str] = {}
     for i in chosen:
         faults, scenarios = _answer(lambda i=i: resolve(groups[i]))
-        yield from (f"group {i}: {fault}" for fault in faults)
+        yield from ((fault, f"group {i}") for fault in faults)
         for scenario in scenarios or ():
             place = f"group {i}, member {scenario.tags.get('member')}"
             if scenario.id in ids:
@@ -78,7 +78,7 @@ def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str]:
             faults, _ = _answer(
                 lambda scenario=scenario: resolve_loop(scenario.loop, scenario.seed)
             )
-            yield from (f"{place}: {fault}" for fault in faults)
+            yield from ((fault, place) for fault in faults)
 
 
 def _answer(work: Callable[[], Any]) -> tuple[list[str], Any]:

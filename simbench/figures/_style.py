@@ -26,6 +26,7 @@ _SERIES = (BLUE, RED, GREEN, ORANGE, SKY, PINK, BLACK, GREY)
 _DASHES = ("-", "--", ":")  # of the first eight series, the second, the third
 SIGNAL = {"OP": BLUE, "MV": GREEN, "PV": RED, "SP": GREY}
 VERDICT = {verdict: verdict.replace("_", " ") for verdict in VERDICTS}
+_DPI = 200  # of a picture of pixels, as print asks for at the least
 _LABEL_BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 
 _RC = {
@@ -71,7 +72,7 @@ def write_picture(figure: Figure, path: str | Path, simplified: float | None = N
         {"path.simplify_threshold": simplified} if simplified else {}
     )
     with matplotlib.rc_context(rc), whole_file(path, "wb") as f:
-        figure.savefig(f, format=kind, dpi=110, metadata=plain[kind])
+        figure.savefig(f, format=kind, dpi=_DPI, metadata=plain[kind])
 
 
 def panels(

@@ -59,7 +59,7 @@ def draw_pv_op(record: LoopRecord) -> Figure:
 @styled
 def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) -> Figure:
     """Draw the share called stiction over S, one line per detector, for one J over S."""
-    figure, axes = panels(1, 1, 4.2, 2.6)
+    figure, axes = panels(1, 1, 5.6, 2.6)
     ax = axes.ravel()[0]
     S: list[float] = []
     for colour, (name, cells) in zip(_LINES, curves.items()):
@@ -76,7 +76,8 @@ def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) ->
     ax.minorticks_off()
     ax.set_ylim(-0.02, 1.02)
     label(ax, f"S ({unit})", "share called stiction", f"J = {ratio:.3g} S")
-    ax.legend(loc="upper left")
+    # beside the curves, none of which it may hide
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 

@@ -76,3 +76,22 @@ def test_a_strangers_grid_keeps_it(contract_of, text):
 @pytest.mark.parametrize(("text", "old", "new", "words"), BROKEN)
 def test_each_way_of_breaking_it_is_one_sentence(broken_by, text, old, new, words):
     broken_by(text, old, new, words, "mine.toml")
+
+
+def test_one_mistake_of_many_groups_is_told_once(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(
+        "\n".join(
+            [
+                'title = "own"',
+                '[loop.plant]\ntype = "foptd"\nK = 1\nT = 10\nTd = 2',
+                '[loop.controller]\ntype = "PI"\nKc = 1\nTi = 10',
+                '[loop.valve]\nmodel = "choudury"\nS = 5\nJ = 2',
+                "[loop.sampling]\nTs = 1",
+                '[axes]\n"valve.S" = [1, 2, 3, 4, 5, 6]\n"valve.J" = [1, 2, 3, 4]',
+            ]
+        )
+    )
+    (sentence,) = check_grid(path).broken
+    assert "did you mean 'choudhury'" in sentence
+    assert "in 23 other cases" in sentence

@@ -11,6 +11,7 @@ import matplotlib
 import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.image import imread
 from matplotlib.text import Text
 
 from simbench.catalogue import FIGURES, catalogue
@@ -89,7 +90,7 @@ def test_no_text_is_cut_off_or_covers_another_with_real_loops(drawn, name):
 
 
 def _check_texts(figure) -> None:
-    figure.set_dpi(110)
+    figure.set_dpi(200)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
@@ -203,3 +204,10 @@ def test_a_figure_is_known_by_its_number_in_the_chapter(tmp_path, capsys, name):
     assert {file.name for file in tmp_path.iterdir()} == {
         f"fig-11-4.{s}" for s in ("svg", "png", "csv")
     }
+
+
+def test_a_picture_of_pixels_is_sharp_enough_to_print(tmp_path):
+    (drawn,) = make_figures(["table-11-4"], tmp_path)
+    figure = FIGURES.load("table_11_4").draw(FIGURES.load("table_11_4").data())
+    png = next(f for f in drawn.files if f.suffix == ".png")
+    assert imread(png).shape[1] >= 0.99 * 200 * figure.get_size_inches()[0]
