@@ -376,13 +376,3 @@ def test_a_wrong_axis_is_answered_with_what_is_meant(key, sentence):
     with pytest.raises(SpecError) as raised:
         make_grid(table, "own")
     assert sentence in str(raised.value)
-    text = (
-        f'title = "own"\nloop = {{ plant = {{ typ = "foptd" }} }}\naxes = {{ "{key}" = [0.1] }}\n'
-    )
-    (tmp_path / "own.toml").write_text(text)
-    with pytest.raises(SpecError) as raised:
-        load_grid(tmp_path / "own.toml")
-    assert "smallest grid" not in str(raised.value)
-    (tmp_path / "empty.toml").write_text('title = "own"\n')
-    with pytest.raises(SpecError, match="smallest grids that work"):
-        load_grid(tmp_path / "empty.toml")
