@@ -6,6 +6,7 @@ from simbench.bench.score.shipped import results as results
 from simbench.detectors.record import LoopRecord as LoopRecord
 from simbench.detectors.records.io import read_record as read_record
 from simbench.detectors.verdict import Verdict as Verdict
+from simbench.figures import figure as figure
 from simbench.gap.diagnosis import conclude as conclude
 from simbench.gap.gain_pair import confirm as confirm
 from simbench.loop.simulate import simulate as simulate

@@ -9,7 +9,10 @@ import inspect
 import sys
 from pathlib import Path
 
+import pandas as pd
+
 from simbench.catalogue import FIGURES
+from simbench.figures._loops import numbers_line
 from simbench.figures._make import NEEDS, figure_ids
 from simbench.files import whole_file
 from simbench.usage import exit_code
@@ -49,6 +52,9 @@ def gallery(pictures: Path, page: Path) -> str:
             f"Source: {module.SOURCE}.",
             "",
         ]
+        numbers = pictures / f"{name}.csv"
+        if numbers.is_file() and (line := numbers_line(pd.read_csv(numbers))):
+            lines += [f"Numbers: {line}.", ""]
         needs = [NEEDS[p] for p in inspect.signature(module.data).parameters if p in NEEDS]
         picture = pictures / f"{name}.svg"
         if picture.is_file():

@@ -418,7 +418,13 @@ def verify(
         raise Exit(1)
 
 
-@app.command(epilog=examples("figure fig-11-9 -o figures", "figure all -o figures"))
+@app.command(
+    epilog=examples(
+        "figure fig-11-9 -o figures",
+        "figure fig-11-8 -o figures --set S=5 --set Td_over_T=0.3",
+        "figure all -o figures",
+    )
+)
 def figure(
     ids: Annotated[
         list[str],
@@ -439,27 +445,38 @@ def figure(
         Path | None,
         Option(metavar="FILE|DIR", help="Draw figures that show real records from this folder."),
     ] = None,
+    sets: Annotated[
+        list[str] | None,
+        Option(
+            "--set",
+            metavar="K=V",
+            help="Draw the loops with another number: K, T, Td, Kc, Ti, Ts, S, J, Td_over_T,"
+            " Td_over_Ti or S_over_2J; may be repeated.",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Draw the figures and tables of the book chapter, and write their numbers as CSV.
 
+    Below each figure's files stand what it shows, where it differs from the book, and its source.
+
     With `all`, figures are left out whose data are not given.
     """
-    from simbench.figures import make_figures, where_from
+    from simbench.figures import caption, make_figures, where_from
 
-    drawn = make_figures(ids, out, run=run_folder, isdb=isdb)
+    numbers = pairs(sets or [], "--set")
+    numbers = {k: float(v) if isinstance(v, int) else v for k, v in numbers.items()}
+    drawn = make_figures(ids, out, run=run_folder, isdb=isdb, numbers=numbers)
     lacking = [where_from(d) for d in drawn if d.left_out]
     if lacking and "all" not in ids:
         raise ParameterError("; ".join(lacking))
     rows = [{"id": d.id, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
-    show(
-        (
-            rows
-            if as_json
-            else "\n".join(f"{r['id']}: {r['left_out'] or ', '.join(r['files'])}" for r in rows)
-        ),
-        as_json,
-    )
+    lines = []
+    for row in rows:
+        lines.append(f"{row['id']}: {row['left_out'] or ', '.join(row['files'])}")
+        # of all figures the gallery has the captions
+        lines += [f"  {caption(row['id'])}"] if row["files"] and "all" not in ids else []
+    show(rows if as_json else "\n".join(lines), as_json)
 
 
 @app.command(epilog=examples("cite runs/chapter"))

@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.detectors.signal.oscillation import zero_crossings
+from simbench.figures._loops import COLUMNS, Loops
 from simbench.figures._style import SIGNAL, label, panels
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -34,33 +35,42 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
             "t (s)": np.arange(stop - start) * Ts,
             "OP (%)": op[start:stop],
             "MV (%)": mv[start:stop],
-            "PV": pv[start:stop],
+            "PV - SP": pv[start:stop],
         }
     )
 
 
 def panel_cycles(
-    panels: Sequence[tuple[str, float, float]], ratio: str, loop: Callable[[float, float], Loop]
+    panels: Sequence[tuple[str, float, float]],
+    ratio: str,
+    loop: Callable[[float, float, Loops], Loop],
+    loops: Loops,
 ) -> pd.DataFrame:
     """Return three periods of the cycle of every panel's loop, after the panel, its ratio of dead
-    time and its S/2J.
+    time and its S/2J, and before the loop's numbers.
     """
     cycles = []
     for panel, dead, band in panels:
-        cycle = sustained_cycle(loop(dead, band), periods=3)
-        for name, value in (("S_over_2J", band), (ratio, dead), ("panel", panel)):
-            cycle.insert(0, name, value)
-        cycles.append(cycle)
+        cycle = sustained_cycle(loop(dead, band, loops), periods=3)
+        own, base = loops.last, COLUMNS["T" if ratio == "Td_over_T" else "Ti"]
+        drawn = own[COLUMNS["Td"]] / own[base]
+        ratios = (("S_over_2J", own[COLUMNS["S"]] / (2 * own[COLUMNS["J"]])), (ratio, drawn))
+        for name, value in ratios:
+            cycle.insert(0, name, float(f"{value:.12g}"))
+        cycle.insert(0, "panel", panel)
+        cycles.append(cycle.assign(**own))
     return pd.concat(cycles, ignore_index=True)
 
 
-def draw_cycles(
-    data: pd.DataFrame, keys: Sequence[str], titles: Sequence[str], pv_label: str
-) -> Figure:
+def draw_cycles(data: pd.DataFrame, ratio: str, shown: str, pv_label: str) -> Figure:
     """Draw OP, MV and PV over time, MV over OP and PV over OP, one column per loop."""
-    figure, axes = panels(5, len(titles), 11.0, 9.0)
-    for j, (title, (_, cycle)) in enumerate(zip(titles, data.groupby(list(keys), sort=False))):
-        t, op, mv, pv = (cycle[c].to_numpy() for c in ("t (s)", "OP (%)", "MV (%)", "PV"))
+    # each loop begins anew
+    cycles = [cycle for _, cycle in data.groupby((data["t (s)"] == 0.0).cumsum())]
+    figure, axes = panels(5, len(cycles), 11.0, 9.0)
+    for j, cycle in enumerate(cycles):
+        first = cycle.iloc[0]
+        title = f"({first.panel}) {shown} = {first[ratio]:.3g}\n$S/2J$ = {first.S_over_2J:.3g}"
+        t, op, mv, pv = (cycle[c].to_numpy() for c in ("t (s)", "OP (%)", "MV (%)", "PV - SP"))
         for i, (signal, values) in enumerate((("OP", op), ("MV", mv), ("PV", pv))):
             axes[i, j].plot(t, values, color=SIGNAL[signal])
             label(

@@ -1,5 +1,7 @@
 """Draw a change of controller gain: OP and PV before and after, with both periods."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -11,8 +13,10 @@ from simbench.scenarios.spec import Loop
 _SHOWN = 5.5  # periods on either side of the change
 
 
-def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
-    """Run the gain-change test and keep some periods around the change."""
+def gain_table(loop: Loop, factor: float, numbers: Mapping[str, float]) -> pd.DataFrame:
+    """Run the gain-change test and keep some periods around the change, with the loop's numbers;
+    Kc is that of each side.
+    """
     result = gain_change(loop, factor)
     t = (np.arange(result.trace.op.size) - result.changed) * result.Ts
     rows = []
@@ -21,13 +25,14 @@ def gain_table(loop: Loop, factor: float) -> pd.DataFrame:
         signals = {
             "t (s)": t[near],
             "OP (%)": result.trace.op[near],
-            "PV": result.trace.pv[near] - loop.setpoint.value,
+            "PV - SP": result.trace.pv[near] - loop.setpoint.value,
         }
         # half peak-to-peak, without the transient right after the change
         amplitude = np.ptp(result.trace.op[chosen][-round(5 * phase.period / result.Ts) :]) / 2
         rows.append(
             pd.DataFrame(signals).assign(
-                Kc=phase.Kc, **{"period (s)": phase.period, "amplitude (%)": amplitude}
+                **{**numbers, "Kc": phase.Kc},
+                **{"period (s)": phase.period, "amplitude (%)": amplitude},
             )
         )
     return pd.concat(rows, ignore_index=True).assign(verdict=result.verdict)
@@ -41,7 +46,7 @@ def draw_gain(data: pd.DataFrame) -> Figure:
         (axes[0, 0], "OP", "OP (%)"),
         (axes[1, 0], "PV", "PV - SP (PV units)"),
     ):
-        values = data["OP (%)"] if name == "OP" else data["PV"]
+        values = data["OP (%)"] if name == "OP" else data["PV - SP"]
         place.plot(data["t (s)"], values, color=SIGNAL[name])
         place.axvline(0, color=GREY, linestyle="--", linewidth=0.9)
         room(place, values, 0.06, 0.34 if name == "OP" else 0.06)

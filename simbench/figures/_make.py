@@ -1,18 +1,28 @@
 """Draw figures by id and write each as SVG, PNG and CSV."""
 
+from __future__ import annotations
+
 import inspect
 import re
+import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from simbench.bench.store.manifest import read_manifest
-from simbench.detectors.errors import RecordError, UnknownName
+from simbench.detectors.errors import ParameterError, RecordError, UnknownName
 from simbench.detectors.records.io import RECORD_FILES
+from simbench.figures._loops import Loops, numbers_line
 from simbench.figures._records import NeedsRecord
 from simbench.files import folder, remove_stale_temporaries, write_table
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
 NEEDS = {"isdb": "ISDB", "run": "--run"}
+_LETTERS = 15  # of the line of numbers in an inch
 # where what a figure needs comes from
 SOURCES = {
     "isdb": "give isdb10.mat, or a folder of its loops, with --isdb; the International Stiction"
@@ -62,6 +72,7 @@ def make_figures(
     out: str | Path,
     run: str | Path | None = None,
     isdb: str | Path | None = None,
+    numbers: Mapping[str, float] | None = None,
 ) -> list[Drawn]:
     """Draw figures and write ID.svg, ID.png and ID.csv for each.
 
@@ -75,6 +86,9 @@ def make_figures(
         Folder of a run, which some figures show.
     isdb : str or Path, optional
         ISDB .mat file or folder of real records, which some figures show.
+    numbers : mapping of str to float, optional
+        Numbers of the loops drawn, in place of the figures' own: K, T, Td, Kc, Ti, Ts, S, J, or the
+        ratios Td_over_T, Td_over_Ti, S_over_2J.
 
     Returns
     -------
@@ -87,6 +101,8 @@ def make_figures(
         For an id that no figure has.
     RecordError
         When `isdb` holds no records.
+    ParameterError
+        For a number that a figure's loops do not have.
 
     Examples
     --------
@@ -109,9 +125,94 @@ def make_figures(
     if run is not None:  # before a folder is made
         read_manifest(run)
     given = {"run": run, "isdb": isdb}
+    if numbers:
+        for name in wanted:
+            refuse_numbers(name, numbers)
     if not all(_lacking(name, given) for name in wanted):
         remove_stale_temporaries(folder(out))
-    return [_one(name, Path(out), given) for name in wanted]
+    return [_one(name, Path(out), given, numbers) for name in wanted]
+
+
+def figure(
+    id: str,
+    *,
+    run: str | Path | None = None,
+    isdb: str | Path | None = None,
+    **numbers: float,
+) -> Figure:
+    """Draw one figure or table of the chapter.
+
+    Parameters
+    ----------
+    id : str
+        Id of the figure, as "fig-11-8" or "11.8".
+    run : str or Path, optional
+        Folder of a run, which some figures show.
+    isdb : str or Path, optional
+        ISDB .mat file or folder of real records, which some figures show.
+    **numbers : float
+        Numbers of the loops drawn, in place of the figure's own: K, T, Td, Kc, Ti, Ts, S, J, or the
+        ratios Td_over_T, Td_over_Ti, S_over_2J.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture.
+
+    Raises
+    ------
+    UserError
+        For an unknown figure, one whose data are not given, or a number that it does not have.
+
+    Examples
+    --------
+    >>> figure("11.8", S=4, Td_over_T=0.3).axes[0].get_xlabel()
+    'real part (-)'
+    """
+    name, known = _id(id), figure_ids()
+    if name not in known:
+        raise UnknownName("figure", name, known)
+    given = {"run": run, "isdb": isdb}
+    if lacking := _lacking(name, given):
+        raise ParameterError(where_from(Drawn(name, left_out=lacking)))
+    refuse_numbers(name, numbers)
+    return _drawn(name, given, numbers)[1]
+
+
+def refuse_numbers(name: str, numbers: Mapping[str, float]) -> None:
+    """Refuse numbers for a figure that shows no loop; the loops themselves refuse others."""
+    from simbench.catalogue import FIGURES
+
+    data = FIGURES.load(name.replace("-", "_")).data
+    if numbers and "loops" not in inspect.signature(data).parameters:
+        told = ", ".join(numbers)
+        raise ParameterError(f"figure {name} shows no simulated loop, whose {told} could be set")
+    Loops(numbers)
+
+
+def caption(name: str) -> str:
+    """Return what a figure shows, where it differs from the book, and its source.
+
+    Parameters
+    ----------
+    name : str
+        Id of the figure.
+
+    Returns
+    -------
+    str
+        The text below it in the gallery.
+
+    Examples
+    --------
+    >>> caption("fig-11-1").split(":")[0]
+    'Figure 11.1'
+    """
+    from simbench.catalogue import FIGURES
+
+    module = FIGURES.load(name.replace("-", "_"))
+    text = " ".join((module.__doc__ or "").split())
+    return f"{text} Source: {module.SOURCE}."
 
 
 def where_from(drawn: Drawn) -> str:
@@ -167,20 +268,43 @@ def _no_records(isdb: Path) -> str:
     return "" if readable else "holds no records"
 
 
-def _one(name: str, target: Path, given: Mapping[str, str | Path | None]) -> Drawn:
-    from simbench.catalogue import FIGURES
+def _one(
+    name: str,
+    target: Path,
+    given: Mapping[str, str | Path | None],
+    numbers: Mapping[str, float] | None,
+) -> Drawn:
     from simbench.figures._style import write_picture
 
-    figure = FIGURES.load(name.replace("-", "_"))
     if lacking := _lacking(name, given):
         return Drawn(name, left_out=lacking)
     try:
-        numbers = figure.data(**{need: given[need] for need in _wants(name)})
+        table, picture = _drawn(name, given, numbers)
     except NeedsRecord as error:
         return Drawn(name, left_out=str(error))
     files = tuple(target / f"{name}{suffix}" for suffix in (".svg", ".png", ".csv"))
-    picture = figure.draw(numbers)
     for file in files[:2]:
         write_picture(picture, file, simplified=0.3)
-    write_table(numbers, files[2], float_format="%.6g")
+    write_table(table, files[2], float_format="%.6g")
     return Drawn(name, files)
+
+
+def _drawn(
+    name: str, given: Mapping[str, str | Path | None], numbers: Mapping[str, float] | None
+) -> tuple[pd.DataFrame, Figure]:
+    """Return a figure's table and its picture, below which the loops' numbers stand."""
+    from simbench.catalogue import FIGURES
+    from simbench.figures._style import GREY
+
+    module, loops = FIGURES.load(name.replace("-", "_")), Loops(numbers)
+    wanted: dict[str, Any] = {need: given[need] for need in _wants(name)}
+    if "loops" in inspect.signature(module.data).parameters:
+        wanted["loops"] = loops
+    table = module.data(**wanted)
+    loops.refuse_unused(name)
+    picture = module.draw(table)
+    if "loops" in wanted:
+        wide = int(_LETTERS * picture.get_size_inches()[0])
+        line = textwrap.fill(numbers_line(table), wide)
+        picture.suptitle(line, x=0.01, ha="left", fontsize=7.5, color=GREY)
+    return table, picture

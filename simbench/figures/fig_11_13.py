@@ -10,31 +10,36 @@ from matplotlib.figure import Figure
 
 from simbench.figures._correlation import correlation, draw_correlation
 from simbench.figures._cycles import sustained_cycle
-from simbench.figures._loops import choudhury, pi_loop, sine
+from simbench.figures._loops import Loops, sine
 from simbench.figures._style import SIGNAL, label, note, panels, styled
 from simbench.loop.simulate import simulate
 
 SOURCE = "Jelali (2013), Fig. 11.13, after Horch (1999)"
 PERIOD = 100.0  # s, of the sine; about that of the sticky loop's cycle
-HEALTHY = pi_loop(T=10.0, Td=2.0, Kc=0.5, Ti=160.0, Ts=0.5, n=4000, disturbance=sine(3.0, PERIOD))
-STICKY = pi_loop(T=3.0, Td=2.0, Kc=0.3, Ti=3.0, Ts=0.5, n=4000, valve=choudhury(5.0, 2.0))
+HEALTHY = {"T": 10.0, "Td": 2.0, "Kc": 0.5, "Ti": 160.0, "Ts": 0.5}
+STICKY = {"T": 3.0, "Td": 2.0, "Kc": 0.3, "Ti": 3.0, "Ts": 0.5, "S": 5.0, "J": 2.0}
 
 
-def data() -> pd.DataFrame:
+def data(loops: Loops | None = None) -> pd.DataFrame:
     """Simulate both loops and correlate their second halves.
 
-    Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV (deviation, PV units), lag
-    (s), Phi (-), dtau (-), drho (-).
+    Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV - SP (PV units), lag
+    (s), Phi (-), dtau (-), drho (-), and the numbers of the loop.
     """
-    rows = []
-    record = simulate(HEALTHY).record.window(2000, 4000)
-    healthy = pd.DataFrame({"t (s)": record.t, "OP (%)": record.op, "PV": record.pv - record.sp})
-    sticky = sustained_cycle(STICKY, periods=12)[["t (s)", "OP (%)", "PV"]]
-    for panel, trend in (("no stiction", healthy), ("stiction", sticky)):
-        phi = correlation(trend["OP (%)"].to_numpy(), trend["PV"].to_numpy(), record.Ts, 120.0)
+    rows, loops = [], loops or Loops()
+    driven = loops.pi(numbers=HEALTHY, n=4000, disturbance=sine(3.0, PERIOD))
+    record, numbers = simulate(driven).record.window(2000, 4000), [loops.last]
+    healthy = pd.DataFrame(
+        {"t (s)": record.t, "OP (%)": record.op, "PV - SP": record.pv - record.sp}
+    )
+    sticky = sustained_cycle(loops.pi(numbers=STICKY, n=4000), periods=12)
+    sticky, numbers = sticky[["t (s)", "OP (%)", "PV - SP"]], [*numbers, loops.last]
+    panels_of = (("no stiction", healthy), ("stiction", sticky))
+    for (panel, trend), own in zip(panels_of, numbers, strict=True):
+        phi = correlation(trend["OP (%)"].to_numpy(), trend["PV - SP"].to_numpy(), record.Ts, 120.0)
         rows += [
-            trend.iloc[:800].assign(panel=panel, part="trend"),
-            phi.assign(panel=panel, part="correlation"),
+            trend.iloc[:800].assign(panel=panel, part="trend", **own),
+            phi.assign(panel=panel, part="correlation", **own),
         ]
     return pd.concat(rows, ignore_index=True)
 
@@ -45,7 +50,7 @@ def draw(data: pd.DataFrame) -> Figure:
     figure, axes = panels(3, 2, 7.2, 6.0, height_ratios=[1, 1, 1.6])
     for j, (panel, part) in enumerate(data.groupby("panel", sort=False)):
         trend = part[part.part == "trend"]
-        for i, (signal, column) in enumerate((("OP", "OP (%)"), ("PV", "PV"))):
+        for i, (signal, column) in enumerate((("OP", "OP (%)"), ("PV", "PV - SP"))):
             axes[i, j].plot(trend["t (s)"], trend[column], color=SIGNAL[signal])
             label(
                 axes[i, j],

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from simbench.detectors.judge import judge
 from simbench.figures._correlation import correlation, draw_correlation
-from simbench.figures._loops import pi_loop, sine
+from simbench.figures._loops import Loops, sine
 from simbench.figures._style import VERDICT, note, panels, parts, styled
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -21,31 +21,24 @@ PERIOD = 60.0  # s
 CASES = {10.0: ("π", 2.0), 1.0: ("3π/4", 1.0), 0.1: ("π/2", 0.15)}  # w Ti: phase shift, Kc
 
 
-def loop(w_Ti: float, Kc: float) -> Loop:
+def loop(w_Ti: float, Kc: float, loops: Loops | None = None) -> Loop:
     """Return the healthy loop of one tuning, driven by a sine at the plant's output."""
-    return pi_loop(
-        T=3.0,
-        Td=1.0,
-        Kc=Kc,
-        Ti=w_Ti * PERIOD / (2 * np.pi),
-        Ts=0.2,
-        n=12000,
-        disturbance=sine(2.0, PERIOD),
-    )
+    numbers = {"T": 3.0, "Td": 1.0, "Kc": Kc, "Ti": w_Ti * PERIOD / (2 * np.pi), "Ts": 0.2}
+    return (loops or Loops()).pi(numbers=numbers, n=12000, disturbance=sine(2.0, PERIOD))
 
 
-def data() -> pd.DataFrame:
+def data(loops: Loops | None = None) -> pd.DataFrame:
     """Simulate the three tunings, judge each by Horch's method and correlate its last 20 periods.
 
-    Columns: w_Ti, Kc, verdict, lag (s), Phi (-), dtau (-), drho (-).
+    Columns: w_Ti, verdict, lag (s), Phi (-), dtau (-), drho (-), and the numbers of the loop.
     """
-    rows = []
+    rows, loops = [], loops or Loops()
     for w_Ti, (_, Kc) in CASES.items():
-        record = simulate(loop(w_Ti, Kc)).record.window(6000, 12000)
+        record = simulate(loop(w_Ti, Kc, loops)).record.window(6000, 12000)
         verdict = judge(record, ["horch"])[0].verdict
         rows.append(
             correlation(record.op, record.pv, record.Ts, 75.0).assign(
-                w_Ti=w_Ti, Kc=Kc, verdict=verdict
+                w_Ti=w_Ti, verdict=verdict, **loops.last
             )
         )
     return pd.concat(rows, ignore_index=True)

@@ -6,35 +6,43 @@ The half cycles are OP of a simulated sticky loop with measurement noise.
 import pandas as pd
 from matplotlib.figure import Figure
 
+from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.conditioning import band
 from simbench.figures._fits import eta, half_cycle_fits
-from simbench.figures._loops import choudhury, pi_loop
+from simbench.figures._loops import Loops
 from simbench.figures._style import BLACK, BLUE, GREY, RED, label, note, panels, styled
 from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
+from simbench.theory.cycle import exact_cycle
+from simbench.theory.sampled import sampled_loop
 
 SOURCE = "Jelali (2013), Fig. 11.17, after He et al. (2007)"
-LOOP = pi_loop(
-    T=10.0,
-    Td=5.0,
-    Kc=1.0,
-    Ti=10.0,
-    Ts=1.0,
-    n=1200,
-    valve=choudhury(5.0, 3.0),
-    noise={"std": 0.08},
-    setpoint={"value": 50.0, "steps": [[0.0, 54.0]]},
-)
-PERIOD = 62.5  # s, of the exact cycle
+NUMBERS = {"T": 10.0, "Td": 5.0, "Kc": 1.0, "Ti": 10.0, "Ts": 1.0, "S": 5.0, "J": 3.0}
 
 
-def data() -> pd.DataFrame:
+def loop(loops: Loops | None = None) -> Loop:
+    """Return the noisy sticky loop."""
+    setpoint = {"value": 50.0, "steps": [[0.0, 54.0]]}
+    return (loops or Loops()).pi(numbers=NUMBERS, n=1200, noise={"std": 0.08}, setpoint=setpoint)
+
+
+def data(loops: Loops | None = None) -> pd.DataFrame:
     """Simulate the loop and fit two periods of OP.
 
-    Columns: half (number), sample (= s), signal, sine, triangle (% of travel, mean removed).
+    Columns: half (number), sample (= s), signal, sine, triangle (% of travel, mean removed), and
+    the numbers of the loop.
     """
-    op = band(simulate(LOOP, seed=1).record.op[600:], PERIOD, 7)
-    fits = half_cycle_fits(op, PERIOD)
-    return fits.query("4 <= half < 8").reset_index(drop=True)
+    loops = loops or Loops()
+    sticky = loop(loops)
+    exact = exact_cycle(sampled_loop(sticky))
+    if exact is None:
+        raise ParameterError(
+            "figure fig-11-17: this loop has no limit cycle, whose halves are drawn"
+        )
+    period = exact.period / sticky.sampling.Ts
+    op = band(simulate(sticky, seed=1).record.op[600:], period, 7)
+    fits = half_cycle_fits(op, period)
+    return fits.query("4 <= half < 8").reset_index(drop=True).assign(**loops.last)
 
 
 @styled

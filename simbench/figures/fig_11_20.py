@@ -1,7 +1,7 @@
 """Figure 11.20: an ellipse fitted to the filtered PV-OP plot, its axes, its limits, and the
 apparent stiction along OP.
 
-The loop is simulated, with S = 5 %: the apparent stiction is a mark of the loop, not the valve's S.
+The loop is simulated: the apparent stiction is a mark of the loop, not the valve's S.
 """
 
 import numpy as np
@@ -12,32 +12,34 @@ from simbench.detectors.signal.conditioning import band
 from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
-from simbench.figures._loops import choudhury, pi_loop
+from simbench.figures._loops import Loops
 from simbench.figures._style import BLACK, note, panel, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.20 and Eq. 11.15 (square root restored), after Choudhury et al. (2006)"
 )
-LOOP = pi_loop(T=20.0, Td=10.0, Kc=1.0, Ti=20.0, Ts=1.0, valve=choudhury(5.0, 2.0))
+NUMBERS = {"T": 20.0, "Td": 10.0, "Kc": 1.0, "Ti": 20.0, "Ts": 1.0, "S": 5.0, "J": 2.0}
 
 
-def data() -> pd.DataFrame:
+def data(loops: Loops | None = None) -> pd.DataFrame:
     """Simulate four periods, add measurement noise, filter, and fit.
 
     Columns: curve, OP (%), PV (%), fitness (-), S_apparent (%), and the ellipse's a, b (%) and
-    alpha (rad).
+    alpha (rad), and the numbers of the loop.
     """
-    cycle = sustained_cycle(LOOP, periods=10)
+    loops = loops or Loops()
+    cycle = sustained_cycle(loops.pi(numbers=NUMBERS), periods=10)
     period = cycle["period (s)"].iloc[0]
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, len(cycle)))
     op, pv = (
         band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)]
-        for c, e in (("OP (%)", noise[0]), ("PV", noise[1]))
+        for c, e in (("OP (%)", noise[0]), ("PV - SP", noise[1]))
     )
     ellipse = fit_ellipse(op, pv)
     assert ellipse is not None
     a, b, alpha = ellipse.axes
-    return ellipse_table(op, pv, ellipse).assign(**{"a (%)": a, "b (%)": b, "alpha (rad)": alpha})
+    axes = {"a (%)": a, "b (%)": b, "alpha (rad)": alpha}
+    return ellipse_table(op, pv, ellipse).assign(**axes, **loops.last)
 
 
 @styled
@@ -63,7 +65,8 @@ def draw(data: pd.DataFrame) -> Figure:
     place.set_ylim(-2.4, 2.2)
     place.legend(loc="upper right", ncols=3, markerscale=3)
     S, fitness = float(data["S_apparent"].iloc[0]), float(data["fitness (-)"].iloc[0])
-    remark = f"apparent stiction (arrow) {S:.2f} %, the valve's S is 5 %\n"
+    own = float(data["S (%)"].iloc[0])
+    remark = f"apparent stiction (arrow) {S:.2f} %, the valve's S is {own:g} %\n"
     remark += f"α = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"
     note(place, remark, 0.02, 0.02, va="bottom")
     return figure

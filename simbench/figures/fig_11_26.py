@@ -10,22 +10,27 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.confirm.travel import travel_test
-from simbench.figures._loops import choudhury, pi_loop
+from simbench.figures._loops import Loops
 from simbench.figures._style import GREY, SIGNAL, label, note, panels, room, styled
+from simbench.scenarios.spec import Loop
 
 SOURCE = "Jelali (2013), Fig. 11.26 and Procedure 11.4, after Gerry & Ruel (2001)"
-LOOP = pi_loop(
-    T=5.0, Td=1.0, Kc=0.5, Ti=5.0, Ts=1.0, valve=choudhury(3.0, 1.1), noise={"std": 0.02}
-)
+NUMBERS = {"T": 5.0, "Td": 1.0, "Kc": 0.5, "Ti": 5.0, "Ts": 1.0, "S": 3.0, "J": 1.1}
 
 
-def data() -> pd.DataFrame:
-    """Run the test on a simulated flow loop with S = 3 % and J = 1.1 %.
+def loop(loops: Loops | None = None) -> Loop:
+    """Return the flow loop."""
+    return (loops or Loops()).pi(numbers=NUMBERS, noise={"std": 0.02})
+
+
+def data(loops: Loops | None = None) -> pd.DataFrame:
+    """Run the test on a simulated flow loop.
 
     Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S
-    measured (%), J measured (%).
+    measured (%), J measured (%), and the numbers of the loop.
     """
-    result = travel_test(LOOP)
+    loops = loops or Loops()
+    result = travel_test(loop(loops))
     trace = result.trace
     t = np.arange(trace.op.size) * result.Ts
     table = pd.DataFrame(
@@ -37,7 +42,8 @@ def data() -> pd.DataFrame:
             "phase": result.phase,
         }
     )
-    return table.assign(**{"S measured (%)": result.S, "J measured (%)": result.J})
+    measured = {"S measured (%)": result.S, "J measured (%)": result.J}
+    return table.assign(**measured, **loops.last)
 
 
 @styled

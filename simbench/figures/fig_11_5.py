@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from simbench.figures._loops import Loops
 from simbench.figures._style import BLUE, GREY, ORANGE, RED, label, panel, span, styled, text_near
 from simbench.loop.response import valve_response
 
@@ -17,20 +18,23 @@ S, J = 30.0, 10.0
 PHASES = {"sticking": RED, "jump": ORANGE, "motion": BLUE}
 
 
-def data() -> pd.DataFrame:
+def data(loops: Loops | None = None) -> pd.DataFrame:
     """Drive Choudhury's valve once up, with a pause, and down.
 
-    Columns: OP (%), MV (%), phase of the step that ends in the sample.
+    Columns: OP (%), MV (%), phase of the step that ends in the sample, and the valve's S and J.
     """
+    loops = loops or Loops()
+    valve = loops.numbers(S=S, J=J)
+    jump = valve["J"] or 0.0
     t, corners = (
         [0, 40, 60, 115, 120, 145, 155, 235, 240, 295],
         [50, 10, 10, 65, 65, 90, 90, 10, 10, 65],
     )
     op = np.interp(np.arange(0.0, 295.25, 0.25), t, corners)
-    mv = valve_response("choudhury", op, {"S": S, "J": J})
+    mv = valve_response("choudhury", op, dict(valve))
     moved = np.diff(mv, prepend=mv[0])
-    phase = np.where(np.abs(moved) > J / 2, "jump", np.where(moved == 0.0, "sticking", "motion"))
-    table = pd.DataFrame({"OP (%)": op, "MV (%)": mv, "phase": phase})
+    phase = np.where(np.abs(moved) > jump / 2, "jump", np.where(moved == 0.0, "sticking", "motion"))
+    table = pd.DataFrame({"OP (%)": op, "MV (%)": mv, "phase": phase}).assign(**loops.last)
     # from the first reversal (A) to the end of the way down
     return table.iloc[200:961].reset_index(drop=True)
 
@@ -55,24 +59,25 @@ def draw(data: pd.DataFrame) -> Figure:
             label=None if name in shown else name,
         )
         shown.add(name)
-    half = (S - J) / 2
+    band, jump = (float(data[name].iloc[0]) for name in ("S (%)", "J (%)"))
+    half = (band - jump) / 2
     for name, point, gap in (
         ("A", (10, 10 + half), (-9, 0)),
-        ("B", (10 + S, 10 + half), (8, -7)),
-        ("C", (10 + S, 10 + half + J), (-8, 6)),
+        ("B", (10 + band, 10 + half), (8, -7)),
+        ("C", (10 + band, 10 + half + jump), (-8, 6)),
         ("D", (65, 65 - half), (-8, 6)),
-        ("E", (65 + J, 65 - half), (9, -6)),
-        ("F", (65 + J, 65 - half + J), (-8, 6)),
+        ("E", (65 + jump, 65 - half), (9, -6)),
+        ("F", (65 + jump, 65 - half + jump), (-8, 6)),
         ("G", (90, 90 - half), (9, 0)),
     ):
         place.plot(*point, marker="o", color="black", markersize=4)
         text_near(place, name, point, gap, fontweight="bold")
     low = 10 + half
-    span(place, (10, low - 5), (10 + S - J, low - 5), "dead-band\nS - J", (0, -13))
-    span(place, (10 + S - J, low - 5), (10 + S, low - 5), "stick\nband J", (4, -13))
-    span(place, (10, low - 19), (10 + S, low - 19), "S", (0, -7))
-    span(place, (10 + S + 4, low), (10 + S + 4, low + J), "slip jump J", (32, 0))
-    span(place, (65, 65 - half - 5), (65 + J, 65 - half - 5), "stick\nband J", (0, -13))
+    span(place, (10, low - 5), (10 + band - jump, low - 5), "dead-band\nS - J", (0, -13))
+    span(place, (10 + band - jump, low - 5), (10 + band, low - 5), "stick\nband J", (4, -13))
+    span(place, (10, low - 19), (10 + band, low - 19), "S", (0, -7))
+    span(place, (10 + band + 4, low), (10 + band + 4, low + jump), "slip jump J", (32, 0))
+    span(place, (65, 65 - half - 5), (65 + jump, 65 - half - 5), "stick\nband J", (0, -13))
     for at, gap in (((80, 70), (26, -8)), ((40, 50), (-62, 6))):
         text_near(place, "moving phase", at, gap, color=BLUE, fontsize=8, ha="left")
     place.legend(loc="upper left", title="phase")

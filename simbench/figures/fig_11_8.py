@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.figures._loops import choudhury, pi_loop
+from simbench.figures._loops import COLUMNS, Loops
 from simbench.figures._style import BLACK, BLUE, GREY, ORANGE, RED, label, panels, parts, styled
 from simbench.scenarios.spec import Loop
 from simbench.theory.describing import intersections, stiction
@@ -20,40 +20,45 @@ SOURCE = (
     "Jelali (2013), Fig. 11.8 and Eqs 11.1 and 11.2 (signs restored), after Choudhury et al. (2005)"
 )
 S, Ts = 5.0, 0.1
-JUMPS = {5.0: RED, 2.0: ORANGE, 0.0: BLUE}
+JUMPS, COLOURS = (5.0, 2.0, 0.0), (RED, ORANGE, BLUE)
 PLANTS = {
     "(a) self-regulating": {"K": 1.0, "T": 10.0, "Td": 2.0, "Kc": 1.0, "Ti": 10.0},
     "(b) integrating": {"K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0},
 }
 
 
-def loop(panel: str, J: float) -> Loop:
+def loop(panel: str, J: float, loops: Loops | None = None) -> Loop:
     """Return one panel's loop with a Choudhury valve of slip jump J."""
-    return pi_loop(**PLANTS[panel], Ts=Ts, valve=choudhury(S, J))
+    return (loops or Loops()).pi(numbers={**PLANTS[panel], "Ts": Ts, "S": S, "J": J})
 
 
-def data() -> pd.DataFrame:
+def data(loops: Loops | None = None) -> pd.DataFrame:
     """Compute the curves and where they meet.
 
     Columns: panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%),
-    period (s).
+    period (s), and the numbers of the loop.
     """
-    rows = []
+    rows, loops = [], loops or Loops()
     for panel in PLANTS:
-        sampled = sampled_loop(loop(panel, 1.0))
+        sampled = sampled_loop(loop(panel, 1.0, loops))
+        own = {k: v for k, v in loops.last.items() if k != COLUMNS["J"]}
         w = np.geomspace(0.02, 0.9 * np.pi / Ts, 400)
         L = sampled.response(w)
         rows.append(
-            pd.DataFrame({"panel": panel, "curve": "L", "Re": L.real, "Im": L.imag, "w (rad/s)": w})
+            pd.DataFrame(
+                {"panel": panel, "curve": "L", "Re": L.real, "Im": L.imag, "w (rad/s)": w, **own}
+            )
         )
-        for J in JUMPS:
-            valve = stiction(S, J)
+        for jump in JUMPS:
+            found = sampled_loop(loop(panel, jump, loops))
+            band, J = (loops.last[COLUMNS[name]] for name in "SJ")
+            valve = stiction(band, J)
             A = valve.low * (1 + np.geomspace(1e-4, 100, 300))
             z = valve.critical(A)
-            place = {"panel": panel, "J (%)": J}
+            place = {"panel": panel, "J (%)": J, **own}
             curve = {"curve": "-1/N", "Re": z.real, "Im": z.imag, "A (%)": A}
             rows.append(pd.DataFrame(place | curve))
-            for balance in intersections(sampled_loop(loop(panel, J)), valve):
+            for balance in intersections(found, valve):
                 at = complex(valve.critical(balance.amplitude))
                 mark = {
                     "curve": "intersection",
@@ -76,7 +81,8 @@ def draw(data: pd.DataFrame) -> Figure:
         place.axvline(0, color=GREY, linewidth=0.6)
         L = part[part.curve == "L"]
         place.plot(L["Re"], L["Im"], color=BLACK, label="open loop $L(j\\omega)$")
-        for J, colour in JUMPS.items():
+        jumps = sorted(part["J (%)"].dropna().unique(), reverse=True)
+        for J, colour in zip(jumps, COLOURS, strict=False):
             curve = part[(part.curve == "-1/N") & (part["J (%)"] == J)]
             name = f"-1/N, J = {J:g} %" if J else "-1/N, dead-band (J = 0)"
             place.plot(

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._cycles import draw_cycles, panel_cycles
-from simbench.figures._loops import choudhury, pi_loop
+from simbench.figures._loops import Loops
 from simbench.figures._style import styled
 from simbench.scenarios.spec import Loop
 
@@ -25,26 +25,26 @@ PANELS = [
 ]
 
 
-def loop(Td_over_T: float, S_over_2J: float) -> Loop:
+def loop(Td_over_T: float, S_over_2J: float, loops: Loops | None = None) -> Loop:
     """Return the loop of one panel: FOPTD, PI with Ti = T and half the gain at which Kc K Td / T =
     1.
     """
     T = Td / Td_over_T
-    valve = choudhury(S, S / (2 * S_over_2J))
-    return pi_loop(K=K, T=T, Td=Td, Kc=0.5 * T / (K * Td), Ti=T, Ts=Ts, n=4000, valve=valve)
+    numbers = {"K": K, "T": T, "Td": Td, "Kc": 0.5 * T / (K * Td), "Ti": T, "Ts": Ts}
+    numbers |= {"S": S, "J": S / (2 * S_over_2J)}
+    return (loops or Loops()).pi(numbers=numbers, n=4000)
 
 
-def data() -> pd.DataFrame:
+def data(loops: Loops | None = None) -> pd.DataFrame:
     """Simulate six loops until they cycle and keep three periods.
 
-    Columns: panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP,
-    % as K = 1).
+    Columns: panel, Td_over_T, S_over_2J, period (s), t (s), OP (%), MV (%), PV - SP (%
+    as K = 1), and the numbers of the loop.
     """
-    return panel_cycles(PANELS, "Td_over_T", loop)
+    return panel_cycles(PANELS, "Td_over_T", loop, loops or Loops())
 
 
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw five rows (OP, MV, PV, MV-OP, PV-OP) by six loops."""
-    titles = [f"({p}) $T_d/T$ = {r:g}\n$S/2J$ = {q:g}" for p, r, q in PANELS]
-    return draw_cycles(data, ["panel", "Td_over_T", "S_over_2J"], titles, "PV - SP (%)")
+    return draw_cycles(data, "Td_over_T", "$T_d/T$", "PV - SP (%)")

@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._cycles import draw_cycles, panel_cycles
-from simbench.figures._loops import choudhury, pi_loop
+from simbench.figures._loops import Loops
 from simbench.figures._style import styled
 from simbench.scenarios.spec import Loop
 
@@ -28,23 +28,23 @@ PANELS = [
 ]
 
 
-def loop(Td_over_Ti: float, S_over_2J: float) -> Loop:
+def loop(Td_over_Ti: float, S_over_2J: float, loops: Loops | None = None) -> Loop:
     """Return the loop of one panel: K e^(-Td s)/s with Kc K Td = 0.3."""
-    valve = choudhury(S, S / (2 * S_over_2J))
-    return pi_loop(K=K, Td=Td, Kc=0.3 / (K * Td), Ti=Td / Td_over_Ti, Ts=Ts, n=4000, valve=valve)
+    numbers = {"K": K, "Td": Td, "Kc": 0.3 / (K * Td), "Ti": Td / Td_over_Ti, "Ts": Ts}
+    numbers |= {"S": S, "J": S / (2 * S_over_2J)}
+    return (loops or Loops()).pi(numbers=numbers, n=4000)
 
 
-def data() -> pd.DataFrame:
+def data(loops: Loops | None = None) -> pd.DataFrame:
     """Simulate six loops until they cycle and keep three periods.
 
-    Columns: panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV (deviation from SP,
-    PV units).
+    Columns: panel, Td_over_Ti, S_over_2J, period (s), t (s), OP (%), MV (%), PV - SP (PV
+    units), and the numbers of the loop.
     """
-    return panel_cycles(PANELS, "Td_over_Ti", loop)
+    return panel_cycles(PANELS, "Td_over_Ti", loop, loops or Loops())
 
 
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw five rows (OP, MV, PV, MV-OP, PV-OP) by six loops."""
-    titles = [f"({p}) $T_d/T_i$ = {r:g}\n$S/2J$ = {q:g}" for p, r, q in PANELS]
-    return draw_cycles(data, ["panel", "Td_over_Ti", "S_over_2J"], titles, "PV - SP (PV units)")
+    return draw_cycles(data, "Td_over_Ti", "$T_d/T_i$", "PV - SP (PV units)")

@@ -54,7 +54,7 @@ def data() -> pd.DataFrame:
         for J in jumps:
             cycle = sustained_cycle(pi_loop(**settings, valve=choudhury(S, J)), periods=12)
             period = cycle["period (s)"].iloc[0] / settings["Ts"]
-            for signal, column in (("OP", "OP (%)"), ("PV", "PV")):
+            for signal, column in (("OP", "OP (%)"), ("PV", "PV - SP")):
                 x = cycle[column].to_numpy() - cycle[column].mean()
                 waves[signal].append(cycles(x, period))
                 if J == jumps[1]:

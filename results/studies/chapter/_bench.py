@@ -66,7 +66,7 @@ def record_of(
     it.
     """
     cycle = sustained_cycle(loop, periods)
-    pv = cycle["PV"].to_numpy()
+    pv = cycle["PV - SP"].to_numpy()
     pv = pv + noise * pv.std() * np.random.default_rng(seed).standard_normal(pv.size)
     process = "integrating" if loop.plant.type == "integrating" else "self-regulating"
     known = {"process": process, "op_span": (0.0, 100.0), **about}

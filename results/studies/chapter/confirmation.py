@@ -46,7 +46,7 @@ def _gain_change() -> Iterator[Row]:
 
 
 def _travel() -> Iterator[Row]:
-    travel = travel_test(FIGURES.load("fig_11_26").LOOP)
+    travel = travel_test(FIGURES.load("fig_11_26").loop())
     why = (
         "the record is not published; our valve has S = 3 %, J = 1.1 %: in steps of 0.2 % the"
         " procedure as printed (same direction) measures the slip jump J; reversed steps measure"
@@ -67,7 +67,7 @@ def _nonlinearity_first() -> Row:
     seen = 0
     for _, Td_over_T, S_over_2J in figure.PANELS:
         cycle = sustained_cycle(figure.loop(Td_over_T, S_over_2J), periods=20)
-        pv = cycle["PV"].to_numpy()
+        pv = cycle["PV - SP"].to_numpy()
         noise = NOISE * pv.std() * np.random.default_rng(0).standard_normal(pv.size)
         record = LoopRecord(
             op=cycle["OP (%)"], pv=pv + noise, sp=0 * pv, Ts=figure.Ts, process="self-regulating"

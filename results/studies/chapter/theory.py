@@ -90,7 +90,7 @@ def _waves() -> Iterator[Row]:
     d = FIGURES.load("fig_11_9").data()
     cycles = [c for _, c in d.groupby(["panel", "Td_over_T", "S_over_2J"], sort=False)]
     for panel, part, ratio in (("a", cycles[:3], "Td/T"), ("b", cycles[3:], "S/2J")):
-        waves = [_best_wave(c, "PV") for c in part]
+        waves = [_best_wave(c, "PV - SP") for c in part]
         good = [name for name, _ in waves] == ["square", "sine", "triangle"]
         ours = ", ".join(f"{name} ({alike:.3f})" for name, alike in waves)
         why = (

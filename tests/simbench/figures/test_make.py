@@ -14,9 +14,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.image import imread
 from matplotlib.text import Text
 
+import simbench as sb
 from simbench.catalogue import FIGURES, catalogue
 from simbench.cli import main
-from simbench.detectors.errors import RecordError, UnknownName
+from simbench.detectors.errors import RecordError, UnknownName, UserError
 from simbench.figures import make_figures
 from simbench.figures._make import figure_ids
 from simbench.figures._records import NeedsRecord
@@ -31,6 +32,10 @@ needs_real = pytest.mark.skipif(
 
 
 def needs(name: str) -> list[str]:
+    return [p for p in parameters(name) if p != "loops"]
+
+
+def parameters(name: str) -> list[str]:
     return list(inspect.signature(FIGURES.load(name).data).parameters)
 
 
@@ -126,7 +131,9 @@ def test_each_figure_is_written_as_svg_png_and_csv(tmp_path):
     assert (tmp_path / "fig-11-5.png").read_bytes().startswith(b"\x89PNG")
     assert b"</svg>" in (tmp_path / "fig-11-5.svg").read_bytes()
     frame = pd.read_csv(tmp_path / "fig-11-5.csv")
-    pd.testing.assert_frame_equal(frame, FIGURES.load("fig_11_5").data(), rtol=1e-5)
+    pd.testing.assert_frame_equal(
+        frame, FIGURES.load("fig_11_5").data(), check_dtype=False, rtol=1e-5
+    )
 
 
 def test_the_same_figure_gives_the_same_bytes(tmp_path):
@@ -211,3 +218,45 @@ def test_a_picture_of_pixels_is_sharp_enough_to_print(tmp_path):
     figure = FIGURES.load("table_11_4").draw(FIGURES.load("table_11_4").data())
     png = next(f for f in drawn.files if f.suffix == ".png")
     assert imread(png).shape[1] >= 0.99 * 200 * figure.get_size_inches()[0]
+
+
+def test_a_figure_carries_the_numbers_of_its_loops(tmp_path, capsys):
+    out = ["-o", str(tmp_path)]
+    assert main(["figure", "fig-11-8", *out, "--set", "S=6", "--set", "Td_over_T=0.3"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Where the curves meet" in said
+    assert "Source: Jelali (2013), Fig. 11.8" in said
+    table = pd.read_csv(tmp_path / "fig-11-8.csv")
+    own = table[table.panel == "(a) self-regulating"]
+    assert own["S (%)"].dropna().eq(6.0).all()
+    assert own["Td (s)"].tolist() == pytest.approx([0.3 * 10.0] * len(own))
+    assert table[table.panel == "(b) integrating"]["Td (s)"].eq(1.0).all()  # it has no T
+    assert "S = 6 %" in sb.figure("11.8", S=6.0).get_suptitle()
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if "loops" in parameters(n)])
+def test_every_simulated_figure_says_its_numbers_and_is_redrawn(name):
+    picture = sb.figure(name)
+    _check_texts(picture)
+    first = picture.get_suptitle()
+    number, value = ("S", 4.5) if "S = " in first else ("K", 0.9)
+    assert f"{number} = {value}" in sb.figure(name, **{number: value}).get_suptitle()
+    assert f"{number} = {value}" not in first
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "words"),
+    [
+        ("fig-11-8", {"Q": 1.0}, "unknown number 'Q'"),
+        ("fig-11-25", {"S": 3.0}, "shows no loop with S"),
+        ("fig-11-2", {"S": 3.0}, "shows no simulated loop"),
+        ("fig-11-8", {"S": -1.0}, "above 0 is needed"),
+        ("fig-11-8", {"S": "x"}, "above 0 is needed"),
+    ],
+)
+def test_numbers_that_a_figure_does_not_have_are_refused(name, numbers, words, tmp_path):
+    with pytest.raises(UserError, match=words):
+        sb.figure(name, **numbers)
+    with pytest.raises(UserError, match=words):
+        make_figures([name], tmp_path, numbers=numbers)
+    assert not list(tmp_path.iterdir())

@@ -53,7 +53,9 @@ def samples_per_period(c: pd.DataFrame) -> float:
 def test_pv_turns_from_square_over_sine_to_triangle_as_the_ratio_falls(drawn, panel):
     wanted = [i for i, p in enumerate(PANELS["fig_11_9"]) if p[0] == panel]
     alike = [
-        wave_likeness((c := cycle(drawn, "fig_11_9", i))["PV"].to_numpy(), samples_per_period(c))
+        wave_likeness(
+            (c := cycle(drawn, "fig_11_9", i))["PV - SP"].to_numpy(), samples_per_period(c)
+        )
         for i in wanted
     ]
     assert [max(a, key=a.__getitem__) for a in alike] == ["square", "sine", "triangle"]
@@ -71,7 +73,7 @@ def test_op_of_a_self_regulating_loop_is_most_like_a_triangle(drawn, i):
 @pytest.mark.parametrize("i", range(6))
 def test_pv_of_an_integrating_loop_is_most_like_a_triangle(drawn, i):
     c = cycle(drawn, "fig_11_9_integrating", i)
-    alike = wave_likeness(c["PV"].to_numpy(), samples_per_period(c))
+    alike = wave_likeness(c["PV - SP"].to_numpy(), samples_per_period(c))
     assert max(alike, key=alike.__getitem__) == "triangle"
 
 
@@ -86,7 +88,7 @@ def test_mv_keeps_its_jumps(drawn, name, i):
 
 @pytest.mark.parametrize("name", PANELS)
 @pytest.mark.parametrize("i", range(6))
-@pytest.mark.parametrize("signal", ["OP (%)", "PV"])
+@pytest.mark.parametrize("signal", ["OP (%)", "PV - SP"])
 def test_a_symmetric_cycle_has_odd_harmonics_only(drawn, name, i, signal):
     power = harmonics(cycle(drawn, name, i)[signal].to_numpy(), periods=3)
     even, odd = power[1::2].sum(), power[0::2].sum()
@@ -96,7 +98,7 @@ def test_a_symmetric_cycle_has_odd_harmonics_only(drawn, name, i, signal):
 def test_a_sine_disturbance_leaves_no_harmonics(drawn):
     d = drawn("fig_11_13")
     trend = d[(d.panel == "no stiction") & (d.part == "trend")]
-    for signal in ("OP (%)", "PV"):
+    for signal in ("OP (%)", "PV - SP"):
         power = harmonics(trend[signal].to_numpy(), periods=4)  # 800 samples of 0.5 s, period 100 s
         assert power[1:].sum() / power[0] < 0.01
 
@@ -306,7 +308,7 @@ def test_table_11_3_holds_but_for_the_two_cells_it_is_too_coarse_for(drawn):
 
 def test_the_cycles_drawn_are_called_stiction_where_the_chapter_says_so():
     figure = FIGURES.load("fig_11_17")
-    record = simulate(figure.LOOP, seed=1).record
+    record = simulate(figure.loop(), seed=1).record
     assert judge(record, ["he"])[0].verdict == "stiction"
 
 
@@ -329,7 +331,7 @@ def test_the_path_of_a_diagnosis_is_drawn(drawn, tmp_path):
     from simbench.figures import draw_path
 
     figure = FIGURES.load("fig_11_17")
-    diagnosis = diagnose(simulate(figure.LOOP, seed=1).record)
+    diagnosis = diagnose(simulate(figure.loop(), seed=1).record)
     draw_path(diagnosis, tmp_path / "path.svg")
     assert (tmp_path / "path.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
     with pytest.raises(ParameterError, match=r"\.svg, \.png or \.pdf"):
@@ -360,7 +362,7 @@ def test_periods_told_beside_the_gain_change_are_those_drawn(drawn, name):
 
 def test_travel_test_finds_J_in_the_same_direction_and_S_reversed(drawn):
     d = drawn("fig_11_26")
-    valve = FIGURES.load("fig_11_26").LOOP.valve.parameters
+    valve = FIGURES.load("fig_11_26").loop().valve.parameters
     assert valve["J"] <= d["J measured (%)"].iloc[0] <= valve["J"] + 0.2
     assert valve["S"] <= d["S measured (%)"].iloc[0] + 1e-9 <= valve["S"] + 0.2
     # the sums are those of the drawn steps
