@@ -43,7 +43,8 @@ def gallery(pictures: Path, page: Path) -> str:
     lines = [HEAD]
     for name in figure_ids():
         module = FIGURES.load(name.replace("-", "_"))
-        first, _, rest = inspect.cleandoc(module.__doc__ or "").partition("\n")
+        first, _, rest = inspect.cleandoc(module.__doc__ or "").partition("\n\n")
+        first = " ".join(first.split())
         lines += [
             f"## `{name}`",
             "",
