@@ -26,6 +26,27 @@ _REMOTE = 1e4  # ranges of PV by which it may lie off 0: with more, digits are l
 _MOST = 0.5  # share of a record that may be frozen; a loop at rest stands still for longer
 
 
+# what the kind of a loop says of its process; a pressure, temperature or concentration may be of
+# either type
+_PROCESS_OF = {"flow": "self-regulating", "level": "integrating"}
+
+
+def with_implied_process(record: LoopRecord) -> LoopRecord:
+    """Return a record with the type of process that the kind of its loop implies, and a note on it,
+    where only the kind is stated.
+
+    >>> t = np.arange(400.0)
+    >>> level = LoopRecord(op=-np.sin(t / 8), pv=np.cos(t / 8), Ts=1.0, kind="level")
+    >>> with_implied_process(level).notes
+    ('process: a level loop; judged as integrating, unless --process states another',)
+    """
+    process = _PROCESS_OF.get(record.kind or "")
+    if process is None or record.process is not None:
+        return record
+    note = f"process: a {record.kind} loop; judged as {process}, unless --process states another"
+    return replace(record, process=process, notes=(*record.notes, note))
+
+
 def repaired(record: LoopRecord) -> LoopRecord:
     """Return a record without wild samples and without a frozen stretch, PV in an ordinary unit.
 
@@ -62,7 +83,7 @@ def repaired(record: LoopRecord) -> LoopRecord:
     >>> repaired(LoopRecord(op=-np.sin(t / 8), pv=pv, Ts=1.0)).notes
     ('outliers: 1 sample of PV contradicts its neighbours on both sides and counts as missing',)
     """
-    return _in_ordinary_unit(_thawed(_without_wild(record)))
+    return _in_ordinary_unit(_thawed(_without_wild(with_implied_process(record))))
 
 
 def _without_wild(record: LoopRecord) -> LoopRecord:

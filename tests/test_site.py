@@ -101,7 +101,7 @@ def test_every_detector_has_its_needs_and_measurements(site):
 
 
 def test_every_key_of_loop_and_grid_file_is_explained(site):
-    loop, grid = text_of(site / "generated/loop.html"), text_of(site / "generated/grid.html")
+    loop, grid = text_of(site / "reference/loop.html"), text_of(site / "reference/grid.html")
     sections = [
         f.annotation for f in Loop.model_fields.values() if hasattr(f.annotation, "model_fields")
     ]

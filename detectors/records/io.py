@@ -72,6 +72,15 @@ _CAUSES = entries("""
     tuning, disturbance, load, interaction, sensor, nonlinearity, quantisation, healthy, other
 """)
 _MILLISECONDS = entries("millitm, millisecond, milliseconds, msec, ms")
+# first letter of a controller's tag, as in FIC101, LC-4, 12PIC10201 or TICA7: what it measures
+_KIND_OF = {
+    "F": "flow",
+    "L": "level",
+    "P": "pressure",
+    "T": "temperature",
+    "A": "analyser",
+}
+_LETTERS = re.compile(r"(?<![A-Za-z])([FLPTA])I?C[A-Z]?[ _-]?\d", re.ASCII)
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 
@@ -503,6 +512,8 @@ def _record(
     if began > CALENDAR:  # events are shared by records of the same time only
         meta["start"] = begins
     about["meta"] = {**meta, **about.get("meta", {})}
+    if about.get("kind") is None:
+        notes = [*notes, *_kind_by_tag(str(about.get("tag", "")))]
     record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
     if held is not None and not automatic and (held == MAN).any():
         times = begins + (np.arange(record.n) + 0.5) * Ts
@@ -511,6 +522,17 @@ def _record(
     return replace(
         record, notes=(*record.notes, *open_span(record, where), *_outside(record, where))
     )
+
+
+def _kind_by_tag(tag: str) -> list[str]:
+    """Return a note on the kind of loop that the letters of a tag propose (ISA-5.1): FIC101 is a
+    flow loop.
+    """
+    found = _LETTERS.search(tag)
+    if found is None:
+        return []
+    kind = _KIND_OF[found[1]]
+    return [f"kind: the letters of tag {tag} propose {kind}; --kind {kind} states it"]
 
 
 def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | None:

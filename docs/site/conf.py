@@ -16,7 +16,6 @@ os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.envir
 
 from api import api_pages
 from commands import commands_page
-from formats import grid_page, loop_page
 from methods import methods_page
 
 project, author = "simbench", "the simbench authors"
@@ -52,8 +51,6 @@ os.environ["IPYTHONDIR"] = str(generated / "ipython")
 (generated / "api").mkdir(parents=True, exist_ok=True)
 pages = {
     "methods": methods_page(),
-    "loop": loop_page(),
-    "grid": grid_page(),
     "commands": commands_page(),
     **api_pages(),
 }

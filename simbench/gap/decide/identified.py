@@ -47,5 +47,6 @@ def remarks(situation: Situation) -> list[str]:
     out = []
     if situation.record.process is None:
         kind = "integrating" if situation.integrating else "self-regulating"
-        out.append(f"process: not given; judged as {kind}, the likelier of the two")
+        said = f", and a {situation.record.kind} may be either" if situation.record.kind else ""
+        out.append(f"process: not given{said}; judged as {kind}, the likelier of the two")
     return out + [f"{e}: {remark}" for e in EFFECTS if (remark := recogniser(e).remark(situation))]
