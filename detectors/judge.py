@@ -23,6 +23,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import (
     NO_DECISION,
     NO_STICTION,
+    NOT_OSCILLATING,
     Level,
     Verdict,
     wrong_types,
@@ -152,7 +153,7 @@ def judge_one(
     def finished(verdict: Verdict) -> Verdict:
         joined = applicable if verdict.applicable is True else verdict.applicable
         limited = verdict if name == _ASKS_OTHERS else _as_archived(verdict, prepared)
-        reason = "; ".join([limited.reason, *notes])
+        reason = "; ".join([limited.reason, *(n for n in notes if n not in limited.reason)])
         return limited.but(method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
 
     applicable: bool | None = True
@@ -277,7 +278,7 @@ def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict
         return None
     oscillation = prepared.oscillation
     if not raw and not oscillation.sustained:
-        verdict = answer(NO_STICTION, f"no sustained oscillation ({oscillation.evidence})")
+        verdict = answer(NO_STICTION, f"{NOT_OSCILLATING} ({oscillation.evidence})")
         # below every score: scales differ between methods, some go below 0
         return verdict.but(score=-np.inf)
     periods = (

@@ -264,7 +264,9 @@ class _Course:
         return (
             "yes",
             "; ".join(other) or "no flag raised",
-            "Continue; methods that cannot handle this data-quality warning give no decision.",
+            "Continue; methods that cannot handle this data-quality warning give no decision."
+            if other
+            else "Continue.",
         )
 
     def oscillation(self) -> tuple[str, str, str]:

@@ -11,6 +11,8 @@ from typing import Any
 STICTION = "stiction"
 NO_STICTION = "no_stiction"
 NO_DECISION = "no_decision"
+# begins the reason of a verdict that the common oscillation test gives in place of a method
+NOT_OSCILLATING = "no sustained oscillation"
 PROBABILITY = "probability_of_stiction"  # its key in every answer
 VERDICTS = (STICTION, NO_STICTION, NO_DECISION)
 

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbench.detectors.plugins.registry import methods as registry
-from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
+from simbench.detectors.verdict import (
+    NO_DECISION,
+    NO_STICTION,
+    NOT_OSCILLATING,
+    STICTION,
+    Level,
+    Verdict,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,6 +41,7 @@ _CONCLUDED_FROM = (
     "The conclusion does not count these verdicts. It compares models of the loop with and without"
     " valve friction (method likelihood)."
 )
+_NOT_ASKED = f"not asked: {NOT_OSCILLATING}"
 _NAMED = 5  # records named in a sentence
 _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 
@@ -44,13 +52,17 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
         return f"{verdicts[0].method} reports {VERDICT_WORDS[verdicts[0].verdict]}"
     asked = [v for v in verdicts if not _is_test(v.method)]
     others = [v for v in asked if v.applicable is not False]
-    count = Counter(v.verdict for v in others)
     left_out = len(asked) - len(others)
+    resting = len(others) - len(others := [v for v in others if not _rests(v)])
+    count = Counter(v.verdict for v in others)
+    if resting and not others:
+        return f"{resting} {_NOT_ASKED}"
     text = (
         f"{count[STICTION]} of {len(others)} methods"
         f" {'reports' if count[STICTION] == 1 else 'report'} stiction, "
     )
     text += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
+    text += f"; {resting} {_NOT_ASKED}" if resting else ""
     return text + (f"; {left_out} not applicable to this loop" if left_out else "")
 
 
@@ -193,7 +205,7 @@ def _table(verdicts: Sequence[Verdict]) -> Any:
         levels = ([level(v.S), level(v.J)] if v.S is not None else ["", ""]) if units else []
         table.add_row(
             v.method,
-            f"[{_COLOURS[v.verdict]}]{VERDICT_WORDS[v.verdict]}[/]",
+            f"[{_COLOURS[v.verdict]}]{_NOT_ASKED if _rests(v) else VERDICT_WORDS[v.verdict]}[/]",
             score,
             *levels,
             *([fits] if any_known else []),
@@ -235,6 +247,11 @@ def _not_counted(verdicts: Iterable[Verdict]) -> list[str]:
         if tests
         else []
     )
+
+
+def _rests(verdict: Verdict) -> bool:
+    """Whether the front end answered for a method: the loop does not oscillate."""
+    return verdict.reason.startswith(NOT_OSCILLATING)
 
 
 def _is_test(method: str) -> bool:

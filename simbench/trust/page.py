@@ -49,8 +49,7 @@ def write_page(trust: Trust, path: str | Path) -> None:
                 f"smallest S ({record.S_unit}) detected in 4 of 5 replicates",
             )
         )
-    answer = [*trust.conclusion.as_lines(), *trust.advice()]
-    parts = [section("answer", "The answer", answer, tiles=tiles)]
+    parts = [section("answer", "The answer", trust.first_lines(), tiles=tiles)]
     seen = [
         (draw_trend(record), "PV (red), SP (grey), OP (blue)"),
         (draw_pv_op(record), "PV against OP"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,22 @@ class Trust:
     most_accurate: Rule | None = None
     visible_range: tuple[float, float] = (np.inf, np.inf)
     rivals: tuple[str, ...] = ()
+    # that the replicates are not near the record, and what follows; "" where they are
+    far: str = ""
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return f"Trust: {self.sentence()}"
+
+    def _repr_html_(self) -> str:
+        return "".join(f"<p>{escape(line)}</p>" for line in self.first_lines())
+
+    def first_lines(self) -> list[str]:
+        """Return what stands above the table: whether the replicates are this loop's, the
+        conclusion and the most reliable method.
+        """
+        far = [f"{self.far[0].upper()}{self.far[1:]}."] if self.far else []
+        return [*far, *self.conclusion.as_lines(), *self.advice()]
 
     @property
     def probability(self) -> float | None:
@@ -87,6 +104,7 @@ class Trust:
             "conclusion": self.conclusion.as_json(),
             "notes": [
                 self.sentence(),
+                *([self.far] if self.far else []),
                 self._seen(),
                 *self._asides(),
                 *(r.sentence() for r in self.helps),
@@ -148,7 +166,7 @@ class Trust:
         """Return the conclusion, the most reliable method, the table of methods, what would help
         and the notes.
         """
-        lines = [*self.conclusion.as_lines(), *self.advice()]
+        lines = self.first_lines()
         if self.best is not None:
             lines += ["", *_table(self.methods, self.record.S_unit), self._legend()]
         notes = [f"note: {n}" for n in (*self._asides()[1:], *self.notes)]

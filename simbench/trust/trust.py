@@ -227,6 +227,7 @@ def _weighed(
         replace(m, power=tuple(_in_units(c, candidates.percent) for c in m.power)) for m in rows
     ]
     near = candidates.nearness()
+    far = _far(near)
     return Trust(
         conclusion=conclusion,
         methods=tuple(rows),
@@ -236,7 +237,11 @@ def _weighed(
         smallest_visible=(
             None if seen is None else (seen[0] * candidates.percent, seen[1] * candidates.percent)
         ),
-        notes=(*([] if near is None else [_nearness(*near)]), *candidates.notes),
+        notes=(
+            *([f"simulations of this loop are {apart(*near)}"] if near and not far else []),
+            *candidates.notes,
+        ),
+        far=far,
         record=record,
         candidates=candidates,
         most_accurate=rules[keenest][0],
@@ -261,10 +266,14 @@ def _rivals(rows: list[MethodTrust], sticky: np.ndarray) -> tuple[str, ...]:
     )
 
 
-def _nearness(gap: float, plant_floor: float) -> str:
-    """Return in words how near the replicates are to the record, and what follows."""
-    far = "" if within_reach(gap, plant_floor) else ": the numbers above are those of another loop"
-    return f"simulations of this loop are {apart(gap, plant_floor)}{far}"
+def _far(near: tuple[float, float] | None) -> str:
+    """Return what is to be known first where the replicates are not near the record."""
+    if near is None or within_reach(*near):
+        return ""
+    return (
+        f"the replicates are another loop's: they are {apart(*near)}; what is said of methods and"
+        " of the smallest stiction holds for that loop"
+    )
 
 
 def _row(

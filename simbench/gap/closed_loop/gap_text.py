@@ -23,7 +23,8 @@ def gap_sentences(
     `after` is None where nothing was added; `shrinkage` holds the share of the gap above the floor
     that is removed (`value`, `lo`, `hi`), None where none is claimed.
     """
-    sizes = [f"{before:.2f} with the model as given", f"{recalibrated:.2f} with K, T, Td refitted"]
+    nearer = f"{recalibrated:.2f}" if round(recalibrated, 2) < round(before, 2) else "no less"
+    sizes = [f"{before:.2f} with the model as given", f"{nearer} with K, T, Td refitted"]
     if after is not None:
         sizes.append(f"{after:.2f} with {added} added")
     lines = [

@@ -156,7 +156,9 @@ def _stiction(loops: CandidateLoops, unit: str) -> Cause:
         f" difference {loops.gain:+.0f})"
     )
     if p <= LIKELIER:
-        return Cause(STICKING, p, (), (better,))
+        # what fits better is no evidence against, though it is not enough
+        sides = ((better,), ()) if loops.gain > 0 else ((), (better,))
+        return Cause(STICKING, p, *sides)
     if loops.sizes is not None:
         better += f"; {stated(*loops.sizes, unit)}"
     return Cause(STICKING, p, (better,))

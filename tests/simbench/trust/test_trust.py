@@ -74,8 +74,10 @@ def test_how_near_the_loop_of_the_replicates_is_to_the_record_is_said_as_a_diagn
     )
     monkeypatch.setattr(CandidateLoops, "nearness", lambda loops: (1.6, 1.0))
     far = trust(sticky, **FEW, help_wanted=False)
-    assert far.notes[0].endswith("the numbers above are those of another loop")
-    assert far.notes[0] in far.as_json()["notes"]
+    assert "another loop's" in far.far
+    assert far.as_text().startswith("The replicates are another loop's: they are ")
+    assert far.far in far.as_json()["notes"]
+    assert not [n for n in far.notes if n.startswith("simulations of this loop")]
 
 
 def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():

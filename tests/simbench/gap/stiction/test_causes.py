@@ -3,6 +3,7 @@ what is open stays open.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -108,3 +109,12 @@ def test_tuning_is_weighed_only_at_the_period_of_the_largest_sensitivity():
     assert slow is not None
     swing = replace(Prepared(record).oscillation, period_s=3.0 * slow.period)
     assert causes._tuning(slow, swing, False, 0.5).confidence < 0.1
+
+
+@pytest.mark.parametrize(("gain", "side"), [(52.0, "speaks_for"), (-3.0, "against")])
+def test_a_better_fit_with_friction_is_no_evidence_against_it(gain, side):
+    loops = SimpleNamespace(probability=0.3, gain=gain, sizes=None)
+    cause = causes._stiction(loops, "% of travel")
+    (said,) = getattr(cause, side)
+    assert ("better" in said) == (gain > 0)
+    assert len(cause.speaks_for) + len(cause.against) == 1
