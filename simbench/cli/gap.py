@@ -19,6 +19,7 @@ from simbench.cli.common import (
     gap_app,
     pairs,
     reads,
+    say,
     show,
     show_result,
     withheld_app,
@@ -121,7 +122,6 @@ def gap_diagnose(
 
     if any(record.is_dir() for record in records):
         for option, value in (
-            ("--html", html),
             ("--write-loop", write_loop),
             ("--picture", picture),
             ("--test", test),
@@ -136,7 +136,7 @@ def gap_diagnose(
                 raise ParameterError(
                     f"gap diagnose: {record} is no folder; either records or folders are needed"
                 )
-        _diagnose_folders(records, baseline, identify, jobs, as_json, about)
+        _diagnose_folders(records, baseline, identify, jobs, html, as_json, about)
         return
     _refuse_both("gap diagnose", baseline, identify)
     report = diagnose_files(
@@ -164,29 +164,42 @@ def _diagnose_folders(
     baseline: Path | None,
     identify: bool,
     jobs: int,
+    html: Path | None,
     as_json: bool,
     about: dict,
 ) -> None:
+    from simbench.files import refuse_own_input
     from simbench.gap.folder import diagnose_folder
 
+    refuse_own_input([html], [*folders, baseline])
     if baseline is not None:
         _refuse_both("gap diagnose", baseline, identify)
     found = diagnose_folder(folders, baseline, jobs, identify=identify, **about)
     show_result(found, as_json)
+    if html is not None:
+        found.write_page(html)
+        say(f"page: {html.resolve()}", as_json)
     if found.refused:
         raise Exit(1)
 
 
 @gap_app.command(
     "plan",
-    epilog=examples("gap plan rec.csv --baseline loop.toml --limits limits.toml --html plan.html"),
+    epilog=examples(
+        "gap plan rec.csv --baseline loop.toml --limits limits.toml --html plan.html",
+        "gap plan rec.csv --identify",
+    ),
 )
 @reads()
 def gap_plan(
     record: Annotated[
         Path, Argument(metavar="REC.csv", help="Read the record that is not explained yet.")
     ],
-    baseline: Baseline,
+    baseline: Annotated[
+        Path | None,
+        Option(metavar="LOOP.toml", help="Compare with the simulation in this loop file."),
+    ] = None,
+    identify: Identify = False,
     limits: Annotated[
         Path | None,
         Option(
@@ -213,6 +226,7 @@ def gap_plan(
     """
     from simbench.gap.command import plan_files
 
+    _refuse_both("gap plan", baseline, identify)
     plan = plan_files(
         record,
         baseline,

@@ -16,6 +16,7 @@ from simbench.detectors.errors import ParameterError, RecordError, printable
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
+from simbench.gap.closed_loop.gap import within_reach
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
 from simbench.gap.intake.partial import Partial, read_baseline
@@ -24,7 +25,7 @@ from simbench.gap.plan.menu import Limits
 from simbench.gap.plan.order import PlannedTests, plan
 from simbench.gap.prediction import Prediction, predict, read_settings
 from simbench.gap.report.result import GapReport
-from simbench.loop.effects import EFFECTS, PLUGINS
+from simbench.loop.effects import EFFECTS, PLUGINS, UNKNOWN
 from simbench.scenarios.spec import checked, load_loop, read_toml
 
 
@@ -147,7 +148,7 @@ def diagnose_files(
 
 def plan_files(
     record: str | Path,
-    baseline: str | Path,
+    baseline: str | Path | None,
     *,
     limits: str | Path | None = None,
     tests: Sequence[str] = (),
@@ -155,18 +156,34 @@ def plan_files(
     html: str | Path | None = None,
     **about: Any,
 ) -> PlannedTests:
-    """Return the tests that are recommended next on the loop of a record."""
+    """Return the tests that are recommended next on the loop of a record; without a baseline the
+    loop is identified from the record.
+    """
     refuse_own_input([html], [record, baseline, limits, *healthy])
     within = Limits() if limits is None else checked(Limits, read_toml(limits), str(limits))
     report = diagnose_files([record], baseline, tests=tests, healthy=healthy, **about)
     with one_thread():
         p = {r.effect: r.probability for r in report.ranking}
         planned = plan(report.behind.found, p, report.behind.loops, within)
+    planned = replace(planned, far=_far(report, p))
     if html is not None:
         from simbench.gap.report.plan_page import write_plan_page
 
         write_plan_page(planned, report, html)
     return planned
+
+
+def _far(report: GapReport, probability: Mapping[str, float]) -> str:
+    """Return what is to be known first where no known effect brings the model near the record."""
+    gap = report.gap
+    if within_reach(gap.after, gap.plant_floor):
+        return ""
+    return (
+        f"The model is far from the record, even corrected: its gap is {gap.after:.2f},"
+        f" parts of the record are {gap.plant_floor:.2f} apart (unknown:"
+        f" {probability.get(UNKNOWN, 0.0):.2f}). A test of a model that is not this loop tells"
+        " little: check the loop file first."
+    )
 
 
 def predict_file(

@@ -44,6 +44,23 @@ class FolderDiagnosis:
     answers: dict[str, dict[str, Any]]
     refused: dict[str, str]
 
+    def write_page(self, path: str | Path) -> None:
+        """Write the answers as one self-contained HTML page.
+
+        Parameters
+        ----------
+        path : str or Path
+            HTML file to write.
+        """
+        from simbench.gap.report.folder_page import write_folder_page
+
+        said = [self._counted(), *self._nearness(), *self._remains()]
+        write_folder_page(self.answers, said, self.refused, path)
+
+    def _counted(self) -> str:
+        named = ", ".join(f"{words(effect)} {n}" for effect, n in self.counts().items())
+        return f"Records in which each effect was named: {named or 'none was diagnosed'}."
+
     def counts(self) -> dict[str, int]:
         """Return how many records each effect was named in, the most frequent first.
 
@@ -77,7 +94,6 @@ class FolderDiagnosis:
         str
             Lines for a terminal.
         """
-        named = ", ".join(f"{words(effect)} {n}" for effect, n in self.counts().items())
         rows = []
         for name, a in self.answers.items():
             gap, valve = a["gap"], a["conclusion"]["verdict"]
@@ -86,7 +102,7 @@ class FolderDiagnosis:
             rows.append((name, words(a["effect"]), a["block"], p, *sizes, WORDS[valve]))
         return "\n".join(
             [
-                f"Records in which each effect was named: {named or 'none was diagnosed'}.",
+                self._counted(),
                 *self._nearness(),
                 *(["", *columns([_HEAD, *rows])] if rows else []),
                 *self._remains(),

@@ -38,6 +38,7 @@ class PlannedTests:
     tests: tuple[Trial, ...] = ()
     why: str = ""
     left_out: tuple[str, ...] = ()
+    far: str = ""  # what is to be known first where the model is far from the record
 
     @property
     def next_test(self) -> dict[str, Any] | None:
@@ -61,7 +62,8 @@ class PlannedTests:
     def as_json(self) -> dict[str, Any]:
         """Return the plan as the contract has it."""
         tests = [x.as_json() for x in self.tests]
-        return {"tests": tests, "pair": self.pair, "why": self.sentence()}
+        why = " ".join([*([self.far] if self.far else []), self.sentence()])
+        return {"tests": tests, "pair": self.pair, "why": why}
 
     def sentence(self) -> str:
         """Return the plan in a sentence."""
@@ -72,7 +74,7 @@ class PlannedTests:
 
     def as_text(self) -> str:
         """Return the plan for a terminal."""
-        lines = [self.sentence()]
+        lines = [*([self.far] if self.far else []), self.sentence()]
         if self.tests:
             lines += ["", "minutes  PV moves by  OP moves by (%)  test"]
         lines += [

@@ -245,3 +245,21 @@ def test_healthy_records_are_read_noted_and_repeated_on_the_page(place, tmp_path
 )
 def test_healthy_records_that_cannot_be_used_are_refused(capsys, place, given, words):
     refused(capsys, place, given, *words)
+
+
+def test_a_plan_is_made_of_an_identified_loop_and_says_first_that_a_model_is_far(
+    place, capsys, monkeypatch
+):
+    record = str(place / "no_mv.csv")
+    assert main(["gap", "plan", record, "--identify", "--json"]) == 0
+    planned = json.loads(capsys.readouterr().out)
+    report = command.diagnose_files([record], None)
+    advised = report.next_test
+    first = planned["tests"][0]["id"] if planned["tests"] else None
+    assert first == (None if advised is None else advised["test"])
+    assert "far from the record" not in planned["why"]
+    monkeypatch.setattr(command, "within_reach", lambda gap, floor: False)
+    assert main(["gap", "plan", record, "--identify"]) == 0
+    assert capsys.readouterr().out.startswith("The model is far from the record")
+    assert main(["gap", "plan", record]) == 2
+    assert "--identify" in capsys.readouterr().err

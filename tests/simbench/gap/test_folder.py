@@ -1,6 +1,7 @@
 """A folder of records: each is diagnosed by itself, with the loop file beside it if any."""
 
 import json
+import re
 
 import pytest
 from random_case import random_case
@@ -82,7 +83,18 @@ def test_a_folder_says_how_near_its_simulations_come_and_what_remains():
     assert not any(line.startswith("A: ") for line in lines)
 
 
-@pytest.mark.parametrize("option", ["--html", "--healthy"])
+@pytest.mark.parametrize("option", ["--write-loop", "--healthy"])
 def test_what_is_for_one_loop_is_refused_of_a_folder(folder, capsys, option):
     assert main(["gap", "diagnose", str(folder), option, "page.html"]) == 2
     assert f"{option} is for the records of one loop" in capsys.readouterr().err
+
+
+def test_the_page_of_a_folder_has_a_row_per_record_and_why_others_have_none(folder, tmp_path):
+    page = tmp_path / "page.html"
+    assert main(["gap", "diagnose", str(folder), "--html", str(page)]) == 1
+    text = page.read_text(encoding="utf-8")
+    assert re.search(r"detuning 1.{0,20}gain mismatch 1|gain mismatch 1.{0,20}detuning 1", text)
+    assert text.count("<tr") >= 3
+    assert "<svg" in text
+    assert "torn" in text
+    assert main(["gap", "diagnose", str(folder), "--html", str(folder / "detuning.csv")]) == 2
