@@ -69,12 +69,15 @@ docs: $(READY_TEST)        ## the gallery, and every published number beside our
 site: $(READY_TEST)        ## tutorials that run, API, detectors, formats, glossary as pages
 	$(BIN)/python -m sphinx -W --keep-going -q docs/site runs/site
 
-# the product alone, and with what tests, studies and pages need; modules are compiled when first imported, kernels when first run
+# the product alone, and with what tests, studies and pages need; modules are compiled when first imported, kernels by a first record
 INSTALL = (test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV)) && \
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e
 
 $(READY): pyproject.toml constraints.txt
 	$(INSTALL) .
+	@mkdir -p runs
+	$(BIN)/simbench simulate docs/example/loop.toml -o runs/warm.csv --seed 1 > runs/warm.txt
+	$(BIN)/simbench detect runs/warm.csv > runs/warm.txt  # compiles the kernels: the first use finds them
 	touch $@
 
 $(READY_TEST): pyproject.toml constraints.txt

@@ -14,6 +14,7 @@ import pickle
 import shutil
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from functools import cache, lru_cache
@@ -26,8 +27,12 @@ import numpy as np
 # that a kernel may take in plain Python before it is compiled, which takes about as long
 _PLAIN_SECONDS = 0.5
 _FIRST_USE = (
-    "first use: compiling for this computer, some 10 to 30 seconds; later runs start at once"
+    "first use: the numerical kernels are compiled for this computer, once; it takes 10 to 45"
+    " seconds, and later commands start at once"
 )
+SILENCE = 1.0  # s of compiling before anything is said
+_PAUSE = 0.4  # s without a function being compiled, after which none is expected
+_FUNCTIONS = 70  # that `detect` compiles at its first use: the length of the bar
 # of a function that other kernels alone call: no entry for Python or C is compiled
 _UNCALLED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 LANES = 32
@@ -242,11 +247,56 @@ def _checked_cache() -> type:
 
 @cache
 def _announce() -> None:
-    """Tell who waits at a terminal, once and not from every worker, that kernels are compiled."""
+    """Watch from now on what is compiled, once and not from every worker."""
     from multiprocessing import parent_process
 
-    if sys.stderr.isatty() and parent_process() is None:
-        print(_FIRST_USE, file=sys.stderr)
+    from numba.core import event
+
+    if parent_process() is None:
+        event.register("numba:compile", _watch())
+
+
+def _watch() -> Any:
+    """Return a listener that tells, after a second of silence, that kernels are compiled, and at a
+    terminal how many are.
+    """
+    from numba.core.event import Listener
+
+    class Watch(Listener):
+        def __init__(self):
+            self.running, self.done, self.told = 0, 0, False
+            self.began = self.ended = time.monotonic()
+            self.thread = None
+
+        def on_start(self, event):
+            self.running += 1
+            if self.thread is None or not self.thread.is_alive():
+                self.began = time.monotonic()
+                self.thread = threading.Thread(target=self.tell, daemon=True)
+                self.thread.start()
+
+        def on_end(self, event):
+            self.running, self.done, self.ended = self.running - 1, self.done + 1, time.monotonic()
+
+        def tell(self):
+            """Speak while functions are compiled; what was drawn is wiped once none is."""
+            at_terminal, drawn = sys.stderr.isatty(), False
+            while self.running or time.monotonic() - self.ended < _PAUSE:
+                time.sleep(0.05)
+                if time.monotonic() - self.began < SILENCE:
+                    continue
+                if not self.told:
+                    self.told = True
+                    print(_FIRST_USE, file=sys.stderr, flush=True)
+                if at_terminal:
+                    full = min(self.done, _FUNCTIONS) * 30 // _FUNCTIONS
+                    bar = f"[{'#' * full}{'.' * (30 - full)}] {self.done} functions compiled"
+                    print(f"\r{bar}", end="", file=sys.stderr, flush=True)
+                    drawn = True
+            if drawn:
+                print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+    return Watch()
 
 
 def _sound(content: bytes) -> bytes:

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from simbench.detectors.compiled import LANES, compiled, lanes, njit_cached, rows
+from simbench.detectors.compiled import _FIRST_USE, LANES, compiled, lanes, njit_cached, rows
 
 HELPER = "from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n"
 KERNEL = "from helper import scaled\ndef kernel(x):\n    return scaled(x) + 1.0\n"
@@ -146,7 +146,8 @@ def test_who_waits_at_a_terminal_is_told_at_the_first_use(filled, tmp_path):
     for _ in range(2):
         controller, terminal = pty.openpty()
         environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-        words = [sys.executable, "-c", RUN]
+        at_once = "import simbench.detectors.compiled as c\nc.SILENCE = 0.0\n"
+        words = [sys.executable, "-c", at_once + RUN]
         subprocess.run(
             words, cwd=filled, env=environment, stdout=subprocess.PIPE, stderr=terminal, check=True
         )
@@ -154,8 +155,27 @@ def test_who_waits_at_a_terminal_is_told_at_the_first_use(filled, tmp_path):
         told.append(os.read(controller, 1000).decode())
         os.close(controller)
         os.close(terminal)
-    assert told[0].count("first use: compiling") == 1
+    assert told[0].count("first use: the numerical kernels are compiled") == 1
+    assert "functions compiled" in told[0]
     assert told[1] == "."
+
+
+def test_who_reads_a_log_is_told_after_a_second_and_not_before(filled, tmp_path):
+    told = []
+    for silence in ("0.0", "60.0"):
+        code = f"import simbench.detectors.compiled as c\nc.SILENCE = {silence}\n{RUN}"
+        environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / silence)}
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=filled,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        told.append(done.stderr)
+    assert told[0].splitlines() == [_FIRST_USE]
+    assert told[1] == ""
 
 
 def test_a_cache_of_one_process_goes_with_it(filled, tmp_path):
