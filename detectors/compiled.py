@@ -280,21 +280,22 @@ def _watch() -> Any:
 
         def tell(self):
             """Speak while functions are compiled; what was drawn is wiped once none is."""
-            at_terminal, drawn = sys.stderr.isatty(), False
+            told_on = sys.__stderr__  # whatever a plug-in's output is redirected to
+            at_terminal, drawn = told_on is not None and told_on.isatty(), False
             while self.running or time.monotonic() - self.ended < _PAUSE:
                 time.sleep(0.05)
                 if time.monotonic() - self.began < SILENCE:
                     continue
                 if not self.told:
                     self.told = True
-                    print(_FIRST_USE, file=sys.stderr, flush=True)
+                    print(_FIRST_USE, file=told_on, flush=True)
                 if at_terminal:
                     full = min(self.done, _FUNCTIONS) * 30 // _FUNCTIONS
                     bar = f"[{'#' * full}{'.' * (30 - full)}] {self.done} functions compiled"
-                    print(f"\r{bar}", end="", file=sys.stderr, flush=True)
+                    print(f"\r{bar}", end="", file=told_on, flush=True)
                     drawn = True
             if drawn:
-                print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+                print("\r\x1b[K", end="", file=told_on, flush=True)
 
     return Watch()
 

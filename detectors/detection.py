@@ -24,6 +24,7 @@ from simbench.detectors.procedure import Diagnosis
 from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder, read_labels, read_records
+from simbench.detectors.records.isdb import read_loops
 from simbench.detectors.repaired import repaired
 from simbench.detectors.report.events import event_numbers
 from simbench.detectors.report.report import Report, ShownConclusion, choose_methods, score_units
@@ -244,7 +245,10 @@ def _read(
         "longest_segment": longest_segment or None,
     }
     folder = path.is_dir() or (
-        path.suffix.lower() == ".mat" and path.exists() and about["tag"] is None
+        path.suffix.lower() == ".mat"
+        and path.exists()
+        and about["tag"] is None
+        and len(read_loops(path)) > 1
     )
     if folder:
         each = {

@@ -44,7 +44,10 @@ DIALECTS = (
         """,
         date="date",
         clock="time",
-        tag="tag, tagname, tag name, point, variable, name, item, object, path, series",
+        tag="""
+            tag, tagname, tag name, point, variable, name, item, object, path, series, loop,
+            loop tag, loop name, loop id
+        """,
         parameter="parameter, attribute, property, signal",
         value="value, val",
         quality="quality, quality code, data quality, status, qual, validity, good, bad",
@@ -82,7 +85,13 @@ DIALECTS = (
     ),
     Dialect("Foxboro", pv="meas", sp="spt"),
     Dialect("OPC", tag="itemid, item id, node id, nodeid"),
-    Dialect("InfluxDB", tag="measurement, metric", parameter="field"),
+    Dialect(
+        "InfluxDB, Home Assistant",
+        time="last changed, last updated",
+        tag="measurement, metric, entity id, entity",
+        parameter="field",
+        value="state",
+    ),
     Dialect(
         "German",
         time="zeitstempel, zeit, zeitpunkt, datum, datum uhrzeit, uhrzeit, datum zeit",

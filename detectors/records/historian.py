@@ -71,7 +71,11 @@ _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousands
 # a cell with its unit: 12,3 m3/h
-_WITH_UNIT = re.compile(r"([+-]?\d[\d.,' ]*)\s+((?:%|[^\W\d_]|°)[^\s]{0,7})")
+# with a blank or without, but for the exponent of a number
+_WITH_UNIT = re.compile(
+    r"([+-]?\d[\d.,' ]*?)\s*((?!e[+-]?\d+$)(?:%|[^\W\d_]|°)[^\s]{0,7})", re.IGNORECASE
+)
+_QUALITY_FIRST = re.compile(r"(?:q|qual|quality)[ _.-](pv|op|sp|mv)")
 # a historian's mark after a value: 119.9 ?, 119.9 (Q), 119.9*, 119.9 [Bad], 119.9 Q
 _MARKS = _GOOD | _BAD | _UNSURE
 _MARK = rf"(?:[A-Z]|{'|'.join(map(re.escape, sorted(_MARKS)))})"
@@ -163,9 +167,16 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
 
 
 def _named(place: int, name: str, cells: Sequence[object]) -> str:
-    """Return a name for a column without one that holds qualities only."""
-    said = {plain(cell) for cell in cells} - {""} if name.startswith(BLANK) else set()
-    return f"Status.{place}" if said and said <= _MARKS else name
+    """Return a name for a column that holds qualities only, where it has none, or one that begins
+    with q: q_pv is the quality of PV, and no loop called q.
+    """
+    of_signal = _QUALITY_FIRST.fullmatch(plain(name))
+    if not of_signal and not name.startswith(BLANK):
+        return name
+    said = {plain(cell) for cell in cells} - {""}
+    if not said or not said <= _MARKS:
+        return name
+    return f"{of_signal[1]}.quality" if of_signal else f"Status.{place}"
 
 
 def _is_text(sheet: Sheet) -> bool:

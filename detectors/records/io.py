@@ -36,7 +36,7 @@ from simbench.detectors.records.historian import (
     take_rows,
     take_units,
 )
-from simbench.detectors.records.long_table import is_stamped, read_series, unfold
+from simbench.detectors.records.long_table import by_loop, is_stamped, read_series, unfold
 from simbench.detectors.records.loop_table import read_loop_table
 from simbench.detectors.records.mode import AUTO, CAS, MAN, mode
 from simbench.detectors.records.one_signal import join, signal_files
@@ -443,7 +443,8 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
     if not chosen and (joined := join(path)) is not None:
         sheet = Sheet({}, notes=[*joined.notes])
         return {"": _Opened(sheet, joined.units, joined.parts, where, joined.tag)}
-    sheets = read_sheets(path, lambda cells: is_head(cells, chosen))
+    counted = bool(chosen) and all(name.isdigit() for name in chosen.values())
+    sheets = read_sheets(path, lambda cells: is_head(cells, chosen), counted)
     if len(sheets) > 1 and tag is not None:
         sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets
     several, out, quality = len(sheets) > 1, {}, chosen.get(QUALITY_OF, "none")
@@ -454,6 +455,8 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
         take_rows(sheet, chosen)
         units = take_units(sheet, chosen)
         _join_dates(sheet)
+        if loops := {} if several else by_loop(sheet):
+            return {loop: _Opened(part, units, None, where) for loop, part in loops.items()}
         out[name if several else ""] = _Opened(sheet, units, unfold(sheet, quality), where)
     return out
 
@@ -535,6 +538,19 @@ def _kind_by_tag(tag: str) -> list[str]:
     return [f"kind: the letters of tag {tag} propose {kind}; --kind {kind} states it"]
 
 
+def _unknown_modes(cells: Sequence[object] | np.ndarray, modes: np.ndarray) -> list[str]:
+    """Return a note on the words that are no mode, if some are: the mode before them is held."""
+    said = ("" if c is None or c != c else str(c).strip() for c in cells)
+    odd = Counter(text for text, known in zip(said, modes, strict=True) if text and not known)
+    if not odd or not (modes != "").any():
+        return []
+    (word, _), *_ = odd.most_common(1)
+    return [
+        f"mode: {odd.total()} samples say {printable(word)!r}, which is no mode known here; the"
+        " mode before them is taken to last"
+    ]
+
+
 def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | None:
     """Return every sample's mode, None where no word of it is understood: a historian stores a mode
     when it changes.
@@ -601,7 +617,11 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
     n = signals["pv"].size
     if n < SHORTEST:
         raise RecordError(f"{where}: {n} samples; at least {SHORTEST} are needed")
-    modes = mode(sheet.columns[roles[MODE]]) if MODE in roles else None
+    modes = None
+    if MODE in roles:
+        cells = sheet.columns[roles[MODE]]
+        modes = mode(cells)
+        sheet.notes += _unknown_modes(cells, modes)
     if Ts is not None:
         return np.arange(n) * float(Ts), signals, modes, Ts
     name = find_time(list(sheet.columns), chosen, where)

@@ -1,13 +1,17 @@
-"""Read the International Stiction Data Base (isdb10.mat), loop by loop."""
+"""Read loops from a MATLAB file: the International Stiction Data Base (isdb10.mat), structures of
+one or several loops, or the variables of one loop as `save` writes them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from simbench.detectors.errors import RecordError, nearest
+from simbench.detectors.errors import RecordError, nearest, printable
 from simbench.detectors.record import PROCESSES
 from simbench.detectors.records.tables import Columns
 
@@ -23,7 +27,9 @@ _KIND_WORDS = {
 
 
 def read_loops(path: Path) -> dict[str, Any]:
-    """Return every loop structure of the file under "sector.loopN"."""
+    """Return every loop of the file: structures under "sector.loopN", or by their own name; the
+    variables of one loop by the name of the file.
+    """
     from scipy.io import loadmat
 
     if not path.is_file():  # a pipe would be waited for
@@ -32,21 +38,41 @@ def read_loops(path: Path) -> dict[str, Any]:
             " needed"
         )
     try:
-        data = loadmat(path, struct_as_record=False, squeeze_me=True)["cdata"]
-    except KeyError:
-        raise RecordError(
-            f"file {path}: no structure cdata; an ISDB file (cdata.sector.loopN) is needed"
-        ) from None
+        data = loadmat(path, struct_as_record=False, squeeze_me=True)
     except Exception as error:  # loadmat raises many kinds on damaged files
         raise RecordError(
             f"file {path} cannot be read as .mat: {error}; a whole file is needed"
         ) from error
-    loops = {}
-    for sector in getattr(data, "_fieldnames", []):
-        group = getattr(data, sector)
-        for name in getattr(group, "_fieldnames", []):
-            loops[f"{sector}.{name}"] = getattr(group, name)
+    variables = {name: value for name, value in data.items() if not name.startswith("__")}
+    if any(_is_signal(value) for value in variables.values()):
+        return {printable(path.stem): SimpleNamespace(_fieldnames=list(variables), **variables)}
+    loops: dict[str, Any] = {}
+    for name, value in variables.items():
+        loops |= dict(_loops_in(value, (), name))
+    if not loops:
+        raise RecordError(
+            f"file {path} holds no loop: variables PV and OP (and t or Ts), or structures with such"
+            f" fields, are needed; it has {', '.join(variables) or 'nothing'}"
+        )
     return loops
+
+
+def _fields(value: Any) -> list[str]:
+    return list(getattr(value, "_fieldnames", []))
+
+
+def _is_signal(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind in "fiu" and value.size > 1
+
+
+def _loops_in(value: Any, path: tuple[str, ...], root: str) -> Iterator[tuple[str, Any]]:
+    """Yield the structures that hold no further ones, by their path below the root."""
+    fields = _fields(value)
+    inner = [f for f in fields if _fields(getattr(value, f))]
+    if fields and not inner:
+        yield ".".join(path) or root, value
+    for field in inner:
+        yield from _loops_in(getattr(value, field), (*path, field), root)
 
 
 def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
@@ -86,6 +112,14 @@ def _signals(entry: Any, loop: str) -> tuple[Columns, dict[str, Any]]:
             raw[name] = values
         elif name == "sp" and values.size == 1:
             raw[name] = np.full(pv.size, values[0])
+    if "ts" not in fields or not {"op", "pv"} <= set(raw):  # times, or signals of other names
+        vectors = {str(f): getattr(entry, f) for f in entry._fieldnames}
+        vectors = {f: np.ravel(v).astype(float) for f, v in vectors.items() if _is_signal(v)}
+        sizes = [v.size for v in vectors.values()]
+        most = pv.size if "pv" in raw and pv.size else max(sizes, key=sizes.count, default=0)
+        known = {name.lower() for name in raw}
+        raw |= {f: v for f, v in vectors.items() if v.size == most and f.lower() not in known}
+        raw = {name: v for name, v in raw.items() if np.size(v) == most}
     comments = " ".join(
         str(c) for key in ("comments", "briefcomments") for c in np.atleast_1d(fields.get(key, ""))
     )

@@ -11,9 +11,10 @@ import numpy as np
 
 from simbench.detectors.records.clock import seconds
 from simbench.detectors.records.dialects import words
+from simbench.detectors.records.gaps import SHORTEST
 from simbench.detectors.records.historian import apply_quality, long_columns, read_numbers
 from simbench.detectors.records.mode import mode
-from simbench.detectors.records.roles import ends_with, is_quality, is_time, parse
+from simbench.detectors.records.roles import ends_with, is_quality, is_time, parse, words_of
 from simbench.detectors.records.tables import BLANK, Sheet
 
 _STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
@@ -29,6 +30,23 @@ def unfold(sheet: Sheet, quality: str = "") -> dict[str, Sheet] | None:
     if columns is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
         return _long(sheet, *columns, quality)
     return _paired(sheet, quality)
+
+
+def by_loop(sheet: Sheet) -> dict[str, Sheet]:
+    """Take a table apart by loop in which every row names its loop beside the values of its
+    signals; empty where none does.
+    """
+    named = {n: parse(n) for n in sheet.columns}
+    if not {"pv", "op"} <= {p.role for p in named.values() if not p.loop}:
+        return {}
+    for column in (n for n in named if words_of(n) in words("tag")):
+        rows: dict[str, list[int]] = {}
+        for i, cell in enumerate(sheet.columns[column]):
+            rows.setdefault(str(cell).strip(), []).append(i)
+        if 1 < len(rows) and min(map(len, rows.values())) >= SHORTEST:
+            kept = {n: n for n in sheet.columns if n != column}
+            return {loop: sheet.part(kept, mine) for loop, mine in rows.items()}
+    return {}
 
 
 def read_series(

@@ -74,9 +74,12 @@ def read_sheet(path: Path) -> Sheet:
     return next(iter(read_sheets(path, lambda cells: False).values()))
 
 
-def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[str, Sheet]:
+def read_sheets(
+    path: Path, is_head: Callable[[Sequence[str]], bool], counted: bool = False
+) -> dict[str, Sheet]:
     """Read the tables of a file by name: of a workbook every sheet with a header, or the first;
-    else the only one.
+    else the only one. Columns of a text without a header have the numbers 1, 2, ... where they are
+    `counted`.
     """
     if not path.exists():
         raise RecordError(f"file {path} does not exist")
@@ -108,7 +111,7 @@ def read_sheets(path: Path, is_head: Callable[[Sequence[str]], bool]) -> dict[st
     collecting = gc.isenabled()
     gc.disable()  # a million rows, none of them garbage, would be looked through again and again
     try:
-        return {"": _csv(path, is_head)}
+        return {"": _csv(path, is_head, counted)}
     finally:
         if collecting:
             gc.enable()
@@ -268,7 +271,7 @@ def _utf16(head: bytes) -> str:
     return ""
 
 
-def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
+def _csv(path: Path, is_head: Callable[[Sequence[str]], bool], counted: bool) -> Sheet:
     """Read text by the delimiter under which a line names the signals; pandas would guess it
     without a note, and fill up lines that are too short.
     """
@@ -278,12 +281,21 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool]) -> Sheet:
     marks = [d for d in _DELIMITERS if any(d in line for line in first)]
     if not marks and any(is_head(line.split()) for line in first):  # columns apart by spaces
         lines, marks = [" ".join(line.split()) for line in lines], [" "]
+    if not marks and first and _all_numbers(first[0].split()):
+        lines, marks = [" ".join(line.split()) for line in lines], [" "]
+    added = 0
+    if counted and lines and marks:
+        mark = max(marks, key=lines[0].count)
+        cells = lines[0].split(mark)
+        if _all_numbers(cells):
+            lines, added = [mark.join(str(k + 1) for k in range(len(cells))), *lines], 1
+            notes = [*notes, "file: no header line, columns are counted from 1"]
     start, delimiter = _begin(path, lines[:_PREAMBLE], marks, is_head)
     rows, numbers = [], []
     for cells, line in _cells(path, lines[start:], delimiter):
         if cells and cells != [""]:
             rows.append(cells)
-            numbers.append(start + line)
+            numbers.append(start + line - added)
     above = _first_row(path, lines[max(start - 1, 0) : start], delimiter)
     sheet = _table(path, rows, numbers, 0, above)
     skipped = sum(bool(line.strip()) for line in lines[:start])
@@ -300,7 +312,15 @@ def _begin(
         fit = [d for d in marks if is_head(_first_row(path, [line], d))]
         if fit:
             return i, max(fit, key=line.count)
-    return 0, max(_DELIMITERS, key="".join(lines[:1]).count)
+    return 0, max((*_DELIMITERS, *marks), key="".join(lines[:1]).count)
+
+
+def _all_numbers(cells: Sequence[str]) -> bool:
+    """Whether two cells or more are all numbers: samples, and no names of columns."""
+    try:
+        return len([float(cell) for cell in cells]) > 1
+    except ValueError:
+        return False
 
 
 def _left_out(lines: int) -> list[str]:
@@ -332,6 +352,13 @@ def _table(
     if not any(name.strip() for name in head):
         raise RecordError(
             f"file {path} has no header line; the names of its columns are needed first"
+        )
+    if _all_numbers(head) and head != [str(k + 1) for k in range(len(head))]:
+        shown = ", ".join(cell.strip() for cell in head[:3])
+        raise RecordError(
+            f"file {path} has no header line, the first holds numbers ({shown}, ...); the names of"
+            " its columns are needed first, or which column, counted from 1, is which",
+            "--columns op=2,pv=1",
         )
     names = _of_loops(_distinct([name.strip() for name in head]), above)
     body, lines, again = rows[start + 1 :], lines[start + 1 :], rows.count(head) - 1

@@ -48,7 +48,7 @@ _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 
 def sentence(verdicts: Sequence[Verdict]) -> str:
     """Count the verdicts of the methods; they are evidence, no conclusion."""
-    if len(verdicts) == 1:
+    if len(verdicts) == 1 and not _rests(verdicts[0]):
         return f"{verdicts[0].method} reports {VERDICT_WORDS[verdicts[0].verdict]}"
     asked = [v for v in verdicts if not _is_test(v.method)]
     others = [v for v in asked if v.applicable is not False]

@@ -102,6 +102,15 @@ def detect(
         print(sentence, file=sys.stderr)
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
+    # before anything is printed: who reads the text may stop reading
+    if csv is not None:
+        from simbench.files import write_table
+
+        write_table(report.loops() if report.of_folder else report.to_frame(), csv)
+    if html is not None:
+        from simbench.trust.detect_page import write_page
+
+        write_page(report, html)
     show(
         report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()),
         as_json,
@@ -114,14 +123,7 @@ def detect(
         print("\n".join(["", *as_lines(report.conclusions, read_labels(labels))]))
     if as_json or len(report.groups()) > 1:  # of one record the text has them
         say_assumed(report.records.values(), as_json)
-    if csv is not None:
-        from simbench.files import write_table
-
-        write_table(report.loops() if report.of_folder else report.to_frame(), csv)
     if html is not None:
-        from simbench.trust.detect_page import write_page
-
-        write_page(report, html)
         say(f"page: {html.resolve()}", as_json)
     if power:
         _print_power(path, asked, as_json, **about)

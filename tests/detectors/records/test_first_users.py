@@ -1,0 +1,165 @@
+"""Tables as first users bring them: without a header, long with a loop's name, as MATLAB saves
+them, with units in the cells.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from simbench.cli import main
+from simbench.detectors.errors import RecordError
+from simbench.detectors.records.io import read_record, read_records
+
+T = np.arange(40.0)
+OP, PV = 50 + 5 * np.sin(T / 3), 20 + np.cos(T / 3)
+PUBLIC = Path(__file__).parents[4] / "shared" / "data" / "public" / "reader"
+
+
+def written(path, head, rows):
+    path.write_text("\n".join([*([head] if head else []), *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("mark", [",", ";", "  ", "\t"])
+def test_columns_of_a_table_without_a_header_are_counted(tmp_path, mark):
+    rows = [
+        mark.join(f"{x:.4e}" for x in (k, p, 7.0, o)) for k, p, o in zip(T, PV, OP, strict=True)
+    ]
+    path = written(tmp_path / "rec.dat", "", rows)
+    record = read_record(path, columns={"op": "4", "pv": "2"}, Ts=180.0)
+    assert np.allclose(record.op, OP, rtol=1e-3)
+    assert np.allclose(record.pv, PV, rtol=1e-3)
+    assert record.Ts == 180.0
+    assert any("counted from 1" in n for n in record.notes)
+    with pytest.raises(RecordError, match="no header line, the first holds numbers") as refused:
+        read_record(path)
+    assert "--columns op=2,pv=1" in str(refused.value)
+
+
+def test_a_line_with_a_fault_is_named_as_the_file_counts(tmp_path):
+    rows = [f"{o},{p}" for o, p in zip(OP, PV, strict=True)]
+    path = written(tmp_path / "rec.csv", "", [*rows[:10], "x,1", *rows[10:]])
+    with pytest.raises(RecordError, match="line 11: "):
+        read_record(path, columns={"op": "1", "pv": "2"}, Ts=1.0)
+
+
+def test_a_table_that_names_the_loop_of_every_row_is_several_loops(tmp_path, capsys):
+    rows = []
+    for k in range(T.size):
+        for tag, shift in (("FIC-1", 0.0), ("LIC-2", 10.0)):
+            rows.append(f"2026-01-01T00:00:{k:02d},{tag},{PV[k] + shift},{OP[k]},AUTO,GOOD")
+    path = written(tmp_path / "long.csv", "timestamp,loop_tag,pv,op,mode,quality", rows)
+    records, refused = read_records(path)
+    assert set(records) == {"FIC-1", "LIC-2"}
+    assert not refused
+    assert np.allclose(records["LIC-2"].pv, PV + 10.0)
+    assert read_record(path, tag="FIC-1").n == T.size
+    with pytest.raises(RecordError, match="2 loops, FIC-1, LIC-2"):
+        read_record(path)
+    assert main(["detect", str(path), "--method", "horch"]) == 0
+    assert "2 records" in capsys.readouterr().out
+
+
+def test_home_assistants_history_is_a_long_table(tmp_path):
+    rows = []
+    for k in range(T.size):
+        for name, x in (("pv", PV[k]), ("op", OP[k])):
+            rows.append(f"sensor.fic101_{name},{x:.3f},2026-01-01T00:00:{k:02d}.000Z")
+    path = written(tmp_path / "history.csv", "entity_id,state,last_changed", rows)
+    record = read_record(path)
+    assert np.allclose(record.pv, PV, atol=1e-3)
+    assert record.Ts == 1.0
+
+
+@pytest.mark.parametrize("cell", ["{:.2f}%", "{:.2f} %", "{:.2f}mA", "{:.2f}°C", "{:.2f} t/h"])
+def test_units_stand_in_the_cells_with_a_blank_or_without(tmp_path, cell):
+    rows = [f"{k},{o:.2f},{cell.format(p)}" for k, o, p in zip(T, OP, PV, strict=True)]
+    record = read_record(written(tmp_path / "rec.csv", "t,op,pv", rows))
+    assert np.allclose(record.pv, PV, atol=0.01)
+
+
+def test_an_exponent_is_no_unit(tmp_path):
+    rows = [f"{k},{o:.4e},{p:.4e}" for k, o, p in zip(T, OP, PV, strict=True)]
+    record = read_record(written(tmp_path / "rec.csv", "t,op,pv", rows))
+    assert np.allclose(record.pv, PV, atol=1e-3)
+
+
+def test_qualities_of_two_signals_are_no_loop_called_q(tmp_path):
+    marks = ["Bad" if k in (3, 4) else "Good" for k in range(T.size)]
+    rows = [f"{k},20,{o},{p},{m},Good" for k, o, p, m in zip(T, OP, PV, marks, strict=True)]
+    record = read_record(written(tmp_path / "rec.csv", "time,sp,op,pv,q_pv,q_op", rows))
+    assert record.n == T.size
+    assert any(re.search(r"2 samples that 'pv.quality' calls bad", n) for n in record.notes)
+    assert not any("left out q" in n for n in record.notes)
+
+
+def test_words_that_are_no_mode_are_counted(tmp_path):
+    rows = [
+        f"{k},{o},{p},{'UNKNOWN' if k > 28 else 'AUTO'}" for k, o, p in zip(T, OP, PV, strict=True)
+    ]
+    notes = read_record(written(tmp_path / "rec.csv", "t,op,pv,mode", rows)).notes
+    assert any(n.startswith("mode: 11 samples say 'UNKNOWN'") for n in notes)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"PV": PV, "OP": OP, "SP": np.full(T.size, 20.0), "Ts": 1.0},
+        {"t": T, "pv": PV, "op": OP},
+        {"plant": {"loop1": {"PV": PV, "OP": OP, "Ts": 1.0}}},
+        {"FIC101": {"PV": PV, "OP": OP, "Ts": 1.0}},
+    ],
+    ids=["signals", "with times", "other root", "one structure"],
+)
+def test_matlab_files_are_read_as_save_writes_them(tmp_path, content, capsys):
+    savemat(tmp_path / "loop.mat", content)
+    record = read_record(tmp_path / "loop.mat")
+    assert np.allclose(record.pv, PV)
+    assert np.allclose(record.op, OP)
+    assert record.Ts == 1.0
+    assert main(["detect", str(tmp_path / "loop.mat"), "--method", "horch"]) == 0
+    assert "records" not in capsys.readouterr().out.splitlines()[0]
+
+
+def test_matlab_files_with_other_names_take_columns(tmp_path):
+    savemat(tmp_path / "loop.mat", {"y": PV, "u": OP, "h": 1.0})
+    record = read_record(tmp_path / "loop.mat", columns={"pv": "y", "op": "u"}, Ts=2.0)
+    assert np.allclose(record.pv, PV)
+    assert record.Ts == 2.0
+    savemat(tmp_path / "none.mat", {"h": 1.0})
+    with pytest.raises(RecordError, match="variables PV and OP"):
+        read_record(tmp_path / "none.mat")
+
+
+def test_files_are_written_before_the_text_is_printed(tmp_path, monkeypatch):
+    rows = [f"{k},{o},{p}" for k, o, p in zip(T, OP, PV, strict=True)]
+    path = written(tmp_path / "rec.csv", "t,op,pv", rows)
+    table = tmp_path / "q.csv"
+
+    def closed(*_, **__):
+        raise BrokenPipeError
+
+    monkeypatch.setattr("simbench.cli.detect.show", closed)
+    main(["detect", str(path), "--method", "horch", "--csv", str(table)])
+    assert table.read_text(encoding="utf-8").startswith("method,")
+
+
+@pytest.mark.skipif(not PUBLIC.is_dir(), reason="../shared/data/public/reader is absent")
+@pytest.mark.parametrize(
+    ("name", "given", "loops"),
+    [
+        ("g3_degC.csv", {}, 1),
+        ("g_grafana_sep.csv", {}, 1),
+        ("long_three_loops.csv", {}, 3),
+        ("save_PV_OP_SP_Ts.mat", {}, 1),
+        ("save_t_pv_op.mat", {}, 1),
+        ("tep_no_header.dat", {"columns": {"op": "51", "pv": "21"}, "Ts": 180.0}, 1),
+    ],
+)
+def test_what_people_published_is_read(name, given, loops):
+    records, refused = read_records(PUBLIC / name, **given)
+    assert len(records) == loops
+    assert not refused
