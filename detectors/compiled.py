@@ -281,7 +281,9 @@ def _watch() -> Any:
         def tell(self):
             """Speak while functions are compiled; what was drawn is wiped once none is."""
             told_on = sys.__stderr__  # whatever a plug-in's output is redirected to
-            at_terminal, drawn = told_on is not None and told_on.isatty(), False
+            if told_on is None:
+                return
+            at_terminal, drawn = told_on.isatty(), False
             while self.running or time.monotonic() - self.ended < _PAUSE:
                 time.sleep(0.05)
                 if time.monotonic() - self.began < SILENCE:
