@@ -185,7 +185,8 @@ def _title(scores: Any) -> list[str]:
         )
     if left_out := unmatched(m):
         lines += _wrapped(
-            f"{left_out} echoes were left out, as their sticky sibling does not cycle."
+            f"{left_out} {'echo was' if left_out == 1 else 'echoes were'} left out, as the sticky"
+            " sibling does not cycle."
         )
     if unlike := m.get(UNLIKE):
         lines += _wrapped(
