@@ -186,9 +186,7 @@ def run(
     if as_json:
         show({"run": str(folder), "failed": failed.as_json(), **scores.as_json()}, as_json)
     else:
-        text = scores.as_text(where=_where(folder, full))
-        tables = f"\n\n{scores.as_text(full=True)}" if full else ""
-        show(f"{text}{tables}\nrun: {folder}", as_json)
+        show(f"{scores.as_text(full=full, where=_where(folder, full))}\nrun: {folder}", as_json)
     _end(failed, allow_failed)
 
 

@@ -58,16 +58,12 @@ _LEGEND = (
 )
 
 
-def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
+def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = False) -> list[str]:
     """Return one table of at most 40 lines and 100 columns, the ranking on oscillating loops, and
-    three sentences.
+    three sentences; `whole`: with every method.
     """
     title, rows = _title(scores), scores.rows(truth)
-    tail = [
-        *_legend(scores),
-        "",
-        *_sentences(scores, truth, where),
-    ]
+    tail = [*_legend(scores), "", *_sentences(scores, truth, where)]
     if rows.empty:
         return [*title, "", *_sentences(scores, truth, where)]
     first = rows.iloc[0]
@@ -75,16 +71,13 @@ def headline(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         f"{first.n} loops have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]}"
         f" (truth {truth!r}). The table is on these {first.n}."
     )
-    room = _LINES - _BESIDES - len(title) - len(tail) - 3
+    room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 3
     return [*title, "", *_ranking(rows, scores, room), "", *tail]
 
 
 def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     """Return every table of a run, the whole ranking first."""
-    rows = scores.rows(truth)
-    title = f"all methods on the {rows.iloc[0].n} loops of the ranking" if len(rows) else ""
-    lines = [title, *_ranking(rows, scores)] if title else [*_sentences(scores, truth, "")]
-    lines += ["", *_legend(scores)]
+    lines = headline(scores, truth, whole=True)
     for process in ("self-regulating", "integrating"):
         rows = scores.rows(truth, process=process)
         if len(rows):
