@@ -4,7 +4,7 @@ two runs.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from simbench.bench.score.answers import axis_codes, failing_methods, failures, home_of
+from simbench.bench.score.answers import failing_methods, failures, home_of
 from simbench.bench.score.pairing import pair
 from simbench.bench.score.shipped import with_shipped
 from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
@@ -24,7 +24,6 @@ from simbench.detectors.report.report import columns
 from simbench.detectors.views import page_part
 
 _LEVEL = 0.05
-_WORKING_ACCURACY = 0.8  # accuracy below this counts as broken down
 _ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
 _WIDTH = 100  # characters of a line
 _COUNTS = ("win", "tie", "loss")
@@ -54,11 +53,6 @@ class Comparison:
         first, second, n scenarios to which both apply; win (only the first was right), tie (both
         or neither), loss (only the second); p (exact McNemar test, Holm-corrected over all pairs),
         differ (p below .05). Between two runs `second` is the method in the other one.
-    by_axis : DataFrame
-        method, axis, value, n, accuracy, accuracy_lo, accuracy_hi.
-    breakdown : DataFrame
-        method, axis, value, accuracy, accuracy_lo, accuracy_hi: the first value of the axis at
-        which accuracy is below 0.8.
     """
 
     truth: str
@@ -66,8 +60,6 @@ class Comparison:
     ranking: pd.DataFrame
     critical_difference: float
     pairs: pd.DataFrame
-    by_axis: pd.DataFrame
-    breakdown: pd.DataFrame
 
     def matrix(self, what: str = "p") -> pd.DataFrame:
         """Return one number of every pair of methods, best method first.
@@ -196,10 +188,7 @@ class Comparison:
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
         cd = None if np.isnan(self.critical_difference) else self.critical_difference
-        tables = {
-            name: plain(getattr(self, name))
-            for name in ("ranking", "pairs", "by_axis", "breakdown")
-        }
+        tables = {name: plain(getattr(self, name)) for name in ("ranking", "pairs")}
         return {"truth": self.truth, "cases": self.cases, "critical_difference": cd, **tables}
 
     def to_frame(self) -> pd.DataFrame:
@@ -306,16 +295,6 @@ def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled") -> Co
     )
 
 
-def _breakdowns(by_axis: pd.DataFrame) -> pd.DataFrame:
-    """Return, for every method and axis, the first value at which accuracy is below 0.8."""
-    low = by_axis[by_axis["accuracy"] < _WORKING_ACCURACY]
-    return (
-        low.groupby(["method", "axis"], sort=False)
-        .head(1)
-        .sort_values(["method", "axis"], kind="stable", ignore_index=True)
-    )
-
-
 def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a table's rows as JSON types; NaN becomes null."""
     return frame.astype(object).where(frame.notna(), None).to_dict("records")
@@ -350,9 +329,8 @@ def _comparison(
     pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))
     pairs["p"] = holm([mcnemar(loss, win) for *_, win, _, loss in rows])
     pairs["differ"] = pairs["p"] < _LEVEL
-    by_axis = pd.DataFrame(_by_axis(book, truth), columns=["method", "axis", "value", "n", *share])
     ranking = ranking.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)
-    return Comparison(truth, right.shape[1], ranking, cd, pairs, by_axis, _breakdowns(by_axis))
+    return Comparison(truth, right.shape[1], ranking, cd, pairs)
 
 
 def _counted(one: np.ndarray, other: np.ndarray) -> tuple[int, int, int, int]:
@@ -361,21 +339,3 @@ def _counted(one: np.ndarray, other: np.ndarray) -> tuple[int, int, int, int]:
     """
     win, loss = int((one & ~other).sum()), int((~one & other).sum())
     return one.size, win, one.size - win - loss, loss
-
-
-def _by_axis(book: RunArrays, truth: str) -> Iterator[tuple]:
-    right, known = _right(book, truth), _applies(book) & (book.truth[truth] >= 0)
-    for axis in book.along:
-        values, codes = axis_codes(book, axis)
-        for k, value in enumerate(values):
-            chosen = codes == k
-            for method, row, mine in zip(book.methods, right, known):
-                use = chosen & mine
-                if use.any():
-                    yield (
-                        method,
-                        axis,
-                        value,
-                        int(use.sum()),
-                        *rate(int(row[use].sum()), int(use.sum())),
-                    )

@@ -9,7 +9,7 @@ import pytest
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.compare import between_methods, between_runs, compare
 from simbench.bench.score.scoring import score_book, score_run
-from simbench.bench.statistics import mcnemar, rate
+from simbench.bench.statistics import mcnemar
 from simbench.detectors.errors import UserError
 
 N = 400
@@ -52,19 +52,6 @@ def test_scenarios_without_a_label_are_left_out(run, book):
 def test_no_decision_is_never_right(book):
     comparison = between_methods(book([np.full(N, 2), TRUTH, TRUTH], TRUTH))
     assert comparison.ranking.set_index("method").loc["m0", "accuracy"] == 0.0
-
-
-def test_breakdown_is_the_first_value_below_four_fifths(book):
-    axis = np.repeat([0.5, 1.0, 1.5, 10.0], N // 4)
-    right = np.where(axis < 1.2, True, np.arange(N) % 3 > 0)
-    run = book([np.where(right, TRUTH, 1 - TRUTH), TRUTH], TRUTH, axes={"cell_S_over_2J": axis})
-    comparison = between_methods(run)
-    (row,) = comparison.breakdown.to_dict("records")
-    assert (row["method"], row["axis"], row["value"]) == ("m0", "S_over_2J", "1.5")
-    here = right[axis == 1.5]
-    assert (row["accuracy"], row["accuracy_lo"], row["accuracy_hi"]) == tuple(
-        rate(int(here.sum()), here.size)
-    )
 
 
 def test_two_runs_are_compared_method_by_method_in_any_order(run, book):
