@@ -270,13 +270,20 @@ def _watch() -> Any:
 
         def on_start(self, event):
             self.running += 1
+            if time.monotonic() - self.began >= SILENCE:
+                self.say()
             if self.thread is None or not self.thread.is_alive():
-                self.began = time.monotonic()
                 self.thread = threading.Thread(target=self.tell, daemon=True)
                 self.thread.start()
 
         def on_end(self, event):
             self.running, self.done, self.ended = self.running - 1, self.done + 1, time.monotonic()
+
+        def say(self):
+            """Say once what happens."""
+            if not self.told and sys.__stderr__ is not None:
+                self.told = True
+                print(_FIRST_USE, file=sys.__stderr__, flush=True)
 
         def tell(self):
             """Speak while functions are compiled; what was drawn is wiped once none is."""
@@ -288,9 +295,7 @@ def _watch() -> Any:
                 time.sleep(0.05)
                 if time.monotonic() - self.began < SILENCE:
                     continue
-                if not self.told:
-                    self.told = True
-                    print(_FIRST_USE, file=told_on, flush=True)
+                self.say()
                 if at_terminal:
                     full = min(self.done, _FUNCTIONS) * 30 // _FUNCTIONS
                     bar = f"[{'#' * full}{'.' * (30 - full)}] {self.done} functions compiled"

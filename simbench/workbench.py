@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, Required, Self, TypedD
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.score import paper
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_run
+from simbench.bench.score.show import paper
 from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.sources import Methods, named_methods
 from simbench.detectors.views import page_part

@@ -5,8 +5,8 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from simbench.bench.score import paper
-from simbench.bench.score.asked import Asked
+from simbench.bench.score.show import paper
+from simbench.bench.score.show.asked import Asked
 from simbench.detectors.errors import ParameterError
 from simbench.figures import critical_difference
 from simbench.figures._style import write_picture

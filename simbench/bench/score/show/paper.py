@@ -14,7 +14,6 @@ from simbench.files import csv_text, whole_file
 
 if TYPE_CHECKING:
     from simbench.bench.score.compare import Comparison
-    from simbench.bench.score.result import Scores
 
 PAPER_KINDS = (".tex", ".md", ".csv")
 _SHARES = ("cost", "accuracy", "sensitivity", "false_positives", "no_decision")
@@ -29,7 +28,7 @@ def table_kind(path: str | Path) -> str:
     return kind
 
 
-def ranking_numbers(scores: Scores, truth: str = "cycled") -> pd.DataFrame:
+def ranking_numbers(scores: Any, truth: str = "cycled") -> pd.DataFrame:
     """Return the ranking with every interval; `shared`: other methods have the same rank."""
     rows = scores.rows(truth)
     # methods that see MV are ranked among themselves
@@ -40,7 +39,7 @@ def ranking_numbers(scores: Scores, truth: str = "cycled") -> pd.DataFrame:
     return rows.loc[:, names].reset_index(drop=True)
 
 
-def ranking_text(scores: Scores, truth: str = "cycled") -> pd.DataFrame:
+def ranking_text(scores: Any, truth: str = "cycled") -> pd.DataFrame:
     """Return the ranking as a paper prints it: values with their 95 % intervals, = after a rank
     that several methods share.
     """
@@ -69,7 +68,7 @@ def pairs_text(comparison: Comparison) -> pd.DataFrame:
     return comparison.pairs.map(lambda x: f"{x:.3g}" if isinstance(x, float) else str(x))
 
 
-def caption(scores: Scores, truth: str = "cycled") -> str:
+def caption(scores: Any, truth: str = "cycled") -> str:
     """Return what a ranking is of, in one sentence, with the benchmark's version."""
     rows, m = scores.rows(truth), scores.manifest
     n, positives = (int(rows[x].max()) if len(rows) else 0 for x in ("n", "positives"))

@@ -8,20 +8,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from simbench.bench.score.table import along_lines, two_way_lines
+from simbench.bench.score.show.table import along_lines, two_way_lines
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from simbench.bench.score.compare import Comparison
-    from simbench.bench.score.result import Scores
 
 
 @dataclass(frozen=True)
 class Asked:
     """One question to the scores of a run; without a comparison and axes, the ranking."""
 
-    scores: Scores
+    scores: Any
     truth: str
     paired: bool  # every two methods with each other
     against: Path | None  # with themselves in this other run
