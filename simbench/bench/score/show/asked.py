@@ -49,7 +49,7 @@ class Asked:
             lines = along_lines if len(self.axes) == 1 else two_way_lines
             parts.append("\n".join(lines(self.rates, self.axes, self.scores.manifest["grid"])))
         if full or not parts:
-            parts.append(self.scores.as_text(self.truth, full, where))
+            parts.insert(0, self.scores.as_text(self.truth, full, where))
         return "\n\n".join(parts)
 
     def as_json(self) -> dict[str, Any]:
