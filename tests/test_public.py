@@ -247,6 +247,7 @@ def test_there_is_one_class_of_loops():
 def test_the_verbs_of_a_check_and_a_citation_are_functions(tmp_path, capsys):
     folder = sb.run("smoke", "horch", out=tmp_path / "run", sets={"disturbance": "none"})
     assert sb.check(folder, folder).result == "same"
+    assert repr(sb.check(folder, folder)).endswith(": same")
     assert main(["cite", str(folder)]) == 0
     assert sb.cite(folder) == capsys.readouterr().out
     grid = Path(scenarios.__file__).parent / "grids" / "smoke.toml"

@@ -36,6 +36,7 @@ GROUPS = {
         "csv",
         "picture",
         "report",
+        "to",
         "orders",
         "junit",
         "markdown",

@@ -58,6 +58,10 @@ class Check:
     # methods of which nobody could tell whether they became worse, and why
     unseen: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return one line."""
+        return f"Check against {self.home}: {self.result}"
+
     @property
     def failed(self) -> bool:
         """Whether anything became worse."""
