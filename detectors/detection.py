@@ -11,17 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack, overload
-
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
-from simbench.detectors.procedure import Diagnosis
-from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder, read_labels, read_records
 from simbench.detectors.records.isdb import read_loops
@@ -29,10 +25,7 @@ from simbench.detectors.repaired import repaired
 from simbench.detectors.report.events import event_numbers
 from simbench.detectors.report.report import Report, ShownConclusion, choose_methods, score_units
 from simbench.detectors.sources import (
-    About,
-    AboutFile,
     Methods,
-    RecordSignals,
     as_plugin,
     as_record,
     named_methods,
@@ -42,27 +35,6 @@ if TYPE_CHECKING:
     from simbench.detectors.sources import Source
 
 
-@overload
-def detect(
-    source: Source,
-    methods: Methods = "all",
-    *,
-    Ts: float | None = None,
-    plugins: Iterable[str | Path] = (),
-    **about: Unpack[AboutFile],
-) -> Report: ...
-@overload
-def detect(
-    *,
-    op: ArrayLike,
-    pv: ArrayLike,
-    Ts: float,
-    sp: ArrayLike | None = None,
-    mv: ArrayLike | None = None,
-    methods: Methods = "all",
-    plugins: Iterable[str | Path] = (),
-    **about: Unpack[About],
-) -> Report: ...
 def detect(
     source: Source | None = None,
     methods: Methods = "all",
@@ -71,49 +43,7 @@ def detect(
     conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
     **about: Any,
 ) -> Report:
-    """Does this valve stick? Ask one or all detectors.
-
-    Parameters
-    ----------
-    source : LoopRecord, run, DataFrame, mapping, str or Path
-        A record, a simulated run, a table or dict with columns op, pv and t, a record file, or a
-        folder of them.
-    methods : str, function, object with `detect`, or iterable of them
-        Method ids, "all", "fast", "full"; a function of a LoopRecord that returns true (stiction),
-        false, None, a verdict's word, one of these with a score, or a Verdict; an object whose
-        `detect` does, copied before every record.
-    plugins : iterable of str or Path
-        Detector files outside the package; they are judged too.
-    conclude : callable, optional
-        Weighs all evidence of one record.
-    **about
-        op, pv, sp, mv (shape (n,)) in place of a source: OP (%, or in `op_span` units), PV, SP (PV
-        units), valve position (%); Ts (s), which a source may have itself; what is known of the
-        record: process, kind, op_span, pv_span, tag; for tables columns; for files also loop and
-        labels.
-
-    Returns
-    -------
-    Report
-        Iterates over verdicts; `report["horch"]` is one of them, `to_frame()` all of them.
-
-    Raises
-    ------
-    UserError
-        For files and methods that do not exist or make no sense.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> t = np.arange(600.0)
-    >>> report = detect(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch", "he"])
-    >>> report["horch"].verdict, len(report)
-    ('no_stiction', 2)
-    >>> def half(record):
-    ...     return record.op.mean() < 50.0
-    >>> detect(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0, methods=half).to_frame().method.tolist()
-    ['half']
-    """
+    """Ask one or all detectors, and whoever concludes; see `simbench.detect`."""
     asked, custom = named_methods(methods)
     settings = _JudgeSettings(conclude=conclude)
     with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
@@ -263,43 +193,3 @@ def _read(
     records, refused = read_records(path, **about)
     alone = len(records) + len(refused) == 1
     return {None if alone else name: record for name, record in records.items()}, refused, alone
-
-
-class _Procedure(RecordSignals, total=False):
-    odds_low: float
-    odds_high: float
-    follow_min: float
-    loop: str | None
-
-
-def diagnose(source: Source | None = None, **about: Unpack[_Procedure]) -> Diagnosis:
-    """Take one record through the chapter's whole procedure, step by step.
-
-    Parameters
-    ----------
-    source : LoopRecord, run, DataFrame, mapping, str or Path
-        A record, a simulated run, a table or dict with columns op, pv and t, or a record file.
-    **about
-        Signals in place of a source, and what is known of it, as in `detect`;
-        also odds_low, odds_high and follow_min, see `simbench.detectors.procedure.diagnose`.
-
-    Returns
-    -------
-    Diagnosis
-        Verdict, cause and advice, with every step of the path and its evidence.
-
-    Raises
-    ------
-    RecordError
-        For a file that is no record.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> t = np.arange(3000) / 10
-    >>> diagnose(LoopRecord(np.sin(t), -np.sin(t), 1.0, process="self-regulating")).verdict
-    'no_stiction'
-    """
-    given: dict[str, Any] = {**about}
-    bounds = {k: given.pop(k) for k in ("odds_low", "odds_high", "follow_min") if k in given}
-    return procedure(repaired(as_record(source, **given)), **bounds)

@@ -1,6 +1,7 @@
 """The public names, for people, type checkers and the loader; a further one is one further line."""
 
 from simbench import gap as gap
+from simbench.bench.citing import cite as cite
 from simbench.bench.execute.sweep import sweep as sweep
 from simbench.bench.score.shipped import results as results
 from simbench.detectors.record import LoopRecord as LoopRecord
@@ -14,7 +15,6 @@ from simbench.loop.simulate import simulate_batch as simulate_batch
 from simbench.theory.predict import predict as predict
 from simbench.trust.trust import trust as trust
 from simbench.verbs import check as check
-from simbench.verbs import cite as cite
 from simbench.verbs import contract as contract
 from simbench.verbs import detect as detect
 from simbench.verbs import diagnose as diagnose

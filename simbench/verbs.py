@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from simbench.detectors import detection
 from simbench.detectors.procedure import Diagnosis
+from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repaired
 from simbench.detectors.report.report import Report
@@ -106,6 +107,10 @@ def detect(
     'stiction'
     >>> detect(record, "he").conclusion is None
     True
+    >>> def half(record):
+    ...     return record.op.mean() < 50.0
+    >>> detect(op=record.op, pv=record.pv, Ts=1.0, methods=[half, "horch"])["half"].verdict
+    'no_stiction'
     """
     weighed = weighs(named_methods(methods)[0])
     return detection.detect(
@@ -222,7 +227,7 @@ def diagnose(source: Source | None = None, **about: Unpack[RecordSignals]) -> Lo
     from simbench.gap.stiction.conclusion import judged
 
     record = repaired(as_record(source, **about))
-    return LoopDiagnosis(*judged(record), detection.diagnose(record), record)
+    return LoopDiagnosis(*judged(record), procedure(record), record)
 
 
 def check(
@@ -264,29 +269,6 @@ def check(
     return check_and_ask_again(
         folder, against, MARGIN if margin is None else margin, exact, plugins
     )
-
-
-def cite(folder: str | Path) -> str:
-    """Return BibTeX of the methods, valve models and benchmark that a run used.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Folder of a run or a baseline.
-
-    Returns
-    -------
-    str
-        One entry per publication.
-
-    Raises
-    ------
-    RunError
-        When the folder holds no run, or a damaged one.
-    """
-    from simbench.bench.citing import bibtex_of
-
-    return bibtex_of(folder)
 
 
 def contract(path: str | Path) -> Contract:

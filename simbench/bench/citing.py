@@ -53,7 +53,7 @@ _ALWAYS = {
 _Entry = tuple[str, dict[str, str]]
 
 
-def bibtex_of(folder: str | Path) -> str:
+def cite(folder: str | Path) -> str:
     """Return BibTeX of the methods, valve models and benchmark that a run used.
 
     Parameters

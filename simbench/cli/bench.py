@@ -480,9 +480,9 @@ def figure(
 @app.command(epilog=examples("cite runs/chapter"))
 def cite(folder: Run) -> None:
     """Print BibTeX of the methods, valve models and benchmark that a run used."""
-    from simbench.bench.citing import bibtex_of
+    from simbench.bench import citing
 
-    print(bibtex_of(folder), end="")
+    print(citing.cite(folder), end="")
 
 
 @contextlib.contextmanager

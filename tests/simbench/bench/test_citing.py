@@ -6,7 +6,7 @@ import re
 import pytest
 
 from simbench.bench import citing
-from simbench.bench.citing import bibtex_of, entries_in
+from simbench.bench.citing import cite, entries_in
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
@@ -103,9 +103,9 @@ def test_every_article_of_the_package_has_a_title():
 
 
 def test_the_address_of_the_package_is_cited_where_there_is_one(run, monkeypatch):
-    assert "url" not in entries_of(bibtex_of(run))["simbench"]
+    assert "url" not in entries_of(cite(run))["simbench"]
     monkeypatch.setattr(citing, "_url", lambda: "https://example.org/simbench")
-    assert entries_of(bibtex_of(run))["simbench"]["url"] == "https://example.org/simbench"
+    assert entries_of(cite(run))["simbench"]["url"] == "https://example.org/simbench"
 
 
 def test_a_plug_in_is_no_method_of_the_package(run):
@@ -123,7 +123,7 @@ def test_two_publications_of_one_year_have_two_keys_and_one_has_one(run, monkeyp
         "One (2001), Odd 1, 2-3",
     ]
     monkeypatch.setattr(citing, "_sources", lambda manifest, valves: [(s[:5], s) for s in sources])
-    entries = entries_of(bibtex_of(run))
+    entries = entries_of(cite(run))
     assert [entries[key]["pages"] for key in ("one2001", "one2001b")] == ["2--3", "4--5"]
     assert "one2001c" not in entries
 
