@@ -252,7 +252,7 @@ def _announce() -> None:
 
     from numba.core import event
 
-    if parent_process() is None:
+    if parent_process() is None and sys.__stderr__ is not None:
         event.register("numba:compile", _watch())
 
 
@@ -261,6 +261,8 @@ def _watch() -> Any:
     terminal how many are.
     """
     from numba.core.event import Listener
+
+    shown_on = sys.__stderr__  # whatever a plug-in's output is redirected to
 
     class Watch(Listener):
         def __init__(self):
@@ -281,16 +283,13 @@ def _watch() -> Any:
 
         def say(self):
             """Say once what happens."""
-            if not self.told and sys.__stderr__ is not None:
+            if not self.told:
                 self.told = True
-                print(_FIRST_USE, file=sys.__stderr__, flush=True)
+                print(_FIRST_USE, file=shown_on, flush=True)
 
         def tell(self):
             """Speak while functions are compiled; what was drawn is wiped once none is."""
-            told_on = sys.__stderr__  # whatever a plug-in's output is redirected to
-            if told_on is None:
-                return
-            at_terminal, drawn = told_on.isatty(), False
+            at_terminal, drawn = shown_on.isatty(), False
             while self.running or time.monotonic() - self.ended < _PAUSE:
                 time.sleep(0.05)
                 if time.monotonic() - self.began < SILENCE:
@@ -299,10 +298,10 @@ def _watch() -> Any:
                 if at_terminal:
                     full = min(self.done, _FUNCTIONS) * 30 // _FUNCTIONS
                     bar = f"[{'#' * full}{'.' * (30 - full)}] {self.done} functions compiled"
-                    print(f"\r{bar}", end="", file=told_on, flush=True)
+                    print(f"\r{bar}", end="", file=shown_on, flush=True)
                     drawn = True
             if drawn:
-                print("\r\x1b[K", end="", file=told_on, flush=True)
+                print("\r\x1b[K", end="", file=shown_on, flush=True)
 
     return Watch()
 

@@ -70,8 +70,7 @@ _COUNTS = (
 _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousands
-# a cell with its unit: 12,3 m3/h
-# with a blank or without, but for the exponent of a number
+# a cell with its unit, as 12,3 m3/h or 12,3m3/h; 12e3 is a number with an exponent
 _WITH_UNIT = re.compile(
     r"([+-]?\d[\d.,' ]*?)\s*((?!e[+-]?\d+$)(?:%|[^\W\d_]|°)[^\s]{0,7})", re.IGNORECASE
 )
