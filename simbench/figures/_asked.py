@@ -27,8 +27,8 @@ def write_asked(asked: Asked, path: Path) -> None:
     if asked.comparisons:
         (comparison,) = asked.comparisons
         about = (
-            f"{comparison.cases} scenarios, right against {comparison.truth}; above the diagonal"
-            " win-tie-loss of the row's method, below it p (exact McNemar test, Holm-corrected)"
+            f"{comparison.cases} scenarios, right against {comparison.truth} (exact McNemar test,"
+            f" Holm-corrected p); {comparison.legend}"
         )
         paper.write(path, comparison.pairs, paper.pairs_text(comparison), about)
     elif asked.rates is not None:

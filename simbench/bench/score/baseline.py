@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from simbench.bench.score.names import OF_NOT_OSCILLATING
+from simbench.bench.score.rates import RATES
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
@@ -50,12 +51,7 @@ _BASELINE_COLUMNS = (
     "n",
     "positives",
     "applicable",
-    "accuracy",
-    "accuracy_decided",
-    "no_decision",
-    "sensitivity",
-    "false_positives",
-    "accuracy_all",
+    *RATES,
     "auc",
     "sensitivity_at_5",
     "cost",

@@ -4,6 +4,7 @@ two runs.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import combinations
@@ -134,6 +135,16 @@ class Comparison:
         return "\n".join(lines)
 
     @property
+    def legend(self) -> str:
+        """What the cells of the square table are; of two runs, what a win and a loss are."""
+        if not self.of_one_run:
+            return "win: right in this run only; loss: in the other only"
+        return (
+            "above the diagonal: win-tie-loss (only the row's method right, both or neither, only"
+            " the column's); below it: p; *: they differ"
+        )
+
+    @property
     def of_one_run(self) -> bool:
         """Whether the methods of one run are compared with each other, not with another run."""
         return bool(self.pairs["second"].isin(self.ranking["method"]).all())
@@ -165,10 +176,7 @@ class Comparison:
             if sum(widths[i] for i in parts[-1]) + width > room:
                 parts.append([])
             parts[-1].append(k)
-        lines = [
-            "above the diagonal: win-tie-loss (only the row's method right, both or neither, only",
-            "the column's); below it: p; *: they differ",
-        ]
+        lines = textwrap.wrap(self.legend, _WIDTH)
         for part in parts:
             head = ("", *(str(k + 1) for k in part))
             rows = [
@@ -183,7 +191,7 @@ class Comparison:
         for row in self.pairs.itertuples():
             counts = (str(row.n), str(row.win), str(row.tie), str(row.loss))
             lines.append((row.first, *counts, _p(row.p) + ("*" if row.differ else "")))
-        return ["win: right in this run only; loss: in the other only", *columns(lines)]
+        return [self.legend, *columns(lines)]
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
@@ -201,9 +209,8 @@ class Comparison:
         return f"Comparison of {len(self.ranking)} methods: {differ} of {len(self.pairs)} differ"
 
     def _repr_html_(self) -> str:
-        said = "above the diagonal win-tie-loss of the row's method, below it p; *: they differ"
         shown = self.cells() if self.of_one_run else self.pairs
-        return page_part(f"{self!r}; {said}", shown.rename_axis("method").reset_index())
+        return page_part(f"{self!r}; {self.legend}", shown.rename_axis("method").reset_index())
 
 
 def _p(p: float) -> str:
@@ -323,7 +330,8 @@ def _comparison(
     share = ["accuracy", "accuracy_lo", "accuracy_hi"]
     ranking = pd.DataFrame(accuracy, columns=["n", *share])
     ranking.insert(0, "method", book.methods)
-    ranking["failed"] = [failures(book)[method] for method in book.methods]
+    failed = failures(book)
+    ranking["failed"] = [failed[method] for method in book.methods]
     ranking["mean_rank"] = ranks
     ranking["home"] = [home_of(method, book) for method in book.methods]
     pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))

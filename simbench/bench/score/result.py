@@ -14,6 +14,7 @@ from simbench.bench.score.along import along
 from simbench.bench.score.compare import Comparison, compare_books
 from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
+from simbench.bench.score.rates import RATES
 from simbench.bench.score.show import picture
 from simbench.bench.score.show.table import full_text, headline
 from simbench.bench.score.stability import RankStability
@@ -35,12 +36,7 @@ _ROWS = (
     *_PLACE,
     "n",
     "applicable",
-    "accuracy",
-    "accuracy_decided",
-    "no_decision",
-    "sensitivity",
-    "false_positives",
-    "accuracy_all",
+    *RATES,
     "auc",
     "accuracy_lo",
     "accuracy_hi",
@@ -321,8 +317,11 @@ class Scores:
         UserError
             For another benchmark, or an unknown truth.
         """
-        theirs = other._answers() if isinstance(other, Scores) else other and read_book(other)
-        return compare_books(self._answers(), theirs or None, truth, set(self.failing))
+        if isinstance(other, Scores):
+            theirs = other._answers()
+        else:
+            theirs = None if other is None else read_book(other)
+        return compare_books(self._answers(), theirs, truth, set(self.failing))
 
     def _answers(self) -> RunArrays:
         """Return the answers, without which scores are tables alone."""

@@ -78,3 +78,11 @@ def test_pairs_are_written_and_drawn(finished, tmp_path, capsys):
         assert main(["score", str(finished), "--paired", "--to", str(tmp_path / name)]) == 0
         assert "yamashita" in (tmp_path / name).read_text(encoding="utf-8")
     assert "rank  method" not in capsys.readouterr().out
+
+
+def test_a_table_of_two_runs_says_what_a_win_is(finished, tmp_path):
+    path = tmp_path / "two.md"
+    assert main(["score", str(finished), "--compare", str(finished), "--to", str(path)]) == 0
+    about = path.read_text(encoding="utf-8").splitlines()[0]
+    assert "win: right in this run only" in about
+    assert "diagonal" not in about
