@@ -203,6 +203,10 @@ def diagnose(
     nonlinearity that is not seen rules nothing out: symmetric cycles hide theirs from the
     bicoherence. A loop that does not oscillate is judged where its valve can be seen, through MV or
     a flow.
+
+    >>> t = np.arange(3000) / 10
+    >>> diagnose(LoopRecord(np.sin(t), -np.sin(t), 1.0, process="self-regulating")).verdict
+    'no_stiction'
     """
     return walk(prepare(record), ProcedureRules(odds_low, odds_high, follow_min, weighted, veto))
 

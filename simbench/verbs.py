@@ -109,8 +109,9 @@ def detect(
     True
     >>> def half(record):
     ...     return record.op.mean() < 50.0
-    >>> detect(op=record.op, pv=record.pv, Ts=1.0, methods=[half, "horch"])["half"].verdict
-    'no_stiction'
+    >>> report = detect(op=record.op, pv=record.pv, Ts=1.0, methods=[half, "horch"])
+    >>> report["half"].verdict, len(report), report.to_frame().method.tolist()
+    ('no_stiction', 2, ['half', 'horch'])
     """
     weighed = weighs(named_methods(methods)[0])
     return detection.detect(
