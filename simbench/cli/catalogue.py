@@ -42,28 +42,29 @@ def contract(
 def list_(
     what: Annotated[
         str | None,
-        Argument(metavar="KIND", help="List detectors, valves, grids, effects or figures."),
+        Argument(
+            metavar="KIND",
+            help="List detectors, valves, grids, effects, figures or thresholds.",
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List the available detectors, valve models, grids, effects or figures.
+    """List the available detectors, valve models, grids, effects, figures or thresholds.
 
     Each line has the name, what it is, and its source in brackets. A grid is a set of scenarios to
     simulate. An effect is a property of a plant that a simulation may lack, such as sensor lag.
+    The thresholds are those of the conclusion and of the diagnosis, each with its unit.
     """
     from simbench.catalogue import LISTED_KINDS, catalogue
+    from simbench.gap import thresholds
 
+    kinds = (*LISTED_KINDS, "thresholds")
     if what is None:
-        show(
-            list(LISTED_KINDS)
-            if as_json
-            else "\n".join(f"simbench list {kind}" for kind in LISTED_KINDS),
-            as_json,
-        )
+        show(list(kinds) if as_json else "\n".join(f"simbench list {k}" for k in kinds), as_json)
         return
-    if what not in LISTED_KINDS:
-        raise ParameterError(f"nothing to list under {what!r}: {nearest(what, LISTED_KINDS)}")
-    rows = catalogue(what)
+    if what not in kinds:
+        raise ParameterError(f"nothing to list under {what!r}: {nearest(what, kinds)}")
+    rows = thresholds.rows() if what == "thresholds" else catalogue(what)
     width = max((len(r["name"]) for r in rows), default=0)
     show(
         rows

@@ -55,7 +55,8 @@ from simbench.gap.stiction.conclusion import (
     without,
 )
 from simbench.gap.stiction.friction import refuse_unweighable, with_sound_valve
-from simbench.gap.stiction.probability import LIKELIER, pooled
+from simbench.gap.stiction.probability import pooled
+from simbench.gap.thresholds import LIKELIER
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop

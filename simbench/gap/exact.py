@@ -20,12 +20,9 @@ from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.controller.examine import stated_controller
 from simbench.gap.controller.regression import FORMS
 from simbench.gap.situation import Situation
+from simbench.gap.thresholds import MEAN_EXPLAINS, TERM_EXPLAINS, TERM_NATS
 
-# share of what the law without the new term leaves, below which the term is the law
-_EXPLAINS = 0.6
-_MEAN_EXPLAINS = 0.3  # the same where a mean of the archive's would explain OP as well
 _LEARNT = 0.65  # share of the record that a law is fitted to, where the record is diagnosed
-_PROOF = 60.0  # nats from which a law needs no statistics
 _IDLE = 0.05  # share of samples in which OP rests though the law would move it
 _ENDS = 0.02  # share of samples of PV exactly at its largest or smallest
 _REPEATS = 1e-3  # chance that OP repeats itself where the law asks for many times its digits
@@ -65,7 +62,7 @@ def controller_term(s: Situation, first: int) -> Term | None:
     terms += [one.derivative(guess, first, plain) for one in aligned for guess in one.guesses()]
     best = max(filter(None, terms), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
-    least = -np.log(_MEAN_EXPLAINS) * (s.record.n - first) if law.averaged else -np.inf
+    least = -np.log(MEAN_EXPLAINS) * (s.record.n - first) if law.averaged else -np.inf
     return best if best is not None and best.nats >= least else None
 
 
@@ -142,7 +139,7 @@ class _Controller:
         numbers = {m: float(v) for m, v in zip(guess, solution.x)}
         left = self.left(numbers, solution.x[-1])
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
-        if ratio >= _EXPLAINS:
+        if ratio >= TERM_EXPLAINS:
             return None
         return Term("derivative", numbers, -float(np.log(ratio)) * left[first:].size)
 
@@ -175,7 +172,7 @@ class _Controller:
             for newest in FORMS
         )
         left = min((du - np.where(idle[1:], 0.0, asked) for asked in tries), key=self.misfit)
-        if not self.misfit(left) < _EXPLAINS * self.misfit(plain):
+        if not self.misfit(left) < TERM_EXPLAINS * self.misfit(plain):
             return None
         length = float(idle.sum()) / len(runs) * self.Ts
         return Term("idle", {"share": share, "length": length}, read_off(idle, _REPEATS, first))
@@ -214,6 +211,6 @@ def shown(s: Situation, name: str) -> dict[str, float | str] | None:
     term = find(s, int(_LEARNT * s.record.n))
     return (
         dict(term.numbers)
-        if term is not None and term.name == name and term.nats > _PROOF
+        if term is not None and term.name == name and term.nats > TERM_NATS
         else None
     )

@@ -16,12 +16,13 @@ from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
 from simbench.detectors.report.report import columns
-from simbench.gap.closed_loop.gap import RESOLVED_FROM, within_reach
+from simbench.gap.closed_loop.gap import within_reach
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.report.result import words
 from simbench.gap.stiction.conclusion import WORDS
+from simbench.gap.thresholds import NEAR
 from simbench.scenarios.spec import Loop
 from simbench.worked import worked
 
@@ -122,8 +123,7 @@ class FolderDiagnosis:
                 for size in ("before", "after")
             )
             lines.append(
-                f"Within {RESOLVED_FROM} floors of {of}: {before} of the records before, {after}"
-                " after."
+                f"Within {NEAR} floors of {of}: {before} of the records before, {after} after."
             )
         return lines
 

@@ -25,11 +25,11 @@ from simbench.gap.closed_loop.gap_text import apart
 from simbench.gap.closed_loop.level import WITHIN, run_with_seeds
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.closed_loop.runs import load_may_jump
-from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation, load_memory
+from simbench.gap.thresholds import TEMPERATURE
 from simbench.loop.effects import NONE, UNKNOWN
 from simbench.loop.setup import plain_setup
 from simbench.scenarios.spec import Loop

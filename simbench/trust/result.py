@@ -13,7 +13,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import NO_STICTION, PROBABILITY, STICTION, Verdict
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import Conclusion
-from simbench.gap.stiction.probability import LIKELIER
+from simbench.gap.thresholds import LIKELIER
 from simbench.trust.power import POWER, Cell, Rule
 from simbench.trust.remedies import Remedy
 

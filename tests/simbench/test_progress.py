@@ -44,7 +44,7 @@ def test_a_command_stopped_by_sigterm_prints_that():
 def test_list_alone_prints_what_can_be_listed(capsys):
     assert cli.main(["list"]) == 0
     assert capsys.readouterr().out.split("\n")[:-1] == [
-        f"simbench list {kind}" for kind in LISTED_KINDS
+        f"simbench list {kind}" for kind in (*LISTED_KINDS, "thresholds")
     ]
 
 

@@ -29,7 +29,7 @@ from simbench.detectors.report.events import shared_oscillations
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.margins import margins
-from simbench.gap.stiction.probability import CLAIMED_FROM
+from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.spec import Loop

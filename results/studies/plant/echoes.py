@@ -27,7 +27,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import STICTION
 from simbench.gap.stiction.friction import probability_of_stiction
-from simbench.gap.stiction.probability import LIKELIER, verdict
+from simbench.gap.stiction.probability import verdict
+from simbench.gap.thresholds import LIKELIER
 from simbench.scenarios.grid import Grid, grid_names, load_grid
 from simbench.usage import exit_code
 

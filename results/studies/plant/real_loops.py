@@ -23,7 +23,7 @@ from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap import conclude
 from simbench.gap.stiction.by_loop import group_conclusions
 from simbench.gap.stiction.conclusion import WORDS, Conclusion, without
-from simbench.gap.stiction.probability import LIKELIER
+from simbench.gap.thresholds import LIKELIER
 from simbench.usage import exit_code
 
 # how sure a label is: who contributed the loop names the cause; he writes that it is likely, or a

@@ -24,7 +24,8 @@ from simbench.detectors.verdict import STICTION
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.measured import resampled
-from simbench.gap.stiction.probability import CLAIMED_FROM, pooled, probability
+from simbench.gap.stiction.probability import pooled, probability
+from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.progress import Progress
 from simbench.usage import exit_code
 

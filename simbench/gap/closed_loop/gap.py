@@ -21,6 +21,7 @@ from simbench.gap.closed_loop.summary_features import (
     seed_spread,
 )
 from simbench.gap.situation import Situation
+from simbench.gap.thresholds import GAP_WIDER, NEAR
 from simbench.scenarios.spec import Loop
 
 _FITTED = 0.65  # first share of the record; on the rest nothing is fitted
@@ -29,15 +30,11 @@ _FITTED = 0.65  # first share of the record; on the rest nothing is fitted
 # of 2 (results/gap_seeds.txt). Of a long record, which averages over more cycles itself, fewer will
 # do.
 _RUNS, _SAMPLES = (8, 64), 256_000
-RESOLVED_FROM = 1.5  # gap before over floor from which there is something to close
 # without noise all simulations are the same, and what is left of a distance is rounding
 _LEAST_FLOOR = 0.01
 # for the interval of what closes, whose ends from seed to seed scatter by .02 (median of 7 that are
 # no bound; with 40 draws by .06)
 _DRAWS = 200
-# times the interval that seeds alone give: the simulated load is not quite the plant's (116
-# records, seed 303)
-_WIDER = 1.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +66,7 @@ def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0
 
 def within_reach(gap: float, floor: float) -> bool:
     """Return whether a gap is within 1.5 floors: no nearer can be told from as near as possible."""
-    return gap <= RESOLVED_FROM * floor
+    return gap <= NEAR * floor
 
 
 def held_out(situation: Situation) -> int:
@@ -121,7 +118,7 @@ def measure(
     spread = _ruler(runs, least)
     b, r, a = (distance(real, x, spread) for x in runs)
     f = max(floor_of(runs[2], spread), _LEAST_FLOOR)
-    resolvable = b >= RESOLVED_FROM * f
+    resolvable = b >= NEAR * f
     off = [np.abs(real - x.mean(axis=0)) / spread for x in (runs[0], runs[2])]
     ends = runs[2].min(axis=0), runs[2].max(axis=0)
     per = {name: Compared(*map(float, numbers)) for name, *numbers in zip(named, real, *ends, *off)}
@@ -144,7 +141,7 @@ def measure(
         before_d, after_d = (float(x.mean() + rng.choice(c)) for x, c in zip(far, chance))
         draws.append(closed(before_d, after_d, f))
     value = closed(b, a, f)
-    lo, hi = np.clip(value + _WIDER * (np.quantile(draws, [0.05, 0.95]) - value), -1.0, 1.0)
+    lo, hi = np.clip(value + GAP_WIDER * (np.quantile(draws, [0.05, 0.95]) - value), -1.0, 1.0)
     lo, hi = float(min(lo, value)), float(max(hi, value))
     return Shrinkage(b, r, a, f, True, value, lo, hi, per, at_plant)
 

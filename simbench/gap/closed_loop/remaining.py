@@ -11,8 +11,7 @@ import numpy as np
 from simbench.gap.closed_loop.gap import Compared, held_out
 from simbench.gap.closed_loop.summary_features import BANDS, HANN, PEAK, REST
 from simbench.gap.situation import Situation
-
-_PLAIN = 3.0  # seed-to-seed standard deviations from which a feature differs
+from simbench.gap.thresholds import PLAINLY
 
 _SENSOR, _CONTROLLER, _PROCESS, _LOAD = "sensor", "controller", "process", "disturbance"
 
@@ -97,7 +96,7 @@ def remaining(situation: Situation, compared: dict[str, Compared]) -> tuple[Rema
     """
     found: dict[str, Remaining] = {}
     for name, one in sorted(compared.items(), key=lambda item: -item[1].distance):
-        if one.distance > _PLAIN and not one.lo <= one.recorded <= one.hi:
+        if one.distance > PLAINLY and not one.lo <= one.recorded <= one.hi:
             found.setdefault(name.rstrip("0123456789 "), _in_words(name, one, situation))
     return tuple(found.values())
 

@@ -34,13 +34,20 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.residual_tests import tests_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory
+from simbench.gap.thresholds import (
+    BURSTS_LIMIT,
+    FACT,
+    GUESSED,
+    INPUT_LIMIT,
+    LEAST_NATS,
+    MEMORY_LIMIT,
+    MORE_NOISE,
+    SECOND_NATS,
+)
 from simbench.loop.effects import EFFECTS, NONE, block_of
 
 SURE = 1000.0  # nats that stand for evidence needing no statistics
-# of the stated noise, from which it is told that there is more: healthy records show it as well
-_MORE_NOISE = 1.1
 NOISE_EFFECT = "noise"
-_SECOND = 12.0  # nats a second effect must bring on top of one that explains the same PV
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +156,7 @@ def _ordinary(
         if about.masked(s, p) or (about.ordinary and about.ordinary(one.fit, base, engine.data, n)):
             out[effect] = about.travel(p, s.record.duration)
     stated = float(np.hypot(s.data.noise, s.data.resolution / np.sqrt(12.0)))
-    if s.data.noise > 0.0 and base.theta["noise_std"] > _MORE_NOISE * stated:
+    if s.data.noise > 0.0 and base.theta["noise_std"] > MORE_NOISE * stated:
         out[NOISE_EFFECT] = base.theta["noise_std"] / stated
     return out
 
@@ -240,7 +247,7 @@ def _least_nats_of_second(first: str, s: Situation, effect: str) -> float:
     gap.
     """
     by_op = first in s.proven and block_of(first) == "controller"
-    return LEAST_NATS if by_op and block_of(effect) != "sensor" else _SECOND
+    return LEAST_NATS if by_op and block_of(effect) != "sensor" else SECOND_NATS
 
 
 def _gains_on_top(
@@ -263,19 +270,13 @@ def _gains_on_top(
     }
 
 
-# nats that anything must bring: the price of having asked some thirty questions (ln 30 = 3.4), and
-# as much again, as models overstate; with 5 four simulators' healthy records were named in 4 of 80
-# cases more, and effects rightly in 1 of 115
-LEAST_NATS = 7.0
 # what the residual tests of whole models do not exceed (98 to 99 % of development records), and the
 # block that fails beyond
 RESIDUAL_LIMITS = {
-    "memory": (15.0, "disturbance"),
-    "input": (10.0, "process"),
-    "bursts": (40.0, "sensor"),
+    "memory": (MEMORY_LIMIT, "disturbance"),
+    "input": (INPUT_LIMIT, "process"),
+    "bursts": (BURSTS_LIMIT, "sensor"),
 }
-_GUESSED = 4.0  # factor on the limits where a valve's slips in the record are guessed
-_PLAIN_TIMES = 10.0  # times a limit, that what needs no statistics counts for
 
 
 def failures(assessment: Assessment) -> list[tuple[float, str, str]]:
@@ -283,23 +284,23 @@ def failures(assessment: Assessment) -> list[tuple[float, str, str]]:
     situation = assessment.situation
     out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:
-        out.append((_PLAIN_TIMES, "controller", situation.unexplained_law))
+        out.append((FACT, "controller", situation.unexplained_law))
     claimed = {recogniser(e).explains for e in EFFECTS}
     out += [
-        (_PLAIN_TIMES, block, f"{words}, as no known effect makes it")
+        (FACT, block, f"{words}, as no known effect makes it")
         for fact, (block, words) in situation.facts.items()
         if fact not in claimed
     ]
     if situation.frozen and situation.trusted:
         out.append(
             (
-                _PLAIN_TIMES,
+                FACT,
                 "sensor",
                 f"PV does not change for {situation.samples.held} samples",
             )
         )
     if assessment.mv_unexplained:
-        out.append((_PLAIN_TIMES, "valve", "MV strays from OP as no known valve makes it"))
+        out.append((FACT, "valve", "MV strays from OP as no known valve makes it"))
     if not situation.trusted:
         # a residual test asks whether a model is whole; one whose plant was identified never is
         return out
@@ -308,7 +309,7 @@ def failures(assessment: Assessment) -> list[tuple[float, str, str]]:
     guessed = assessment.valve_seen and situation.record.mv is None
     loose = guessed and any(recogniser(e).band is not None for e in assessment.chosen)
     for name, (limit, block) in RESIDUAL_LIMITS.items():
-        limit *= _GUESSED if loose else 1.0
+        limit *= GUESSED if loose else 1.0
         message = (
             f"the best model does not explain everything ({name}:"
             f" {assessment.tests[name]:.0f}, limit {limit:.0f})"

@@ -19,19 +19,15 @@ from simbench.gap.likelihood.search import likeliest
 from simbench.gap.likelihood.second_order import positioner
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch, share_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
+from simbench.gap.thresholds import ANOTHER_PLANT, BY_MV, PLANT_APART
 from simbench.loop.effects import EFFECTS
 
-# nats that a valve identified from MV must bring, before OP of the other records is sent through it
-_BY_MV = 10.0
 _EARLY = 0.1  # of a sample, by which MV must be logged early before its time is believed
 _DIGITS = 6  # decimals of MV (%) that are read
 _MOVES = 1e-6  # % that OP must move before MV shows anything
 _STEPS = 3.0  # of MV's digits, or of its noise, that a band spans at least
 _NORMAL = 0.6745  # median of a standard normal's size
 _SIZES = (0.25, 0.5, 1.0, 2.0, 4.0)  # multiples of a fitted drift, at which lab samples are asked
-# nats by which another plant must explain a test better than any explanation of the record ...
-_ANOTHER = 25.0
-_APART = 1.5  # ... and the factor in gain or time by which it is another
 
 Maps = dict[str, tuple[float, Parameters]]
 
@@ -100,7 +96,7 @@ def by_stem(
     winner = max(maps, key=lambda e: maps[e][0], default="")
     if not winner:
         return data
-    sound = maps[winner][0] <= _BY_MV
+    sound = maps[winner][0] <= BY_MV
     effect = None if sound else {"name": winner, **maps[winner][1]}
     made = through_valve(op, s.baseline, Ts, effect)
     if mv is not None:
@@ -187,13 +183,13 @@ def _other_plant(alone: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]
         {**same.theta, "T": T * f, "Td": Td * g} for f, g in ((1.0, 1.0), (0.4, 0.5), (2.5, 2.0))
     ]
     other = likeliest(alone, spec, starts)
-    if other.loglik - same.loglik < _ANOTHER or same.K == 0.0:
+    if other.loglik - same.loglik < ANOTHER_PLANT or same.K == 0.0:
         return ""
     gain, time = (
         other.K / same.K,
         (other.theta.get("T", 0.0) + other.theta["Td"] + 1.0) / (T + Td + 1.0),
     )
-    if all(1.0 / _APART < x < _APART for x in (gain, time)):
+    if all(1.0 / PLANT_APART < x < PLANT_APART for x in (gain, time)):
         return ""
     return (
         f"PV answers OP with {gain:.2g} times the gain and {time:.2g} times as slowly as in the"

@@ -7,19 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, softmax
 
-from simbench.gap.decide.assess import LEAST_NATS, Assessment
+from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import recogniser
+from simbench.gap.thresholds import DOUBT, LEAST_NATS, TEMPERATURE
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
-# factor on nats (-) in the softmax: such likelihoods overstate, as no model of load and noise is
-# quite true
-TEMPERATURE = 0.35
 # No answer hangs on these two (doubled or halved they change none of 72), only the probability that
 # is printed beside a second effect.
 SECOND_EFFECT_NATS = 4.0  # nats by which the likeliest second effect follows the first ...
 PLAIN_SECOND_NATS = 16.0  # ... if it brings so much on top of it, and less by what it lacks
-# slope (-) of unknown, by the logarithm of how far the worst residual test is beyond its limit
-_SHARPNESS = 0.7
 _SMALLEST = 1e-300  # stands for a probability that is too small for a number
 
 
@@ -49,7 +45,7 @@ class Classified:
 
 def doubt(ratio: float) -> float:
     """Return the share of `unknown` where a test is at so many times its limit: a half at it."""
-    return float(expit(_SHARPNESS * np.log(max(ratio, 1e-3))))
+    return float(expit(DOUBT * np.log(max(ratio, 1e-3))))
 
 
 def classify(assessment: Assessment) -> Classified:
@@ -58,10 +54,8 @@ def classify(assessment: Assessment) -> Classified:
     Notes
     -----
     `none` has a gain of `LEAST_NATS`; `unknown` takes the share that a logistic curve gives to
-    the residual test which the best model fails by most, a half where it just fails. `TEMPERATURE`
-    is where probability and frequency of right answers meet best on 1456 development loops of three
-    independent simulators, `_SHARPNESS` the likeliest on 792 of them; where effects are rarer or
-    subtler, the probabilities are too high.
+    the residual test which the best model fails by most, a half where it just fails. Where
+    effects are rarer or subtler than in the loops of `TEMPERATURE`, the probabilities are too high.
     """
     gains = {e: assessment.log_likelihood_gains[e] for e in EFFECTS}
     if assessment.chosen:

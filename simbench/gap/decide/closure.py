@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from simbench.gap.closed_loop.gap import RESOLVED_FROM, Shrinkage
+from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.decide.classify import Classified, doubt
 from simbench.gap.effects import recogniser
+from simbench.gap.thresholds import NEAR
 from simbench.loop.effects import NONE, UNKNOWN
 
 
@@ -25,7 +26,7 @@ def misfit(assessment: Assessment, effects: Sequence[str], closed: Shrinkage) ->
         return 0.0
     if effects and assessment.situation.trusted and assessment.shown(effects[0]):
         return 0.0
-    ratio = closed.after / (RESOLVED_FROM * closed.plant_floor)
+    ratio = closed.after / (NEAR * closed.plant_floor)
     return ratio if ratio > 1.0 else 0.0
 
 

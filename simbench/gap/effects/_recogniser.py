@@ -15,7 +15,6 @@ from simbench.gap.situation import Situation
 
 Parameters = dict[str, float | str]
 NOT_TRIED = -10.0  # nats of an effect for which nothing could speak
-LARGER = 1.5  # share of a load's stated size, beyond which it is more than was stated
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._recogniser import LARGER, Parameters, Recogniser
+from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain
 from simbench.gap.likelihood.search import likeliest
 from simbench.gap.situation import Situation
-
-# % of OP's travel over a record, to which the loads of every day drift: in 17 of 19 healthy records
-# of one simulator walks and slow sines went no further, and drifts that were effects went 3.3 to 18
-_A_DAY = 3.0
+from simbench.gap.thresholds import DRIFT_OF_A_DAY, LARGER
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -51,7 +48,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
     """
     # the ramp runs over all records that are fitted as one
     ramp, walk = fit.beta[-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
-    most = max(0.0 if data.measured else _A_DAY, LARGER * data.loads.get("slow", 0.0))
+    most = max(0.0 if data.measured else DRIFT_OF_A_DAY, LARGER * data.loads.get("slow", 0.0))
     near = np.hypot(ramp, walk) < most * abs(input_gain(fit, data))
     return True if near and data.trusted else None
 

@@ -8,12 +8,13 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.special import gammaln
 
-from simbench.gap.effects._recogniser import LARGER, Parameters, Recogniser, clip
+from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
+from simbench.gap.thresholds import LARGER, PETTY_STEPS
 
 _AT_ONCE = 16  # number of jumps looked for before the load's other numbers are fitted again
 _APART = 5  # samples between jumps: two that are closer, there and back, are one wild reading
@@ -22,8 +23,6 @@ _LEFT = 0.7  # share of the load that the search with jumps begins from
 # share of the load that must be left with the jumps where the baseline states no load: then one
 # that only jumps is ordinary
 _REMAINING = 0.25
-# % of OP's travel, up to which jumps are those of every day (five healthy records: .03 to .5)
-_PETTY = 1.0
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -127,7 +126,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
     """
     # one in as many samples as the record has
     once = len(fit.spec.jumps) * n <= data.n + n - 1
-    day = max(0.0 if data.measured else _PETTY, LARGER * data.loads.get("steps", 0.0))
+    day = max(0.0 if data.measured else PETTY_STEPS, LARGER * data.loads.get("steps", 0.0))
     petty = data.trusted and fit.theta["load_jump"] < day * abs(input_gain(fit, data))
     alone = not data.loads and fit.theta["load"] < _REMAINING * base.theta["load"]
     return once or petty or alone

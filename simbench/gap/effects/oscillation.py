@@ -7,15 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.detectors.signal.phase import coherence
-from simbench.gap.effects._recogniser import LARGER, Parameters, Recogniser, clip
+from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
+from simbench.gap.thresholds import FEWEST_SWINGS, LARGER
 
-# fewest periods with which any of three simulators draws this effect; down to three, 3 of 8 records
-# whose ordinary load was such a sine were called an oscillation
-_PERIODS = 8.0
 _SAME_PERIOD = 0.05  # |ln ratio| of periods, beyond which a sine is another one
 _SHORTEST = 4.0  # samples per period: of a faster sine too little is seen
 # share of its phase that PV or OP keeps about the period: of 26 loops of two simulators that an
@@ -75,7 +73,7 @@ def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
 
 def wanders(p: Parameters, duration: float) -> bool:
     """Return whether a sine has so few periods that it is a load that wanders."""
-    return float(p["period"]) * _PERIODS > duration
+    return float(p["period"]) * FEWEST_SWINGS > duration
 
 
 def masked(s: Situation, p: Parameters) -> bool:

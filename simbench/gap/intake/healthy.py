@@ -13,13 +13,13 @@ from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.candidates import fit_candidates
 from simbench.gap.effects import Parameters, load_drift, noise, oscillation, recogniser
-from simbench.gap.effects._recogniser import LARGER
 from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import stated_noise
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, load_std, size_penalty
 from simbench.gap.situation import Situation, load_memory
+from simbench.gap.thresholds import LARGER
 from simbench.scenarios.spec import Loop
 
 _NATS_AT_END = 1.92  # by which the likelihood is lower at the end of a 95 % interval (Wilks 1938)

@@ -15,19 +15,16 @@ from simbench.gap.intake.identify import fit_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.situation import Situation
+from simbench.gap.thresholds import OTHER_LOOP, PLANT_APART
 
-_OTHER_LOOP = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
-# factor in Kc and Ti from which the plant is asked whether it is the baseline's, and in K and time
-# when it is not
-_APART = 1.5
-_PROOF = 30.0  # nats by which another plant must beat every single effect on the baseline's
+_OTHER_TUNING = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
 
 
 def refuse_other_controller(law: Law, Kc: float, where: str) -> None:
     """Refuse a baseline whose controller acts the other way, or ten times as much."""
     if law.known and law.residual < EXACT and law.gap == 0.0:
         ratio = law.Kc / Kc
-        if ratio < 1.0 / _OTHER_LOOP or ratio > _OTHER_LOOP:
+        if ratio < 1.0 / _OTHER_TUNING or ratio > _OTHER_TUNING:
             raise RecordError(
                 f"{where}: its controller has Kc = {law.Kc:.3g}, the baseline's Kc = {Kc:.3g}"
                 " (signs included); this is the baseline of another loop"
@@ -62,7 +59,7 @@ def refuse_other_plant(s: Situation) -> None:
         and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))
     ):
         return
-    to_beat = max(other.loglik, free.base().loglik) - size_penalty(data.n, 3.0) - _PROOF
+    to_beat = max(other.loglik, free.base().loglik) - size_penalty(data.n, 3.0) - OTHER_LOOP
     engine = Engine(data, 4.0 * (known + 1.0))
     base = engine.base()
     if base.loglik >= to_beat:
@@ -83,4 +80,4 @@ def refuse_other_plant(s: Situation) -> None:
 
 
 def _apart(ratio: float) -> bool:
-    return not 1.0 / _APART < ratio < _APART
+    return not 1.0 / PLANT_APART < ratio < PLANT_APART

@@ -12,9 +12,9 @@ import scipy
 
 from simbench.detectors.signal.filters import lfilter
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
+from simbench.gap.thresholds import OVERSHOOTS
 
 _TIMES = np.geomspace(0.3, 60.0, 24)  # samples, 1/omega that are tried
-_OVERSHOOTS = 0.6  # damping ratio up to which a step is overshot by a tenth or more
 _CLEAR = 10.0  # nats from which a valve that overshoots is believed
 _DAMPINGS = (0.08, 0.15, 0.3, 0.5, 0.8)
 
@@ -42,7 +42,7 @@ def positioner(search: MapSearch) -> MapFit | None:
     overshoot.
     """
     gain, numbers = second_order(search)
-    return None if float(numbers["damping"]) > _OVERSHOOTS or gain <= _CLEAR else (gain, numbers)
+    return None if float(numbers["damping"]) > OVERSHOOTS or gain <= _CLEAR else (gain, numbers)
 
 
 def followed(op: np.ndarray, tau: float, damping: float, first: float) -> np.ndarray:

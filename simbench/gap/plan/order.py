@@ -12,6 +12,7 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import recogniser
 from simbench.gap.plan.menu import Limits, Trial, sized
+from simbench.gap.thresholds import MAY_DRIFT, SETTLED
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 # Tests chosen for each record by their expected information named 59 of 66 effects rightly after
@@ -19,12 +20,6 @@ from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 # 423041 to 423043). Lab samples come next: only they tell a drift of the sensor from one of the
 # load.
 ORDER = ("raw", "mv", "bump", "lab", "sp_steps", "stairs", "kc_half", "still", "fast")
-# probability from which no test is recommended: 30 of 31 such answers were right without one
-# (the same records)
-_SETTLED = 0.9
-# probability of a drift of the sensor from which lab samples come before a bump: of five such
-# records of own and quarry two more are named rightly, and none less
-_MAY_DRIFT = 0.1
 _EXPLANATIONS = 5  # likeliest explanations under which a test must stay within its limits
 
 
@@ -124,7 +119,7 @@ def _order(probability: Mapping[str, float]) -> list[str]:
     the answer, which a bump does not show.
     """
     drifts = sum(p for e, p in probability.items() if e in EFFECTS and recogniser(e).by_lab)
-    early = {"bump": "lab", "lab": "bump"} if drifts > _MAY_DRIFT else {}
+    early = {"bump": "lab", "lab": "bump"} if drifts > MAY_DRIFT else {}
     return [early.get(id_, id_) for id_ in ORDER]
 
 
@@ -143,6 +138,6 @@ def _no_need(assessment: Assessment, probability: Mapping[str, float]) -> str:
         if unexplained and "raw" in assessment.asked:
             return f"{unexplained}, and no test on the menu changes that"
         return ""
-    if probability[first] >= _SETTLED:
+    if probability[first] >= SETTLED:
         return f"{name} has probability {probability[first]:.2f}"
     return ""

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
-from simbench.gap.closed_loop.gap import RESOLVED_FROM, Shrinkage
+from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.gap_text import gap_sentences
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.stiction.conclusion import Conclusion
+from simbench.gap.thresholds import NEAR
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 if TYPE_CHECKING:
@@ -331,7 +332,7 @@ class GapReport:
                 f"Plant floor: parts of the record are {g.plant_floor:.2f} apart in the same"
                 " measure, set-point moves left out."
             )
-        if g.before < RESOLVED_FROM * g.floor:
+        if g.before < NEAR * g.floor:
             lines.append("The gap does not stand out of the floor, so no reduction is claimed.")
         return lines
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.gap.thresholds import SLAVE_TOGETHER
 
 # Slow is what is left of a moving mean over two periods, or a thirtieth of a record that does not
 # oscillate. Where integral action holds a constant set point the mean of PV moves against the load,
 # and OP otherwise (correlations of .6 at most on the records of `tests/data/published`); of the
 # cooling water of the Tennessee Eastman process OP and PV go together by .90 to .98.
 _PERIODS, _PART = 2.0, 30.0
-_TOGETHER = 0.9  # correlation of slow OP and slow PV
 _APART = 0.6  # of what is quicker: under P control OP goes with PV at every pace
 _SHARE = 0.05  # of PV's standard deviation, that is slow
 
@@ -37,7 +37,7 @@ def slave_note(record: LoopRecord) -> str:
         return ""
     together, apart = (float(np.corrcoef(x)[0, 1]) for x in (slow, quick))
     alike = apart * np.sign(together) > _APART
-    if abs(together) < _TOGETHER or alike or slow[1].std() < _SHARE * sizes[1]:
+    if abs(together) < SLAVE_TOGETHER or alike or slow[1].std() < _SHARE * sizes[1]:
         return ""
     return (
         "SP is not on record, and PV goes slowly where OP drives it: likely the slave of a cascade;"

@@ -15,11 +15,23 @@ from simbench.detectors.signal.phase import coherence
 from simbench.gap.stiction import regularity
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
-from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, LIKELIER
-from simbench.gap.stiction.regularity import FEWEST_PERIODS
 from simbench.gap.stiction.sizes import stated
 from simbench.gap.stiction.stepping import least_step
-from simbench.gap.stiction.visible import FEWEST_PER_PERIOD
+from simbench.gap.thresholds import (
+    CLAIMED_FROM,
+    DENIED_BELOW,
+    FEWEST_PER_PERIOD,
+    FEWEST_PERIODS,
+    KEPT_OPEN,
+    KEPT_SURE,
+    LIKELIER,
+    MOVED,
+    NAMED_FROM,
+    NOISY,
+    RESONANT,
+    TIGHT_OPEN,
+    TIGHT_SURE,
+)
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 POSITIONER = "positioner"
@@ -32,19 +44,6 @@ _CAUSE_OF_FLAG = {
     "dead_op": NOT_TOLD,
     "manual": NOT_TOLD,
 }
-_NAMED_FROM = 0.6  # confidence below which no cause is named
-# share of the phase that one sine keeps: from the first on the oscillation may come from the load,
-# from the second on it surely does
-_KEPT = (0.9, 0.98)
-# largest sensitivity from which tuning may be the cause, and from which it surely can
-_TIGHT = (2.2, 4.0)
-# times the period of the largest sensitivity that a loop swings with for want of damping, at most,
-# and at least its inverse
-_RESONANT = 1.3
-_MOVED = 1.0  # % by which OP moves from sample to sample where noise wears the valve
-# share of PV's variance that is noise, from which it moves the valve: without this rule a noisy
-# sensor of these 104 loops has no cause
-_NOISY = 0.75
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
     if periods >= FEWEST_PERIODS and pace >= FEWEST_PER_PERIOD:
         keeps = coherence(loops.record.pv, swing.period_s / loops.record.Ts)
         # what keeps its phase no better than friction, or a tight loop, would tells nothing
-        line = keeps > _KEPT[0] and keeps > regularity.of_tuning(loops)
+        line = keeps > KEPT_OPEN and keeps > regularity.of_tuning(loops)
         swung = [
             _tuning(known, swing, line, keeps),
             _outside(loops, line and keeps > regularity.of_friction(loops), keeps, periods),
@@ -139,7 +138,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
     if loops.probability > LIKELIER:
         why = "friction is more probable than not, but not enough to be claimed"
         return _open(f"{why}, which leaves every other cause open", tuple(weighed))
-    if first.confidence < _NAMED_FROM or first is sticking:
+    if first.confidence < NAMED_FROM or first is sticking:
         return _open("no cause has enough evidence", tuple(weighed))
     return Causes(first, tuple(weighed))
 
@@ -172,14 +171,16 @@ def _tuning(known: Margins | None, swing: Oscillation, line: bool, keeps: float)
         kept = f"the phase coherence is {keeps:.2f}, more than this loop reaches in simulations"
         return Cause(TIGHT, 0.1, (), (kept, swings))
     ratio = swing.period_s / known.period
-    if known.sensitivity < _TIGHT[0] or not 1.0 / _RESONANT <= ratio <= _RESONANT:
+    if known.sensitivity < TIGHT_OPEN or not 1.0 / RESONANT <= ratio <= RESONANT:
         return Cause(TIGHT, 0.05, (), (swings,))
-    return Cause(TIGHT, float(np.interp(known.sensitivity, _TIGHT, (0.5, 0.95))), (swings,))
+    return Cause(
+        TIGHT, float(np.interp(known.sensitivity, (TIGHT_OPEN, TIGHT_SURE), (0.5, 0.95))), (swings,)
+    )
 
 
 def _outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) -> Cause:
     kept = f"over {periods:.0f} periods the phase coherence of the oscillation is {keeps:.2f}: "
-    if keeps < _KEPT[0]:
+    if keeps < KEPT_OPEN:
         return Cause(FROM_OUTSIDE, 0.1, (), (f"{kept}no periodic disturbance is seen",))
     if not line:
         why = f"{kept}this loop reaches as much in simulations, with or without valve friction"
@@ -188,7 +189,7 @@ def _outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) ->
         "an external oscillation explains the record better than none (log-likelihood difference"
         f" +{loops.outside:.0f})"
     )
-    sure = float(np.interp(keeps, _KEPT, (0.6, 0.95)))
+    sure = float(np.interp(keeps, (KEPT_OPEN, KEPT_SURE), (0.6, 0.95)))
     why = f"{kept}a line in the load's spectrum, more regular than simulations of this loop"
     return Cause(FROM_OUTSIDE, sure, (why, *([gained] if loops.outside > 0 else [])))
 
@@ -200,7 +201,7 @@ def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
     share = min(float(loops.healthy[0].noise.std / np.std(pv)), 1.0) ** 2
     noisy = f"noise is {share:.0%} of PV's variance"
     moved = float(np.std(np.diff(op))) if prepared.record.op_percent is not None else 0.0
-    if share > _NOISY and moved > _MOVED:
+    if share > NOISY and moved > MOVED:
         follows = f"{noisy}: the valve follows it, by {moved:.2g} % from sample to sample"
         return Cause(SENSOR, 0.8, (follows,))
     return Cause(SENSOR, 0.05, (), (noisy,))

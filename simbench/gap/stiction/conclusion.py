@@ -21,23 +21,24 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repaired
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
-from simbench.gap.decide.assess import LEAST_NATS, Assessment
-from simbench.gap.decide.classify import TEMPERATURE, Classified
+from simbench.gap.decide.assess import Assessment
+from simbench.gap.decide.classify import Classified
 from simbench.gap.effects import recogniser
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.cascade import slave_note
 from simbench.gap.stiction.causes import Causes, find_causes
-from simbench.gap.stiction.probability import (
+from simbench.gap.stiction.probability import STICKING_VALVES, verdict
+from simbench.gap.stiction.sizes import Size, sizes_of, stated
+from simbench.gap.stiction.visible import Visible, visible
+from simbench.gap.thresholds import (
     CLAIMED_FROM,
     DENIED_BELOW,
     EDGE,
+    LEAST_NATS,
     LIKELIER,
-    STICKING_VALVES,
-    verdict,
+    TEMPERATURE,
 )
-from simbench.gap.stiction.sizes import Size, sizes_of, stated
-from simbench.gap.stiction.visible import Visible, visible
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}

@@ -34,23 +34,15 @@ from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.any_spectrum import nats_of
 from simbench.gap.stiction.measured import measured_samples, op_range, unheld
-from simbench.gap.stiction.probability import (
-    DENIED_BELOW,
-    LEAST_REGRESSED,
-    SHORTEST_ASKED,
-    FrictionEvidence,
-    log_odds,
-    probability,
-)
+from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability
 from simbench.gap.stiction.visible import Visible, visible
+from simbench.gap.thresholds import DENIED_BELOW, LEAST_REGRESSED, MEASURED, SHORTEST_ASKED
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
 from simbench.scenarios.spec import Loop, Part
 
 _BAND = "deadband"  # friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
-# share of PV's samples that must have been measured (`python -m results.studies.plant.archives`)
-_MEASURED = 0.2
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
 _GRID = 1e-8
 _ROOM = 2.0  # number of OP ranges left free on either side of a record whose unit of OP is unknown
@@ -147,7 +139,7 @@ def _weighed(record: LoopRecord, loop: Loop | Partial | None) -> Friction:
     if loop is None and record.mv is None:
         record = unheld(without_last_bits(record))
         count = measured_samples(record)
-        if count < max(SHORTEST_ASKED, _MEASURED * record.n):
+        if count < max(SHORTEST_ASKED, MEASURED * record.n):
             what = (
                 "the archive repeats the others or draws straight lines between them, which looks"
                 " like a valve that rests"
@@ -168,7 +160,7 @@ def refuse_unweighable(record: LoopRecord) -> None:
     flags = Prepared(record.without_mv()).flags
     unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
     if record.n < SHORTEST_ASKED:
-        unfit = f"{record.n} samples; at least {SHORTEST_ASKED} are needed"
+        unfit = f"{record.n} samples; at least {SHORTEST_ASKED:g} are needed"
     if unfit:
         raise RecordError(f"{where} unfit: {unfit}")
 

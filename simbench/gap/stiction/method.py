@@ -24,14 +24,15 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.method import Method, Threshold
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.verdict import NO_DECISION, PROBABILITY, Verdict
-from simbench.gap.stiction.probability import CLAIMED_FROM, DENIED_BELOW, SHORTEST_ASKED, verdict
+from simbench.gap.stiction.probability import verdict
+from simbench.gap.thresholds import CLAIMED_FROM, DENIED_BELOW, SHORTEST_ASKED
 
 NAME = "likelihood"
 METHOD = Method(
     title="likelihood of a sticky valve against a sound one",
     source="Kay 1998, section 6.4.2; own weights",
     budget="full",
-    min_samples=SHORTEST_ASKED,
+    min_samples=int(SHORTEST_ASKED),
     front_end=False,
     whole=True,
     takes_mv=True,

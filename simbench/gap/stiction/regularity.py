@@ -10,13 +10,11 @@ from simbench.detectors.signal.phase import coherence
 from simbench.gap.closed_loop.level import run_with_seeds
 from simbench.gap.stiction.altered import steady
 from simbench.gap.stiction.candidate_loops import CandidateLoops
+from simbench.gap.thresholds import FEWEST_PERIODS
 from simbench.scenarios.spec import Loop
 
 # simulations of a loop: the record is more regular than all of them by chance in one of nine cases
 _SEEDS = 8
-# periods below which every swing keeps its phase: without this rule one sound loop of 104 simulated
-# ones (seed 99 of `results.studies.plant.causes`) is said to be disturbed from outside
-FEWEST_PERIODS = 12
 
 
 def regularity(record: LoopRecord) -> float:

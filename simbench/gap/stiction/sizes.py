@@ -13,12 +13,8 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import load_memory
+from simbench.gap.thresholds import AS_GOOD, REFITTED
 
-# A valve may be the true one while it explains so much less than the likeliest: a share of what
-# that explains beyond a valve that follows OP, and nats that plant and load, which are held, may
-# bring once they are fitted again. How often S lies within is printed in
-# `results/causes.txt`; with half a chi-squared of nats it does in every third loop.
-_SHARE, _REFITTED = 0.25, 60.0
 _OFF = np.geomspace(0.002, 1.0, 25)  # logarithms of the factors of S that are tried
 _FACTORS = np.exp(np.concatenate([-_OFF, [0.0], _OFF]))
 _SHARES = np.linspace(0.02, 1.0, 13)  # of S at which J is tried
@@ -96,11 +92,11 @@ def _spread(levels: Levels, S: float, J: float) -> tuple[Size, Size]:
     value = levels(points)
     [none] = levels(np.array([(1e-6 * S, 0.0, 0.0)]))
     best = float(value.max())
-    near = points[value >= best - max(_SHARE * (best - none), _REFITTED)]
+    near = points[value >= best - max(AS_GOOD * (best - none), REFITTED)]
     # up to the next size that was tried: the peak may lie between them
     step = float(np.exp(_OFF[0]))
     # friction that is next to none explains as much
-    least = 0.0 if none >= best - _REFITTED else float(near[:, 0].min()) / step
+    least = 0.0 if none >= best - REFITTED else float(near[:, 0].min()) / step
     return (
         Size(S, min(S, least), max(S, step * float(near[:, 0].max()))),
         Size(J, min(J, float(near[:, 1].min()) / step), max(J, step * float(near[:, 1].max()))),

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 
-_RESTS = 0.5  # share of the samples in which OP rests, at least
+from simbench.gap.thresholds import STEP_LEAST, STEP_RESTS
+
 _FEWEST = 8  # moves
-_LEAST = 0.04  # of OP's range, the least move: archives by exception keep less
 _LATTICE = 0.05  # of the least move, within which all moves are multiples of it: that is rounding
 
 
@@ -18,10 +18,10 @@ def least_step(op: np.ndarray) -> float | None:
     """
     moves = np.abs(np.diff(op))
     moved = moves[moves > 0.0]
-    if moved.size < _FEWEST or moved.size > (1.0 - _RESTS) * moves.size:
+    if moved.size < _FEWEST or moved.size > (1.0 - STEP_RESTS) * moves.size:
         return None
     least = float(moved.min())
-    if least < _LEAST * float(np.ptp(op)):
+    if least < STEP_LEAST * float(np.ptp(op)):
         return None
     ratio = moved / least
     return None if np.all(np.abs(ratio - np.round(ratio)) <= _LATTICE) else least

@@ -21,9 +21,8 @@ from simbench.detectors.signal.fits.regression import gained
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import LEAST_NATS, Assessment
+from simbench.gap.decide.assess import Assessment
 from simbench.gap.decide.beside_tests import least_band
-from simbench.gap.decide.classify import TEMPERATURE
 from simbench.gap.effects.stiction import NUMBERS
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -33,30 +32,26 @@ from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.altered import FRICTION, with_friction
 from simbench.gap.stiction.any_spectrum import nats_of
 from simbench.gap.stiction.measured import op_range
-from simbench.gap.stiction.probability import (
+from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability
+from simbench.gap.thresholds import (
+    CALLED,
+    CLEARLY,
+    FEWEST_PER_PERIOD,
+    INTEGRAL,
+    LEAST_NATS,
     LEAST_REGRESSED,
-    FrictionEvidence,
-    log_odds,
-    probability,
+    REVERSALS,
+    TEMPERATURE,
 )
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
-# simulations of each size, and in how many of them it must be called
-_SEEDS, _CALLED = 8, 6
-# probability from which it counts as called here, where no search may miss it: what is claimed from
-# .8 on then is called in three quarters again (`results/denials.txt`)
-_CLEARLY = 0.88
-# times that OP must have turned by more than S: three cycles of a valve that sticks
-_REVERSALS = 6
+# simulations of each size
+_SEEDS = 8
 _FINER = 1.5  # factor between sizes that are tried
 _MOST_SIZES = 5
 _JUMP = 0.5  # J over S of the friction that is tried
-# samples per period below which nothing is denied: between two of them the controller moves OP
-# again, and the valve may slip unseen (`results/denials.txt`)
-FEWEST_PER_PERIOD = 10.0
 _PACE = 30.0  # samples per period that are asked for
-_INTEGRAL = 0.1  # of the record, within which a controller's integral action must be felt
 
 
 @dataclass(frozen=True)
@@ -98,7 +93,7 @@ def visible(views: Sequence[Assessment]) -> Visible:
         return Visible(
             math.inf,
             "friction cannot be ruled out: no integral action moves OP until a valve that sticks"
-            f" moves, and by most of its range OP turned fewer than {_REVERSALS} times",
+            f" moves, and by most of its range OP turned fewer than {REVERSALS:g} times",
         )
     smallest = math.inf
     for k in range(_MOST_SIZES):
@@ -117,9 +112,7 @@ def _by_mv(s: Situation) -> Visible:
     least, asked = least_band(np.asarray(s.record.mv)), largest_asked(s.op)
     if least <= asked:
         return Visible(least)
-    why = (
-        f"OP turned by more than {asked:.2g} % fewer than {_REVERSALS} times, which MV hardly shows"
-    )
+    why = f"OP turned by more than {asked:.2g} % under {REVERSALS:g} times, which MV hardly shows"
     return Visible(math.inf, why)
 
 
@@ -129,12 +122,12 @@ def largest_asked(op: np.ndarray) -> float:
     """
     turns = [scipy.signal.find_peaks(x, prominence=1e-9)[1]["prominences"] for x in (op, -op)]
     sizes = np.sort(np.concatenate(turns))[::-1]
-    return float(sizes[_REVERSALS - 1]) if sizes.size >= _REVERSALS else 0.0
+    return float(sizes[int(REVERSALS) - 1]) if sizes.size >= REVERSALS else 0.0
 
 
 def _integrates(loop: Loop, duration: float) -> bool:
     Ti = loop.controller.Ti
-    return Ti is not None and Ti < _INTEGRAL * duration
+    return Ti is not None and Ti < INTEGRAL * duration
 
 
 def _shows(views: Sequence[Assessment], loop: Loop, S: float) -> bool:
@@ -142,9 +135,9 @@ def _shows(views: Sequence[Assessment], loop: Loop, S: float) -> bool:
     called = 0
     for seed in range(_SEEDS):
         called += _called(views, loop, S, seed)
-        if called == _CALLED or seed + 1 - called > _SEEDS - _CALLED:
+        if called == CALLED or seed + 1 - called > _SEEDS - CALLED:
             break
-    return called == _CALLED
+    return called == CALLED
 
 
 def _called(views: Sequence[Assessment], loop: Loop, S: float, seed: int) -> bool:
@@ -157,7 +150,7 @@ def _called(views: Sequence[Assessment], loop: Loop, S: float, seed: int) -> boo
     op, pv = as_archived(s, run.op, run.pv)
     if not set(UNFIT).isdisjoint(Prepared(LoopRecord(op, pv, s.record.Ts)).flags):
         return False
-    return _probability(views, op, pv, S) > _CLEARLY
+    return _probability(views, op, pv, S) > CLEARLY
 
 
 def _probability(views: Sequence[Assessment], op: np.ndarray, pv: np.ndarray, S: float) -> float:

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 import pytest
 
 from simbench.gap.decide.assess import (
-    LEAST_NATS,
     RESIDUAL_LIMITS,
     SURE,
     Assessment,
     _least_nats_of_second,
     capped,
 )
+from simbench.gap.thresholds import LEAST_NATS
 
 BLOCKS = {
     "memory": (15.0, "disturbance"),

@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 from random_case import random_case
 
-from simbench.gap.decide.assess import LEAST_NATS, RESIDUAL_LIMITS, Assessment, assess
-from simbench.gap.decide.classify import (
-    PLAIN_SECOND_NATS,
-    SECOND_EFFECT_NATS,
-    TEMPERATURE,
-    classify,
-)
+from simbench.gap.decide.assess import RESIDUAL_LIMITS, Assessment, assess
+from simbench.gap.decide.classify import PLAIN_SECOND_NATS, SECOND_EFFECT_NATS, classify
 from simbench.gap.intake.check import check
+from simbench.gap.thresholds import LEAST_NATS, TEMPERATURE
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 CASES = {"mv": (8, ("oscillation",), True), "blind": (12, ("gain_mismatch",), False)}

@@ -14,16 +14,13 @@ from simbench.cli import main
 from simbench.detectors.judge import judge
 from simbench.files import write_record
 from simbench.gap.stiction.probability import (
-    CLAIMED_FROM,
-    DENIED_BELOW,
-    EDGE,
-    SHARED,
     FrictionEvidence,
     log_odds,
     pooled,
     probability,
     verdict,
 )
+from simbench.gap.thresholds import CLAIMED_FROM, DENIED_BELOW, EDGE, POOLED
 
 MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
 
@@ -62,8 +59,8 @@ def test_no_probability_is_certain():
 
 def test_records_of_one_loop_count_together_but_not_as_often_as_they_were_taken():
     assert pooled([1.5]) == 1.5
-    assert pooled([1.0, 1.0]) == pytest.approx(2.0 / (1.0 + SHARED))
-    assert 1.0 < pooled([1.0] * 50) < 1.0 / SHARED
+    assert pooled([1.0, 1.0]) == pytest.approx(2.0 / (1.0 + POOLED))
+    assert 1.0 < pooled([1.0] * 50) < 1.0 / POOLED
     assert pooled([2.0, -2.0]) == 0.0
 
 
