@@ -4,14 +4,13 @@ indistinguishable, and which size of each could have been seen.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from simbench.gap.effects import Parameters, Recogniser, recogniser
 from simbench.gap.effects._smallest import Probe
-from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.situation import Situation
@@ -19,10 +18,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.effects._alike import circumstances, indistinguishable
 from simbench.loop.plant import first_order_like
 
-# upper limit (nats) on the gain of an effect that an ordinary load could imitate: any other effect
-# that explains as much is named first
-LAST = 11.0
-# nats behind the best, beyond which an effect is not fitted again on top of a richer base: on 78
+# nats behind the best, beyond which an effect is not fitted again beside an ordinary load: on 78
 # records no answer changes
 _NEAR = 40.0
 
@@ -56,17 +52,27 @@ class Fitted:
     final: Fit
 
 
+def meaningful(effect: str, trusted: bool, tuned: bool, by_mv: bool) -> bool:
+    """Return whether an effect can be judged with what is known: a plant that was identified lacks
+    none of its numbers, and a tuning neither; MV shows the valve whatever the plant.
+    """
+    known = {"": True, "plant": trusted, "tuning": tuned}[recogniser(effect).needs]
+    return known or (by_mv and block_of(effect) == "valve")
+
+
 def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
     """Return the effects whose fit makes sense for this baseline and these signals; `by_mv`: MV is
     known, here or in a test.
     """
     by_mv = s.record.mv is not None if by_mv is None else by_mv
-    fitted = [
+    return [
         e
         for e in EFFECTS
-        if recogniser(e).fit is not None and not (by_mv and block_of(e) == "valve")
+        if (about := recogniser(e)).fit is not None
+        and not (by_mv and block_of(e) == "valve")
+        and meaningful(e, s.trusted, s.tuned, by_mv)
+        and about.possible(s)
     ]
-    return [e for e in fitted if recogniser(e).possible(s)]
 
 
 def proven(s: Situation) -> dict[str, Parameters]:
@@ -87,78 +93,27 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
         try_it = recogniser(effect).fit
         assert try_it is not None, effect
         fit, count = try_it(engine, base)
-        gain = _brought(engine, base, fit) - size_penalty(
-            engine.data.n, count + engine.more_numbers(fit.spec, base.spec)
-        )
+        count += engine.more_numbers(fit.spec, base.spec)
+        gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
         out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out
 
 
-def _brought(engine: Engine, base: Fit, fit: Fit) -> float:
-    """Return the nats of a fit over the base; what the size of innovations alone tells counts by
-    their tails (White 1982).
-
-    Rare large innovations, as shots, steps or heavy-tailed noise leave, make a variance uncertain,
-    and no signal: without this one of 79 real records, which has wild samples, gets an answer that
-    leaves a wider gap; of 326 simulated ones none changes.
-    """
-    nats = fit.loglik - base.loglik
-    if nats <= 0.0 or not (fit.spec.walk or fit.spec.load_walk or "noise_std" in fit.spec.free):
-        return nats
-    x = np.asarray(fit.residual)[kernels.SKIP :]
-    tails = 0.5 * (float(np.mean(x**4) / np.mean(x**2) ** 2) - 1.0)
-    by_size = (
-        engine.evaluate(replace(fit.spec, channels=base.spec.channels), fit.theta) - base.loglik
-    )
-    return nats if tails <= 1.0 or by_size <= 0.0 else nats - by_size * (1.0 - 1.0 / tails)
-
-
-def with_ordinary_load(
-    engine: Engine, base: Fit, candidates: dict[str, Candidate], stated: Collection[str] = ()
-) -> tuple[Fit, dict[str, Candidate]]:
-    """Allow to every candidate what the load may do by itself and the effects that the baseline
-    states; return the base and the candidates, gains over the new base.
-    """
-    n = engine.main(base).residual.size
-    allowed = [e for e in candidates if e in stated or recogniser(e).ordinary is not None]
-    allowed.sort(key=lambda e: (e not in stated, -candidates[e].log_likelihood_gain))
-    for effect in allowed:
-        one, ordinary = candidates[effect], recogniser(effect).ordinary
-        if not one.used or one.log_likelihood_gain <= 0.0:
-            continue
-        plain = effect in stated or ordinary is None or ordinary(one.fit, base, engine.data, n)
-        if plain is None:
-            continue
-        out = _on_top_of(
-            engine,
-            one.fit,
-            one.log_likelihood_gain,
-            {e: c for e, c in candidates.items() if e != effect},
-        )
-        gain = 0.0 if plain else min(one.log_likelihood_gain, LAST)
-        base = one.fit
-        candidates = {e: out.get(e, replace(one, log_likelihood_gain=gain)) for e in candidates}
-    return base, candidates
-
-
-def _on_top_of(
-    engine: Engine, base: Fit, brought: float, candidates: dict[str, Candidate]
+def beside_load(
+    engine: Engine, load: Candidate, candidates: Mapping[str, Candidate]
 ) -> dict[str, Candidate]:
-    """Return the likelier of the two fits of each: as it was, less what the new base brought
-    (nats), or on top of that base.
+    """Return candidates beside what an ordinary load does by itself, their gains over it: the
+    likelier of the fit as it was, less what the load brings, and one on top of the load's.
     """
     best = max((c.log_likelihood_gain for c in candidates.values()), default=0.0)
-    again = fit_candidates(
-        engine,
-        base,
-        [e for e, c in candidates.items() if c.log_likelihood_gain > best - _NEAR],
-    )
-    alone = {
-        e: replace(c, log_likelihood_gain=c.log_likelihood_gain - brought)
+    near = [e for e, c in candidates.items() if c.log_likelihood_gain > best - _NEAR]
+    again = fit_candidates(engine, load.fit, near)
+    less = {
+        e: replace(c, log_likelihood_gain=c.log_likelihood_gain - load.log_likelihood_gain)
         for e, c in candidates.items()
     }
     return {
-        e: max(again.get(e, c), c, key=lambda c: c.log_likelihood_gain) for e, c in alone.items()
+        e: max(again.get(e, c), c, key=lambda c: c.log_likelihood_gain) for e, c in less.items()
     }
 
 

@@ -7,10 +7,10 @@ with each effect (`ClosedLoops`), weigh the effects (`classify`), and write the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 from joblib import Parallel, delayed
 
@@ -21,21 +21,14 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repaired
 from simbench.detectors.sources import RecordSignals, as_record
 from simbench.gap.candidates import alike, smallest_detectable
-from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import NOISE_EFFECT, SURE, Assessment, assess, capped
+from simbench.gap.decide.assess import NOISE_EFFECT, Assessment, assess
 from simbench.gap.decide.beside_tests import other_plants
-from simbench.gap.decide.classify import Classified, classify
-from simbench.gap.decide.closure import (
-    misfit,
-    not_the_gap,
-    nothing_to_explain,
-    with_closure,
-    with_nothing,
-)
-from simbench.gap.decide.identified import plausible
-from simbench.gap.effects import recogniser
+from simbench.gap.decide.evidence import known_by
+from simbench.gap.decide.posterior import Posterior, posterior
+from simbench.gap.effects import is_friction, recogniser
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
 from simbench.gap.intake.healthy import Healthy, check_healthy, learn
@@ -56,8 +49,9 @@ from simbench.gap.stiction.conclusion import (
 )
 from simbench.gap.stiction.friction import refuse_unweighable, with_sound_valve
 from simbench.gap.stiction.probability import pooled
-from simbench.gap.thresholds import LIKELIER
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
+from simbench.gap.stiction.visible import visible
+from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
 
@@ -163,8 +157,7 @@ def diagnose_all(
         ordinary = learn(controls) if controls else None
         said += [note for one in controls if (note := _not_healthy(one))]
         assessment, loops = _assess_all(records, baseline, jobs, tests, ordinary)
-        weights = classify(assessment)
-        found = report(assessment, weights, ClosedLoops(assessment, seed), loops)
+        found = report(assessment, _weighed(assessment), ClosedLoops(assessment, seed), loops)
     return replace(found, notes=(*found.notes, *said))
 
 
@@ -244,25 +237,25 @@ def _assess_one(
     situation = replace(situation, notes=[*situation.notes, *completions])
     if ordinary is not None:
         situation = ordinary.ordinary_in(situation)
-    # 3. every effect fitted and scored, with the tests of the same loop
-    assessment = assess_with_tests(situation, tests)
-    # 4. with an identified baseline: does friction explain the record better than other loops?
+    # 3. with an identified baseline: does friction explain the record better than other loops?
     loops: CandidateLoops | str = ""
+    friction = None
     try:
         refuse_unweighable(record)
         if not situation.trusted:
             loops = candidate_loops(record, baseline)
+            friction = loops.probability
     except UserError as why:
         loops = str(why)
-        notes = [*assessment.situation.notes, f"{FRICTION}: cannot tell, {why}"]
-        assessment = replace(assessment, situation=replace(assessment.situation, notes=notes))
-    if situation.trusted:
-        return assessment, loops
-    sticky = None if isinstance(loops, str) else loops.probability > LIKELIER
-    return plausible(assessment, sticky), loops
+        situation.notes.append(f"{FRICTION}: cannot tell, {why}")
+        friction = None if situation.trusted else 0.0
+    # 4. every effect fitted and scored, with the tests of the same loop
+    return assess_with_tests(situation, tests, friction), loops
 
 
-def assess_with_tests(situation: Situation, tests: Sequence[RecordedTest]) -> Assessment:
+def assess_with_tests(
+    situation: Situation, tests: Sequence[RecordedTest], friction: float | None = None
+) -> Assessment:
     """Assess a record with those of its tests that nothing contradicts; the others are noted and
     not counted.
     """
@@ -278,7 +271,7 @@ def assess_with_tests(situation: Situation, tests: Sequence[RecordedTest]) -> As
             if test.id == "raw" and one.explained:
                 # what the archive hides of PV, or stores at another time, is no other controller
                 situation = replace(situation, unexplained_law="")
-    assessment = assess(situation, kept)
+    assessment = assess(situation, kept, friction)
     others = (
         other_plants(assessment, assessment.situation, kept) if kept and situation.trusted else []
     )
@@ -286,24 +279,24 @@ def assess_with_tests(situation: Situation, tests: Sequence[RecordedTest]) -> As
         notes.append(contrary.format(one.name, f"{reason}; the loop of {one.name} is another"))
         kept.remove(one)
     if any(others):
-        assessment = assess(situation, kept)
+        assessment = assess(situation, kept, friction)
     if kept:
         names = ", ".join(one.name for one in kept)
         notes.append(f"tests: {names} judged with the record as one model")
-    noted = replace(assessment.situation, notes=[*assessment.situation.notes, *notes])
-    return replace(assessment, situation=noted, asked=tuple(t.id for t in tests))
+    assessment.situation.notes.extend(notes)
+    return replace(assessment, asked=tuple(t.id for t in tests))
 
 
 def _not_healthy(s: Situation) -> str:
     """Return what a record that is called healthy shows besides load and noise; "" for nothing."""
     found = assess(s)
-    named, weights = found.chosen[:1], classify(found)
-    if not named or recogniser(named[0]).travel is not None or named[0] == NOISE_EFFECT:
+    effect = found.first
+    if effect in (NONE, NOISE_EFFECT) or recogniser(effect).travel is not None:
         return ""
-    p, effect = weights.probability[named[0]], named[0].replace("_", " ")
     return (
-        f"healthy: {s.record.tag or 'a record'} shows {effect} itself (probability {p:.2f}); only"
-        " its load and noise are taken from it"
+        f"healthy: {s.record.tag or 'a record'} shows {effect.replace('_', ' ')} itself"
+        f" (probability {_weighed(found).probability[effect]:.2f}); only its load and noise are"
+        " taken from it"
     )
 
 
@@ -330,23 +323,16 @@ def _assess_all(
     weighed = [one for _, one in pairs if isinstance(one, CandidateLoops)]
     if weighed:
         loops = replace(weighed[0], log_odds=pooled([one.log_odds for one in weighed]))
-        main = replace(main, stiction=loops.probability)
+        main = replace(main, friction=loops.probability)
     if not others:
         return main, loops
-    summed = {
-        e: float(sum(f.log_likelihood_gains[e] for f in every))
-        for e in main.log_likelihood_gains
-        if not any(e in f.situation.proven for f in every)
-    }
-    s = main.situation
-    note = (
+    main.situation.notes.append(
         f"{len(every)} records judged together; gap and parameters are those of"
-        f" {s.record.tag or 'the longest'}"
+        f" {main.situation.record.tag or 'the longest'}"
     )
     main = replace(
         main,
-        situation=replace(s, notes=[*s.notes, note]),
-        log_likelihood_gains=dict.fromkeys(main.log_likelihood_gains, SURE) | capped(summed),
+        rows=tuple(row for one in every for row in one.rows),
         parameters={e: p for f in reversed(every) for e, p in f.parameters.items()},
         chosen=main.chosen or max((f.chosen for f in every), key=len),
         other_records=tuple(others),
@@ -354,55 +340,138 @@ def _assess_all(
     return main, loops
 
 
-def named_by(weights: Classified, assessment: Assessment) -> list[str]:
-    """Return the answer: the most probable, and a second effect of another block that brings more
-    on top of it.
-    """
-    p = weights.probability
-    if (
-        not assessment.situation.trusted
-        and assessment.stiction is not None
-        and assessment.stiction <= LIKELIER
-    ):
-        # friction that is not the more probable, all its effects taken together, is none of them
-        p = {e: v for e, v in p.items() if e not in EFFECTS or recogniser(e).band is None}
-    first = max(p, key=lambda e: p[e])
-    if first not in assessment.chosen:
-        return [first]
-    return [first, *[e for e in assessment.chosen if block_of(e) != block_of(first)][:1]]
+def _weighed(found: Assessment) -> Posterior:
+    """Return the posterior of an assessment's evidence."""
+    return posterior(found.rows, found.first, found.on_top, found.worst_test, found.friction)
 
 
-class _Answer(NamedTuple):
-    """Probabilities, the answer that they give, the gap with it, what remains, and a note on the
-    effects that were refuted.
-    """
-
-    weights: Classified
-    named: list[str]
-    gap: Shrinkage
-    left: tuple[Remaining, ...]
-    refuted: list[str]
+def named_by(weights: Posterior, assessment: Assessment) -> list[str]:
+    """Return the answer: the most probable, and the other effect that was chosen with it."""
+    first, chosen = weights.first, assessment.chosen
+    return [first, *(e for e in chosen if first in chosen and e != first)]
 
 
-def _closed(assessment: Assessment, weights: Classified, runs: ClosedLoops) -> _Answer:
-    """Return the answer after simulations with it: one that leaves them far from the record gives
-    way to `unknown`.
-    """
-    situation = assessment.situation
+def report(
+    assessment: Assessment,
+    weights: Posterior,
+    runs: ClosedLoops,
+    loops: CandidateLoops | str = "",
+) -> GapReport:
+    """Turn evidence and simulations into the answer."""
+    s = assessment.situation
+    shown = None
+    if s.trusted and not loops and weights.friction < DENIED_BELOW:
+        shown = visible([assessment])
+        if shown.open:
+            weights = weights.with_friction(DENIED_BELOW)
+    weights, main, left = _beside_simulations(assessment, weights, runs)
+    if s.trusted and weights.first == UNKNOWN:
+        # what is not known may be friction
+        weights = weights.with_friction(max(weights.friction, DENIED_BELOW))
     named = named_by(weights, assessment)
+    lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
+    planned = plan(assessment, weights.probability, runs, most=1)
+    if s.trusted and not loops:
+        advice = planned.next_test
+        test = None if advice is None else f"{advice['test']}: {advice['says']}"
+        conclusion = from_posterior(weights, named, assessment, shown, test)
+    elif s.trusted:
+        conclusion = without(str(loops), named)
+    else:
+        conclusion = from_record(Prepared(replace(s.record, mv=None)), loops)[0]
+    return GapReport(
+        block=weights.block(named[0]),
+        effect=named[0],
+        effects=tuple(lines[e].as_answer() for e in named),
+        group=lines[named[0]].group,
+        ranking=tuple(lines.values()),
+        gap=Gap(
+            main.before,
+            main.recalibrated,
+            main.after,
+            main.floor,
+            main.resolvable,
+            main.plant_floor,
+            within_reach(main.after, main.plant_floor),
+        ),
+        shrinkage=_shrinkage(main, named),
+        remaining=left,
+        blocks=weights.shares,
+        next_test=planned.next_test,
+        notes=tuple(_notes(assessment, lines, named, main, planned.why)),
+        conclusion=replace(conclusion, notes=s.record.notes),
+        # of friction the conclusion says what would have shown
+        behind=DiagnosisDetails(
+            assessment, runs, main, smallest_detectable(s, assessment.base, load_memory(s))
+        ),
+        op_unit=s.record.S_unit,
+    )
+
+
+def _beside_simulations(
+    assessment: Assessment, weights: Posterior, runs: ClosedLoops
+) -> tuple[Posterior, Shrinkage, tuple[Remaining, ...]]:
+    """Return the posterior beside simulations with its answer, what they close, and what remains.
+
+    An effect that is likelier than not is named, however far they are. Where none is, nothing is
+    lacking of a simulation near the record, and of one that stays far something unknown is.
+    """
+    named = named_by(weights, assessment)
+    main = runs.shrink([e for e in named if e in EFFECTS])
+    likely = weights.first in EFFECTS and weights.probability[weights.first] > LIKELIER
+    sure = assessment.shown(named[0]) or is_friction(named[0])
+    as_near = main.before <= main.floor and not sure
+    near = within_reach(main.before, main.plant_floor) and not likely
+    if named[0] in EFFECTS and not known_by(assessment.rows) and (as_near or near):
+        weights = weights.enough()
+        main = runs.shrink([e for e in named_by(weights, assessment) if e in EFFECTS])
+    left = remaining(assessment.situation, main.features)
+    settled = likely or weights.first == UNKNOWN or known_by(assessment.rows)
+    denied = is_friction(weights.first) and weights.friction < DENIED_BELOW
+    if not settled and (denied or not within_reach(main.after, main.plant_floor)):
+        block = left[0].block if left else "disturbance"
+        weights = weights.far(main.after / (NEAR * main.plant_floor), block)
+        main = runs.shrink([])
+        left = remaining(assessment.situation, main.features)
+    return weights, main, left
+
+
+def _ranking(
+    assessment: Assessment,
+    weights: Posterior,
+    runs: ClosedLoops,
+    main: Shrinkage,
+    named: Sequence[str],
+) -> list[Ranked]:
+    """Return every answer, the most probable first; the gap before and after of those that were
+    simulated.
+    """
     effects = [e for e in named if e in EFFECTS]
-    closed = runs.shrink(effects)
-    if nothing_to_explain(assessment, effects, closed):
-        weights, named, effects = with_nothing(weights), [NONE], []
-        closed = runs.shrink(effects)
-    ratio = misfit(assessment, effects, closed)
-    if named[0] == UNKNOWN or not ratio:
-        return _Answer(weights, named, closed, remaining(situation, closed.features), [])
-    bare = runs.shrink([]) if effects else closed
-    left = remaining(situation, bare.features)
-    block = left[0].block if left else "disturbance"
-    refuted = [not_the_gap(effects, closed, bare)] if effects else []
-    return _Answer(with_closure(weights, ratio, block), [UNKNOWN], bare, left, refuted)
+    ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
+    sizes = {NONE: (main.before, main.before)}
+    if len(effects) == 1:
+        sizes[effects[0]] = main.before, main.after
+    for e, _ in ranking[:3]:
+        if e in assessment.parameters and [e] != effects:
+            rival = runs.rival([e], effects)
+            if rival is not None:
+                sizes[e] = rival.before, rival.after
+    what = {e: "noise" if e == NOISE_EFFECT else "load" for e in assessment.ordinary}
+    most: dict[str, float] = {}
+    for e, size in assessment.ordinary.items():
+        most[what[e]] = max(size, most.get(what[e], 0.0))
+    return [
+        Ranked(
+            e,
+            weights.block(e),
+            float(p),
+            *sizes.get(e, (None, None)),
+            assessment.parameters.get(e, {}),
+            _group(e, assessment),
+            most if e == NONE else {},
+        )
+        for e, p in ranking
+    ]
 
 
 def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
@@ -417,106 +486,35 @@ def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
     return (*same, NONE) if answer in assessment.ordinary else same
 
 
-def report(
+def _shrinkage(main: Shrinkage, named: Sequence[str]) -> dict[str, float] | None:
+    """Return the share of the gap that the named effects close; None where none is claimed."""
+    if main.value is None or named[0] not in EFFECTS:
+        return None
+    return {"value": main.value, "lo": main.lo, "hi": main.hi}
+
+
+def _notes(
     assessment: Assessment,
-    weights: Classified,
-    runs: ClosedLoops,
-    loops: CandidateLoops | str = "",
-) -> GapReport:
-    """Turn scores and probabilities into the answer."""
-    situation = assessment.situation
-    weights, named, main, left, refuted = _closed(assessment, weights, runs)
-    first, effects = named[0], [e for e in named if e in EFFECTS]
-    ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
-    # gap before and after, of what was simulated
-    sizes = {NONE: (main.before, main.before)}
-    if len(effects) == 1:
-        sizes[first] = main.before, main.after
-    for e, _ in ranking[:3]:
-        if e in assessment.parameters and [e] != effects:
-            rival = runs.rival([e], effects)
-            if rival is not None:
-                sizes[e] = rival.before, rival.after
-    sizes_of = {"load": [], "noise": []}
-    for e, size in assessment.ordinary.items():
-        sizes_of["noise" if e == NOISE_EFFECT else "load"].append(size)
-    ordinary = {what: max(every) for what, every in sizes_of.items() if every}
-    lines = {
-        e: Ranked(
-            e,
-            weights.block(e),
-            float(p),
-            *sizes.get(e, (None, None)),
-            assessment.parameters.get(e, {}),
-            _group(e, assessment),
-            ordinary if e == NONE else {},
-        )
-        for e, p in ranking
-    }
-    gap = Gap(
-        main.before,
-        main.recalibrated,
-        main.after,
-        main.floor,
-        main.resolvable,
-        main.plant_floor,
-    )
-    shrinkage = None
-    if main.value is not None and effects:
-        shrinkage = {"value": main.value, "lo": main.lo, "hi": main.hi}
-    answers = tuple(
-        {
-            "block": line.block,
-            "effect": line.effect,
-            "parameters": line.parameters,
-            "probability": line.probability,
-        }
-        | ({"ordinary": line.ordinary} if line.ordinary else {})
-        for line in (lines[e] for e in named)
-    )
-    planned = plan(assessment, weights.probability, runs, most=1)
-    advice = planned.next_test
-    notes = [
-        *refuted,
-        *situation.notes,
-        *(f"{block}: {why}" for block, why in assessment.unexplained.items()),
-    ]
-    if first == NONE and (note := lines[NONE].ordinary_note()):
+    lines: Mapping[str, Ranked],
+    named: Sequence[str],
+    main: Shrinkage,
+    no_test: str,
+) -> list[str]:
+    """Return what else a reader must know, a sentence each."""
+    s = assessment.situation
+    notes = [*s.notes, *(f"{block}: {why}" for block, why in assessment.unexplained.items())]
+    if named[0] == NONE and (note := lines[NONE].ordinary_note()):
         notes.insert(0, note)
-    if advice is None:
-        notes.append(f"next test: none, {planned.why}")
+    if no_test:
+        notes.append(f"next test: none, {no_test}")
     if not main.resolvable:
         notes.append(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
             " shrinkage is claimed"
         )
-    if situation.trusted and with_sound_valve(situation.baseline) is not situation.baseline:
+    if s.trusted and with_sound_valve(s.baseline) is not s.baseline:
         notes.append(
             "the loop file's valve has friction: the probability of stiction is that of more"
             " friction than it states"
         )
-    # of friction the conclusion says it
-    detectable = smallest_detectable(situation, assessment.base, load_memory(situation))
-    if situation.trusted and not loops:
-        test = None if advice is None else f"{advice['test']}: {advice['says']}"
-        conclusion = from_posterior(weights, named, assessment, test)
-    elif situation.trusted:
-        conclusion = without(str(loops), named)
-    else:
-        conclusion = from_record(Prepared(replace(situation.record, mv=None)), loops)[0]
-    return GapReport(
-        block=weights.block(first),
-        effect=first,
-        effects=answers,
-        group=alike(first, situation, assessment.parameters.get(first)),
-        ranking=tuple(lines.values()),
-        gap=gap,
-        shrinkage=shrinkage,
-        remaining=left,
-        blocks=weights.shares,
-        next_test=advice,
-        notes=tuple(notes),
-        conclusion=replace(conclusion, notes=situation.record.notes),
-        behind=DiagnosisDetails(assessment, runs, main, detectable),
-        op_unit=situation.record.S_unit,
-    )
+    return notes

@@ -50,32 +50,35 @@ def coloured_on_pv(baseline: Loop, Ts: float, slow: bool) -> list[dict[str, Any]
     return [load for load in on_pv if (np.exp(-Ts / float(load["period"])) >= REDDEST) == slow]
 
 
-@dataclass(frozen=True, eq=False)
-class Situation:
-    """A record with its baseline, checked, with what single blocks show before anything is
-    fitted.
-
-    `plant_pv` is the PV the plant gave the controller, as far as it can be recovered; `data` the
-    engine's input; `proven` the parameters of effects that the controller's law or single samples
-    show without doubt; `notes` what the reader must know; `frozen` and `unexplained_law` why the
-    controller is none of the known ones. `trusted`: the baseline's plant is its author's, not
-    identified; `tuned`: its controller is.
-    """
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Seen:
+    """A record beside its baseline, with what its controller and its single samples do."""
 
     record: LoopRecord
     baseline: Loop
-    trusted: bool
-    tuned: bool
-    op: np.ndarray
-    sp: np.ndarray
+    trusted: bool  # the baseline's plant is its author's, not identified
+    tuned: bool  # its controller is
+    op: np.ndarray  # (n,), %
+    sp: np.ndarray  # (n,), PV units; the mean of PV where none is recorded
+    noise: float  # standard deviation of PV's noise as the baseline states it, PV units
     law: Law
     samples: Samples
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Situation(Seen):
+    """A record with its baseline, checked, with what single blocks show before anything is
+    fitted.
+    """
+
     archive: Archive
+    # (n,), the PV that the plant gave the controller, as far as it can be recovered
     plant_pv: np.ndarray
-    data: Data
-    notes: list[str] = field(default_factory=list)
-    frozen: bool = False
-    unexplained_law: str = ""
+    data: Data  # the engine's input
+    notes: list[str] = field(default_factory=list)  # what the reader must know
+    frozen: bool = False  # PV rests while OP moves
+    unexplained_law: str = ""  # why the controller is none of the known ones
+    # numbers of the effects that the controller's law or single samples show without doubt
     proven: dict[str, dict[str, float | str]] = field(default_factory=dict)
 
     @property

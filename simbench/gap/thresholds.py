@@ -188,6 +188,12 @@ LEAST_NATS = Threshold(
 SECOND_NATS = Threshold(
     12.0, "nats", "that a second effect must bring on top of the first", _DEVELOPMENT
 )
+OF_TWO = Threshold(
+    0.2,
+    "share",
+    "of the probability of two effects together, that the weaker one has in the ranking",
+    _CHOICE,
+)
 DOUBT = Threshold(
     0.7,
     "slope",
@@ -256,6 +262,9 @@ NEAR = Threshold(
     "floors",
     "up to which a simulation is near the record: no nearer can be told from as near as possible",
     _SEEDS,
+)
+COVERED = Threshold(
+    0.9, "probability", "that the answers which are not excluded have together", _CHOICE
 )
 GAP_WIDER = Threshold(
     1.6,

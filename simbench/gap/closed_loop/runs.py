@@ -109,4 +109,4 @@ class ClosedLoops:
 
 def load_may_jump(effects: Sequence[str]) -> bool:
     """Return whether none of the effects is what ordinary loads do as well."""
-    return all(recogniser(e).ordinary is None for e in effects)
+    return all(recogniser(e).travel is None for e in effects)

@@ -4,13 +4,14 @@ sensor from laboratory samples.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.candidates import Fitted
+from simbench.gap.decide.evidence import LAB, Evidence
 from simbench.gap.effects import Parameters, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
@@ -111,20 +112,15 @@ def by_stem(
     return replace(data, u=np.ascontiguousarray(made))
 
 
-def lab_gains(
-    tests: Sequence[ModelledTest],
-    base: Fit,
-    parameters: Mapping[str, Parameters],
-    gains: Mapping[str, float],
-) -> dict[str, float]:
-    """Return nats that lab samples of the true PV add to effects that falsify the measurement, as
-    they were fitted.
+def lab_rows(tests: Sequence[ModelledTest], base: Fit, rows: Sequence[Evidence]) -> list[Evidence]:
+    """Return what lab samples of the true PV show of the effects that falsify the measurement, as
+    PV shows them in `rows`.
 
-    A smaller effect than the fitted one loses of the `gains` that PV speaks for it.
+    A smaller effect than the fitted one loses of the nats that PV speaks for it.
     """
-    total: dict[str, float] = {}
-    for effect, p in parameters.items():
-        by_lab = recogniser(effect).by_lab
+    found = []
+    for row in rows:
+        by_lab = recogniser(row.effect).by_lab
         for t in tests:
             if by_lab is None or t.lab is None:
                 continue
@@ -133,12 +129,13 @@ def lab_gains(
             noise = (
                 float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(errors)) or 1.0
             )
-            levels = [by_lab(scaled(p, share), errors, times, noise) for share in (0.0, *_SIZES)]
-            lost = [max(gains[effect], 0.0) * max(1.0 - share, 0.0) ** 2 for share in _SIZES]
-            total[effect] = (
-                total.get(effect, 0.0) + max(x - y for x, y in zip(levels[1:], lost)) - levels[0]
-            )
-    return total
+            levels = [
+                by_lab(scaled(row.numbers, share), errors, times, noise) for share in (0.0, *_SIZES)
+            ]
+            lost = [max(row.nats, 0.0) * max(1.0 - share, 0.0) ** 2 for share in _SIZES]
+            nats = max(x - y for x, y in zip(levels[1:], lost)) - levels[0]
+            found.append(Evidence(row.effect, LAB, nats))
+    return found
 
 
 def scaled(p: Parameters, share: float) -> Parameters:

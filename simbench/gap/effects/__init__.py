@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from functools import cache
 
 from simbench.detectors.plugins.registry import PluginFolder
-from simbench.gap.effects._recogniser import NOT_TRIED, Parameters, Recogniser
+from simbench.gap.effects._recogniser import Parameters, Recogniser
+from simbench.loop.effects import EFFECTS
 
-__all__ = ["NOT_TRIED", "PLUGINS", "Parameters", "Recogniser", "left_out", "recogniser"]
+__all__ = ["PLUGINS", "Parameters", "Recogniser", "is_friction", "left_out", "recogniser"]
 
 PLUGINS = PluginFolder(
     "recognised effect", "simbench.gap.effects", "simbench.recognised", ("RECOGNISER",)
@@ -60,6 +61,11 @@ def recogniser(effect: str) -> Recogniser:
         What its file states, or one that recognises nothing.
     """
     return Recogniser() if effect in _left_out else _of(effect)
+
+
+def is_friction(answer: str) -> bool:
+    """Return whether an answer is an effect with friction: a valve that rests within a band."""
+    return answer in EFFECTS and recogniser(answer).band is not None
 
 
 @cache

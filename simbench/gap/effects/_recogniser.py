@@ -9,12 +9,11 @@ import numpy as np
 
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit
+from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import Situation
 
 Parameters = dict[str, float | str]
-NOT_TRIED = -10.0  # nats of an effect for which nothing could speak
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,8 @@ class Recogniser:
     proven : callable
         What the controller's law or single samples show without doubt.
     ordinary : callable, optional
-        Of what loads do by themselves as well: whether the fit shows no more than that over the
-        base, in so many samples of the record. It is then allowed to every candidate, and only
-        named where nothing else explains the record; None where it is plainly more, and named as
-        any effect is.
+        Of what loads and archives do by themselves as well: whether the fit shows no more than that
+        over the base. It is then no evidence.
     travel : callable, optional
         Of what loads do by themselves as well: how far (% of travel) one of these numbers moves in
         so many seconds.
@@ -52,15 +49,8 @@ class Recogniser:
     by_lab : callable, optional
         Log-likelihood of a measurement's errors, as lab samples at some times (s) show them, under
         the effect of that size; only of effects that falsify the measurement.
-    by_innovations : callable
-        Evidence in the innovations of the fit without effect, where the samples themselves were
-        not conclusive.
     is_load_on_pv : bool
         Whether a slow load on PV, as the baseline may state one, does the same.
-    masked : callable
-        Whether something proven or ordinary makes all the evidence of an effect of these numbers.
-    remark : callable
-        What the record shows of it besides the answer; "" for nothing.
     needs : {"", "plant", "tuning"}
         What of the baseline must be its author's for the effect to have a meaning.
     band : callable, optional
@@ -83,7 +73,7 @@ class Recogniser:
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
     possible: Callable[[Situation], bool] = lambda s: True
     proven: Callable[[Situation], Parameters | None] = lambda s: None
-    ordinary: Callable[[Fit, Fit, Data, int], bool | None] | None = None
+    ordinary: Callable[[Fit, Fit, Situation], bool] | None = None
     travel: Callable[[Mapping[str, float | str], float], float] | None = None
     explains: str = ""
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
@@ -91,12 +81,7 @@ class Recogniser:
     by_lab: Callable[[Mapping[str, float | str], np.ndarray, np.ndarray, float], float] | None = (
         None
     )
-    by_innovations: Callable[[Fit, Situation], tuple[float, Parameters] | None] = lambda base, s: (
-        None
-    )
     is_load_on_pv: bool = False
-    masked: Callable[[Situation, Parameters], bool] = lambda s, p: False
-    remark: Callable[[Situation], str] = lambda s: ""
     needs: str = ""
     band: Callable[[Mapping[str, float | str]], float] | None = None
     bends_plant: bool = False

@@ -9,7 +9,7 @@ import numpy as np
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain
+from simbench.gap.likelihood.model import Fit, Spec, input_gain
 from simbench.gap.likelihood.search import likeliest
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import DRIFT_OF_A_DAY, LARGER
@@ -42,15 +42,15 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": float(rate), "walk": float(walk)}
 
 
-def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
+def ordinary(fit: Fit, base: Fit, s: Situation) -> bool:
     """Return whether the load drifts no further than on an ordinary day, or than the baseline or
-    healthy records state; None beyond.
+    healthy records state; the load of an identified loop is its own.
     """
+    data, n = s.data, s.record.n
     # the ramp runs over all records that are fitted as one
     ramp, walk = fit.beta[-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
     most = max(0.0 if data.measured else DRIFT_OF_A_DAY, LARGER * data.loads.get("slow", 0.0))
-    near = np.hypot(ramp, walk) < most * abs(input_gain(fit, data))
-    return True if near and data.trusted else None
+    return not s.trusted or bool(np.hypot(ramp, walk) < most * abs(input_gain(fit, data)))
 
 
 def travel(p: Parameters, duration: float) -> float:

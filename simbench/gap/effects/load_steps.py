@@ -11,7 +11,7 @@ from scipy.special import gammaln
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain, size_penalty
+from simbench.gap.likelihood.model import Fit, Spec, input_gain, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import LARGER, PETTY_STEPS
@@ -120,16 +120,17 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": len(fit.spec.jumps) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
-def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool:
+def ordinary(fit: Fit, base: Fit, s: Situation) -> bool:
     """Return whether the jumps may be all that an ordinary load does: a single one, petty, stated,
-    or with nothing else.
+    or with nothing else; the load of an identified loop is its own.
     """
+    data, n = s.data, s.record.n
     # one in as many samples as the record has
     once = len(fit.spec.jumps) * n <= data.n + n - 1
     day = max(0.0 if data.measured else PETTY_STEPS, LARGER * data.loads.get("steps", 0.0))
-    petty = data.trusted and fit.theta["load_jump"] < day * abs(input_gain(fit, data))
+    petty = fit.theta["load_jump"] < day * abs(input_gain(fit, data))
     alone = not data.loads and fit.theta["load"] < _REMAINING * base.theta["load"]
-    return once or petty or alone
+    return not s.trusted or once or petty or alone
 
 
 RECOGNISER = Recogniser(

@@ -38,7 +38,7 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     # rounding and compression make noise
-    masked=lambda s, p: s.archive.rounding is not None or s.archive.band > 0.0,
+    ordinary=lambda fit, base, s: s.archive.rounding is not None or s.archive.band > 0.0,
     needs="plant",
     smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),
 )

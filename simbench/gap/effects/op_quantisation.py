@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from simbench.detectors.signal.lattice import hides_nothing
-from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.situation import Situation
 
@@ -21,5 +18,4 @@ def proven(s: Situation) -> Parameters | None:
 RECOGNISER = Recogniser(
     proven=proven,
     explains="step",
-    remark=lambda s: levels_of(np.asarray(s.record.op), np.asarray(s.record.pv)),
 )

@@ -9,7 +9,7 @@ import numpy as np
 from simbench.detectors.signal.phase import coherence
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Data, Fit, Spec, input_gain
+from simbench.gap.likelihood.model import Fit, Spec, input_gain
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import FEWEST_SWINGS, LARGER
@@ -62,13 +62,17 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
 
 
-def ordinary(fit: Fit, base: Fit, data: Data, n: int) -> bool | None:
-    """Return whether the baseline states this sine; None where it does not."""
+def ordinary(fit: Fit, base: Fit, s: Situation) -> bool:
+    """Return whether the baseline states this sine, or so few periods are an ordinary load that
+    wanders, by healthy records as far.
+    """
     period, amplitude = fit.theta["period"], float(np.hypot(*fit.beta[-2:]))
     stated = any(
-        abs(np.log(period / p)) < _SAME_PERIOD and amplitude < LARGER * a for p, a in data.sines
+        abs(np.log(period / p)) < _SAME_PERIOD and amplitude < LARGER * a for p, a in s.data.sines
     )
-    return stated or None
+    p = numbers(fit, s)
+    far = s.data.measured and float(p["amplitude"]) > LARGER * s.data.loads["slow"]
+    return stated or (wanders(p, s.record.duration) and not far)
 
 
 def wanders(p: Parameters, duration: float) -> bool:
@@ -76,18 +80,9 @@ def wanders(p: Parameters, duration: float) -> bool:
     return float(p["period"]) * FEWEST_SWINGS > duration
 
 
-def masked(s: Situation, p: Parameters) -> bool:
-    """Return whether so few periods are an ordinary load that wanders, by healthy records as
-    far.
-    """
-    far = s.data.measured and float(p["amplitude"]) > LARGER * s.data.loads["slow"]
-    return wanders(p, s.record.duration) and not far
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
     travel=lambda p, duration: float(p["amplitude"]),
-    masked=masked,
 )

@@ -17,16 +17,6 @@ def proven(s: Situation) -> Parameters | None:
     return None if s.archive.spikes is None else dict(zip(("rate", "size", "at"), s.archive.spikes))
 
 
-def remark(s: Situation) -> str:
-    """Return how many spikes there are, and when the first one is."""
-    spikes = s.samples.spikes
-    return (
-        f"{spikes.size} isolated, the first {spikes[0] * s.record.Ts:g} s after the start"
-        if spikes.size
-        else ""
-    )
-
-
 def smallest(probe: Probe) -> tuple[float, str]:
     """Return the height that exceeds the innovations."""
     spread = float(np.sqrt(np.mean(probe.base.residual[kernels.SKIP :] ** 2)))
@@ -36,6 +26,5 @@ def smallest(probe: Probe) -> tuple[float, str]:
 RECOGNISER = Recogniser(
     proven=proven,
     explains="spikes",
-    remark=remark,
     smallest=smallest,
 )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.effects._lattice import levels_of
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.situation import Situation
@@ -31,6 +30,5 @@ RECOGNISER = Recogniser(
     explains="rounding",
     # an identified loop has the lattice of the record that it is identified from
     needs="plant",
-    remark=lambda s: levels_of(np.asarray(s.record.pv), np.asarray(s.record.op)),
     smallest=smallest,
 )

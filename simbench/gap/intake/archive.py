@@ -10,7 +10,7 @@ from simbench.detectors.signal.lattice import hides_nothing
 from simbench.detectors.signal.lines import on_line
 from simbench.detectors.signal.spikes import cleaned, isolated
 from simbench.gap.controller.regression import EXACT
-from simbench.gap.situation import Archive, Situation
+from simbench.gap.situation import Archive, Seen
 
 # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave
 # fewer
@@ -24,17 +24,17 @@ _FASTER = 0.7
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 
-def unexplained(s: Situation, mismatch: str) -> str:
+def unexplained(s: Seen, archive: Archive, mismatch: str) -> str:
     """Return why no PI law explains the recorded OP; nothing if the archive explains the
     difference.
     """
-    if not s.archive.faithful or s.law.gap > 0.0:
+    if not archive.faithful or s.law.gap > 0.0:
         return mismatch
     quick = s.baseline.controller.Td and EXACT < s.law.residual < _FASTER
     return mismatch or s.law.foreign or ("" if quick else s.law.reason or _astray(s))
 
 
-def _astray(s: Situation) -> str:
+def _astray(s: Seen) -> str:
     """Return that OP strays from a law which holds exactly elsewhere, but for the set point, ends
     and samples not archived.
     """
@@ -53,7 +53,7 @@ def _astray(s: Situation) -> str:
     )
 
 
-def find_archive(s: Situation) -> tuple[Archive, np.ndarray, str]:
+def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:
     """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV
     makes it move.
     """
@@ -66,7 +66,7 @@ def find_archive(s: Situation) -> tuple[Archive, np.ndarray, str]:
     elif samples.straight > _STRAIGHT and not law.averaged:
         size = 0.0 if seen is None else float(np.quantile(np.abs(pv - seen), 0.98))
         band = size or 0.5 * float(np.std(np.diff(pv)))
-    elif not hides_nothing(samples.digits, pv, s.data.noise):
+    elif not hides_nothing(samples.digits, pv, s.noise):
         step = samples.digits
     # a mean over a sample is the archive's and no effect: the controller saw PV
     hidden = seen is not None and (law.averaged or (law.apart and (step or band)))
@@ -76,7 +76,7 @@ def find_archive(s: Situation) -> tuple[Archive, np.ndarray, str]:
 
 
 def _spikes(
-    s: Situation, plant_pv: np.ndarray, thinned: bool
+    s: Seen, plant_pv: np.ndarray, thinned: bool
 ) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:
     """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP
     moves as no PV makes it.
@@ -106,7 +106,7 @@ def _spikes(
     return (spikes.size / pv.size, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
 
 
-def _answered(s: Situation, spikes: np.ndarray, heights: np.ndarray) -> bool:
+def _answered(s: Seen, spikes: np.ndarray, heights: np.ndarray) -> bool:
     """Return whether OP jumps with the spikes of PV as the controller gain requires."""
     du = np.append(np.diff(s.record.op), 0.0)[np.clip(spikes - 1 + s.law.late, 0, s.record.n - 1)]
     asked = -s.law.Kc * heights

@@ -17,6 +17,7 @@ from simbench.gap.intake.observed import (
     law_of,
     notes_of,
     op_in_percent,
+    remarks_of,
     stated_noise,
 )
 from simbench.gap.intake.other_loop import refuse_other_controller
@@ -27,7 +28,7 @@ from simbench.gap.intake.refuse import (
     refuse_unfit,
 )
 from simbench.gap.sensor.samples import inspect_samples
-from simbench.gap.situation import Archive, Situation
+from simbench.gap.situation import Seen, Situation
 from simbench.loop.effects import block_of
 from simbench.scenarios.spec import Loop
 
@@ -55,40 +56,41 @@ def check(
         if samples.step == 0.0:
             # what a coarse PV makes of an error can look like any gain
             refuse_other_controller(law, Kc, where)
-    s = Situation(
-        record,
-        baseline,
-        trusted,
-        tuned,
-        op,
-        np.full(record.n, record.pv.mean()) if record.sp is None else record.sp,
-        law,
-        samples,
-        Archive(),
-        record.pv,
-        data_of(record, op, baseline, trusted, noise, law.late),
-        notes_of(record, law),
+    seen = Seen(
+        record=record,
+        baseline=baseline,
+        trusted=trusted,
+        tuned=tuned,
+        op=op,
+        sp=np.full(record.n, record.pv.mean()) if record.sp is None else record.sp,
+        noise=noise,
+        law=law,
+        samples=samples,
     )
-    archive, plant_pv, mismatch = find_archive(s)
+    archive, plant_pv, mismatch = find_archive(seen)
+    data = data_of(record, op, baseline, trusted, noise, law.late)
     rounded, at = archive.rounding or (samples.hidden, "loop")
-    unrounded = archive.rounding is None and archive.band == 0.0
-    s = replace(
-        s,
-        archive=archive,
-        plant_pv=plant_pv,
-        data=replace(
-            s.data,
-            y=np.ascontiguousarray(plant_pv, dtype=float),
-            resolution=rounded if at == "loop" else samples.resolution,
-        ),
-        frozen=unrounded and is_frozen(record, op, samples, noise),
+    data = replace(
+        data,
+        y=np.ascontiguousarray(plant_pv, dtype=float),
+        resolution=rounded if at == "loop" else samples.resolution,
     )
     # what a block of the loop file is stated to do is not told from what else may happen there
-    blocks, named = {block_of(e) for e in s.stated}, ", ".join(sorted(s.stated))
-    s = replace(
-        s,
-        frozen=s.frozen and "sensor" not in blocks,
-        unexplained_law=unexplained(s, mismatch) if tuned and "controller" not in blocks else "",
+    stated = sorted(part.name for part in baseline.effect)
+    blocks, notes = {block_of(e) for e in stated}, notes_of(record, law)
+    if stated:
+        notes.append(f"the loop file states {', '.join(stated)}: that is no gap, of whatever size")
+    if not trusted:
+        notes += remarks_of(record, samples, baseline.plant.integrating)
+    rests = archive.rounding is None and archive.band == 0.0 and "sensor" not in blocks
+    strange = tuned and "controller" not in blocks
+    s = Situation(
+        **vars(seen),
+        archive=archive,
+        plant_pv=plant_pv,
+        data=data,
+        notes=notes,
+        frozen=rests and is_frozen(record, op, samples, noise),
+        unexplained_law=unexplained(seen, archive, mismatch) if strange else "",
     )
-    notes = [f"the loop file states {named}: what it states is no gap, of whatever size"]
-    return replace(s, proven=proven(s), notes=[*s.notes, *(notes if named else [])])
+    return replace(s, proven=proven(s))

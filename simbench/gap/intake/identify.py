@@ -17,7 +17,7 @@ from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.sensor.samples import inspect_samples
-from simbench.loop.effects import EFFECTS, block_of
+from simbench.loop.effects import EFFECTS
 from simbench.scenarios.spec import Controller, Loop, Noise, Plant, Sampling
 
 _BAND = min(
@@ -132,9 +132,3 @@ def _engine(
 ) -> Engine:
     data = Data(u, pv, K, T, Td, 0.0, resolution, trusted=False)
     return Engine(data, max(0.1 * u.size, 20.0))
-
-
-def meaningful(mv: bool, tuned: bool) -> set[str]:
-    """Return the effects that can be judged without a trusted plant."""
-    known = {"", "tuning"} if tuned else {""}
-    return {e for e in EFFECTS if recogniser(e).needs in known or (mv and block_of(e) == "valve")}

@@ -13,6 +13,7 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.quality import inspect
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.holds import holds, runs_of
+from simbench.detectors.signal.lattice import lattice, root_lattice, written_unit
 from simbench.gap.controller.examine import examine_controller
 from simbench.gap.controller.pi_law import LAW_ROWS, Law
 from simbench.gap.likelihood.model import Data
@@ -96,6 +97,28 @@ def notes_of(r: LoopRecord, law: Law) -> list[str]:
     if law.reason and not law.apart:
         notes.append(f"controller: cannot tell, {law.reason}")
     return notes
+
+
+def remarks_of(r: LoopRecord, samples: Samples, integrating: bool) -> list[str]:
+    """Return what an identified loop takes from its record, and what no effect of it can say:
+    the plant's type, lattices, wild samples.
+    """
+    pv, op = np.asarray(r.pv), np.asarray(r.op)
+    out = []
+    if r.process is None:
+        kind = "integrating" if integrating else "self-regulating"
+        said = f", and a {r.kind} may be either" if r.kind else ""
+        out.append(f"process: not given{said}; judged as {kind}, the likelier of the two")
+    for effect, x, other in (("quantisation", pv, op), ("op_quantisation", op, pv)):
+        step = lattice(x, written_unit(x, other)) or root_lattice(x)
+        if step > 0.0:
+            share = f"{step / float(x.std()):.1%} of the standard deviation"
+            levels = f"{np.unique(x).size} levels, {step:.3g} apart ({share})"
+            out.append(f"{effect}: {x.size} samples on {levels}")
+    if samples.spikes.size:
+        first = f"the first {samples.spikes[0] * r.Ts:g} s after the start"
+        out.append(f"outliers: {samples.spikes.size} isolated, {first}")
+    return out
 
 
 def moves_of(sp: np.ndarray) -> list[str]:

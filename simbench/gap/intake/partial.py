@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.intake.identify import identify, meaningful
+from simbench.gap.candidates import meaningful
+from simbench.gap.intake.identify import identify
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, read_toml
@@ -96,7 +97,8 @@ def completed(
     ]
     given = both - missing
     if "plant" in missing:
-        lost = [e for e in EFFECTS if e not in meaningful(record.mv is not None, tuned=True)]
+        by_mv = record.mv is not None
+        lost = [e for e in EFFECTS if not meaningful(e, False, True, by_mv)]
         notes.append(
             f"baseline: without a plant to compare with, {', '.join(lost)} cannot be judged"
         )

@@ -53,12 +53,11 @@ def _answer(report: GapReport) -> Markup:
     what = {NONE: "that nothing is lacking", UNKNOWN: "of an effect not on the list"}.get(
         report.effect, f"of {words(report.effect)}"
     )
+    p = report.probability_of_stiction
     tiles = [
         (f"{report.effects[0]['probability']:.2f}", f"probability {what}"),
-        (f"{g.before:.2f}", "gap between record and simulation"),
-        *([(f"{g.after:.2f}", "gap with the effect added")] if report.named else []),
-        (f"{g.floor:.2f}", "gap between two simulations of one loop (repeatability floor)"),
-        (f"{g.plant_floor:.2f}", "gap between parts of the record (plant floor)"),
+        ("-" if p is None else f"{p:.2f}", "probability of stiction, all effects with friction"),
+        ("yes" if g.near else "no", "near the record"),
     ]
     if s is not None:
         value, lo, hi = (round(100 * s[k]) for k in ("value", "lo", "hi"))
@@ -74,12 +73,18 @@ def _answer(report: GapReport) -> Markup:
         for e in report.effects
         if e["effect"] in report.named
     ]
-    return render("answer.html", sentence=report.sentence(), tiles=tiles, named=named)
+    return render(
+        "answer.html",
+        sentences=[report.answer(), report.nearness()],
+        tiles=tiles,
+        named=named,
+        valve=report.conclusion.as_lines(),
+    )
 
 
 def _where(report: GapReport) -> Markup:
     shares = report.blocks
-    each = ", ".join(f"{b} {100 * p:.0f} %" for b, p in shares.items())
+    each = ", ".join(f"{b} {p:.2f}" for b, p in shares.items())
     svg = inline_svg(pictures.draw_blocks(shares), "blocks", f"probability of each block: {each}")
     return render("where.html", svg=svg, any=any(shares.values()))
 
@@ -104,7 +109,7 @@ def _which(report: GapReport) -> Markup:
     meaning = {
         words(r.effect): _MEANING.get(r.effect) or EFFECTS[r.effect].says for r in report.ranking
     }
-    return render("which.html", table=table, meaning=meaning)
+    return render("which.html", says=report.which_lines(), table=table, meaning=meaning)
 
 
 def _shrinkage(report: GapReport) -> Markup:
@@ -132,7 +137,6 @@ def _open(report: GapReport) -> Markup:
     ]
     return render(
         "open.html",
-        group=[words(e) for e in report.group] if len(report.group) > 1 else [],
         next_test=report.next_line(),
         notes=report.notes,
         table=sortable(pd.DataFrame(rows, columns=columns)) if rows else None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -9,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
 from simbench.gap.closed_loop.gap import Shrinkage
-from simbench.gap.closed_loop.gap_text import gap_sentences
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.stiction.conclusion import Conclusion
-from simbench.gap.thresholds import NEAR
+from simbench.gap.thresholds import COVERED, LIKELIER
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 if TYPE_CHECKING:
@@ -46,6 +46,12 @@ class Ranked:
         line = asdict(self) | {"group": list(self.group)}
         return line if self.ordinary else {k: v for k, v in line.items() if k != "ordinary"}
 
+    def as_answer(self) -> dict[str, Any]:
+        """Return the line as an effect of the answer."""
+        kept = ("block", "effect", "parameters", "probability")
+        answer = {key: getattr(self, key) for key in kept}
+        return answer | ({"ordinary": self.ordinary} if self.ordinary else {})
+
     def ordinary_note(self) -> str:
         """Return in words what is more than the baseline states; "" for nothing."""
         said = {
@@ -73,6 +79,7 @@ class Gap:
     floor: float
     resolvable: bool
     plant_floor: float
+    near: bool = False  # `after` is within 1.5 plant floors
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +169,7 @@ class GapReport:
             "effects": list(self.effects),
             "group": list(self.group),
             "ranking": [r.as_json() for r in self.ranking],
+            "set": list(self.set),
             "gap": asdict(self.gap),
             "shrinkage": self.shrinkage,
             "remaining": [one.as_json() for one in self.remaining],
@@ -169,6 +177,7 @@ class GapReport:
             "next_test": self.next_test,
             "notes": list(self.notes),
             PROBABILITY: self.probability_of_stiction,
+            **self.conclusion.sizes_json(),
             "conclusion": self.conclusion.as_json(),
         }
 
@@ -219,6 +228,12 @@ class GapReport:
         return self.conclusion.probability
 
     @property
+    def set(self) -> tuple[str, ...]:
+        """The likeliest answers, which together have nine tenths of the probability."""
+        before = itertools.accumulate((r.probability for r in self.ranking), initial=0.0)
+        return tuple(r.effect for r, p in zip(self.ranking, before) if p < COVERED)
+
+    @property
     def named(self) -> list[str]:
         """Effects that the answer adds to the baseline: none, one or two."""
         return [e["effect"] for e in self.effects if e["effect"] not in (NONE, UNKNOWN)]
@@ -239,38 +254,50 @@ class GapReport:
         return Loop.from_table(self.behind.loops.corrected(self.named).to_table())
 
     def sentence(self) -> str:
+        """Return the answer and how near the simulation then is to the record.
+
+        Returns
+        -------
+        str
+            Effect, probability, parameters with units; then the gap, and whether it is near.
+        """
+        return f"{self.answer()} {self.nearness()}"
+
+    def answer(self) -> str:
         """Return the answer in one sentence.
 
         Returns
         -------
         str
-            Effect, block, parameters with units, probability and share of the gap.
+            The first row of the ranking with its probability, and parameters with units.
         """
+        p = self.ranking[0].probability
         if self.effect == NONE:
-            return (
-                "No unmodelled effect is needed: the simulation is as near to the record as parts"
-                " of the record are to each other."
-            )
-        p = self.effects[0]["probability"]
+            return f"No unmodelled effect is needed ({p:.2f})."
         if self.effect == UNKNOWN:
-            near = next(r for r in self.ranking if r.effect not in (NONE, UNKNOWN))
-            missing = (
-                f"Something is missing in the {self.block} block that no known effect explains"
-                f" (probability {p:.2f})"
-            )
-            closes = ""
-            if near.gap_before is not None and near.gap_after is not None:
-                closes = f", with which the gap is {near.gap_after:.2f} of {near.gap_before:.2f}"
-            return f"{missing}; closest: {words(near.effect)}{closes}."
-        names = " and ".join(
-            f"{words(e['effect'])} ({e['block']}{self._sizes(e['effect'], e['parameters'], ', ')})"
+            return f"No known effect explains what is missing ({p:.2f}; block: {self.block})."
+        first, *second = (
+            words(e["effect"]) + "{}" + self._sizes(e["effect"], e["parameters"], ": ")
             for e in self.effects
         )
-        size, g = "", self.gap
-        if self.shrinkage:
-            verb = "reduces" if self.shrinkage["value"] > 0 else "does not reduce"
-            size = f"; adding it {verb} the gap ({g.before:.2f} before, {g.after:.2f} after)"
-        return f"The simulation lacks {names}, probability {p:.2f}{size}."
+        likely = "The simulation lacks " if p > LIKELIER else "Nothing is likely; the likeliest is "
+        with_it = "".join(f"; with it, {one.format('')}" for one in second)
+        return f"{likely}{first.format(f' ({p:.2f})')}{with_it}."
+
+    def nearness(self) -> str:
+        """Return how far the simulation is from the record, with the answer in it.
+
+        Returns
+        -------
+        str
+            The gap, what it was, how far parts of the record are apart, and whether it is near.
+        """
+        g, near = self.gap, "yes" if self.gap.near else "no"
+        before, it = (f"{g.before:.2f} before; ", "It is then") if self.named else ("", "It is")
+        return (
+            f"{it} {g.after:.2f} from the record ({before}parts of the record are"
+            f" {g.plant_floor:.2f} apart). Near the record: {near}."
+        )
 
     def as_text(self) -> str:
         """Return the report for a terminal.
@@ -278,61 +305,70 @@ class GapReport:
         Returns
         -------
         str
-            The answer, the valve, the ranking, the gap and the next test, a line each.
+            The answer, what remains, the valve, the ranking and the next test, a line each.
         """
-        lines = [
-            self.sentence(),
-            "",
-            "The valve:",
-            *self.conclusion.as_lines(),
-            "",
-        ]
-        if len(self.group) > 1:
-            names = ", ".join(words(e) for e in self.group)
-            lines.append(f"These effects give the same signals in this record: {names}.")
-        if any(self.blocks.values()):
-            shares = [
-                f"{b} {100 * self.blocks[b]:.0f} %" for b in BLOCKS if self.blocks[b] >= LEAST_SHOWN
-            ]
-            lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
-        lines += self.gap_lines()
+        lines = [self.answer(), self.nearness()]
         if self.remaining:
             lines += ["What remains between record and simulations:"]
             lines += [f"  {line}" for line in self.remaining_lines()]
+        lines += ["", "The valve:", *self.conclusion.as_lines(), "", *self.which_lines()]
         lines += ["", "probability  effect"]
         lines += [
             f"{r.probability:11.3f}  {r.effect:24s}{self._sizes(r.effect, r.parameters)}".rstrip()
             for r in self.ranking[:6]
         ]
-        lines += ["", *self.next_line()] + [f"note: {n}" for n in self.notes]
+        lines += ["", *self.gap_lines(), *self.next_line()] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
+
+    def which_lines(self) -> list[str]:
+        """Return what cannot be told apart, and the probability of each block, in sentences.
+
+        Returns
+        -------
+        list of str
+            Effects of the same signals, those that cannot be excluded, and blocks.
+        """
+        lines = []
+        if len(self.group) > 1:
+            names = ", ".join(words(e) for e in self.group)
+            p = sum(r.probability for r in self.ranking if r.effect in self.group)
+            lines.append(f"Not told apart by this record: {names} ({p:.2f} together).")
+        if len(self.set) > 1:
+            names = ", ".join(words(e) for e in self.set)
+            lines.append(f"Not excluded at {100 * COVERED:.0f} %: {names}.")
+        if any(self.blocks.values()):
+            shares = [f"{b} {self.blocks[b]:.2f}" for b in BLOCKS if self.blocks[b] >= LEAST_SHOWN]
+            lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
+        return lines
 
     def _sizes(self, effect: str, parameters: dict[str, float | str], begin: str = "") -> str:
         """Return an effect's parameters with their units; those of OP are the record's."""
         return numbers(effect, parameters, begin, self.op_unit)
 
     def gap_lines(self) -> list[str]:
-        """Return what the gap is and how far it shrinks, in sentences.
+        """Return how the gap is measured and how far it shrinks, in sentences.
 
         Returns
         -------
         list of str
-            Sentences on the gap before and after, its floor and its shrinkage.
+            Sentences on its unit, its floor and its shrinkage.
         """
-        g = self.gap
-        lines = gap_sentences(
-            g.before,
-            g.recalibrated,
-            g.after if self.named else None,
-            g.floor,
-            shrinkage=self.shrinkage,
-        )
-        if g.plant_floor > g.floor:
+        g, s = self.gap, self.shrinkage
+        lines = [
+            "The distance of record and simulations is the mean over features, in standard"
+            " deviations between simulations.",
+            f"It is {g.recalibrated:.2f} with K, T and Td fitted again and nothing added;"
+            f" simulations that differ only in their seeds are {g.floor:.2f} apart (the floor).",
+        ]
+        if s is not None:
+            value, lo, hi = (100 * s[k] for k in ("value", "lo", "hi"))
+            removes = "removes" if value > 0 else "does not remove any"
+            share = f" {value:.0f} %" if value > 0 else ""
             lines.append(
-                f"Plant floor: parts of the record are {g.plant_floor:.2f} apart in the same"
-                " measure, set-point moves left out."
+                f"Of the gap above the floor, the effect {removes}{share} (90 % interval"
+                f" {lo:.0f} to {hi:.0f} %)."
             )
-        if g.before < NEAR * g.floor:
+        elif not g.resolvable:
             lines.append("The gap does not stand out of the floor, so no reduction is claimed.")
         return lines
 

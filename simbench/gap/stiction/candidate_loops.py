@@ -125,7 +125,8 @@ def candidate_loops(
     loops = ClosedLoops(assessment, 0)
     archive = [e for e in ARCHIVE if e in assessment.situation.proven]
     sound, stuck = [archive], [*archive, FRICTION]
-    outside = max(float(assessment.log_likelihood_gains.get(OUTSIDE, 0.0)), 0.0)
+    swung = assessment.candidates.get(OUTSIDE)
+    outside = max(float(swung.log_likelihood_gain), 0.0) if swung else 0.0
     if OUTSIDE in assessment.parameters:
         sound.append([*archive, OUTSIDE])
         if outside:

@@ -13,7 +13,6 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from scipy.special import expit
 
 from simbench.detectors.errors import UserError
 from simbench.detectors.prepared import Prepared
@@ -22,23 +21,16 @@ from simbench.detectors.repaired import repaired
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.decide.classify import Classified
-from simbench.gap.effects import recogniser
+from simbench.gap.decide.posterior import Posterior
+from simbench.gap.effects import is_friction
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.cascade import slave_note
 from simbench.gap.stiction.causes import Causes, find_causes
-from simbench.gap.stiction.probability import STICKING_VALVES, verdict
+from simbench.gap.stiction.probability import verdict
 from simbench.gap.stiction.sizes import Size, sizes_of, stated
-from simbench.gap.stiction.visible import Visible, visible
-from simbench.gap.thresholds import (
-    CLAIMED_FROM,
-    DENIED_BELOW,
-    EDGE,
-    LEAST_NATS,
-    LIKELIER,
-    TEMPERATURE,
-)
+from simbench.gap.stiction.visible import Visible
+from simbench.gap.thresholds import LIKELIER
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
@@ -101,6 +93,10 @@ class Conclusion:
         known = {k: v for k, v in asdict(self).items() if k not in ("S", "J")}
         return {**known, "notes": [*self.notes]}
 
+    def sizes_json(self) -> dict[str, Any]:
+        """Return S and J with their intervals in JSON types."""
+        return {name: None if (x := getattr(self, name)) is None else asdict(x) for name in "SJ"}
+
     def sentence(self) -> str:
         """Return verdict, probability and cause in one line."""
         p = "unknown" if self.probability is None else f"{self.probability:.2f}"
@@ -155,37 +151,23 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
 
 
 def from_posterior(
-    weights: Classified,
+    weights: Posterior,
     named: Sequence[str],
     assessment: Assessment,
+    shown: Visible | None,
     test: str | None,
 ) -> Conclusion:
-    """Conclude from the probabilities of all effects, given a loop file; `test` is the one to run
-    next.
-
-    The verdict never contradicts the effect that is named: friction that is named without enough
-    probability, or something unknown in the valve, leaves it open.
+    """Conclude from the posterior of all effects, given a loop file: `shown` is which stiction the
+    record would have shown, None where it was not asked, and `test` the one to run next.
     """
-    share, first = friction_share(weights, named, assessment), named[0]
-    p = share
-    sticks = [e for e in named if _is_friction(e)]
-    open_valve = first == UNKNOWN and weights.block(UNKNOWN) == "valve"
-    shown = visible([assessment]) if p < DENIED_BELOW else None
-    # nothing is denied where friction would not have shown or is named without a claim, or where
-    # nobody knows what is in the valve
-    if (shown is not None and shown.open) or sticks or open_valve:
-        p = max(p, DENIED_BELOW)
+    p, first = weights.friction, named[0]
     answer = verdict(p)
-    if answer == STICTION and not sticks:
-        p = CLAIMED_FROM
-        answer = verdict(p)
     words = " and ".join(e.replace("_", " ") for e in named)
-    cause = why.NOT_TOLD if answer == NO_DECISION else words
     reasons = [
-        f"the effects with friction have probability {share:.2f}, which counts"
-        f" {100 * STICKING_VALVES:g} % of what is unknown as friction",
-        f"the likeliest is {words} ({weights.probability[first]:.2f})",
+        f"the effects with friction have probability {p:.2f}",
+        f"the likeliest answer is {words} ({weights.probability[first]:.2f})",
     ]
+    sticks = [e for e in named if is_friction(e)]
     sizes = sizes_of(assessment, sticks[0]) if sticks else None
     if sizes is not None:
         reasons.append(stated(*sizes, "% of travel"))
@@ -202,6 +184,7 @@ def from_posterior(
     else:
         to_do = f"add {words} to the simulation (`--write-loop`)"
     S, J = sizes or (None, None)
+    cause = why.NOT_TOLD if answer == NO_DECISION else words
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do, (), S, J)
 
 
@@ -221,31 +204,9 @@ def _swings(assessment: Assessment) -> bool:
     return find_oscillation(s.op, np.asarray(s.record.pv), s.record.Ts).sustained
 
 
-def friction_share(weights: Classified, named: Sequence[str], assessment: Assessment) -> float:
-    """Return the probability of friction: its effects', and of what is unknown the share of valves
-    that stick anywhere. So no claim stands beside an effect without friction.
-
-    Of two effects named together both hold: the share of the other one counts by what friction
-    brings on top of it.
-    """
-    p, gains = weights.probability, assessment.log_likelihood_gains
-    share = sum(p[e] for e in EFFECTS if _is_friction(e)) + STICKING_VALVES * p[UNKNOWN]
-    if len(named) == 2 and len(friction := [e for e in named if _is_friction(e)]) == 1:
-        first, second = named
-        other = second if friction[0] == first else first
-        on_top = assessment.log_likelihood_gains_on_top.get(second, gains[second])
-        brings = on_top if other == first else gains[first] + on_top - gains[second]
-        share += p[other] * float(expit(TEMPERATURE * (brings - LEAST_NATS)))
-    return float(np.clip(share, 1.0 - EDGE, EDGE))
-
-
 def without(reason: str, named: Sequence[str]) -> Conclusion:
     """Return the conclusion with a loop file where the record cannot be judged for friction."""
-    others = [e.replace("_", " ") for e in named if e in EFFECTS and not _is_friction(e)]
+    others = [e.replace("_", " ") for e in named if e in EFFECTS and not is_friction(e)]
     return Conclusion(
         NO_DECISION, None, " and ".join(others) or why.NOT_TOLD, reason, _RECORD_AGAIN
     )
-
-
-def _is_friction(effect: str) -> bool:
-    return effect in EFFECTS and recogniser(effect).band is not None

@@ -17,10 +17,10 @@ from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.conditioning import snapped
 from simbench.detectors.signal.fits.regression import gained
-from simbench.gap.candidates import fit_candidates, possible_effects, with_ordinary_load
+from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.identified import plausible
-from simbench.gap.effects import NOT_TRIED, recogniser
+from simbench.gap.decide.evidence import nats_of as nats_of_rows
+from simbench.gap.effects import is_friction, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify, law_of
 from simbench.gap.intake.other_loop import refuse_other_plant
@@ -41,8 +41,9 @@ from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.setup import plain_setup
 from simbench.scenarios.spec import Loop, Part
 
-_BAND = "deadband"  # friction without a jump
 OUTSIDE = "oscillation"  # what swings a sound loop
+LOADS = ("load_steps", "load_drift")  # what else moves it, of a plant that is known
+_NOTHING = -10.0  # nats of friction that could not be fitted
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
 _GRID = 1e-8
 _ROOM = 2.0  # number of OP ranges left free on either side of a record whose unit of OP is unknown
@@ -205,8 +206,7 @@ def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Asse
     """
     s = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     # MV is compared with OP by the whole diagnosis alone
-    assessment = _few(s) if record.mv is None else assess(s)
-    return assessment if s.trusted else plausible(assessment)
+    return _few(s) if record.mv is None else assess(s)
 
 
 def _identified(record: LoopRecord) -> list[Assessment]:
@@ -234,17 +234,12 @@ def _few(s: Situation) -> Assessment:
         refuse_other_plant(s)
     engine = Engine(s.data, load_memory(s))
     # of an identified plant nobody knows how far a load jumps or drifts
-    loads = ("load_steps", "load_drift") if s.trusted else ()
+    loads = LOADS if s.trusted else ()
     tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE, *loads)]
-    bare = engine.base()
-    base, fitted = with_ordinary_load(engine, bare, fit_candidates(engine, bare, tried))
-    gains = dict.fromkeys(EFFECTS, NOT_TRIED) | {
-        e: float(c.log_likelihood_gain) for e, c in fitted.items()
-    }
-    parameters = {
-        e: recogniser(e).numbers(c.fit, s) for e, c in fitted.items() if c.used
-    } | s.proven
-    return Assessment(s, base, fitted, parameters, [], base, gains)
+    base = engine.base()
+    fitted = fit_candidates(engine, base, tried)
+    used = {e: recogniser(e).numbers(c.fit, s) for e, c in fitted.items() if c.used}
+    return Assessment(s, base, fitted, used | s.proven, [], base)
 
 
 def _seen_in(views: Sequence[Assessment]) -> Friction:
@@ -283,7 +278,7 @@ def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
     if effect is not None:
         one = assessment.candidates.get(effect)
         if one is None:
-            return _priced(assessment, None) + NOT_TRIED / (s.data.n - SKIP)
+            return _priced(assessment, None) + _NOTHING / (s.data.n - SKIP)
         fit, price = one.fit, price + one.fit.loglik - base.loglik - one.log_likelihood_gain
     return nats_of(fit, price)
 
@@ -298,17 +293,18 @@ def _band_of(assessment: Assessment) -> float:
 
 def _measured(assessment: Assessment) -> Friction:
     """Return the assessment with the evidence that is weighed."""
-    gains, s = assessment.log_likelihood_gains, assessment.situation
+    s = assessment.situation
     if not s.trusted and s.record.mv is None:
         return _seen_in([assessment])
     if assessment.valve_seen or s.record.mv is not None:
         # what MV does that OP does not is the valve: another map may explain it, and every band
         # counts in full
-        rivals = (
-            gains[e] for e in EFFECTS if block_of(e) == "valve" and e not in (FRICTION, _BAND)
-        )
-        gain = max(gains[FRICTION], gains[_BAND])
-        return Friction(assessment, FrictionEvidence(gain - max(*rivals, 0.0), float(gain > 0.0)))
-    gains = gains | {e: float(c.log_likelihood_gain) for e, c in assessment.candidates.items()}
-    gain = gains[FRICTION] - max(gains[OUTSIDE], 0.0)
+        maps = {e: n for e, n in nats_of_rows(assessment.rows).items() if block_of(e) == "valve"}
+        gain = max((n for e, n in maps.items() if is_friction(e)), default=_NOTHING)
+        rival = max((n for e, n in maps.items() if not is_friction(e)), default=0.0)
+        return Friction(assessment, FrictionEvidence(gain - max(rival, 0.0), float(gain > 0.0)))
+    gains = {e: float(c.log_likelihood_gain) for e, c in assessment.candidates.items()}
+    # what a load may do is no friction
+    rival = max((gains[e] for e in (OUTSIDE, *LOADS) if e in gains), default=0.0)
+    gain = gains.get(FRICTION, _NOTHING) - max(rival, 0.0)
     return Friction(assessment, FrictionEvidence(gain, _band_of(assessment)))

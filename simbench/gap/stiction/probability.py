@@ -25,8 +25,6 @@ from simbench.gap.thresholds import (
     SPARED,
 )
 
-STICKING_VALVES = 0.3  # share of a plant's valves that stick (Bialkowski 1993)
-
 
 @dataclass(frozen=True)
 class FrictionEvidence:

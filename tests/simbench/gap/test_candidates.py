@@ -3,27 +3,23 @@ large as is said.
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
 
-import numpy as np
 import pandas as pd
 import pytest
 from recorded import FLOW, LOADED, recorded
 
-from simbench.gap import candidates
 from simbench.gap.candidates import (
-    LAST,
     alike,
+    beside_load,
     fit_candidates,
     possible_effects,
     proven,
     smallest_detectable,
-    with_ordinary_load,
 )
 from simbench.gap.effects import left_out, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Spec, size_penalty
+from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.effects._alike import indistinguishable
@@ -174,9 +170,9 @@ def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other
     bare = engine.base()
     first = fit_candidates(engine, bare, JUMPING)
     assert first["load_steps"].log_likelihood_gain > 40
-    base, fitted = with_ordinary_load(engine, bare, first)
-    assert base.loglik > bare.loglik + 40
-    assert fitted["load_steps"].log_likelihood_gain == 0.0
+    load = first.pop("load_steps")
+    assert recogniser("load_steps").ordinary(load.fit, bare, s)
+    fitted = beside_load(engine, load, first)
     best = max(fitted, key=lambda e: fitted[e].log_likelihood_gain)
     if lagging:
         assert best in {"valve_lag", "extra_lag", "sensor_lag"}
@@ -185,40 +181,19 @@ def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other
         assert fitted[best].log_likelihood_gain < 6
 
 
-def test_jumps_of_a_load_that_wanders_are_an_event_and_named_last():
+def test_jumps_of_a_load_that_wanders_are_an_event():
     s = situation(
         disturbance=[*LOADED["disturbance"], jump(3.0, 150), jump(4.0, 360), jump(3.5, 600)]
     )
     engine = Engine(s.data, load_memory(s))
     bare = engine.base()
-    _, fitted = with_ordinary_load(
-        engine, bare, fit_candidates(engine, bare, ["load_steps", "noise"])
-    )
-    assert fitted["load_steps"].log_likelihood_gain == LAST
+    jumping = fit_candidates(engine, bare, ["load_steps"])["load_steps"]
+    assert not recogniser("load_steps").ordinary(jumping.fit, bare, s)
 
 
-def test_a_candidate_gains_what_its_fit_brought_less_the_price_of_its_numbers(plain, monkeypatch):
+def test_a_candidate_gains_what_its_fit_brought_less_the_price_of_its_numbers(plain):
     engine = Engine(plain.data, load_memory(plain))
     base = engine.base()
-    monkeypatch.setattr(candidates, "_brought", lambda engine, base, fit: 100.0)
-    gain = fit_candidates(engine, base, ["gain_mismatch"])["gain_mismatch"].log_likelihood_gain
-    assert gain == pytest.approx(100.0 - size_penalty(plain.data.n, 1.0))
-
-
-@pytest.mark.parametrize(("heavy", "share"), [(False, 1.0), (True, 0.05)])
-def test_what_only_the_size_of_innovations_tells_counts_less_where_their_tails_are_heavy(
-    heavy, share
-):
-    rng = np.random.default_rng(0)
-    x = rng.standard_normal(4000)
-    if heavy:
-        x[::100] *= 20.0
-    base, fit = (SimpleNamespace(loglik=level, spec=Spec(), residual=x) for level in (0.0, 30.0))
-    engine = SimpleNamespace(evaluate=lambda spec, theta: 30.0)
-    fit.theta = {}
-    # another signal, as a plant's other gain makes it, counts in full
-    assert candidates._brought(engine, base, fit) == 30.0
-    fit.spec = Spec(walk=True)
-    assert candidates._brought(engine, base, fit) == pytest.approx(
-        30.0 * share, rel=0.15 if not heavy else 1.0
-    )
+    one = fit_candidates(engine, base, ["gain_mismatch"])["gain_mismatch"]
+    brought = one.fit.loglik - base.loglik
+    assert one.log_likelihood_gain == pytest.approx(brought - size_penalty(plain.data.n, 1.0))

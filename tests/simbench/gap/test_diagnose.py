@@ -79,6 +79,7 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "effects",
         "group",
         "ranking",
+        "set",
         "gap",
         "shrinkage",
         "remaining",
@@ -86,6 +87,8 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "next_test",
         "notes",
         "probability_of_stiction",
+        "S",
+        "J",
         "conclusion",
     }
     assert set(report["effects"][0]) == {"block", "effect", "parameters", "probability"}
@@ -105,6 +108,7 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "floor",
         "resolvable",
         "plant_floor",
+        "near",
     }
     assert set(report["blocks"]) == set(BLOCKS)
 

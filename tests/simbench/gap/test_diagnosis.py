@@ -14,7 +14,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Compared, Shrinkage
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
-from simbench.gap.decide.classify import Classified
+from simbench.gap.decide.evidence import PV, SAMPLES, Evidence, known_by, nats_of
+from simbench.gap.decide.posterior import Posterior
 from simbench.gap.diagnosis import diagnose, named_by, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pooled, probability
@@ -38,7 +39,7 @@ NUMBERS = {
 
 def weighed(**p):
     given = p or P
-    return Classified(
+    return Posterior(
         {**dict.fromkeys(EFFECTS, 0.0), "none": 0.0, "unknown": 0.0, **given}, "process"
     )
 
@@ -52,7 +53,7 @@ def situation(
 ):
     pv = np.resize([1.0, -1.0], 100)
     return SimpleNamespace(
-        op=np.array(op),
+        op=np.resize(op, 100),
         data=SimpleNamespace(K=K),
         baseline=None,
         integrating=integrating,
@@ -64,7 +65,7 @@ def situation(
     )
 
 
-def assessed(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, tested=0):
+def assessed(*chosen, parameters=None, shown=(), s=None, rows=(), friction=0.5):
     return SimpleNamespace(
         chosen=list(chosen),
         candidates={},
@@ -73,13 +74,11 @@ def assessed(*chosen, parameters=None, shown=(), s=None, noise=0.1, tests=None, 
         shown=lambda e: e in shown,
         situation=s or situation(),
         unexplained={"valve": "MV strays"},
-        base=SimpleNamespace(theta={"noise_std": noise}, residual=np.array([1.0, -1.0])),
-        log_likelihood_gains=dict.fromkeys(EFFECTS, 0.0),
-        log_likelihood_gains_on_top={},
-        stiction=0.5,
+        base=SimpleNamespace(theta={"noise_std": 0.1}, residual=np.array([1.0, -1.0])),
+        rows=rows,
+        friction=friction,
         asked=(),
-        tested=tested,
-        tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0) | (tests or {}),
+        tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0),
     )
 
 
@@ -109,8 +108,7 @@ class Loops:
         (P, ["stiction"], ["stiction"]),
         (P, ["stiction", "quantisation"], ["stiction", "quantisation"]),
         (P, ["quantisation", "stiction"], ["stiction", "quantisation"]),
-        # of one block there is one effect; one that was not found by itself is named alone
-        (P, ["stiction", "deadband"], ["stiction"]),
+        # one that was not found by itself is named alone
         (P, ["quantisation"], ["stiction"]),
         ({"none": 0.6, "stiction": 0.4}, ["stiction"], ["none"]),
         ({"unknown": 0.6, "stiction": 0.4}, ["stiction"], ["unknown"]),
@@ -134,7 +132,7 @@ def stubs(monkeypatch):
     )
     monkeypatch.setattr(diagnosis, "load_memory", lambda s: 60.0)
     shown = SimpleNamespace(open="", again="", sentence=lambda percent, unit: "S would have shown")
-    monkeypatch.setattr("simbench.gap.stiction.conclusion.visible", lambda views: shown)
+    monkeypatch.setattr(diagnosis, "visible", lambda views: shown)
     monkeypatch.setattr(diagnosis, "with_sound_valve", lambda loop: loop)
     monkeypatch.setattr(diagnosis, "alike", lambda e, s, p: (e, str(p)))
     return seen
@@ -176,6 +174,7 @@ def test_the_answer_is_put_together(stubs):
         "floor": 0.8,
         "resolvable": True,
         "plant_floor": 1.1,
+        "near": True,
     }
     assert answer.shrinkage == {"value": 0.9, "lo": 0.7, "hi": 0.95}
     assert answer.notes == ("noted", "valve: MV strays")
@@ -183,25 +182,63 @@ def test_the_answer_is_put_together(stubs):
     assert answer.behind.detectable == {"deadband": (60.0, "%")}
 
 
-def test_an_answer_that_stays_far_from_the_record_is_unknown_where_the_record_differs_most(stubs):
-    left = {"op at rest": Compared(np.log(0.31), np.log(0.01), np.log(0.02), 9.0, 9.0)}
-    far = replace(gap(after=3.0, lo=-0.1), features=left)
-    loops = Loops(far)
-    answer = report(assessed("stiction"), weighed(), loops)
-    assert (answer.effect, answer.block, answer.named) == ("unknown", "controller", [])
-    # the gap shown is that of the loop without the effect
-    assert loops.shrunk == [["stiction"], []]
-    assert answer.shrinkage is None
-    assert answer.notes[0] == (
-        "stiction: likeliest by PV's answer to OP, sample by sample, but not what the simulation"
-        " lacks: its gap is 3.00 with it, 3.00 without"
-    )
-    assert answer.ranking[1].effect == "stiction"
+FAR = replace(
+    gap(after=3.0, lo=-0.1),
+    features={"op at rest": Compared(np.log(0.31), np.log(0.01), np.log(0.02), 9.0, 9.0)},
+)
+
+
+def test_an_effect_that_is_likely_is_named_however_far_the_simulation_stays(stubs):
+    loops = Loops(FAR)
+    answer = report(assessed("stiction"), weighed(stiction=0.97, none=0.03), loops)
+    assert (answer.effect, answer.gap.near, answer.gap.after) == ("stiction", False, 3.0)
+    assert loops.shrunk == [["stiction"]]
+    # what remains is said beside it
     assert answer.remaining[0].recorded == pytest.approx(30.0)
-    # an answer that is unknown already asks for no more runs
-    loops = Loops(far)
-    assert report(assessed(), weighed(unknown=1.0), loops).block == "process"
-    assert loops.shrunk == [[]]
+    assert answer.conclusion.verdict == "stiction"
+    assert answer.probability_of_stiction == pytest.approx(0.97)
+
+
+@pytest.mark.parametrize("p", [{"none": 0.9, "drift": 0.1}, {"drift": 0.45, "none": 0.4}])
+def test_where_nothing_is_likely_and_the_simulation_stays_far_the_answer_is_unknown(stubs, p):
+    loops = Loops(FAR)
+    answer = report(assessed(*[e for e in p if e != "none"][:1]), weighed(**p), loops)
+    assert (answer.effect, answer.block, answer.named) == ("unknown", "controller", [])
+    # the gap shown is that of the loop without an effect
+    assert loops.shrunk[-1] == []
+    assert answer.shrinkage is None
+    assert answer.ranking[0].effect == "unknown"
+
+
+def test_what_samples_prove_is_named_though_the_simulation_stays_far(stubs):
+    known = (Evidence("quantisation", SAMPLES, 60.0),)
+    found = assessed("quantisation", rows=known, shown=("quantisation",))
+    answer = report(found, weighed(quantisation=0.45, deadband=0.4, none=0.15), Loops(FAR))
+    assert answer.effect == "quantisation"
+
+
+@pytest.mark.parametrize(
+    ("p", "before", "named"),
+    [
+        # as near as the simulation's own runs are to each other, or near and unlikely
+        ({"drift": 0.9, "none": 0.1}, 0.7, "none"),
+        ({"drift": 0.45, "none": 0.4}, 1.5, "none"),
+        ({"drift": 0.9, "none": 0.1}, 1.5, "drift"),
+        ({"stiction": 0.9, "none": 0.1}, 0.7, "stiction"),
+    ],
+)
+def test_nothing_is_lacking_where_the_simulation_is_near_without_it(stubs, p, before, named):
+    loops = Loops(gap(before=before, after=0.8))
+    assert report(assessed("drift"), weighed(**p), loops).effect == named
+
+
+def test_friction_that_is_denied_is_never_the_answer(stubs):
+    p = {"stiction": 0.15} | dict.fromkeys(list(EFFECTS)[2:10], 0.1) | {"none": 0.05}
+    answer = report(assessed("stiction"), weighed(**p), Loops(gap(before=9.0)))
+    assert answer.effect == "unknown"
+    # and what is not known may be friction
+    assert answer.probability_of_stiction == pytest.approx(0.2)
+    assert answer.conclusion.verdict == "no_decision"
 
 
 def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):
@@ -219,15 +256,14 @@ def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):
 @dataclass
 class Stub:
     record: SimpleNamespace
-    proven: dict
     notes: list
 
 
-def assessment(n, gains, *, proven=(), chosen=(), parameters=None, tag=""):
-    s = Stub(record=SimpleNamespace(n=n, tag=tag), proven={e: {} for e in proven}, notes=[])
-    return diagnosis.Assessment(
-        s, None, {}, parameters or {}, list(chosen), None, dict.fromkeys(EFFECTS, -3.0) | gains
-    )
+def assessment(n, gains, *, known=(), chosen=(), parameters=None, tag=""):
+    s = Stub(record=SimpleNamespace(n=n, tag=tag), notes=[])
+    rows = [Evidence(e, SAMPLES, 60.0) for e in known]
+    rows += [Evidence(e, PV, gain) for e, gain in gains.items()]
+    return diagnosis.Assessment(s, None, {}, parameters or {}, list(chosen), None, rows=tuple(rows))
 
 
 LOOPS = CandidateLoops(None, (), None, None, 0.0, 1.0, False, None, 1.0, ())
@@ -243,7 +279,7 @@ def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(mon
     numbers = {"noise": {"factor": 3.0}, "stiction": {"S": 1.0}}
     gained = {"stiction": 9.0, "noise": 4.0}
     short = assessment(
-        500, gained, proven=["quantisation"], chosen=["noise", "stiction"], parameters=numbers
+        500, gained, known=["quantisation"], chosen=["noise", "stiction"], parameters=numbers
     )
     long = assessment(
         900, {"stiction": 7.0, "drift": 890.0}, parameters={"stiction": {"S": 2.0}}, tag="FIC1"
@@ -251,17 +287,16 @@ def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(mon
     more = assessment(700, {"drift": 890.0}, chosen=["drift"])
     joined, loops = together(monkeypatch, short, long, more)
     assert joined.situation.record is long.situation.record
-    gains = joined.log_likelihood_gains
-    assert (gains["stiction"], gains["noise"], gains["quantisation"]) == (13.0, -2.0, 1000.0)
-    # no likelihood outranks what single samples prove
-    assert gains["drift"] == 900.0
+    nats = nats_of(joined.rows)
+    assert (nats["stiction"], nats["noise"], nats["drift"]) == (16.0, 4.0, 1780.0)
+    assert known_by(joined.rows) == ["quantisation"]
     assert joined.parameters == {"noise": {"factor": 3.0}, "stiction": {"S": 2.0}}
     assert joined.chosen == ["noise", "stiction"]
     assert [f.situation.record.n for f in joined.other_records] == [700, 500]
     assert joined.situation.notes == [
         "3 records judged together; gap and parameters are those of FIC1"
     ]
-    assert joined.stiction == loops.probability == pytest.approx(probability(pooled([1.0] * 3)))
+    assert joined.friction == loops.probability == pytest.approx(probability(pooled([1.0] * 3)))
     assert together(monkeypatch, short)[0].situation.notes == []
     [note] = together(monkeypatch, short, more)[0].situation.notes
     assert "those of the longest" in note

@@ -30,17 +30,18 @@ def situation(*, straight=0.9, plant=FOPTD, op=OP, valve=None, law=None, archive
     zero = np.zeros(fit["n"])
     data = Data(zero, zero, fit["K"], fit["T"], fit["Td"], 0.1)
     return Situation(
-        record,
-        Loop.from_table(table | ({"valve": valve} if valve else {})),
-        True,
-        True,
-        op,
-        np.zeros(N),
-        law or Law(0.0, 0.5, 20.0),
-        SimpleNamespace(straight=straight),
-        archive or Archive(),
-        PV,
-        data,
+        record=record,
+        baseline=Loop.from_table(table | ({"valve": valve} if valve else {})),
+        trusted=True,
+        tuned=True,
+        op=op,
+        sp=np.zeros(N),
+        noise=0.1,
+        law=law or Law(0.0, 0.5, 20.0),
+        samples=SimpleNamespace(straight=straight),
+        archive=archive or Archive(),
+        plant_pv=PV,
+        data=data,
     )
 
 

@@ -44,7 +44,6 @@ def test_no_module_that_decides_has_a_threshold_of_its_own(where):
     files = sorted((GAP / where).glob("*.py")) if (GAP / where).is_dir() else [GAP / where]
     # of what MV's digits tell, and of a search
     own = {"_EARLY", "_DIGITS", "_MOVES", "_STEPS", "_NORMAL", "_SIZES", "_SMALLEST"}
-    own |= {"SURE", "SECOND_EFFECT_NATS", "PLAIN_SECOND_NATS", "STICKING_VALVES"}
     assert {n for f in files for n in numbers_of(f)} <= own
 
 

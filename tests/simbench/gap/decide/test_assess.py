@@ -4,14 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from simbench.gap.decide.assess import (
-    RESIDUAL_LIMITS,
-    SURE,
-    Assessment,
-    _least_nats_of_second,
-    capped,
-)
-from simbench.gap.thresholds import LEAST_NATS
+from simbench.gap.decide.assess import RESIDUAL_LIMITS, Assessment
 
 BLOCKS = {
     "memory": (15.0, "disturbance"),
@@ -96,27 +89,3 @@ def test_what_another_record_of_the_loop_shows_counts_as_much_as_what_this_one_d
     assert list(both.unexplained) == ["controller", "disturbance", "process"]
     assert both.unexplained["controller"] == "OP stands still"
     assert assessed(situation(), others=(other,)).worst_test == (pytest.approx(5.0), "disturbance")
-
-
-def test_no_likelihood_outranks_what_single_samples_prove_and_the_best_keep_their_distance():
-    few = {"a": -10.0, "b": 12.0, "c": 899.0}
-    assert capped(few) == few
-    many = capped({"a": -10.0, "b": 12.0, "c": 901.0, "d": 2990.0, "e": 3000.0})
-    assert many == {"a": -10.0, "b": 12.0, "c": 500.0, "d": 890.0, "e": 900.0}
-    assert max(many.values()) < SURE == 1000.0
-
-
-@pytest.mark.parametrize(("first", "proven", "second", "as_a_first"), [
-    ("detuning", True, "time_constant_mismatch", True), ("saturation", True, "load_steps", True),
-    ("error_deadband", True, "valve_lag", True), ("saturation", True, "noise", False),
-    ("detuning", False, "time_constant_mismatch", False), ("outliers", True, "load_steps", False),
-    ("stiction", False, "load_drift", False),
-])  # fmt: skip
-def test_with_what_op_alone_proves_a_second_effect_needs_what_a_first_one_does(
-    first, proven, second, as_a_first
-):
-    asked = _least_nats_of_second(
-        first, SimpleNamespace(proven={first: {}} if proven else {}), second
-    )
-    assert (asked == LEAST_NATS) is as_a_first
-    assert asked >= LEAST_NATS

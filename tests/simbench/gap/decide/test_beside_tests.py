@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from simbench import Loop
-from simbench.gap.decide.beside_tests import joint_engine, lab_gains, valve_maps
+from simbench.gap.decide.beside_tests import joint_engine, lab_rows, valve_maps
+from simbench.gap.decide.evidence import LAB, PV, Evidence
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.model import Data
@@ -42,14 +43,17 @@ def test_lab_samples_speak_for_a_drift_or_against_it(rate, sign, least):
     data = SimpleNamespace(y=true + rate * t + 0.1 * rng.standard_normal(1001))
     test = SimpleNamespace(lab=lab, data=data, lab_std=0.05, Ts=1.0)
     base = SimpleNamespace(theta={"noise_std": 0.1})
-    gains = lab_gains([test], base, {"drift": {"rate": 0.01, "walk": 0.0}}, {"drift": 50.0})
-    assert sign * gains["drift"] > least
+    fitted = Evidence("drift", PV, 50.0, {"rate": 0.01, "walk": 0.0})
+    [row] = lab_rows([test], base, [fitted, Evidence("noise", PV, 9.0)])
+    assert (row.effect, row.source) == ("drift", LAB)
+    assert sign * row.nats > least
 
 
 def test_without_lab_samples_or_a_fitted_drift_nothing_is_added():
     test = SimpleNamespace(lab=None)
-    assert lab_gains([test], SimpleNamespace(), {"drift": {"rate": 1.0, "walk": 0.0}}, {}) == {}
-    assert lab_gains([], SimpleNamespace(), {}, {}) == {}
+    drift = Evidence("drift", PV, 9.0, {"rate": 1.0, "walk": 0.0})
+    assert lab_rows([test], SimpleNamespace(), [drift]) == []
+    assert lab_rows([], SimpleNamespace(), [drift]) == []
 
 
 def test_mv_is_what_the_valve_makes_of_op_within_the_digits_it_was_logged_in():

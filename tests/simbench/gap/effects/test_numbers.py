@@ -93,32 +93,41 @@ def test_load_steps_are_counted_and_sized_in_percent_of_op():
 )
 def test_jumps_that_the_ordinary_load_may_make_are_ordinary(rest, height, ordinary):
     jumping = fit(K=-0.6, jumps=(100, 200), load=rest, load_jump=height)
-    assert load_steps.ordinary(jumping, fit(load=1.0), TRUSTED, 1000) == ordinary
+    assert load_steps.ordinary(jumping, fit(load=1.0), beside(TRUSTED)) == ordinary
     # of one percent of OP's travel they are those of every day
     jumping = fit(K=-1.01 * height, jumps=(100, 200), load=rest, load_jump=height)
-    assert load_steps.ordinary(jumping, fit(load=1.0), TRUSTED, 1000)
+    assert load_steps.ordinary(jumping, fit(load=1.0), beside(TRUSTED))
     # and so are those that the baseline states, up to half as much again
     stated = SimpleNamespace(**(vars(TRUSTED) | {"loads": {"steps": 2.0}}))
     for size, is_ordinary in ((2.9, True), (3.1, False)):
         jumping = fit(K=-1.0, jumps=(100, 200), load=0.5, load_jump=size)
-        assert load_steps.ordinary(jumping, fit(load=1.0), stated, 1000) is is_ordinary
+        assert load_steps.ordinary(jumping, fit(load=1.0), beside(stated)) is is_ordinary
+    # the load of an identified loop is its own
+    assert load_steps.ordinary(jumping, fit(load=1.0), beside(stated, trusted=False))
+
+
+def beside(data, trusted=True):
+    """Return a situation with a record of 1000 samples."""
+    record = SimpleNamespace(n=1000, Ts=1.0, duration=1000.0)
+    return SimpleNamespace(data=data, record=record, trusted=trusted)
 
 
 @pytest.mark.parametrize(
-    ("ramp", "walk", "drifts"), [(5.0, 0.0, True), (7.0, 0.0, None), (4.0, 5.0 / 1000**0.5, None)]
+    ("ramp", "walk", "drifts"), [(5.0, 0.0, True), (7.0, 0.0, False), (4.0, 5.0 / 1000**0.5, False)]
 )
 def test_a_load_that_drifts_by_three_percent_of_travel_is_an_ordinary_one(ramp, walk, drifts):
     # K = 2: three percent are six of PV; a ramp over two records is half as long in the first
     drifting = SimpleNamespace(beta=np.array([2.0, 0.0, 0.0, 2.0 * ramp]), K=2.0)
     drifting.theta = {"load_walk": walk}
-    both = SimpleNamespace(n=2000, K=2.0, trusted=True, loads={}, measured=False)
-    assert load_drift.ordinary(drifting, drifting, both, 1000) is drifts
+    both = SimpleNamespace(n=2000, K=2.0, loads={}, measured=False)
+    assert load_drift.ordinary(drifting, drifting, beside(both)) is drifts
+    assert load_drift.ordinary(drifting, drifting, beside(both, trusted=False)) is True
     # a baseline that states a drift of five percent allows half as much again
     both.loads = {"slow": 5.0}
-    assert load_drift.ordinary(drifting, drifting, both, 1000) is True
+    assert load_drift.ordinary(drifting, drifting, beside(both)) is True
     # healthy records allow half as much again as they show, and no more
     both.measured, both.loads = True, {"slow": 1.0}
-    assert load_drift.ordinary(drifting, drifting, both, 1000) is None
+    assert load_drift.ordinary(drifting, drifting, beside(both)) is False
 
 
 @pytest.mark.parametrize("T", [0.0, 20.0])
@@ -241,10 +250,8 @@ def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
         0.0,
         {},
     )
-    assert bare.proven(None) is bare.by_innovations(None, None) is bare.smallest(None) is None
-    assert bare.remark(None) == ""
+    assert bare.proven(None) is bare.smallest(None) is bare.ordinary is None
     assert bare.possible(None)
-    assert not bare.masked(None, {})
     # an exact map leaves little of an ideal valve's misfit, friction most of it
     assert (bare.by_mv_leaves, recogniser("stiction").by_mv_leaves) == (0.3, 0.85)
 
@@ -256,26 +263,27 @@ def test_noise_is_not_judged_where_rounding_or_compression_makes_some(
     noise, rounding, band, drowned
 ):
     s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, band=band))
-    assert recogniser("noise").masked(s, {}) == drowned
+    assert recogniser("noise").ordinary(None, None, s) == drowned
 
 
 @pytest.mark.parametrize(("period", "load"), [(110.0, False), (150.0, True)])
 def test_an_oscillation_of_fewer_than_eight_periods_is_an_ordinary_load(period, load):
-    s = SimpleNamespace(
-        record=SimpleNamespace(duration=1000.0), data=SimpleNamespace(measured=False)
-    )
-    assert recogniser("oscillation").masked(s, {"period": period, "amplitude": 1.0}) == load
+    sine = fit(K=1.0, linear=(0.6, 0.8), period=period, T=1e-3)
+    plain = {"T": 1.0, "K": 1.0, "sines": ()}
+    s = beside(SimpleNamespace(measured=False, **plain))
+    assert oscillation.ordinary(sine, sine, s) == load
     # and only up to half as far again as healthy records wander
-    s.data = SimpleNamespace(measured=True, loads={"slow": 0.6})
-    assert not recogniser("oscillation").masked(s, {"period": period, "amplitude": 1.0})
+    s.data = SimpleNamespace(measured=True, loads={"slow": 0.6}, **plain)
+    assert not oscillation.ordinary(sine, sine, s)
 
 
 @pytest.mark.parametrize(
     ("period", "amplitude", "ordinary"),
-    [(50.0, 3.0, True), (52.0, 3.0, True), (53.0, 3.0, None), (50.0, 4.6, None)],
+    [(50.0, 3.0, True), (52.0, 3.0, True), (53.0, 3.0, False), (50.0, 4.6, False)],
 )
 def test_a_sine_that_the_baseline_states_is_an_ordinary_load(period, amplitude, ordinary):
-    stated = SimpleNamespace(sines=((50.0, 3.0),))
-    sine = fit(linear=(0.6 * amplitude, 0.8 * amplitude), period=period)
-    assert oscillation.ordinary(sine, sine, stated, 1000) is ordinary
-    assert oscillation.ordinary(sine, sine, SimpleNamespace(sines=()), 1000) is None
+    stated = SimpleNamespace(T=1.0, K=1.0, sines=((50.0, 3.0),), measured=False)
+    sine = fit(K=1.0, T=1e-3, linear=(0.6 * amplitude, 0.8 * amplitude), period=period)
+    assert oscillation.ordinary(sine, sine, beside(stated)) is ordinary
+    stated.sines = ()
+    assert oscillation.ordinary(sine, sine, beside(stated)) is False

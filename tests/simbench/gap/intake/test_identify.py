@@ -7,9 +7,10 @@ import pytest
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
+from simbench.gap.candidates import meaningful
 from simbench.gap.diagnosis import conclude
 from simbench.gap.effects import recogniser
-from simbench.gap.intake.identify import fit_plant, identify, meaningful
+from simbench.gap.intake.identify import fit_plant, identify
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Controller, Loop, Plant
@@ -148,9 +149,13 @@ def test_what_compares_with_a_plant_has_no_meaning_without_one():
     assert of_tuning == {"detuning"}
     assert {"gain_mismatch", "dead_time_mismatch"} <= of_plant
     assert "stiction" not in of_plant
-    assert meaningful(False, False) == set(EFFECTS) - of_plant - of_tuning
-    assert meaningful(False, True) == set(EFFECTS) - of_plant
-    assert meaningful(True, False) == (set(EFFECTS) - of_plant - of_tuning) | valve
+
+    def known(tuned, by_mv):
+        return {e for e in EFFECTS if meaningful(e, False, tuned, by_mv)}
+
+    assert known(False, False) == set(EFFECTS) - of_plant - of_tuning
+    assert known(True, False) == set(EFFECTS) - of_plant
+    assert known(False, True) == (set(EFFECTS) - of_plant - of_tuning) | valve
 
 
 def test_op_that_is_moved_by_hand_has_no_controller_and_says_so():

@@ -72,13 +72,7 @@ def test_bars_are_as_long_as_their_numbers_from_the_top_down():
     assert 4.0 < gap.get_xlim()[1] < 5.0
 
 
-@pytest.mark.parametrize(("value", "lo", "hi", "tile"), [
-    (0.42, 0.1, 0.6, ("42 %", "(90 % interval 10 to 60 %)")),
-    (-0.08, -0.25, 0.0, ("-8 %", "(90 % interval -25 to 0 %)")),
-])  # fmt: skip
-def test_the_share_of_the_gap_that_is_removed_is_written_in_percent(
-    monkeypatch, value, lo, hi, tile
-):
+def test_the_answer_has_its_probability_that_of_stiction_and_whether_it_is_near(monkeypatch):
     seen = {}
     monkeypatch.setattr(page, "render", lambda template, **parts: seen.update(parts))
     first = {
@@ -89,18 +83,26 @@ def test_the_share_of_the_gap_that_is_removed_is_written_in_percent(
     }
     page._answer(
         SimpleNamespace(
-            gap=SimpleNamespace(before=4.0, after=1.25, floor=0.8, plant_floor=1.0),
-            shrinkage={"value": value, "lo": lo, "hi": hi},
+            gap=SimpleNamespace(near=False),
+            shrinkage={"value": -0.08, "lo": -0.25, "hi": 0.0},
             effect="stiction",
             effects=(first,),
             named=["stiction"],
-            sentence=lambda: "It sticks.",
+            answer=lambda: "It sticks.",
+            nearness=lambda: "It is far.",
+            probability_of_stiction=0.95,
+            conclusion=SimpleNamespace(as_lines=lambda: ["Stiction."]),
             op_unit="% of travel",
         )
     )
-    assert [t[0] for t in seen["tiles"][:5]] == ["0.91", "4.00", "1.25", "0.80", "1.00"]
-    assert seen["tiles"][0] == ("0.91", "probability of stiction")
-    assert seen["tiles"][5] == (tile[0], f"of the gap above the floor is removed {tile[1]}")
+    assert seen["tiles"] == [
+        ("0.91", "probability of stiction"),
+        ("0.95", "probability of stiction, all effects with friction"),
+        ("no", "near the record"),
+        ("-8 %", "of the gap above the floor is removed (90 % interval -25 to 0 %)"),
+    ]
+    assert seen["sentences"] == ["It sticks.", "It is far."]
+    assert seen["valve"] == ["Stiction."]
 
 
 DRAWN = {

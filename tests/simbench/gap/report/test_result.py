@@ -55,7 +55,7 @@ def report(
     block="valve",
     effects=(STUCK,),
     *,
-    gap=(4.0, 3.5, 1.25, 0.8, True, 0.8),
+    gap=(4.0, 3.5, 1.25, 0.8, True, 0.9, True),
     value=0.859,
     **more,
 ):
@@ -85,34 +85,51 @@ def report(
     )
 
 
-def test_an_effect_is_named_with_its_numbers_and_how_much_of_the_gap_it_closes():
-    lacks = "The simulation lacks stiction (valve, S = 6.04, J = 3 % of travel), probability 0.91"
-    reduced = "adding it reduces the gap (4.00 before, 1.25 after)"
-    assert report().sentence() == f"{lacks}; {reduced}."
-    assert report(value=None).sentence() == f"{lacks}."
-    wider = report(value=-0.25, gap=(4.0, 3.5, 4.8, 0.8, True, 0.8)).sentence()
-    assert wider.endswith("adding it does not reduce the gap (4.00 before, 4.80 after).")
-    both = report(effects=(STUCK, COARSE)).sentence()
-    assert (
-        "stiction (valve, S = 6.04, J = 3 % of travel) and quantisation (sensor, step = 0.3 PV"
-        " units, at = record)," in both
+def ranked(effect, p, block="none"):
+    return (Ranked(effect, block, p, None, None, {}), *RANKING)
+
+
+def test_an_effect_is_named_with_its_probability_and_how_near_it_brings_the_simulation():
+    lacks = "The simulation lacks stiction (0.91): S = 6.04, J = 3 % of travel"
+    near = (
+        "It is then 1.25 from the record (4.00 before; parts of the record are 0.90 apart)."
+        " Near the record: yes."
     )
+    assert report().sentence() == f"{lacks}. {near}"
+    wider = report(value=-0.25, gap=(4.0, 3.5, 4.8, 0.8, True, 0.8, False))
+    assert wider.nearness().endswith("apart). Near the record: no.")
+    assert wider.as_json()["gap"]["near"] is False
+    both = report(effects=(STUCK, COARSE)).answer()
+    assert both == f"{lacks}; with it, quantisation: step = 0.3 PV units, at = record."
 
 
-def test_an_unknown_effect_is_placed_and_compared_with_the_nearest():
+def test_what_is_not_likelier_than_not_is_not_said_to_be_lacking():
+    open_ = {**STUCK, "probability": 0.45}
+    answer = report(effects=(open_,), ranking=ranked("stiction", 0.45)).answer()
+    assert answer.startswith("Nothing is likely; the likeliest is stiction (0.45): S = 6.04")
+
+
+def test_an_unknown_effect_is_placed():
     something = {"block": "process", "effect": "unknown", "parameters": {}, "probability": 0.62}
-    sentence = report("unknown", "process", (something,), value=None).sentence()
-    assert (
-        sentence
-        == "Something is missing in the process block that no known effect explains (probability"
-        " 0.62); closest: stiction, with which the gap is 1.25 of 4.00."
+    ranking = ranked("unknown", 0.62, "process")
+    sentence = report("unknown", "process", (something,), value=None, ranking=ranking).sentence()
+    assert sentence == (
+        "No known effect explains what is missing (0.62; block: process). It is 1.25 from the"
+        " record (parts of the record are 0.90 apart). Near the record: yes."
     )
 
 
 def test_none_is_an_answer():
     nothing = {"block": "none", "effect": "none", "parameters": {}, "probability": 0.9}
-    sentence = report("none", "none", (nothing,), value=None).sentence()
-    assert sentence.startswith("No unmodelled effect is needed")
+    ranking = ranked("none", 0.9)
+    sentence = report("none", "none", (nothing,), value=None, ranking=ranking).sentence()
+    assert sentence.startswith("No unmodelled effect is needed (0.90). It is 1.25 from the record")
+
+
+def test_the_set_has_nine_tenths_of_the_probability():
+    assert report().set == ("stiction",)
+    assert report(ranking=ranked("unknown", 0.06)).set == ("unknown", "stiction")
+    assert report().as_json()["set"] == ["stiction"]
 
 
 def test_five_of_the_differences_that_remain_are_put_into_words():
@@ -135,39 +152,54 @@ def test_five_of_the_differences_that_remain_are_put_into_words():
 
 def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more():
     lines = report().as_text().splitlines()
-    assert lines[1:7] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
-    assert lines[7:12] == [
-        "Probability by block, with unknown effects: valve 91 %, process 1 %, sensor 7 %,"
-        " disturbance 1 %.",
-        "Gap: distance between record and simulations, in standard deviations between simulations.",
-        "It is 4.00 with the model as given, 3.50 with K, T, Td refitted, 1.25 with the effect"
-        " added.",
-        "Repeatability floor: two simulations that differ only in their seeds are 0.80 apart.",
-        "Of the gap above this floor, the effect removes 86 % (90 % interval 76 to 91 %).",
+    assert lines[:2] == [report().answer(), report().nearness()]
+    assert lines[2:8] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
+    assert lines[8:10] == [
+        "Probability by block, with unknown effects: valve 0.91, process 0.01, sensor 0.07,"
+        " disturbance 0.01.",
+        "",
     ]
-    assert max(map(len, lines[1:])) <= 100
-    assert lines[12:14] == ["", "probability  effect"]
-    assert lines[14] == "      0.914  stiction                S = 6.04, J = 3 % of travel"
-    assert [line.split()[1] for line in lines[14:20]] == [
+    assert lines[10] == "probability  effect"
+    assert lines[11] == "      0.914  stiction                S = 6.04, J = 3 % of travel"
+    assert [line.split()[1] for line in lines[11:17]] == [
         "stiction",
         "none",
         *(f"effect_{i}" for i in range(4)),
     ]
-    assert lines[20:] == ["", "Next test, bump: bump it.", "note: one", "note: two"]
+    assert lines[17:] == [
+        "",
+        "The distance of record and simulations is the mean over features, in standard deviations"
+        " between simulations.",
+        "It is 3.50 with K, T and Td fitted again and nothing added; simulations that differ only"
+        " in their seeds are 0.80 apart (the floor).",
+        "Of the gap above the floor, the effect removes 86 % (90 % interval 76 to 91 %).",
+        "Next test, bump: bump it.",
+        "note: one",
+        "note: two",
+    ]
+
+
+def test_every_gap_is_printed_once():
+    text = report(gap=(4.11, 3.52, 1.23, 0.84, True, 0.95, True)).as_text()
+    assert [text.count(size) for size in ("4.11", "3.52", "1.23", "0.84", "0.95")] == [1] * 5
 
 
 def test_a_terminal_shows_what_cannot_be_distinguished_and_when_nothing_can_be_claimed():
+    ranking = (*RANKING[:1], Ranked("deadband", "valve", 0.03, None, None, {}), *RANKING[1:])
     text = report(
         group=("deadband", "stiction"),
-        gap=(1.0, 1.0, 1.0, 0.8, False, 0.8),
+        gap=(1.0, 1.0, 1.0, 0.8, False, 0.8, True),
         value=None,
         blocks=dict.fromkeys(SHARES, 0.0),
+        ranking=ranking,
     )
     lines = text.as_text().splitlines()
-    assert lines[7] == "These effects give the same signals in this record: deadband, stiction."
+    assert "Not told apart by this record: deadband, stiction (0.94 together)." in lines
     assert "The gap does not stand out of the floor, so no reduction is claimed." in lines
     assert not [line for line in lines if line.startswith(("Probability", "Of the gap"))]
-    assert report(group=("stiction",)).as_text().count("the same signals") == 0
+    assert report(group=("stiction",)).as_text().count("Not told apart") == 0
+    wider = report(value=-0.25).gap_lines()[-1]
+    assert wider.endswith("the effect does not remove any (90 % interval -35 to -20 %).")
 
 
 def test_only_known_effects_are_added_to_the_baseline():

@@ -24,17 +24,16 @@ from simbench.cli import main
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap import conclude, diagnose
-from simbench.gap.decide.classify import Classified
+from simbench.gap.decide.posterior import Posterior
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
-from simbench.gap.stiction.conclusion import WORDS, friction_share, from_posterior, from_record
-from simbench.gap.stiction.probability import STICKING_VALVES
+from simbench.gap.stiction.conclusion import WORDS, from_posterior, from_record
 from simbench.gap.stiction.visible import Visible
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 from simbench.sealed.withheld.making import write_item
 
-CONCLUSION = import_module("simbench.gap.stiction.conclusion")
+DIAGNOSIS = import_module("simbench.gap.diagnosis")
 MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
@@ -169,69 +168,34 @@ def drawn(place, number):
 
 def weights(**p):
     """Return probabilities of effects, `none` and `unknown`; what is not given has none."""
-    return Classified(
+    return Posterior(
         dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | p, block_of(max(p, key=lambda e: p[e]))
     )
 
 
-def assessed(chosen=(), **gains):
-    nats = dict.fromkeys(EFFECTS, -5.0) | gains
+def assessed(chosen=()):
     return SimpleNamespace(
-        log_likelihood_gains=nats,
-        log_likelihood_gains_on_top=gains,
         chosen=list(chosen),
         parameters={},
         situation=SimpleNamespace(op=WAVE, record=SimpleNamespace(pv=WAVE, Ts=1.0, mv=None)),
     )
 
 
-@pytest.fixture
-def seen_anyway(monkeypatch):
-    """Every size of stiction would have shown."""
-    monkeypatch.setattr(CONCLUSION, "visible", lambda views: Visible(1.0))
-
-
-@pytest.mark.usefixtures("seen_anyway")
 def test_no_posterior_leads_to_a_conclusion_that_contradicts_itself_or_the_effect_named():
     rng, answers = np.random.default_rng(5), (*EFFECTS, NONE, UNKNOWN)
     seen = set()
     for _ in range(2000):
         shares = rng.dirichlet(np.full(len(answers), rng.choice([0.02, 0.1, 1.0])))
-        w = Classified(dict(zip(answers, map(float, shares), strict=True)), str(rng.choice(BLOCKS)))
-        named = [max(w.probability, key=lambda e: w.probability[e])]
-        if named[0] in EFFECTS and rng.random() < 0.3:
-            named += [str(rng.choice([e for e in EFFECTS if block_of(e) != block_of(named[0])]))]
-        assessment = assessed(
-            named, **{e: float(rng.uniform(-5, 40)) for e in named if e in EFFECTS}
-        )
-        c = from_posterior(w, named, assessment, None)
-        assert contradictions(c.as_json()) == [], (named, c)
-        if c.probability > 0.7:
-            assert set(named) & set(FRICTION), (named, c)
+        w = Posterior(dict(zip(answers, map(float, shares), strict=True)), str(rng.choice(BLOCKS)))
+        if w.first in FRICTION and w.friction < 0.2:
+            continue  # a diagnosis answers unknown, or none, there
+        c = from_posterior(w, [w.first], assessed([w.first]), None, None)
+        assert contradictions(c.as_json()) == [], (w, c)
+        assert c.probability == w.friction
         if c.verdict == STICTION:
-            assert set(named) & set(FRICTION)
-        if c.verdict == NO_STICTION:
-            assert not set(named) & set(FRICTION)
+            assert w.first in FRICTION
         seen.add(c.verdict)
     assert seen == {STICTION, NO_STICTION, NO_DECISION}
-
-
-def test_friction_named_with_another_effect_counts_by_what_it_brings_on_top_of_it():
-    w, named = weights(sensor_lag=0.75, stiction=0.2, none=0.05), ["sensor_lag", "stiction"]
-    much = friction_share(w, named, assessed(named, sensor_lag=90.0, stiction=40.0))
-    little = friction_share(w, named, assessed(named, sensor_lag=90.0, stiction=6.0))
-    assert much > 0.9
-    assert 0.2 < little < 0.8
-    assert friction_share(w, ["sensor_lag"], assessed(named)) == pytest.approx(0.2)
-
-
-@pytest.mark.usefixtures("seen_anyway")
-def test_what_is_unknown_counts_as_any_valve_does_and_in_the_valve_leaves_it_open():
-    w = weights(stiction=0.45, none=0.05, unknown=0.5)
-    assert friction_share(w, ["unknown"], assessed()) == pytest.approx(0.45 + 0.3 * 0.5)
-    assert from_posterior(w, ["unknown"], assessed(), None).verdict == NO_DECISION
-    in_valve = Classified(weights(none=0.05, unknown=0.95).probability, "valve")
-    assert from_posterior(in_valve, ["unknown"], assessed(), None).verdict == NO_DECISION
 
 
 def test_friction_of_the_loop_file_is_not_claimed_beside_another_effect():
@@ -271,9 +235,13 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
 
 def test_with_a_loop_file_a_record_in_which_no_friction_would_show_denies_none(monkeypatch):
     why = "no size of stiction that was tried would have shown"
-    monkeypatch.setattr(CONCLUSION, "visible", lambda views: Visible(np.inf, why))
-    c = from_posterior(weights(none=0.99, stiction=0.01), [NONE], assessed(), None)
-    assert (c.verdict, c.probability) == (NO_DECISION, 0.2)
+    monkeypatch.setattr(DIAGNOSIS, "visible", lambda views: Visible(np.inf, why))
+    record = simulate(load_loop(EXAMPLE), 3).record.without_mv()
+    report = diagnose(record, load_loop(EXAMPLE))
+    c, shares = report.conclusion, {r.effect: r.probability for r in report.ranking}
+    assert (report.effect, c.verdict) == (NONE, NO_DECISION)
+    assert c.probability == pytest.approx(0.2)
+    assert sum(shares[e] for e in FRICTION) == pytest.approx(c.probability)
     assert why in c.reason
 
 
@@ -294,9 +262,7 @@ def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_with_the_lag
     assert informed.next.startswith("mv:")
     p = {r.effect: r.probability for r in report.ranking}
     friction = sum(p.get(effect, 0.0) for effect in FRICTION)
-    # all but this comes from the share of what is unknown: of two effects one is left over
-    assert friction < 0.02
-    assert informed.probability == pytest.approx(friction + STICKING_VALVES * p["unknown"])
+    assert informed.probability == pytest.approx(friction)
 
 
 def test_what_cannot_be_judged_has_no_probability_and_a_reason():

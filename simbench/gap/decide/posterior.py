@@ -1,0 +1,152 @@
+"""Turn rows of evidence into one posterior over every effect, none and unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import expit, softmax
+
+from simbench.gap.decide.evidence import Evidence, known_by, nats_of
+from simbench.gap.effects import is_friction
+from simbench.gap.thresholds import DOUBT, EDGE, LEAST_NATS, OF_TWO, SECOND_NATS, TEMPERATURE
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
+
+_SMALLEST = 1e-300  # stands for a probability that is too small for a number
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Probability of every answer, which sum to 1, and the block of `unknown`."""
+
+    probability: dict[str, float]
+    unknown_block: str
+
+    @property
+    def first(self) -> str:
+        """The most probable answer."""
+        return max(self.probability, key=lambda e: self.probability[e])
+
+    @property
+    def friction(self) -> float:
+        """Probability of stiction: the share of the effects with friction."""
+        return sum(v for e, v in self.probability.items() if is_friction(e))
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Summed probability of what lies in each block, none left out; all 0 where none is the
+        answer.
+        """
+        if self.first == NONE:
+            return dict.fromkeys(BLOCKS, 0.0)
+        p = self.probability
+        sums = {b: sum(v for e, v in p.items() if self.block(e) == b) for b in BLOCKS}
+        whole = sum(sums.values())
+        return {b: v / whole for b, v in sums.items()}
+
+    def block(self, answer: str) -> str:
+        """Return the block of an answer; that of `unknown` is the one that fails."""
+        return self.unknown_block if answer == UNKNOWN else block_of(answer)
+
+    def with_friction(self, share: float) -> Posterior:
+        """Return the posterior in which friction has a share; the others keep their odds."""
+        # what is too small for numbers: then none of its effects is likelier
+        p = {e: v or (_SMALLEST if is_friction(e) else 0.0) for e, v in self.probability.items()}
+        friction, others = (
+            sum(v for e, v in p.items() if is_friction(e) == sticks) for sticks in (True, False)
+        )
+        by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
+        return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
+
+    def enough(self) -> Posterior:
+        """Return the posterior where the simulation without an effect is as near to the record as
+        its own runs are to each other: none has what all effects but friction had.
+        """
+        p = {
+            e: v if e in (NONE, UNKNOWN) or is_friction(e) else 0.0
+            for e, v in self.probability.items()
+        }
+        return replace(self, probability={**p, NONE: p[NONE] + 1.0 - sum(p.values())})
+
+    def far(self, times: float, block: str) -> Posterior:
+        """Return the posterior where no effect is likelier than not, and simulations with the
+        likeliest answer stay `times` as far from the record as is near, most in one block.
+
+        Unknown takes from all but friction, whose probability is asked by itself, what a failed
+        residual test gives it, and is the first.
+        """
+        p = self.probability
+        rest = 1.0 - self.friction
+        stuck = max(v for e, v in p.items() if is_friction(e))
+        q = min(max(doubt(times), stuck / rest), EDGE)
+        moved = {e: v if is_friction(e) else (1.0 - q) * v for e, v in p.items()}
+        return Posterior({**moved, UNKNOWN: moved[UNKNOWN] + q * rest}, block)
+
+
+def doubt(times: float) -> float:
+    """Return the share of `unknown` where a test is at so many times its limit: a half at it."""
+    return float(expit(DOUBT * np.log(max(times, 1e-3))))
+
+
+def posterior(
+    rows: Sequence[Evidence],
+    first: str,
+    on_top: Mapping[str, float],
+    worst_test: tuple[float, str],
+    friction: float | None = None,
+) -> Posterior:
+    """Return the posterior from rows, priors, and what second effects bring on top of the first.
+
+    Parameters
+    ----------
+    rows : sequence of Evidence
+        What is known by law or samples is in every model; nats of the others are over it.
+    first : str
+        The strongest effect, or `none`.
+    on_top : mapping of str to float
+        Nats that each effect of another block brings on top of the first.
+    worst_test : (float, str)
+        Times its limit that the best model fails a residual test, and its block.
+    friction : float, optional
+        Probability of friction where it is weighed apart from the other effects.
+
+    Notes
+    -----
+    An effect without a row has nothing to speak for it. `none` has `LEAST_NATS`, a second effect
+    asks for `SECOND_NATS`, and of two effects together the weaker counts for `OF_TWO`, as the
+    probabilities sum to 1. `unknown` has the share that a logistic curve gives to the worst
+    residual test, a half where it just fails; while none fails it is not the first.
+    """
+    known, nats = known_by(rows), nats_of(rows)
+    # what is known takes the place of none: it is in every model
+    alone, least = (known[0], SECOND_NATS) if known else (NONE, LEAST_NATS)
+    others = {e: g for e, g in nats.items() if e != alone}
+    chances = softmax(TEMPERATURE * np.array([*others.values(), least]))
+    p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0)
+    p |= {e: float(x) for e, x in zip((*others, alone), chances)}
+    chances = softmax(TEMPERATURE * np.array([*on_top.values(), SECOND_NATS]))
+    beside = dict(zip(on_top, map(float, chances)))
+    weighed, sticks = friction, any(map(is_friction, (*nats, *on_top)))
+    if friction is None:
+        friction = sum(v for e, v in p.items() if is_friction(e))
+        if not known:
+            friction += sum(p[first] * x for e, x in beside.items() if is_friction(e))
+        friction = min(max(friction, 1.0 - EDGE), EDGE)
+    if known:
+        for e in others:
+            p[alone] += (1.0 - OF_TWO) * p[e]
+            p[e] *= OF_TWO
+    else:
+        whole = p[first]
+        for e, x in beside.items():
+            p[first] -= OF_TWO * whole * x
+            p[e] += OF_TWO * whole * x
+    ratio, block = worst_test
+    q, best = doubt(ratio), max(p.values())
+    if ratio < 1.0 or known:
+        q = min(q, EDGE * best / (1.0 + best))
+    out = Posterior({e: (1.0 - q) * v for e, v in p.items()} | {UNKNOWN: q}, block)
+    if weighed is not None:
+        return out.with_friction(weighed)
+    return out.with_friction(friction * (1.0 - q)) if sticks else out

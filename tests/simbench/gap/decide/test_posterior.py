@@ -1,0 +1,189 @@
+"""From rows of evidence to probabilities: they sum to one, have no unit, and every constant moves
+only what it should.
+"""
+
+import numpy as np
+import pytest
+from scipy.special import expit
+
+from simbench.gap.decide.evidence import LAB, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
+from simbench.gap.decide.posterior import Posterior, posterior
+from simbench.gap.effects import is_friction
+from simbench.gap.thresholds import DOUBT, LEAST_NATS, OF_TWO, SECOND_NATS, TEMPERATURE, TERM_NATS
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
+
+SOUND = (0.0, "disturbance")
+
+
+def rows(**nats):
+    return [Evidence(effect, PV, gain) for effect, gain in nats.items()]
+
+
+def weighed(on_top=None, worst=SOUND, friction=None, known=(), **nats):
+    """Return the posterior of effects that PV speaks for; the first is the strongest."""
+    shown = [Evidence(e, SAMPLES, TERM_NATS) for e in known]
+    first = known[0] if known else max(nats, key=lambda e: nats[e], default=NONE)
+    return posterior([*shown, *rows(**nats)], first, on_top or {}, worst, friction)
+
+
+def test_rows_of_one_effect_add_up_and_law_and_samples_are_known():
+    every = [
+        Evidence("drift", PV, 9.0),
+        Evidence("drift", LAB, -4.0),
+        Evidence("detuning", LAW, TERM_NATS),
+        Evidence("outliers", SAMPLES, TERM_NATS),
+        Evidence("deadband", MV, 30.0),
+        Evidence("outliers", SAMPLES, TERM_NATS),
+    ]
+    assert nats_of(every)["drift"] == 5.0
+    assert known_by(every) == ["detuning", "outliers"]
+
+
+@pytest.mark.parametrize("known", [(), ("quantisation",), ("detuning", "outliers")])
+@pytest.mark.parametrize("friction", [None, 0.0, 0.3, 0.97])
+@pytest.mark.parametrize("times", [0.0, 0.9, 3.0])
+def test_probabilities_are_in_the_contracts_order_and_sum_to_one(known, friction, times):
+    w = weighed({"drift": 20.0}, (times, "process"), friction, known, stiction=60.0, drift=9.0)
+    assert list(w.probability) == [*EFFECTS, NONE, UNKNOWN]
+    assert sum(w.probability.values()) == pytest.approx(1.0)
+    assert min(w.probability.values()) >= 0.0
+    if friction is not None:
+        assert w.friction == pytest.approx(friction)
+
+
+def test_no_evidence_is_none():
+    w = posterior([], NONE, {}, SOUND)
+    assert w.first == NONE
+    assert w.probability[NONE] > 0.99
+    assert weighed(noise=3.0, drift=-2.0).probability["stiction"] == 0.0
+
+
+def test_an_effect_is_as_likely_as_none_at_the_price_of_asking():
+    p = weighed(noise=LEAST_NATS, drift=2.0).probability
+    assert p["noise"] == pytest.approx(p[NONE])
+    assert p["noise"] > 3 * p["drift"]
+
+
+@pytest.mark.parametrize("level", [10.0, 800.0])
+def test_a_nat_of_lead_counts_by_the_temperature_whatever_both_gained(level):
+    p = weighed(noise=level, drift=level - 2.0).probability
+    assert np.log(p["noise"] / p["drift"]) == pytest.approx(2 * TEMPERATURE)
+
+
+@pytest.mark.parametrize("times", [1.0, 2.0, 10.0])
+def test_unknown_has_what_a_failed_test_gives_it_and_takes_from_all_alike(times):
+    one, other = (weighed(worst=(t, "sensor"), noise=20.0, drift=15.0) for t in (0.0, times))
+    p, q = one.probability, other.probability
+    assert q[UNKNOWN] == pytest.approx(expit(DOUBT * np.log(times)))
+    assert q["noise"] / q["drift"] == pytest.approx(p["noise"] / p["drift"])
+    assert p[UNKNOWN] < 0.01
+    assert other.block(UNKNOWN) == "sensor"
+
+
+def test_unknown_is_never_the_answer_while_no_test_fails_or_where_an_effect_is_known():
+    even = dict.fromkeys(list(EFFECTS)[2:10], 12.0)
+    assert weighed(worst=(0.9, "process"), **even).first != UNKNOWN
+    assert weighed(worst=(1.1, "process"), **even).first == UNKNOWN
+    assert weighed(worst=(9.0, "process"), known=("quantisation",)).first == "quantisation"
+
+
+def test_what_is_known_takes_the_place_of_none():
+    p = weighed(known=("quantisation",), drift=3.0).probability
+    assert p[NONE] == 0.0
+    assert p["quantisation"] > 0.9
+    # an effect beside it counts for its share of the two
+    even = weighed(known=("quantisation",), drift=float(SECOND_NATS)).probability
+    assert even["drift"] == pytest.approx(0.5 * OF_TWO, rel=0.02)
+    much = weighed(known=("quantisation",), drift=200.0).probability
+    assert much["drift"] == pytest.approx(OF_TWO, rel=0.02)
+
+
+def test_friction_beside_what_is_known_keeps_its_own_probability():
+    w = weighed(known=("quantisation",), stiction=80.0, deadband=60.0)
+    assert w.first == "stiction"
+    assert w.friction > 0.97
+    assert w.probability["stiction"] / w.probability["deadband"] > 100
+    weak = weighed(known=("quantisation",), stiction=float(SECOND_NATS))
+    assert weak.friction == pytest.approx(0.5, abs=0.02)
+    # what another effect explains better is no friction
+    other = weighed(known=("quantisation",), stiction=40.0, load_steps=73.0)
+    assert other.friction < 0.02
+
+
+def test_a_second_effect_follows_the_first_by_what_it_brings_on_top():
+    shares = []
+    for nats in (-3.0, 3.0, 12.0, 16.0, 200.0):
+        w = weighed({"outliers": nats}, drift=40.0)
+        assert w.first == "drift"
+        shares.append(w.probability["outliers"] / w.probability["drift"])
+    assert np.diff(shares).min() > 0.0
+    assert shares[0] < 0.01
+    assert shares[-1] == pytest.approx(OF_TWO / (1.0 - OF_TWO), rel=0.01)
+
+
+def test_friction_on_top_of_the_first_effect_is_probable_by_what_it_brings():
+    little, even, much = (
+        weighed({"stiction": nats}, drift=90.0).friction for nats in (3.0, float(SECOND_NATS), 40.0)
+    )
+    assert little < 0.06
+    assert even == pytest.approx(0.5, abs=0.01)
+    assert much == pytest.approx(0.99, abs=0.01)
+
+
+def test_friction_has_the_probability_that_it_is_given_and_nats_divide_it():
+    w = weighed(friction=0.97, stiction=8.0, deadband=12.0, drift=90.0)
+    assert w.friction == pytest.approx(0.97)
+    assert w.first == "deadband"
+    odds = w.probability["deadband"] / w.probability["stiction"]
+    assert np.log(odds) == pytest.approx(4.0 * TEMPERATURE)
+
+
+def test_friction_keeps_its_probability_where_its_gains_are_too_low_for_numbers():
+    w = weighed(friction=0.01, stiction=-1e6, deadband=-1e5, noise=9.0)
+    assert w.friction == pytest.approx(0.01)
+
+
+def test_a_share_of_friction_leaves_the_others_their_odds():
+    w = weighed(stiction=3.0, drift=12.0, noise=9.0)
+    more = w.with_friction(0.5)
+    assert more.friction == pytest.approx(0.5)
+    assert sum(more.probability.values()) == pytest.approx(1.0)
+    ratio = w.probability["drift"] / w.probability["noise"]
+    assert more.probability["drift"] / more.probability["noise"] == pytest.approx(ratio)
+
+
+@pytest.mark.parametrize("times", [1.01, 2.0, 50.0])
+@pytest.mark.parametrize("friction", [0.0, 0.2, 0.49])
+def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_its_share(
+    times, friction
+):
+    w = weighed(friction=friction, stiction=2.0, drift=9.0, noise=8.5)
+    far = w.far(times, "sensor")
+    assert far.first == UNKNOWN
+    assert far.block(UNKNOWN) == "sensor"
+    assert far.friction == pytest.approx(friction)
+    assert sum(far.probability.values()) == pytest.approx(1.0)
+    assert far.probability["drift"] > 0.0
+
+
+def test_enough_gives_none_what_all_effects_but_friction_had():
+    w = weighed(friction=0.3, stiction=2.0, drift=9.0)
+    near = w.enough()
+    assert near.friction == pytest.approx(0.3)
+    assert near.probability["drift"] == 0.0
+    assert sum(near.probability.values()) == pytest.approx(1.0)
+
+
+def test_the_blocks_shares_are_the_sums_of_what_lies_in_them():
+    w = weighed(noise=12.0, drift=10.0, stiction=9.0)
+    p = w.probability
+    sums = {b: sum(p[e] for e in EFFECTS if block_of(e) == b) for b in BLOCKS}
+    sums[w.unknown_block] += p[UNKNOWN]
+    whole = sum(sums.values())
+    assert w.shares == pytest.approx({b: v / whole for b, v in sums.items()})
+    assert set(weighed(noise=-3.0).shares.values()) == {0.0}
+
+
+def test_only_what_rests_within_a_band_is_friction():
+    assert [e for e in (*EFFECTS, NONE, UNKNOWN) if is_friction(e)] == ["stiction", "deadband"]
+    assert Posterior({"stiction": 0.5, "deadband": 0.2, NONE: 0.3}, "valve").friction == 0.7
