@@ -17,6 +17,7 @@ from simbench.gap.situation import Situation
 from simbench.loop.effects import BLOCKS, EFFECTS, block_of
 from simbench.loop.effects._alike import circumstances, indistinguishable
 from simbench.loop.plant import first_order_like
+from simbench.loop.resolve import friction
 
 # nats behind the best, beyond which an effect is not fitted again beside an ordinary load: on 78
 # records no answer changes
@@ -56,8 +57,9 @@ def meaningful(effect: str, trusted: bool, tuned: bool, by_mv: bool) -> bool:
     """Return whether an effect can be judged with what is known: a plant that was identified lacks
     none of its numbers, and a tuning neither; MV shows the valve whatever the plant.
     """
-    known = {"": True, "plant": trusted, "tuning": tuned}[recogniser(effect).needs]
-    return known or (by_mv and block_of(effect) == "valve")
+    known = {name for name, given in (("plant", trusted), ("tuning", tuned)) if given}
+    lacks = (recogniser(effect).needs & {"plant", "tuning"}) - known
+    return not lacks or (by_mv and block_of(effect) == "valve")
 
 
 def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
@@ -65,13 +67,14 @@ def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
     known, here or in a test.
     """
     by_mv = s.record.mv is not None if by_mv is None else by_mv
+    has = {"time constant": not s.integrating, "valve without friction": not friction(s.baseline)}
     return [
         e
         for e in EFFECTS
-        if (about := recogniser(e)).fit is not None
+        if recogniser(e).fit is not None
         and not (by_mv and block_of(e) == "valve")
         and meaningful(e, s.trusted, s.tuned, by_mv)
-        and about.possible(s)
+        and all(has.get(need, True) for need in recogniser(e).needs)
     ]
 
 

@@ -28,7 +28,7 @@ from simbench.gap.decide.assess import NOISE_EFFECT, Assessment, assess
 from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.evidence import known_by
 from simbench.gap.decide.posterior import Posterior, posterior
-from simbench.gap.effects import is_friction, recogniser
+from simbench.gap.effects import is_friction
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
 from simbench.gap.intake.healthy import Healthy, check_healthy, learn
@@ -51,7 +51,7 @@ from simbench.gap.stiction.friction import refuse_unweighable, with_sound_valve
 from simbench.gap.stiction.probability import pooled
 from simbench.gap.stiction.visible import visible
 from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
 
@@ -291,7 +291,7 @@ def _not_healthy(s: Situation) -> str:
     """Return what a record that is called healthy shows besides load and noise; "" for nothing."""
     found = assess(s)
     effect = found.first
-    if effect in (NONE, NOISE_EFFECT) or recogniser(effect).travel is not None:
+    if effect in (NONE, NOISE_EFFECT) or block_of(effect) == "disturbance":
         return ""
     return (
         f"healthy: {s.record.tag or 'a record'} shows {effect.replace('_', ' ')} itself"
@@ -413,15 +413,17 @@ def _beside_simulations(
 ) -> tuple[Posterior, Shrinkage, tuple[Remaining, ...]]:
     """Return the posterior beside simulations with its answer, what they close, and what remains.
 
-    An effect that is likelier than not is named, however far they are. Where none is, nothing is
-    lacking of a simulation near the record, and of one that stays far something unknown is.
+    An effect that is likelier than not is named, however far they are. Where none is, something
+    unknown is lacking of a simulation that stays far, and nothing of one that is near without it
+    and has no effect of which less may be denied.
     """
     named = named_by(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
     likely = weights.first in EFFECTS and weights.probability[weights.first] > LIKELIER
     sure = assessment.shown(named[0]) or is_friction(named[0])
     as_near = main.before <= main.floor and not sure
-    near = within_reach(main.before, main.plant_floor) and not likely
+    unlikely = weights.probability[weights.first] < DENIED_BELOW
+    near = within_reach(main.before, main.plant_floor) and unlikely
     if named[0] in EFFECTS and not known_by(assessment.rows) and (as_near or near):
         weights = weights.enough()
         main = runs.shrink([e for e in named_by(weights, assessment) if e in EFFECTS])

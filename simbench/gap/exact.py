@@ -21,6 +21,7 @@ from simbench.gap.controller.examine import stated_controller
 from simbench.gap.controller.regression import FORMS
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import MEAN_EXPLAINS, TERM_EXPLAINS, TERM_NATS
+from simbench.loop.effects import block_of
 
 _LEARNT = 0.65  # share of the record that a law is fitted to, where the record is diagnosed
 _IDLE = 0.05  # share of samples in which OP rests though the law would move it
@@ -206,7 +207,7 @@ def shown(s: Situation, name: str) -> dict[str, float | str] | None:
     without doubt, where nothing known does; None otherwise.
     """
     find, block = (frozen, "sensor") if name == "held" else (controller_term, "controller")
-    if any(known == block for known, _ in s.facts.values()) or not s.trusted:
+    if any(block_of(effect) == block for effect in s.facts) or not s.trusted:
         return None
     term = find(s, int(_LEARNT * s.record.n))
     return (

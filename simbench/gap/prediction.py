@@ -23,8 +23,8 @@ from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.gap import within_reach
 from simbench.gap.closed_loop.gap_text import apart
 from simbench.gap.closed_loop.level import WITHIN, run_with_seeds
-from simbench.gap.closed_loop.loop_from_fit import fixed_loop
-from simbench.gap.closed_loop.runs import load_may_jump
+from simbench.gap.closed_loop.loop_from_fit import fixed_loop, ramped
+from simbench.gap.closed_loop.runs import kick_of, load_may_jump
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.report.result import GapReport
@@ -297,13 +297,10 @@ def _draws(report: GapReport, seed: int) -> list[tuple[Loop, float]]:
             loop = fixed_loop(s, one, numbers, jumps=load_may_jump(effects))
             gain = np.inf if s.integrating else loop.plant.K
             # a ramp moves OP over the warm-up too
-            ahead = sum(
-                recogniser(e).mean_op_shift(p, _warm_up(s) * s.record.Ts, gain)
-                for e, p in numbers.items()
-            )
+            ahead = ramped(numbers, _warm_up(s) * s.record.Ts, gain)
             op0 = float(np.clip(loop.operating_point.op0 + raised + ahead, *WITHIN))
             loop = loop.with_all({"operating_point.op0": op0, "operating_point.pv0": corrected.pv0})
-            kicks = [recogniser(e).initial_op_offset(p) for e, p in numbers.items()]
+            kicks = [kick_of(p) for p in numbers.values()]
             out.append((loop, max(kicks, default=0.0)))
     return out
 

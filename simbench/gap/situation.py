@@ -87,32 +87,24 @@ class Situation(Seen):
         return f"record {self.record.tag!r}" if self.record.tag else "record"
 
     @property
-    def facts(self) -> dict[str, tuple[str, str]]:
-        """Block and words of everything that single samples or the controller's law show without
-        doubt.
+    def facts(self) -> dict[str, str]:
+        """What single samples or the controller's law show without doubt, in words, by the effect
+        that shows so.
         """
-        facts = {
-            "rounding": (self.archive.rounding is not None, "sensor", "PV lies on a lattice"),
-            "band": (self.archive.band > 0.0, "sensor", "PV runs on straight lines"),
-            "spikes": (
-                self.archive.spikes is not None,
-                "sensor",
+        archive, law = self.archive, self.law
+        seen = {
+            "quantisation": (archive.rounding is not None, "PV lies on a lattice"),
+            "compression": (archive.band > 0.0, "PV runs on straight lines"),
+            "outliers": (
+                archive.spikes is not None,
                 "single samples of PV lie far off their neighbours",
             ),
-            "limits": (
-                self.law.limits is not None,
-                "controller",
-                "OP stays at a value while the law pushes on",
-            ),
-            "gap": (self.law.gap > 0.0, "controller", "OP rests while the error is small"),
-            "step": (self.law.step > 0.0, "controller", "OP lies on a lattice"),
-            "tuning": (
-                self.law.tuning is not None,
-                "controller",
-                "the law holds with another tuning",
-            ),
+            "saturation": (law.limits is not None, "OP stays at a value while the law pushes on"),
+            "error_deadband": (law.gap > 0.0, "OP rests while the error is small"),
+            "op_quantisation": (law.step > 0.0, "OP lies on a lattice"),
+            "detuning": (law.tuning is not None, "the law holds with another tuning"),
         }
-        return {name: (block, words) for name, (seen, block, words) in facts.items() if seen}
+        return {effect: words for effect, (shows, words) in seen.items() if shows}
 
     @property
     def expected_band(self) -> float:

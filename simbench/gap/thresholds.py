@@ -219,6 +219,12 @@ MORE_NOISE = Threshold(
 BY_MV = Threshold(
     10.0, "nats", "that a valve identified from MV must bring to be put before the plant", _CHOICE
 )
+MV_LEFT = Threshold(
+    0.3, "share", "of an ideal valve's misfit to MV, that a map may leave unexplained", _CHOICE
+)
+MV_LEFT_BY_FRICTION = Threshold(
+    0.85, "share", "the same of a map with friction, known only up to its model", _CHOICE
+)
 ANOTHER_PLANT = Threshold(
     25.0, "nats", "by which another plant must explain a test better", _DEVELOPMENT
 )

@@ -140,7 +140,8 @@ def random_case(seed: int, names: tuple[str, ...] = (), mv: bool = False) -> Cas
     while True:
         loop = random_loop(rng)
         if not (
-            loop.plant.type == "integrating" and any(recogniser(e).replaces == "T" for e in names)
+            loop.plant.type == "integrating"
+            and any("time constant" in recogniser(e).needs for e in names)
         ):
             break
     effects = [{"name": name, **random_effect(name, loop, rng)} for name in names]

@@ -13,8 +13,8 @@ from simbench.gap.controller.recovered_pv import mean_like
 from simbench.gap.situation import Situation
 
 # facts of `Situation` by which a signal rests: an effect that does so is not the archive's
-_BY_SENSOR = {"rounding", "band"}
-_BY_CONTROLLER = {"limits", "gap", "step"}
+_BY_SENSOR = {"quantisation", "compression"}
+_BY_CONTROLLER = {"saturation", "error_deadband", "op_quantisation"}
 # share of a record's repeated samples from which rounding explains them; with all of 146 simulated
 # records held, .44 instead of .51 are within 1.5 floors
 _BY_ROUNDING = 0.5
@@ -58,7 +58,7 @@ def _resting_by_effect(s: Situation) -> tuple[bool, bool]:
     """Return whether OP and PV rest as an effect makes them, which is not the archive's; the
     lattice of PV is, where the loop is identified.
     """
-    by_sensor = _BY_SENSOR if s.trusted else _BY_SENSOR - {"rounding"}
+    by_sensor = _BY_SENSOR if s.trusted else _BY_SENSOR - {"quantisation"}
     return not _BY_CONTROLLER.isdisjoint(s.facts), s.frozen or not by_sensor.isdisjoint(s.facts)
 
 

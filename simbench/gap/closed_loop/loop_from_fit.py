@@ -11,7 +11,7 @@ import numpy as np
 
 from simbench.gap.closed_loop.level import WITHIN
 from simbench.gap.closed_loop.stable import stable
-from simbench.gap.effects import load_steps, recogniser
+from simbench.gap.effects import load_steps
 from simbench.gap.effects._recogniser import clip
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import (
@@ -23,6 +23,7 @@ from simbench.gap.likelihood.model import (
     valve_of,
 )
 from simbench.gap.situation import Situation
+from simbench.loop.effects import EFFECTS
 from simbench.loop.plant import first_order_like, stretched
 from simbench.scenarios.spec import Loop, Plant
 
@@ -53,8 +54,8 @@ def fixed_loop(
             "Td": (fit.theta["Td"] + d.late) * Ts,
         }
         numbers |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
-        for effect in (*effects, *situation.stated):
-            numbers.pop(recogniser(effect).replaces, None)
+        for released in fit.spec.free:  # an effect states it in place of the fit
+            numbers.pop(released, None)
         if d.shape is None:
             table["plant"] |= numbers
         else:
@@ -88,7 +89,7 @@ def fixed_loop(
     half = 0.5 * n * Ts
     # on an integrating plant a ramp of the measurement is a load
     gain = Plant.model_validate(table["plant"]).K if d.T > 0 else np.inf
-    led = sum(recogniser(e).mean_op_shift(p, half, gain) for e, p in effects.items())
+    led = ramped(effects, half, gain)
     table["operating_point"] = {
         "op0": clip(_rest(situation, fit) + led, *WITHIN),
         "pv0": float(sp[0]),
@@ -98,6 +99,19 @@ def fixed_loop(
         table["effect"].append({"name": "load_steps", **load_steps.numbers(source, situation)})
     loop = Loop.from_table(table, "fixed loop")
     return loop if situation.trusted else stable(loop)
+
+
+def ramped(effects: Mapping[str, Mapping[str, float | str]], half: float, K: float) -> float:
+    """Return how far (%) OP's mean over a record lies from where it began under ramps: half the
+    record in s, K of the plant. The controller moves OP against a ramp that it takes for PV.
+    """
+    per_unit = {"%/s": 1.0, "PV units/s": 1.0 / K}
+    return sum(
+        per_unit[unit] * half * float(p[name])
+        for e, p in effects.items()
+        for name in p
+        if (unit := getattr(EFFECTS[e].parameters.get(name), "unit", "")) in per_unit
+    )
 
 
 def _loads(
@@ -117,7 +131,7 @@ def _loads(
         if std > _NIL * d.size
     ]
     wanders = source.spec.walk or "noise_std" in source.spec.free
-    if wanders and not any(recogniser(e).is_load_on_pv for e in effects):
+    if wanders:
         loads += situation.loads_on_pv
     return loads
 

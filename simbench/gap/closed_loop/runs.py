@@ -4,15 +4,15 @@ computed once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
 from simbench.gap.closed_loop.level import level
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
-from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.model import Fit
+from simbench.loop.effects import block_of
 from simbench.scenarios.spec import Loop
 
 
@@ -54,14 +54,12 @@ class ClosedLoops:
         at rest may stay there.
         """
         known = self.fitted.parameters
-        return max(
-            (recogniser(e).initial_op_offset(known[e]) for e in effects if e in known), default=0.0
-        )
+        return max((kick_of(known[e]) for e in effects if e in known), default=0.0)
 
     def fit_of(self, effects: Sequence[str]) -> Fit:
         """Return the fit with some effects."""
         f = self.fitted
-        if list(effects) == f.chosen:
+        if set(effects) == set(f.chosen):
             return f.final
         return next((f.candidates[e].fit for e in effects if e in f.candidates), f.base)
 
@@ -109,4 +107,11 @@ class ClosedLoops:
 
 def load_may_jump(effects: Sequence[str]) -> bool:
     """Return whether none of the effects is what ordinary loads do as well."""
-    return all(recogniser(e).travel is None for e in effects)
+    return all(block_of(e) != "disturbance" for e in effects)
+
+
+def kick_of(p: Mapping[str, float | str]) -> float:
+    """Return the offset of OP (%) that starts a cycle under an effect of these numbers: only a
+    valve that jumps needs one.
+    """
+    return float(p["S"]) if "J" in p else 0.0

@@ -22,7 +22,7 @@ from simbench.gap.candidates import (
 )
 from simbench.gap.decide.beside_tests import Maps, by_stem, joint_engine, lab_rows, valve_maps
 from simbench.gap.decide.evidence import LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
-from simbench.gap.effects import is_friction, recogniser
+from simbench.gap.effects import Recogniser, is_friction, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -40,7 +40,7 @@ from simbench.gap.thresholds import (
     SECOND_NATS,
     TERM_NATS,
 )
-from simbench.loop.effects import EFFECTS, NONE, block_of
+from simbench.loop.effects import NONE, block_of
 
 NOISE_EFFECT = "noise"
 # what the residual tests of whole models do not exceed, and the block that fails beyond
@@ -114,30 +114,25 @@ def assess(
     s, (maps, mv_strays), engine = _model(situation, tests)
     base = engine.base()
     candidates = fit_candidates(engine, base, possible_effects(s, bool(maps)))
-    parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in candidates.items() if c.used}
-    stated = _stated(s)
-    plain = {
-        e: c
-        for e, c in candidates.items()
-        if c.used
-        and (e in stated or ((by := recogniser(e).ordinary) is not None and by(c.fit, base, s)))
-    }
+    plain = _plain(s, base, candidates)
     load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
     candidates = {e: c for e, c in candidates.items() if e not in plain}
     if load is not None and load.log_likelihood_gain > 0.0:
         # what an ordinary load does by itself is in every model
         base, candidates = load.fit, beside_load(engine, load, candidates)
-        parameters |= {e: recogniser(e).numbers(c.fit, s) for e, c in candidates.items() if c.used}
+        plain |= _plain(s, base, candidates)
+        candidates = {e: c for e, c in candidates.items() if e not in plain}
+    every = candidates | plain
+    parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in every.items() if c.used}
     parameters |= {**s.proven, **{e: p for e, (_, p) in maps.items()}}
     rows = _rows(s, candidates, maps, parameters)
     rows += lab_rows(tests, base, rows)
-    chosen, final, on_top = _chosen(rows, engine, base, candidates, friction)
+    chosen, final, on_top = _chosen(s, rows, engine, base, candidates, friction)
     if len(chosen) == 2 and chosen[1] in candidates:
         parameters[chosen[1]] = recogniser(chosen[1]).numbers(final, s)
     # the limits are those of one record, and what a plant of higher order does not explain adds up
     # over several
     left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
-    every = candidates | plain
     fits = (base, final, *(c.fit for c in every.values()))
     alone = {id(f): engine.main(f) for f in fits}
     return Assessment(
@@ -174,6 +169,19 @@ def _model(
     return replace(s, data=engine.data, proven=known), maps, engine
 
 
+def _plain(s: Situation, base: Fit, candidates: Mapping[str, Candidate]) -> dict[str, Candidate]:
+    """Return the candidates that show what any loop does by itself, or the baseline states."""
+    return {
+        e: c
+        for e, c in candidates.items()
+        if c.used
+        and (
+            e in s.stated
+            or ((by := recogniser(e).ordinary) is not None and by(c.fit, base, s) is not None)
+        )
+    }
+
+
 def _rows(
     s: Situation, candidates: Mapping[str, Candidate], maps: Maps, parameters: Mapping
 ) -> list[Evidence]:
@@ -186,18 +194,11 @@ def _rows(
     ]
     seen = {e: (MV, gain) for e, (gain, _) in maps.items()}
     seen |= {e: (PV, float(c.log_likelihood_gain)) for e, c in candidates.items()}
-    stated = _stated(s)
     return rows + [
         Evidence(e, source, nats, parameters.get(e, {}))
         for e, (source, nats) in seen.items()
-        if e not in s.proven and e not in stated
+        if e not in s.proven and e not in s.stated
     ]
-
-
-def _stated(s: Situation) -> frozenset[str]:
-    """Return the effects that the baseline states, or what does the same to PV."""
-    like = {e for e in EFFECTS if recogniser(e).is_load_on_pv} if s.loads_on_pv else set()
-    return s.stated | like
 
 
 def _ordinary(s: Situation, base: Fit, plain: Mapping[str, Candidate]) -> dict[str, float]:
@@ -206,13 +207,12 @@ def _ordinary(s: Situation, base: Fit, plain: Mapping[str, Candidate]) -> dict[s
     """
     if s.data.measured or not s.trusted:
         return {}
-    out = {
-        e: travel(recogniser(e).numbers(c.fit, s), s.record.duration)
+    sizes = {
+        e: by(c.fit, base, s)
         for e, c in plain.items()
-        if (travel := recogniser(e).travel)
-        and c.log_likelihood_gain > LEAST_NATS
-        and e not in _stated(s)
+        if (by := recogniser(e).ordinary) is not None and c.log_likelihood_gain > LEAST_NATS
     }
+    out = {e: size for e, size in sizes.items() if size and e not in s.stated}
     stated = float(np.hypot(s.data.noise, s.data.resolution / np.sqrt(12.0)))
     if s.data.noise > 0.0 and base.theta["noise_std"] > MORE_NOISE * stated:
         out[NOISE_EFFECT] = base.theta["noise_std"] / stated
@@ -220,6 +220,7 @@ def _ordinary(s: Situation, base: Fit, plain: Mapping[str, Candidate]) -> dict[s
 
 
 def _chosen(
+    s: Situation,
     rows: Sequence[Evidence],
     engine: Engine,
     base: Fit,
@@ -246,6 +247,8 @@ def _chosen(
     final = candidates[first].fit if first in candidates else base
     if first in candidates:
         fits = fit_candidates(engine, final, [e for e in others if e in candidates])
+        plain = _plain(s, final, fits)
+        others = [e for e in others if e not in plain]
     on_top = {e: float(fits[e].log_likelihood_gain) if e in fits else nats[e] for e in others}
     more = [e for e in on_top if on_top[e] > SECOND_NATS]
     if not more:
@@ -262,11 +265,10 @@ def failures(assessment: Assessment) -> list[tuple[float, str, str]]:
     out: list[tuple[float, str, str]] = []
     if situation.unexplained_law:
         out.append((FACT, "controller", situation.unexplained_law))
-    claimed = {recogniser(e).explains for e in EFFECTS}
     out += [
-        (FACT, block, f"{words}, as no known effect makes it")
-        for fact, (block, words) in situation.facts.items()
-        if fact not in claimed
+        (FACT, block_of(effect), f"{words}, as no known effect makes it")
+        for effect, words in situation.facts.items()
+        if recogniser(effect) == Recogniser()
     ]
     if situation.frozen and situation.trusted:
         out.append(

@@ -12,7 +12,7 @@ import numpy as np
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.candidates import Fitted
 from simbench.gap.decide.evidence import LAB, Evidence
-from simbench.gap.effects import Parameters, recogniser
+from simbench.gap.effects import Parameters, is_friction, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Data, Fit, Spec
@@ -20,7 +20,7 @@ from simbench.gap.likelihood.search import likeliest
 from simbench.gap.likelihood.second_order import positioner
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch, share_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
-from simbench.gap.thresholds import ANOTHER_PLANT, BY_MV, PLANT_APART
+from simbench.gap.thresholds import ANOTHER_PLANT, BY_MV, MV_LEFT, MV_LEFT_BY_FRICTION, PLANT_APART
 from simbench.loop.effects import EFFECTS
 
 _EARLY = 0.1  # of a sample, by which MV must be logged early before its time is believed
@@ -56,7 +56,8 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
         winner = max(maps, key=lambda e: maps[e][0])
         healthy = float(np.exp(search.healthy / op.size))
         left = healthy * float(np.exp(-max(maps[winner][0], 0.0) / op.size))
-        allowed = recogniser(winner).by_mv_leaves * healthy
+        # friction is only known up to its model; the other maps are exact
+        allowed = (MV_LEFT_BY_FRICTION if is_friction(winner) else MV_LEFT) * healthy
         powers += op.size * np.square([left, allowed, max(0.15, 0.03 * float(np.std(op)))])
         for e, (gain, p) in maps.items():
             before, kept = total.get(e, (0.0, p))

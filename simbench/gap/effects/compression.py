@@ -8,5 +8,4 @@ from simbench.gap.effects._recogniser import Recogniser
 
 RECOGNISER = Recogniser(
     proven=lambda s: {"band": s.archive.band} if s.archive.band > 0.0 else None,
-    explains="band",
 )

@@ -24,8 +24,6 @@ def smallest(probe: Probe) -> tuple[float, str]:
 RECOGNISER = Recogniser(
     fit=released("Td", dead_times),
     numbers=numbers,
-    needs="plant",
-    bends_plant=True,
-    replaces="Td",
+    needs=frozenset({"plant"}),
     smallest=smallest,
 )

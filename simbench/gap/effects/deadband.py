@@ -26,5 +26,4 @@ RECOGNISER = Recogniser(
     numbers=lambda fit, s: {"S": clip(fit.theta["S"], 0.0, 100.0)},
     by_mv=lambda search: search.zoom(kernels.PLAY, ("S",), [(s, 0.0) for s in search.sizes], 1.0),
     band=lambda p: float(p["S"]),
-    bends_plant=True,
 )

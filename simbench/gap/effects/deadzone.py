@@ -37,5 +37,5 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     by_mv=by_mv,
-    needs="plant",
+    needs=frozenset({"plant"}),
 )

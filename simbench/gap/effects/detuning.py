@@ -17,7 +17,6 @@ RECOGNISER = Recogniser(
     proven=lambda s: (
         None if s.law.tuning is None else dict(zip(("Kc_factor", "Ti_factor"), s.law.tuning))
     ),
-    explains="tuning",
-    needs="tuning",
+    needs=frozenset({"tuning"}),
     smallest=smallest,
 )

@@ -61,12 +61,15 @@ def by_lab(
     return -0.5 * float(x @ x) - float(np.log(np.diag(L)).sum())
 
 
+def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
+    """Return 0 where the baseline states a slow load on PV, which does the same."""
+    return 0.0 if s.loads_on_pv else None
+
+
 RECOGNISER = Recogniser(
-    is_load_on_pv=True,
     fit=fit,
     numbers=numbers,
     by_lab=by_lab,
-    # the controller moves OP against a ramp that it takes for PV
-    mean_op_shift=lambda p, half, K: float(p["rate"]) * half / K,
+    ordinary=ordinary,
     smallest=smallest,
 )

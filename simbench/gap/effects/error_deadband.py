@@ -18,6 +18,5 @@ def smallest(probe: Probe) -> tuple[float, str] | None:
 
 RECOGNISER = Recogniser(
     proven=lambda s: {"width": s.law.gap} if s.law.gap > 0.0 else None,
-    explains="gap",
     smallest=smallest,
 )

@@ -8,6 +8,6 @@ from simbench.gap.effects._recogniser import Recogniser
 RECOGNISER = Recogniser(
     fit=pole("extra"),
     numbers=tau,
-    needs="plant",
+    needs=frozenset({"plant"}),
     smallest=lambda probe: probe.pole("extra"),
 )

@@ -18,7 +18,5 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=lambda fit, s: {"factor": clip(fit.K / s.data.K, 0.05, 20.0)},
-    needs="plant",
-    bends_plant=True,
-    replaces="K",
+    needs=frozenset({"plant"}),
 )

@@ -42,15 +42,16 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": float(rate), "walk": float(walk)}
 
 
-def ordinary(fit: Fit, base: Fit, s: Situation) -> bool:
-    """Return whether the load drifts no further than on an ordinary day, or than the baseline or
-    healthy records state; the load of an identified loop is its own.
+def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
+    """Return how far (%) a load drifts that goes no further than on an ordinary day, or than the
+    baseline or healthy records state; None beyond. The load of an identified loop is its own.
     """
     data, n = s.data, s.record.n
     # the ramp runs over all records that are fitted as one
     ramp, walk = fit.beta[-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
     most = max(0.0 if data.measured else DRIFT_OF_A_DAY, LARGER * data.loads.get("slow", 0.0))
-    return not s.trusted or bool(np.hypot(ramp, walk) < most * abs(input_gain(fit, data)))
+    near = np.hypot(ramp, walk) < most * abs(input_gain(fit, data))
+    return travel(numbers(fit, s), s.record.duration) if near or not s.trusted else None
 
 
 def travel(p: Parameters, duration: float) -> float:
@@ -62,7 +63,4 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
-    travel=travel,
-    bends_plant=True,
-    mean_op_shift=lambda p, half, K: float(p["rate"]) * half,
 )

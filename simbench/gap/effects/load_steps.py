@@ -120,9 +120,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": len(fit.spec.jumps) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
-def ordinary(fit: Fit, base: Fit, s: Situation) -> bool:
-    """Return whether the jumps may be all that an ordinary load does: a single one, petty, stated,
-    or with nothing else; the load of an identified loop is its own.
+def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
+    """Return the size (%) of jumps that may be all that an ordinary load does: a single one, petty,
+    stated, or with nothing else; None of more. The load of an identified loop is its own.
     """
     data, n = s.data, s.record.n
     # one in as many samples as the record has
@@ -130,12 +130,12 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> bool:
     day = max(0.0 if data.measured else PETTY_STEPS, LARGER * data.loads.get("steps", 0.0))
     petty = fit.theta["load_jump"] < day * abs(input_gain(fit, data))
     alone = not data.loads and fit.theta["load"] < _REMAINING * base.theta["load"]
-    return not s.trusted or once or petty or alone
+    plain = not s.trusted or once or petty or alone
+    return float(numbers(fit, s)["size"]) if plain else None
 
 
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
-    travel=lambda p, duration: float(p["size"]),
 )

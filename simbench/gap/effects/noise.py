@@ -33,12 +33,16 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"factor": std / stated} if stated > 0 else {"std": std}
 
 
+def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
+    """Return 0 where rounding or compression makes noise, or the baseline states a load on PV."""
+    made = s.archive.rounding is not None or s.archive.band > 0.0
+    return 0.0 if made or s.loads_on_pv else None
+
+
 RECOGNISER = Recogniser(
-    is_load_on_pv=True,
     fit=fit,
     numbers=numbers,
-    # rounding and compression make noise
-    ordinary=lambda fit, base, s: s.archive.rounding is not None or s.archive.band > 0.0,
-    needs="plant",
+    ordinary=ordinary,
+    needs=frozenset({"plant"}),
     smallest=lambda probe: None if probe.engine.data.noise == 0 else probe.factor("noise_std"),
 )

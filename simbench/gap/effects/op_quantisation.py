@@ -17,5 +17,4 @@ def proven(s: Situation) -> Parameters | None:
 
 RECOGNISER = Recogniser(
     proven=proven,
-    explains="step",
 )

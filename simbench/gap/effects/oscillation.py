@@ -62,9 +62,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
 
 
-def ordinary(fit: Fit, base: Fit, s: Situation) -> bool:
-    """Return whether the baseline states this sine, or so few periods are an ordinary load that
-    wanders, by healthy records as far.
+def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
+    """Return the amplitude (%) of a sine that the baseline states, or of so few periods that it is
+    an ordinary load that wanders, by healthy records as far; None of any other.
     """
     period, amplitude = fit.theta["period"], float(np.hypot(*fit.beta[-2:]))
     stated = any(
@@ -72,7 +72,8 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> bool:
     )
     p = numbers(fit, s)
     far = s.data.measured and float(p["amplitude"]) > LARGER * s.data.loads["slow"]
-    return stated or (wanders(p, s.record.duration) and not far)
+    plain = stated or (wanders(p, s.record.duration) and not far)
+    return float(p["amplitude"]) if plain else None
 
 
 def wanders(p: Parameters, duration: float) -> bool:
@@ -84,5 +85,4 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
-    travel=lambda p, duration: float(p["amplitude"]),
 )

@@ -25,6 +25,5 @@ def smallest(probe: Probe) -> tuple[float, str]:
 
 RECOGNISER = Recogniser(
     proven=proven,
-    explains="spikes",
     smallest=smallest,
 )

@@ -27,8 +27,7 @@ def smallest(probe: Probe) -> tuple[float, str]:
 
 RECOGNISER = Recogniser(
     proven=proven,
-    explains="rounding",
     # an identified loop has the lattice of the record that it is identified from
-    needs="plant",
+    needs=frozenset({"plant"}),
     smallest=smallest,
 )

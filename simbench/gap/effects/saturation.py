@@ -8,5 +8,4 @@ RECOGNISER = Recogniser(
     proven=lambda s: (
         None if s.law.limits is None else {"lo": s.law.limits[0], "hi": s.law.limits[1]}
     ),
-    explains="limits",
 )

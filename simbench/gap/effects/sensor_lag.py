@@ -8,6 +8,6 @@ from simbench.gap.effects._recogniser import Recogniser
 RECOGNISER = Recogniser(
     fit=pole("sensor"),
     numbers=tau,
-    needs="plant",
+    needs=frozenset({"plant"}),
     smallest=lambda probe: probe.pole("sensor"),
 )

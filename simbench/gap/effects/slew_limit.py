@@ -44,5 +44,5 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=lambda fit, s: {"slowness": s.record.Ts / fit.theta["rate"]},
     by_mv=by_mv,
-    needs="plant",
+    needs=frozenset({"plant"}),
 )

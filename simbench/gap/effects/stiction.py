@@ -14,7 +14,6 @@ from simbench.gap.likelihood.search import band_sizes, better, promising, search
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 from simbench.gap.likelihood.valves import friction_regressed
 from simbench.gap.situation import Situation
-from simbench.loop.resolve import friction
 
 _JUMPS = (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)  # shares J/S scanned
 _COARSE_JUMPS = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # the same where MV is recorded
@@ -60,10 +59,7 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     # it takes the place of a valve's missing friction
-    possible=lambda s: not friction(s.baseline),
+    needs=frozenset({"valve without friction"}),
     by_mv=by_mv,
-    by_mv_leaves=0.85,  # friction is only known up to its model; the other maps are exact
     band=lambda p: float(p["S"]),
-    bends_plant=True,
-    initial_op_offset=lambda p: float(p["S"]),
 )

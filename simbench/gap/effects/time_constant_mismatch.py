@@ -8,9 +8,6 @@ from simbench.gap.effects._recogniser import Recogniser, clip
 RECOGNISER = Recogniser(
     fit=released("T", times),
     numbers=lambda fit, s: {"factor": clip(fit.theta["T"] / s.data.T, 0.05, 20.0)},
-    possible=lambda s: not s.integrating,
-    needs="plant",
-    bends_plant=True,
-    replaces="T",
+    needs=frozenset({"plant", "time constant"}),
     smallest=lambda probe: None if probe.engine.data.T == 0 else probe.factor("T"),
 )

@@ -42,6 +42,6 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=lambda fit, s: {"R": clip(fit.theta["R"], 0.01, 100.0)},
     by_mv=by_mv,
-    needs="plant",
+    needs=frozenset({"plant"}),
     smallest=smallest,
 )

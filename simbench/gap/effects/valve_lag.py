@@ -31,6 +31,6 @@ RECOGNISER = Recogniser(
     fit=pole("valve"),
     numbers=tau,
     by_mv=by_mv,
-    needs="plant",
+    needs=frozenset({"plant"}),
     smallest=lambda probe: probe.pole("valve"),
 )

@@ -10,12 +10,13 @@ from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.controller.regression import EXACT
-from simbench.gap.effects import recogniser
+from simbench.gap.effects import is_friction
 from simbench.gap.intake.identify import fit_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import OTHER_LOOP, PLANT_APART
+from simbench.loop.effects import block_of
 
 _OTHER_TUNING = 10.0  # factor in Kc from which the baseline is another loop's, whatever the plant
 
@@ -65,7 +66,7 @@ def refuse_other_plant(s: Situation) -> None:
     if base.loglik >= to_beat:
         return
     # one effect that does nearly as well is enough, and most are cheap
-    for effect in (e for e in possible_effects(s) if recogniser(e).bends_plant):
+    for effect in (e for e in possible_effects(s) if _bends_plant(e)):
         if (
             base.loglik + fit_candidates(engine, base, [effect])[effect].log_likelihood_gain
             >= to_beat
@@ -77,6 +78,11 @@ def refuse_other_plant(s: Situation) -> None:
         f" {control.sign * control.Kc:.3g}, Ti = {control.Ti or np.inf:.3g} s, K = {data.K:.3g} and"
         f" {known * Ts:.3g} s; this is the baseline of another loop"
     )
+
+
+def _bends_plant(effect: str) -> bool:
+    """Return whether PV answers OP as another plant would."""
+    return is_friction(effect) or block_of(effect) == "process"
 
 
 def _apart(ratio: float) -> bool:

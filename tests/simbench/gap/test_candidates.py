@@ -90,7 +90,8 @@ def test_every_effect_of_the_vocabulary_is_recognised_somehow():
     for effect in EFFECTS:
         how = recogniser(effect)
         assert how.fit is not None or how.proven is not recogniser("stiction").proven, effect
-        assert how.needs in ("", "plant", "tuning"), effect
+        known = {"plant", "tuning", "time constant", "valve without friction"}
+        assert how.needs <= known, effect
         assert (how.by_mv is not None) == (block_of(effect) == "valve"), effect
 
 

@@ -222,7 +222,8 @@ def test_what_samples_prove_is_named_though_the_simulation_stays_far(stubs):
     [
         # as near as the simulation's own runs are to each other, or near and unlikely
         ({"drift": 0.9, "none": 0.1}, 0.7, "none"),
-        ({"drift": 0.45, "none": 0.4}, 1.5, "none"),
+        ({"drift": 0.19, "noise": 0.18, "extra_lag": 0.18, "none": 0.15}, 1.5, "none"),
+        ({"drift": 0.45, "none": 0.4}, 1.5, "drift"),
         ({"drift": 0.9, "none": 0.1}, 1.5, "drift"),
         ({"stiction": 0.9, "none": 0.1}, 0.7, "stiction"),
     ],

@@ -7,6 +7,7 @@ import pytest
 
 from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
+from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.model import Data
 from simbench.gap.situation import Archive, Situation, load_memory, through_valve
 from simbench.scenarios.spec import Loop
@@ -69,19 +70,20 @@ def test_a_vessels_time_scale_is_its_loops(K, memory):
 @pytest.mark.parametrize(
     ("archive", "law", "facts"),
     [
-        ({}, {}, {}),
-        ({"rounding": (0.5, "loop")}, {}, {"rounding": "sensor"}),
-        ({"band": 0.1}, {}, {"band": "sensor"}),
-        ({"spikes": (0.01, 2.0, "loop")}, {}, {"spikes": "sensor"}),
-        ({}, {"limits": (0.0, 60.0)}, {"limits": "controller"}),
-        ({}, {"gap": 0.1}, {"gap": "controller"}),
-        ({}, {"step": 0.1}, {"step": "controller"}),
-        ({}, {"tuning": (2.0, 1.0)}, {"tuning": "controller"}),
+        ({}, {}, set()),
+        ({"rounding": (0.5, "loop")}, {}, {"quantisation"}),
+        ({"band": 0.1}, {}, {"compression"}),
+        ({"spikes": (0.01, 2.0, "loop")}, {}, {"outliers"}),
+        ({}, {"limits": (0.0, 60.0)}, {"saturation"}),
+        ({}, {"gap": 0.1}, {"error_deadband"}),
+        ({}, {"step": 0.1}, {"op_quantisation"}),
+        ({}, {"tuning": (2.0, 1.0)}, {"detuning"}),
     ],
 )
-def test_every_fact_has_its_block_and_nothing_shows_where_there_is_none(archive, law, facts):
+def test_every_fact_is_an_effects_and_nothing_shows_where_there_is_none(archive, law, facts):
     s = situation(archive=Archive(**archive), law=Law(0.0, 0.5, 20.0, **law))
-    assert {name: block for name, (block, _) in s.facts.items()} == facts
+    assert set(s.facts) == facts
+    assert all(recogniser(effect).proven(s) for effect in facts - {"op_quantisation"})
     assert s.archive.faithful == (not archive)
 
 

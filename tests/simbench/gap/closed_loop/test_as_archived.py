@@ -83,7 +83,7 @@ def test_what_an_effect_explains_is_left_to_the_effect(record):
     stuck = record.op.copy()
     stuck[stuck > np.quantile(stuck, 0.7)] = np.quantile(stuck, 0.7)
     s = check(replace(record, op=stuck), LOOP)
-    assert "limits" in s.facts
+    assert "saturation" in s.facts
     other = recorded(SHORT, seed=9)
     assert np.array_equal(as_archived(s, other.op, other.pv)[0], other.op)
 

@@ -136,9 +136,9 @@ def test_the_fitted_plant_is_written_in_seconds():
 
 
 def test_a_mismatch_scales_the_stated_number_and_comes_after_what_the_baseline_has():
-    loop = built(
-        effects={"gain_mismatch": {"factor": 0.75}}, had=[{"name": "noise", "factor": 2.0}]
-    )
+    released = fitted_as(spec=Spec(free=frozenset({"K"})))
+    had = [{"name": "noise", "factor": 2.0}]
+    loop = built(released, effects={"gain_mismatch": {"factor": 0.75}}, had=had)
     assert plant_of(loop) == (2.0, 60.0, 10.0)
     assert [e.name for e in loop.effect] == ["noise", "gain_mismatch"]
     assert (loop.sampling.Ts, loop.sampling.n) == (2.02, N)
@@ -184,7 +184,6 @@ def test_noise_that_remembers_is_a_load_on_pv(colour, free, coloured):
         (Spec(walk=True), {}, True),
         (Spec(free=frozenset({"noise_std"})), {}, True),
         (Spec(), {}, False),
-        (Spec(walk=True), {"drift": {"rate": 0.0, "walk": 0.1}}, False),
     ],
 )
 def test_a_slow_load_on_pv_stays_where_the_fit_has_it_apart_from_the_load(spec, effects, kept):

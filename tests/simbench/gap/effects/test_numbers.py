@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from simbench.gap.closed_loop.loop_from_fit import ramped
+from simbench.gap.closed_loop.runs import kick_of
 from simbench.gap.effects import (
     Recogniser,
     load_drift,
@@ -93,23 +95,29 @@ def test_load_steps_are_counted_and_sized_in_percent_of_op():
 )
 def test_jumps_that_the_ordinary_load_may_make_are_ordinary(rest, height, ordinary):
     jumping = fit(K=-0.6, jumps=(100, 200), load=rest, load_jump=height)
-    assert load_steps.ordinary(jumping, fit(load=1.0), beside(TRUSTED)) == ordinary
+    assert plain(load_steps, jumping, TRUSTED) == ordinary
     # of one percent of OP's travel they are those of every day
     jumping = fit(K=-1.01 * height, jumps=(100, 200), load=rest, load_jump=height)
-    assert load_steps.ordinary(jumping, fit(load=1.0), beside(TRUSTED))
+    assert plain(load_steps, jumping, TRUSTED)
     # and so are those that the baseline states, up to half as much again
     stated = SimpleNamespace(**(vars(TRUSTED) | {"loads": {"steps": 2.0}}))
     for size, is_ordinary in ((2.9, True), (3.1, False)):
         jumping = fit(K=-1.0, jumps=(100, 200), load=0.5, load_jump=size)
-        assert load_steps.ordinary(jumping, fit(load=1.0), beside(stated)) is is_ordinary
+        assert plain(load_steps, jumping, stated) is is_ordinary
     # the load of an identified loop is its own
-    assert load_steps.ordinary(jumping, fit(load=1.0), beside(stated, trusted=False))
+    size = load_steps.ordinary(jumping, fit(load=1.0), beside(stated, trusted=False))
+    assert size == pytest.approx(3.1)
 
 
 def beside(data, trusted=True):
     """Return a situation with a record of 1000 samples."""
     record = SimpleNamespace(n=1000, Ts=1.0, duration=1000.0)
     return SimpleNamespace(data=data, record=record, trusted=trusted)
+
+
+def plain(effect, shown, data, **more):
+    """Return whether a fit shows an ordinary load of its kind."""
+    return effect.ordinary(shown, fit(load=1.0), beside(data, **more)) is not None
 
 
 @pytest.mark.parametrize(
@@ -120,14 +128,14 @@ def test_a_load_that_drifts_by_three_percent_of_travel_is_an_ordinary_one(ramp, 
     drifting = SimpleNamespace(beta=np.array([2.0, 0.0, 0.0, 2.0 * ramp]), K=2.0)
     drifting.theta = {"load_walk": walk}
     both = SimpleNamespace(n=2000, K=2.0, loads={}, measured=False)
-    assert load_drift.ordinary(drifting, drifting, beside(both)) is drifts
-    assert load_drift.ordinary(drifting, drifting, beside(both, trusted=False)) is True
+    assert plain(load_drift, drifting, both) is drifts
+    assert plain(load_drift, drifting, both, trusted=False)
     # a baseline that states a drift of five percent allows half as much again
     both.loads = {"slow": 5.0}
-    assert load_drift.ordinary(drifting, drifting, beside(both)) is True
+    assert plain(load_drift, drifting, both)
     # healthy records allow half as much again as they show, and no more
     both.measured, both.loads = True, {"slow": 1.0}
-    assert load_drift.ordinary(drifting, drifting, beside(both)) is False
+    assert not plain(load_drift, drifting, both)
 
 
 @pytest.mark.parametrize("T", [0.0, 20.0])
@@ -241,19 +249,20 @@ def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, placed
 
 def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
     bare = Recogniser()
-    assert (
-        bare.initial_op_offset({"S": 3.0}),
-        bare.mean_op_shift({"rate": 1.0}, 100.0, 2.0),
-        bare.numbers(None, None),
-    ) == (
-        0.0,
-        0.0,
-        {},
-    )
+    assert bare.numbers(None, None) == {}
     assert bare.proven(None) is bare.smallest(None) is bare.ordinary is None
-    assert bare.possible(None)
-    # an exact map leaves little of an ideal valve's misfit, friction most of it
-    assert (bare.by_mv_leaves, recogniser("stiction").by_mv_leaves) == (0.3, 0.85)
+    assert bare.needs == frozenset()
+
+
+def test_only_a_ramp_moves_the_mean_of_op_and_only_a_jump_needs_a_kick():
+    ramps = {"load_drift": {"rate": 0.02, "walk": 3.0}, "drift": {"rate": 0.04, "walk": 3.0}}
+    assert ramped({"load_drift": ramps["load_drift"]}, 100.0, 2.0) == pytest.approx(2.0)
+    # the controller moves OP against a ramp that it takes for PV
+    assert ramped({"drift": ramps["drift"]}, 100.0, 2.0) == pytest.approx(2.0)
+    assert ramped({"drift": ramps["drift"]}, 100.0, np.inf) == 0.0
+    assert ramped({"load_steps": {"rate": 1.0, "size": 2.0}, "noise": {}}, 100.0, 2.0) == 0.0
+    assert kick_of({"S": 3.0, "J": 1.0}) == 3.0
+    assert kick_of({"S": 3.0}) == kick_of({"rate": 1.0}) == 0.0
 
 
 @pytest.mark.parametrize(("noise", "rounding", "band", "drowned"), [
@@ -262,19 +271,24 @@ def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
 def test_noise_is_not_judged_where_rounding_or_compression_makes_some(
     noise, rounding, band, drowned
 ):
-    s = SimpleNamespace(archive=SimpleNamespace(rounding=rounding, band=band))
-    assert recogniser("noise").ordinary(None, None, s) == drowned
+    archive = SimpleNamespace(rounding=rounding, band=band)
+    s = SimpleNamespace(archive=archive, loads_on_pv=[])
+    assert recogniser("noise").ordinary(None, None, s) == (0.0 if drowned else None)
+    # nor where the baseline states a load that does the same
+    s.loads_on_pv = [{"type": "coloured"}]
+    assert recogniser("noise").ordinary(None, None, s) == 0.0
+    assert recogniser("drift").ordinary(None, None, s) == 0.0
 
 
 @pytest.mark.parametrize(("period", "load"), [(110.0, False), (150.0, True)])
 def test_an_oscillation_of_fewer_than_eight_periods_is_an_ordinary_load(period, load):
     sine = fit(K=1.0, linear=(0.6, 0.8), period=period, T=1e-3)
-    plain = {"T": 1.0, "K": 1.0, "sines": ()}
-    s = beside(SimpleNamespace(measured=False, **plain))
-    assert oscillation.ordinary(sine, sine, s) == load
+    of_plant = {"T": 1.0, "K": 1.0, "sines": ()}
+    s = beside(SimpleNamespace(measured=False, **of_plant))
+    assert (oscillation.ordinary(sine, sine, s) is not None) == load
     # and only up to half as far again as healthy records wander
-    s.data = SimpleNamespace(measured=True, loads={"slow": 0.6}, **plain)
-    assert not oscillation.ordinary(sine, sine, s)
+    s.data = SimpleNamespace(measured=True, loads={"slow": 0.6}, **of_plant)
+    assert oscillation.ordinary(sine, sine, s) is None
 
 
 @pytest.mark.parametrize(
@@ -284,6 +298,6 @@ def test_an_oscillation_of_fewer_than_eight_periods_is_an_ordinary_load(period, 
 def test_a_sine_that_the_baseline_states_is_an_ordinary_load(period, amplitude, ordinary):
     stated = SimpleNamespace(T=1.0, K=1.0, sines=((50.0, 3.0),), measured=False)
     sine = fit(K=1.0, T=1e-3, linear=(0.6 * amplitude, 0.8 * amplitude), period=period)
-    assert oscillation.ordinary(sine, sine, beside(stated)) is ordinary
+    assert plain(oscillation, sine, stated) is ordinary
     stated.sines = ()
-    assert oscillation.ordinary(sine, sine, beside(stated)) is False
+    assert not plain(oscillation, sine, stated)
