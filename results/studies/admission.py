@@ -1,0 +1,118 @@
+"""What each rule of the diagnosis is worth on records drawn after it was written: the answers with
+all rules, and without one at a time.
+
+A rule stays only if it changes at least one answer of a hundred, for the better (CONTRIBUTING).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from unittest.mock import patch
+
+import pandas as pd
+from joblib import Parallel, delayed
+from scipy.stats import binomtest
+
+from simbench.detectors.errors import UserError
+from simbench.gap.command import diagnose_files
+from simbench.sealed.withheld.making import Plan, write_item
+from simbench.sealed.withheld.world import OWN, WORLDS
+from simbench.usage import exit_code
+
+OTHER = "results.studies.worlds.refinery"
+LEAST, SURE = 0.01, 0.05  # share of answers that a rule changes, and p of the test
+ALL = "all rules"
+
+
+# each rule, and what stands in its place when it is off
+RULES: dict[str, dict[str, Any]] = {
+    "what any loop does by itself is no evidence": {
+        "simbench.gap.decide.assess._plain": lambda s, base, candidates: {}
+    },
+    "nothing is lacking of a simulation as near as its own runs": {
+        "simbench.gap.decide.posterior.Posterior.enough": lambda self: self
+    },
+    "what is not likely is unknown where the simulation stays far": {
+        "simbench.gap.decide.posterior.Posterior.far": lambda self, times, block: self
+    },
+    "archive and controller may be a sample apart": {
+        "simbench.gap.controller.pi_law.best_aligned": lambda examined, pv, sp: examined(pv, sp)
+    },
+    "a law behind a mean of the archive's": {
+        "simbench.gap.controller.pi_law._Examination._behind_a_mean": lambda self, law: None
+    },
+    "exact terms: derivative, missed executions, frozen sensor": {
+        f"simbench.gap.effects.{name}.shown": lambda s, term: None
+        for name in ("derivative_action", "missed_executions", "frozen_sensor")
+    },
+}
+
+
+@contextmanager
+def without(rule: str) -> Iterator[None]:
+    """Turn one rule off while the block lasts."""
+    with ExitStack() as stack:
+        for name, instead in RULES.get(rule, {}).items():
+            stack.enter_context(patch(name, instead))
+        yield
+
+
+def asked(world: str, seed: int, i: int, entry: dict[str, Any]) -> dict[str, Any]:
+    """Draw one record, and return its truth and the answer with all rules and without each."""
+    item = WORLDS.load(world).draw(seed, i, entry)
+    row: dict[str, Any] = {"true": {item.answer["effect"], item.answer.get("effect2")}}
+    with TemporaryDirectory() as place:
+        record, baseline = write_item(item, Path(place), "record")
+        for rule in (ALL, *RULES):
+            try:
+                with without(rule):
+                    row[rule] = diagnose_files([record], baseline).effect
+            except UserError as error:
+                row[rule] = f"refused: {error}"
+    return row
+
+
+def table(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return of every rule how many answers it changes, how many are right with it alone and
+    without it alone, the one-sided p (McNemar 1947), and whether it stays.
+    """
+    out = []
+    for rule in RULES:
+        pairs = [(row[ALL], row[rule], row["true"]) for row in rows]
+        changed = sum(a != b for a, b, _ in pairs)
+        better = sum(a in true and b not in true for a, b, true in pairs)
+        worse = sum(b in true and a not in true for a, b, true in pairs)
+        p = binomtest(better, better + worse, alternative="greater").pvalue if better + worse else 1
+        stays = changed >= LEAST * len(rows) and p <= SURE
+        out.append((rule, changed, better, worse, f"{p:.3f}", "stays" if stays else "goes"))
+    names = ["rule", "changed", "right with it", "right without", "p", "verdict"]
+    return pd.DataFrame(out, columns=names)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print the table: `python -m results.studies.admission --seed SEED`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m results.studies.admission", description=__doc__
+    )
+    parser.add_argument("--seed", type=int, required=True, help="named after the rule was written")
+    parser.add_argument("-n", type=int, default=150, help="records of each world (150)")
+    parser.add_argument("-j", type=int, default=2, help="processes (2)")
+    given = parser.parse_args(arguments)
+    calls = [
+        delayed(asked)(world, given.seed, i, entry)
+        for world in (OWN, OTHER)
+        for i, entry in enumerate(Plan.of(given.n).entries(list(WORLDS.load(world).FOREIGN)))
+    ]
+    rows = Parallel(n_jobs=given.j)(calls)
+    print(f"{given.n} records of each of two worlds, seed {given.seed}")
+    print(table(list(rows)).to_string(index=False))
+
+
+if __name__ == "__main__":
+    sys.exit(exit_code(main))
