@@ -47,11 +47,12 @@ from simbench.gap.stiction.conclusion import (
     judged,
     without,
 )
-from simbench.gap.stiction.friction import refuse_unweighable, with_sound_valve
+from simbench.gap.stiction.friction import refuse_unweighable
 from simbench.gap.stiction.probability import pooled
 from simbench.gap.stiction.visible import visible
 from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
+from simbench.loop.resolve import friction as friction_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
 
@@ -360,13 +361,14 @@ def report(
     """Turn evidence and simulations into the answer."""
     s = assessment.situation
     shown = None
-    if s.trusted and not loops and weights.friction < DENIED_BELOW:
+    stated = s.trusted and bool(friction_of(s.baseline))
+    if s.trusted and not (loops or stated) and weights.friction < DENIED_BELOW:
         shown = visible([assessment])
         if shown.open:
             weights = weights.with_friction(DENIED_BELOW)
     weights, main, left = _beside_simulations(assessment, weights, runs)
-    if s.trusted and weights.first == UNKNOWN:
-        # what is not known may be friction
+    if s.trusted and (stated or weights.first == UNKNOWN):
+        # what is not known may be friction, and a valve whose friction is stated is not sound
         weights = weights.with_friction(max(weights.friction, DENIED_BELOW))
     named = named_by(weights, assessment)
     lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
@@ -514,7 +516,7 @@ def _notes(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
             " shrinkage is claimed"
         )
-    if s.trusted and with_sound_valve(s.baseline) is not s.baseline:
+    if s.trusted and friction_of(s.baseline):
         notes.append(
             "the loop file's valve has friction: the probability of stiction is that of more"
             " friction than it states"

@@ -32,11 +32,21 @@ from simbench.gap.thresholds import (
     TIGHT_OPEN,
     TIGHT_SURE,
 )
+from simbench.loop.effects import NONE
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 POSITIONER = "positioner"
 STEPPED = "threshold in the controller"
-SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", "none", "cannot tell"
+SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", NONE, "cannot tell"
+_BLOCK = {
+    STICKING: "valve",
+    POSITIONER: "valve",
+    TIGHT: "controller",
+    STEPPED: "controller",
+    AT_LIMIT: "controller",
+    FROM_OUTSIDE: "disturbance",
+    SENSOR: "sensor",
+}
 _CAUSE_OF_FLAG = {
     "saturated": AT_LIMIT,
     "frozen": SENSOR,
@@ -55,6 +65,15 @@ class Cause:
     speaks_for: tuple[str, ...] = ()
     against: tuple[str, ...] = ()
 
+    @property
+    def block(self) -> str:
+        """The block of the loop in which the cause lies, as an effect does."""
+        return _BLOCK.get(self.name, NONE)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the cause in JSON types."""
+        return {**asdict(self), "block": self.block}
+
 
 @dataclass(frozen=True)
 class Causes:
@@ -67,7 +86,7 @@ class Causes:
 
     def as_json(self) -> dict[str, Any]:
         """Return the cause named and those weighed in JSON types."""
-        return {"named": asdict(self.named), "weighed": [asdict(c) for c in self.weighed]}
+        return {"named": self.named.as_json(), "weighed": [c.as_json() for c in self.weighed]}
 
     def as_lines(self) -> list[str]:
         """Return of the likeliest causes what speaks for and against each."""
@@ -75,7 +94,8 @@ class Causes:
         for c in self.weighed[:4]:
             said = {"for": c.speaks_for, "against": c.against}
             parts = [f"{side}: {'; '.join(why)}" for side, why in said.items() if why]
-            lines.append(f"  {c.name} ({c.confidence:.2f}): {'. '.join(parts)}.")
+            where = "" if c.block in (NONE, c.name) else f"{c.block}, "
+            lines.append(f"  {c.name} ({where}{c.confidence:.2f}): {'. '.join(parts)}.")
         return lines
 
 

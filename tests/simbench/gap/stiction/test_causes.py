@@ -15,6 +15,7 @@ from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.gap.stiction.causes import find_causes
 from simbench.gap.stiction.margins import margins
+from simbench.loop.effects import BLOCKS
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -118,3 +119,11 @@ def test_a_better_fit_with_friction_is_no_evidence_against_it(gain, side):
     (said,) = getattr(cause, side)
     assert ("better" in said) == (gain > 0)
     assert len(cause.speaks_for) + len(cause.against) == 1
+
+
+def test_a_cause_lies_in_a_block_of_the_loop():
+    names = {causes.STICKING: "valve", causes.TIGHT: "controller", causes.SENSOR: "sensor"}
+    names |= {causes.FROM_OUTSIDE: "disturbance", causes.NO_CAUSE: "none", causes.NOT_TOLD: "none"}
+    assert {name: causes.Cause(name, 0.5).block for name in names} == names
+    assert {causes.Cause(n, 0.5).block for n in causes._BLOCK} < set(BLOCKS)
+    assert causes.Cause(causes.TIGHT, 0.5).as_json()["block"] == "controller"
