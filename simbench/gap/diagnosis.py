@@ -415,29 +415,44 @@ def _beside_simulations(
 ) -> tuple[Posterior, Shrinkage, tuple[Remaining, ...]]:
     """Return the posterior beside simulations with its answer, what they close, and what remains.
 
-    An effect that is likelier than not is named, however far they are. Where none is, something
-    unknown is lacking of a simulation that stays far, and nothing of one that is near without it
-    and has no effect of which less may be denied.
+    An effect that is likelier than not, or that law or samples show, is named however far they are.
     """
     named = named_by(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
-    likely = weights.first in EFFECTS and weights.probability[weights.first] > LIKELIER
-    sure = assessment.shown(named[0]) or is_friction(named[0])
-    as_near = main.before <= main.floor and not sure
-    unlikely = weights.probability[weights.first] < DENIED_BELOW
-    near = within_reach(main.before, main.plant_floor) and unlikely
-    if named[0] in EFFECTS and not known_by(assessment.rows) and (as_near or near):
-        weights = weights.enough()
-        main = runs.shrink([e for e in named_by(weights, assessment) if e in EFFECTS])
-    left = remaining(assessment.situation, main.features)
-    settled = likely or weights.first == UNKNOWN or known_by(assessment.rows)
-    denied = is_friction(weights.first) and weights.friction < DENIED_BELOW
-    if not settled and (denied or not within_reach(main.after, main.plant_floor)):
-        block = left[0].block if left else "disturbance"
-        weights = weights.far(main.after / (NEAR * main.plant_floor), block)
-        main = runs.shrink([])
-        left = remaining(assessment.situation, main.features)
-    return weights, main, left
+    if not known_by(assessment.rows):
+        if _near_without(assessment, weights, main):
+            weights = weights.enough()
+            main = runs.shrink([e for e in named_by(weights, assessment) if e in EFFECTS])
+        if _unexplained(weights, main):
+            far = remaining(assessment.situation, main.features)
+            block = far[0].block if far else "disturbance"
+            weights = weights.far(main.after / (NEAR * main.plant_floor), block)
+            main = runs.shrink([])
+    return weights, main, remaining(assessment.situation, main.features)
+
+
+def _near_without(assessment: Assessment, weights: Posterior, main: Shrinkage) -> bool:
+    """Return whether the simulation needs no effect: it is as near as its own runs, and PV alone
+    speaks for one without friction; or it is near the record, and no effect has a probability of
+    which less is denied.
+    """
+    first = weights.first
+    if first not in EFFECTS:
+        return False
+    if weights.probability[first] < DENIED_BELOW:
+        return within_reach(main.before, main.plant_floor)
+    return main.before <= main.floor and not (assessment.shown(first) or is_friction(first))
+
+
+def _unexplained(weights: Posterior, main: Shrinkage) -> bool:
+    """Return whether something unknown is lacking: nothing is likelier than not, and the simulation
+    stays far from the record, or the likeliest is friction that is denied.
+    """
+    first = weights.first
+    if first == UNKNOWN or (first != NONE and weights.probability[first] > LIKELIER):
+        return False
+    denied = is_friction(first) and weights.friction < DENIED_BELOW
+    return denied or not within_reach(main.after, main.plant_floor)
 
 
 def _ranking(

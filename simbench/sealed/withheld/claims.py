@@ -29,7 +29,8 @@ def true_shrinkages(
     here: Circumstances,
     world: str,
 ) -> list[dict[str, Any]]:
-    """Return claimed and true shrinkage of the answer's best candidates.
+    """Return claimed and true shrinkage of the answer's best candidates, and of the named one
+    whether its interval covers the true one.
 
     Before: the true loop without its effect. After: the same with the claimed one; what no world
     draws is passed over.
@@ -76,10 +77,21 @@ def true_shrinkages(
                 "effect": effect,
                 "right": effect in group,
                 "claimed": claimed,
-                "true": float(np.clip(true, -1.0, 1.0)),
+                "true": (true := float(np.clip(true, -1.0, 1.0))),
+                "covered": _covered(effect, true, answer),
             }
         )
     return rows
+
+
+def _covered(effect: str, true: float, answer: Mapping[str, Any]) -> bool | None:
+    """Return whether the interval that is claimed of the named effect alone holds the true share;
+    None of any other.
+    """
+    interval = answer.get("shrinkage")
+    if [e["effect"] for e in answer.get("effects") or []] != [effect] or not interval:
+        return None
+    return bool(interval["lo"] <= true <= interval["hi"])
 
 
 def _scale_of(baseline: Mapping[str, Any], sp_moves: bool) -> Scale:

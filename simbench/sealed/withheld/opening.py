@@ -19,7 +19,7 @@ from simbench.progress import Progress
 from simbench.scenarios.spec import read_toml
 from simbench.sealed.withheld.answering import COST, MOST_TESTS, answers_after
 from simbench.sealed.withheld.claims import true_shrinkages
-from simbench.sealed.withheld.levels import Figure, Share, by_effect, levels, median, rank
+from simbench.sealed.withheld.levels import Figure, Share, by_effect, levels, median, rank, share
 from simbench.sealed.withheld.outcomes import write_whole
 from simbench.sealed.withheld.picture import confusion, draw
 from simbench.sealed.withheld.score import judge_record, true_circumstances
@@ -194,7 +194,7 @@ def _cell(value: str) -> Any:
     return value
 
 
-def _claim_figures(claims: pd.DataFrame) -> list[Figure]:
+def _claim_figures(claims: pd.DataFrame) -> list[Share | Figure]:
     if len(claims) < 3:
         return []
     best = claims.groupby(["id", "right"]).true.max().unstack().reindex(columns=[True, False])
@@ -207,6 +207,9 @@ def _claim_figures(claims: pd.DataFrame) -> list[Figure]:
         ),
         median("re-simulated shrinkage of the true group, median", best[True]),
         median("re-simulated shrinkage of the best wrong group, median", best[False]),
+        share(
+            "90 % interval of the claim covers the re-simulated shrinkage", claims.covered.dropna()
+        ),
     ]
 
 

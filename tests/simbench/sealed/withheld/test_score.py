@@ -295,6 +295,13 @@ def test_a_true_claim_closes_the_gap_when_simulated_again_and_a_false_one_does_n
     rows = true_shrinkages(item.answer, answer, record, item.baseline, FACTS, "own")
     assert {r["effect"]: r["right"] for r in rows} == {"gain_mismatch": True, "compression": False}
     true = {r["effect"]: r["true"] for r in rows}
+    # an interval is claimed of the named effect alone
+    assert {r["effect"]: r["covered"] for r in rows}["compression"] is None
+    for lo, covered in ((0.5, True), (1.1, False)):
+        answer["effects"] = [{"effect": "gain_mismatch"}]
+        answer["shrinkage"] = {"value": 0.9, "lo": lo, "hi": 1.2}
+        again = true_shrinkages(item.answer, answer, record, item.baseline, FACTS, "own")
+        assert {r["effect"]: r["covered"] for r in again}["gain_mismatch"] is covered
     assert true["gain_mismatch"] > 0.7
     assert true["compression"] < 0.3
     assert item.baseline["plant"]["K"] == item.answer["case"]["nominal"][0]
