@@ -101,10 +101,3 @@ def by_sums(
     rests = (out - X @ beta, min(bases, key=about_zero))
     left = (max(float(np.quantile(np.abs(r), 0.98)) / (0.5 * step) - 1.1, 0.0) for r in rests)
     return LawFit(float(beta[0] + beta[1]), float(-beta[0]), *left, np.empty(0, dtype=int))
-
-
-def with_derivative(du: np.ndarray, e: np.ndarray, rows: np.ndarray, size: float) -> float:
-    """Return what a law with filtered derivative leaves of dOP."""
-    X = np.column_stack([e[3:], e[2:-1], e[1:-2], e[:-3], du[1:-1], du[:-2]])
-    X, y = X[rows[2:]], du[2:][rows[2:]]
-    return about_zero(y - X @ solved_by_most(X, y)) / size

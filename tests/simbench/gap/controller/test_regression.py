@@ -8,7 +8,6 @@ from simbench.gap.controller.regression import (
     by_steps,
     by_sums,
     spread,
-    with_derivative,
 )
 
 N = 2000
@@ -88,14 +87,3 @@ def test_after_each_stay_at_a_limit_the_sum_begins_anew():
     op[1201:] -= 3.0
     fit = by_sums(op, E, inside, KC, KI, 0.01)
     assert (fit.a, fit.b, fit.residual) == pytest.approx((KC + KI, -KC, 0.0))
-
-
-@pytest.mark.parametrize("filter_", [0.0, 0.6])
-def test_a_filtered_derivative_is_a_law_and_chance_is_none(filter_):
-    bend, d = np.diff(E, 2, prepend=[E[0], E[0]]), np.zeros(N)
-    for k in range(1, N):
-        d[k] = filter_ * d[k - 1] + 3.0 * bend[k]
-    du = (KC * np.diff(E, prepend=E[0]) + KI * E + d)[1:]
-    assert with_derivative(du, E, ROWS, spread(du)) < 1e-6
-    chance = np.random.default_rng(3).permutation(du)
-    assert with_derivative(chance, E, ROWS, spread(du)) > 0.8
