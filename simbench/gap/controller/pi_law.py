@@ -26,7 +26,7 @@ from simbench.gap.controller.regression import (
     by_sums,
     spread,
 )
-from simbench.gap.controller.standstill import error_gap, limits_of
+from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.gap.sensor.samples import exception_band
 
 # the law is also taken as known if its residual is below this multiple of what rounding explains
@@ -243,6 +243,13 @@ class _Examination:
         if not trusted:
             reason = "" if self.exact else "the recorded PV does not explain OP through a PI law"
             return replace(law, reason=reason, strays=np.empty(0, dtype=int))
+        unit = max(self.op_is.unit, self.op_is.step)
+        # no withheld world draws missed executions; without this they are called outliers
+        if self.plain and skips_scans(self.op, self.e, self._error_at, self.told, self.size, unit):
+            return replace(
+                law,
+                foreign="OP stands still where the law would move it: the controller skips scans",
+            )
         return self._known(law) if self.exact else self._hidden(law)
 
     def _fit(self) -> None:
@@ -356,6 +363,10 @@ class _Examination:
         if i >= stated:
             return self._tuned(law, *tunings[i])
         return replace(law, Kc=Kc, Ti=self.Ti or np.inf)
+
+    def _error_at(self, runs: np.ndarray) -> np.ndarray:
+        """Return the error of a controller that knows of no samples but its `runs`."""
+        return self.acts.error(self.op[runs], self.pv[runs], self.level[runs])
 
     def _seen(self, a: float, b: float) -> np.ndarray | None:
         pv = recover_pv(self.op, self.e, self.pv, self.inside, a, b, self.Ti is None)

@@ -4,7 +4,11 @@ controller was not executed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+
+from simbench.gap.controller.regression import EXACT, about_zero, by_steps, solved_by_most
 
 # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else: without
 # it one of 11 limits in 164 records is overlooked
@@ -73,3 +77,34 @@ def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     wrong = np.count_nonzero(still != (reach <= edge))
     agree = 1.0 - wrong / max(min(still.sum(), (~still).sum()), 1)
     return 2.0 * float(edge) if agree > _SEPARATED else 0.0
+
+
+def skips_scans(
+    op: np.ndarray,
+    e: np.ndarray,
+    error_at: Callable[[np.ndarray], np.ndarray],
+    free: np.ndarray,
+    size: float,
+    unit: float,
+) -> bool:
+    """Return whether OP rests exactly in some `free` changes (n - 1,) and obeys a PI law from one
+    move to the next; `error_at` gives the errors at the samples in which the controller ran.
+    """
+    still = np.diff(op) == 0.0
+    by_chance = min(unit / (2.5 * size), 1.0)  # that a rounded OP repeats itself
+    if (still & free).sum() < max(5.0, 3.0 * by_chance * free.sum()):
+        return False
+    moves = np.append(0, np.flatnonzero(~still) + 1)
+    if moves.size < 30:
+        return False
+    of_runs = error_at(moves)
+    du, now, before = np.diff(op[moves]), of_runs[1:], of_runs[:-1]
+    rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
+    every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)
+    X, y = np.column_stack([now, before])[rows], du[rows]
+    off = np.abs(y - X @ solved_by_most(X, y)) / (about_zero(y) or 1.0)
+    # nearly every move obeys; over all samples the standstills stay unexplained
+    unexplained = (
+        np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()
+    )
+    return bool(np.quantile(off, 0.8) < EXACT and (every.residual > EXACT or unexplained))

@@ -225,3 +225,16 @@ def test_a_law_is_known_up_to_three_hundredths_of_what_op_does(share, known):
     # beyond that only a mean taken by the archive could explain it
     assert (result.known and not result.averaged) == known
     assert result.residual == pytest.approx(share, rel=0.15)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.75])
+def test_missed_scans_are_recognised_by_the_law_between_the_moves(share):
+    r = record()
+    e, op = r.sp - r.pv, np.full(r.n, 50.0)
+    skip, last = np.random.default_rng(4).random(r.n) < share, 0
+    for k in range(1, r.n):
+        op[k] = op[k - 1]
+        if not skip[k]:
+            op[k] += 0.6 * (e[k] - e[last]) + 0.6 / 18 * e[k]
+            last = k
+    assert "skips scans" in law(replace(r, op=op)).foreign

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from simbench.gap.controller.standstill import error_gap, limits_of
+from simbench.gap.controller.regression import spread
+from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 
 
 @pytest.mark.parametrize(
@@ -60,6 +61,53 @@ def test_a_dead_band_is_where_op_rests_and_nowhere_else(wrong, limited):
 def test_an_error_of_exactly_nothing_has_no_dead_band():
     op, e = rest(100, 1000)
     assert error_gap(op, np.where(np.abs(e) < 1.0, 0.0, e), np.ones(999, dtype=bool)) == 0.0
+
+
+def scans(missed, n=1000, noise=0.0, Kc=0.8, Ki=0.05):
+    """Return OP of a PI controller that misses scans, each move counted from the last one; its
+    error, and its moves' size.
+    """
+    rng = np.random.default_rng(2)
+    e, op, last = np.cumsum(rng.standard_normal(n)) * 0.1, np.full(n, 50.0), 0
+    skip = np.isin(np.arange(n), rng.choice(np.arange(1, n), missed, replace=False))
+    for k in range(1, n):
+        op[k] = op[k - 1]
+        if not skip[k]:
+            op[k] += (Kc * (e[k] - e[last]) + Ki * e[k]) * (1.0 + noise * rng.standard_normal())
+            last = k
+    return op, e, spread(np.diff(op)) or float(np.std(np.diff(op)))
+
+
+@pytest.mark.parametrize(
+    ("missed", "skips"), [(0, False), (4, False), (6, True), (300, True), (450, True)]
+)
+def test_a_controller_that_misses_a_few_scans_obeys_its_law_from_move_to_move(missed, skips):
+    op, e, size = scans(missed)
+    inside = np.ones(op.size, dtype=bool)
+    assert skips_scans(op, e, e.take, inside[1:] & inside[:-1], size, 0.0) == skips
+    # standstills at a limit are none
+    still = np.append(False, np.diff(op) == 0.0)
+    assert not skips_scans(op, e, e.take, ~still[1:], size, 0.0)
+
+
+@pytest.mark.parametrize(("n", "skips"), [(38, False), (44, True)])
+def test_a_law_from_move_to_move_wants_thirty_moves(n, skips):
+    op, e, size = scans(10, n=n)
+    assert skips_scans(op, e, e.take, np.ones(n - 1, dtype=bool), size, 0.0) == skips
+
+
+@pytest.mark.parametrize(("noise", "skips"), [(0.01, True), (0.08, False)])
+def test_moves_that_obey_no_law_are_no_missed_scans(noise, skips):
+    op, e, size = scans(300, noise=noise)
+    assert skips_scans(op, e, e.take, np.ones(op.size - 1, dtype=bool), size, 0.0) == skips
+
+
+@pytest.mark.parametrize(("unit", "skips"), [(0.0, True), (0.05, True), (0.5, False)])
+def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, skips):
+    # a unit of 2.5 sizes repeats itself all the time; three times as many as chance brings are
+    # wanted
+    op, e, size = scans(300)
+    assert skips_scans(op, e, e.take, np.ones(op.size - 1, dtype=bool), size, unit * size) == skips
 
 
 @pytest.mark.parametrize(("rests", "limited"), [(0, True), (60, False)])
