@@ -32,6 +32,7 @@ n = 1200
 [noise]
 std = 0.1
 """
+FRICTION = {"stiction", "deadband"}
 CONCLUSION = {"verdict", "probability", "cause", "reason", "next", "notes"}
 VERDICT = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 EFFECTS = {
@@ -353,6 +354,7 @@ def test_gap_diagnose(answer, place):
         "effects",
         "group",
         "ranking",
+        "set",
         "gap",
         "shrinkage",
         "remaining",
@@ -389,7 +391,12 @@ def test_gap_diagnose(answer, place):
         "floor",
         "resolvable",
         "plant_floor",
+        "near",
     }
+    assert answered["ranking"][0]["effect"] == answered["effect"]
+    friction = [r["probability"] for r in answered["ranking"] if r["effect"] in FRICTION]
+    assert sum(friction) == pytest.approx(answered["conclusion"]["probability"])
+    assert answered["set"][0] == answered["effect"]
     assert set(answered["shrinkage"]) == {"value", "lo", "hi"}
     assert set(answered["blocks"]) == set(EFFECTS)
     assert sum(answered["blocks"].values()) == pytest.approx(1.0)

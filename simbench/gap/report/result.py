@@ -177,7 +177,6 @@ class GapReport:
             "next_test": self.next_test,
             "notes": list(self.notes),
             PROBABILITY: self.probability_of_stiction,
-            **self.conclusion.sizes_json(),
             "conclusion": self.conclusion.as_json(),
         }
 

@@ -93,10 +93,6 @@ class Conclusion:
         known = {k: v for k, v in asdict(self).items() if k not in ("S", "J")}
         return {**known, "notes": [*self.notes]}
 
-    def sizes_json(self) -> dict[str, Any]:
-        """Return S and J with their intervals in JSON types."""
-        return {name: None if (x := getattr(self, name)) is None else asdict(x) for name in "SJ"}
-
     def sentence(self) -> str:
         """Return verdict, probability and cause in one line."""
         p = "unknown" if self.probability is None else f"{self.probability:.2f}"

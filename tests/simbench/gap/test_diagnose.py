@@ -87,8 +87,6 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "next_test",
         "notes",
         "probability_of_stiction",
-        "S",
-        "J",
         "conclusion",
     }
     assert set(report["effects"][0]) == {"block", "effect", "parameters", "probability"}
