@@ -16,7 +16,6 @@ from simbench.detectors.errors import ParameterError, RecordError, printable
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
-from simbench.gap.closed_loop.gap import within_reach
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import left_out
 from simbench.gap.intake.partial import Partial, read_baseline
@@ -176,7 +175,7 @@ def plan_files(
 def _far(report: GapReport, probability: Mapping[str, float]) -> str:
     """Return what is to be known first where no known effect brings the model near the record."""
     gap = report.gap
-    if within_reach(gap.after, gap.plant_floor):
+    if gap.near:
         return ""
     return (
         f"The model is far from the record, even corrected: its gap is {gap.after:.2f},"

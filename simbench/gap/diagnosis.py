@@ -394,7 +394,6 @@ def report(
             main.floor,
             main.resolvable,
             main.plant_floor,
-            within_reach(main.after, main.plant_floor),
         ),
         shrinkage=_shrinkage(main, named),
         remaining=left,

@@ -26,7 +26,18 @@ from simbench.gap.thresholds import NEAR
 from simbench.scenarios.spec import Loop
 from simbench.worked import worked
 
-_HEAD = ("record", "effect", "block", "probability", "gap", "after", "floor", "plant", "valve")
+_HEAD = (
+    "record",
+    "effect",
+    "block",
+    "probability",
+    "gap",
+    "after",
+    "floor",
+    "plant",
+    "near",
+    "valve",
+)
 _FLOORS = {"floor": "the simulation", "plant_floor": "the plant"}
 
 
@@ -100,7 +111,8 @@ class FolderDiagnosis:
             gap, valve = a["gap"], a["conclusion"]["verdict"]
             sizes = (f"{gap[key]:.2f}" for key in ("before", "after", "floor", "plant_floor"))
             p = f"{a['effects'][0]['probability']:.2f}"
-            rows.append((name, words(a["effect"]), a["block"], p, *sizes, WORDS[valve]))
+            near = "yes" if gap["near"] else "no"
+            rows.append((name, words(a["effect"]), a["block"], p, *sizes, near, WORDS[valve]))
         return "\n".join(
             [
                 self._counted(),
@@ -132,7 +144,7 @@ class FolderDiagnosis:
         lines = [
             f"{name}: {Remaining.from_json(a['remaining'][0]).sentence()}"
             for name, a in self.answers.items()
-            if a["remaining"] and not within_reach(a["gap"]["after"], a["gap"]["plant_floor"])
+            if a["remaining"] and not a["gap"]["near"]
         ]
         head = ["", "The plainest difference that remains where the gap does:"]
         return [*head, *lines] if lines else []

@@ -20,7 +20,6 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
-from simbench.gap.closed_loop.gap import within_reach
 from simbench.gap.closed_loop.gap_text import apart
 from simbench.gap.closed_loop.level import WITHIN, run_with_seeds
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop, ramped
@@ -249,7 +248,7 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
     if report.effect == UNKNOWN:
         # of 29 such answers 23 were right, but some of the others by a factor of twenty
         why = [f"something in the {report.block} block is missing that no known effect explains"]
-    elif not s.trusted and not within_reach(report.gap.after, report.gap.plant_floor):
+    elif not s.trusted and not report.gap.near:
         distance = apart(report.gap.after, report.gap.plant_floor)
         why = [f"simulations of the identified loop are {distance}"]
     elif len(pairs) < (1.0 - _SHARE) * len(drawn):

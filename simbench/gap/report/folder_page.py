@@ -60,6 +60,7 @@ def _table(answers: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
                 "gap as given": gap["before"],
                 "gap corrected": gap["after"],
                 "parts of the record": gap["plant_floor"],
+                "near": "yes" if gap["near"] else "no",
                 "valve": WORDS[valve["verdict"]],
                 "probability of stiction": valve["probability"],
                 "reason": valve["reason"],

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
-from simbench.gap.closed_loop.gap import Shrinkage
+from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
@@ -79,7 +79,11 @@ class Gap:
     floor: float
     resolvable: bool
     plant_floor: float
-    near: bool = False  # `after` is within 1.5 plant floors
+
+    @property
+    def near(self) -> bool:
+        """Whether the simulation is near the record, with the answer in it."""
+        return within_reach(self.after, self.plant_floor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +174,7 @@ class GapReport:
             "group": list(self.group),
             "ranking": [r.as_json() for r in self.ranking],
             "set": list(self.set),
-            "gap": asdict(self.gap),
+            "gap": {**asdict(self.gap), "near": self.gap.near},
             "shrinkage": self.shrinkage,
             "remaining": [one.as_json() for one in self.remaining],
             "blocks": self.blocks,

@@ -21,6 +21,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.files import write_record
 from simbench.gap import command
+from simbench.gap.report.result import Gap
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 
@@ -258,7 +259,7 @@ def test_a_plan_is_made_of_an_identified_loop_and_says_first_that_a_model_is_far
     first = planned["tests"][0]["id"] if planned["tests"] else None
     assert first == (None if advised is None else advised["test"])
     assert "far from the record" not in planned["why"]
-    monkeypatch.setattr(command, "within_reach", lambda gap, floor: False)
+    monkeypatch.setattr(Gap, "near", False)
     assert main(["gap", "plan", record, "--identify"]) == 0
     assert capsys.readouterr().out.startswith("The model is far from the record")
     assert main(["gap", "plan", record]) == 2

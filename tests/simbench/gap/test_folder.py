@@ -64,7 +64,7 @@ def test_several_folders_are_one_table_in_which_no_record_stands_twice(folder, t
 
 
 def test_a_folder_says_how_near_its_simulations_come_and_what_remains():
-    gap = {"before": 4.0, "after": 1.4, "floor": 0.8, "plant_floor": 1.0}
+    gap = {"before": 4.0, "after": 1.4, "floor": 0.8, "plant_floor": 1.0, "near": True}
     rest = {
         "feature": "kurtosis of PV", "block": "sensor", "recorded": 9.0, "simulated": [2.0, 3.0],
         "distance": 7.0,
@@ -73,12 +73,13 @@ def test_a_folder_says_how_near_its_simulations_come_and_what_remains():
         "effect": "unknown", "block": "sensor", "effects": [{"probability": 0.6}], "gap": gap,
         "remaining": [rest], "conclusion": {"verdict": "no_stiction"},
     }  # fmt: skip
-    far = answer | {"gap": gap | {"after": 1.6}}
+    far = answer | {"gap": gap | {"after": 1.6, "near": False}}
     lines = FolderDiagnosis({"A": answer, "B": far}, {}).as_text().splitlines()
     assert lines[1:3] == [
         "Within 1.5 floors of the simulation: 0.00 of the records before, 0.00 after.",
         "Within 1.5 floors of the plant: 0.00 of the records before, 0.50 after.",
     ]
+    assert [line.split()[8] for line in lines[4:7]] == ["near", "yes", "no"]
     assert lines[-1] == "B: sensor: kurtosis of PV is 9, simulated 2 to 3"
     assert not any(line.startswith("A: ") for line in lines)
 

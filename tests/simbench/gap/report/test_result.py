@@ -55,7 +55,7 @@ def report(
     block="valve",
     effects=(STUCK,),
     *,
-    gap=(4.0, 3.5, 1.25, 0.8, True, 0.9, True),
+    gap=(4.0, 3.5, 1.25, 0.8, True, 0.9),
     value=0.859,
     **more,
 ):
@@ -96,7 +96,7 @@ def test_an_effect_is_named_with_its_probability_and_how_near_it_brings_the_simu
         " Near the record: yes."
     )
     assert report().sentence() == f"{lacks}. {near}"
-    wider = report(value=-0.25, gap=(4.0, 3.5, 4.8, 0.8, True, 0.8, False))
+    wider = report(value=-0.25, gap=(4.0, 3.5, 4.8, 0.8, True, 0.8))
     assert wider.nearness().endswith("apart). Near the record: no.")
     assert wider.as_json()["gap"]["near"] is False
     both = report(effects=(STUCK, COARSE)).answer()
@@ -180,7 +180,7 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
 
 
 def test_every_gap_is_printed_once():
-    text = report(gap=(4.11, 3.52, 1.23, 0.84, True, 0.95, True)).as_text()
+    text = report(gap=(4.11, 3.52, 1.23, 0.84, True, 0.95)).as_text()
     assert [text.count(size) for size in ("4.11", "3.52", "1.23", "0.84", "0.95")] == [1] * 5
 
 
@@ -188,7 +188,7 @@ def test_a_terminal_shows_what_cannot_be_distinguished_and_when_nothing_can_be_c
     ranking = (*RANKING[:1], Ranked("deadband", "valve", 0.03, None, None, {}), *RANKING[1:])
     text = report(
         group=("deadband", "stiction"),
-        gap=(1.0, 1.0, 1.0, 0.8, False, 0.8, True),
+        gap=(1.0, 1.0, 1.0, 0.8, False, 0.8),
         value=None,
         blocks=dict.fromkeys(SHARES, 0.0),
         ranking=ranking,
