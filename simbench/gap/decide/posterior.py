@@ -119,34 +119,47 @@ def posterior(
     residual test, a half where it just fails; while none fails it is not the first.
     """
     known, nats = known_by(rows), nats_of(rows)
+    apart = friction is not None
     # what is known takes the place of none: it is in every model
     alone, least = (known[0], SECOND_NATS) if known else (NONE, LEAST_NATS)
-    others = {e: g for e, g in nats.items() if e != alone}
-    chances = softmax(TEMPERATURE * np.array([*others.values(), least]))
-    p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0)
-    p |= {e: float(x) for e, x in zip((*others, alone), chances)}
-    chances = softmax(TEMPERATURE * np.array([*on_top.values(), SECOND_NATS]))
-    beside = dict(zip(on_top, map(float, chances)))
-    weighed, sticks = friction, any(map(is_friction, (*nats, *on_top)))
-    if friction is None:
-        friction = sum(v for e, v in p.items() if is_friction(e))
+    others = {e: g for e, g in nats.items() if e != alone and not (apart and is_friction(e))}
+    bands = {e: g for e, g in nats.items() if is_friction(e)}
+    p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | _shares(others, alone, least)
+    beside = _shares(on_top, alone, SECOND_NATS)
+    share = friction or 0.0
+    if not apart:
+        share = sum(v for e, v in p.items() if is_friction(e))
         if not known:
-            friction += sum(p[first] * x for e, x in beside.items() if is_friction(e))
-        friction = min(max(friction, 1.0 - EDGE), EDGE)
+            share += sum(p[first] * x for e, x in beside.items() if is_friction(e))
+        share = min(max(share, 1.0 - EDGE), EDGE)
     if known:
         for e in others:
             p[alone] += (1.0 - OF_TWO) * p[e]
             p[e] *= OF_TWO
+    elif apart and is_friction(first):
+        # beside friction, whose share is its own, the others are what they bring on top of it too
+        p = {e: (1.0 - OF_TWO) * v + OF_TWO * beside.get(e, 0.0) for e, v in p.items()}
     else:
         whole = p[first]
-        for e, x in beside.items():
-            p[first] -= OF_TWO * whole * x
-            p[e] += OF_TWO * whole * x
+        for e in on_top:
+            p[first] -= OF_TWO * whole * beside[e]
+            p[e] += OF_TWO * whole * beside[e]
     ratio, block = worst_test
     q, best = doubt(ratio), max(p.values())
     if ratio < 1.0 or known:
         q = min(q, EDGE * best / (1.0 + best))
-    out = Posterior({e: (1.0 - q) * v for e, v in p.items()} | {UNKNOWN: q}, block)
-    if weighed is not None:
-        return out.with_friction(weighed)
-    return out.with_friction(friction * (1.0 - q)) if sticks else out
+    p = {e: (1.0 - q) * v for e, v in p.items()} | {UNKNOWN: q}
+    if apart and bands:
+        weights = softmax(TEMPERATURE * np.array(list(bands.values())))
+        p |= {e: float(x) for e, x in zip(bands, weights)}
+    out = Posterior(p, block)
+    if apart:
+        return out.with_friction(share)
+    sticks = any(map(is_friction, (*nats, *on_top)))
+    return out.with_friction(share * (1.0 - q)) if sticks else out
+
+
+def _shares(nats: Mapping[str, float], alone: str, least: float) -> dict[str, float]:
+    """Return the probability of each effect, and of none of them, which has the `least` nats."""
+    chances = softmax(TEMPERATURE * np.array([*nats.values(), least]))
+    return {e: float(x) for e, x in zip((*nats, alone), chances)}

@@ -138,6 +138,21 @@ def test_friction_has_the_probability_that_it_is_given_and_nats_divide_it():
     assert np.log(odds) == pytest.approx(4.0 * TEMPERATURE)
 
 
+def test_friction_that_is_weighed_apart_takes_nothing_from_the_odds_of_the_others():
+    """However well it fits PV, what it does not explain is not left to unknown."""
+    w = posterior(rows(stiction=300.0, drift=2.0), "drift", {}, SOUND, 0.2)
+    assert w.friction == pytest.approx(0.2)
+    assert w.first == NONE
+    assert w.probability[UNKNOWN] < 0.02
+    odds = w.probability[NONE] / w.probability["drift"]
+    assert np.log(odds) == pytest.approx(TEMPERATURE * (LEAST_NATS - 2.0))
+    # of a likely one the second effect follows by what it brings on top
+    on_top = {"drift": 90.0, "noise": 3.0}
+    sure = posterior(rows(stiction=300.0, drift=2.0, noise=2.0), "stiction", on_top, SOUND, 0.97)
+    ranking = sorted(EFFECTS, key=lambda e: -sure.probability[e])
+    assert ranking[:2] == ["stiction", "drift"]
+
+
 def test_friction_keeps_its_probability_where_its_gains_are_too_low_for_numbers():
     w = weighed(friction=0.01, stiction=-1e6, deadband=-1e5, noise=9.0)
     assert w.friction == pytest.approx(0.01)
