@@ -13,7 +13,9 @@ from simbench.detectors.signal.lattice import written, written_unit
 from simbench.detectors.signal.lines import on_line
 from simbench.gap.controller.pid_law import Stated
 from simbench.gap.controller.recovered_pv import (
+    FAITHFUL,
     MEAN_OVER,
+    ROUNDED,
     hidden_law,
     recover_pv,
     rest_of_mean,
@@ -41,6 +43,7 @@ _HALF = 0.5  # share of OP's moves above which such rounding explains too much t
 LAW_ROWS = 60  # changes of OP and PV, stored and in automatic, enough to see the law
 _LOUD = 5.0  # bands of OP, of which an archive by exception misses none under another tuning either
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
+_FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 # half steps of a coarse OP beyond half a step, below which a law explains OP: at .03 two of 164
 # records lose theirs
 _NEAR = 0.25
@@ -244,7 +247,6 @@ class _Examination:
             reason = "" if self.exact else "the recorded PV does not explain OP through a PI law"
             return replace(law, reason=reason, strays=np.empty(0, dtype=int))
         unit = max(self.op_is.unit, self.op_is.step)
-        # no withheld world draws missed executions; without this they are called outliers
         if self.plain and skips_scans(self.op, self.e, self._error_at, self.told, self.size, unit):
             return replace(
                 law,
@@ -311,12 +313,15 @@ class _Examination:
         return law
 
     def _hidden(self, law: Law) -> Law:
-        """Return a law that the recorded PV does not show: that behind a mean of the archive's, or
-        none.
+        """Return a law that the recorded PV does not show: another controller, or another PV than
+        the archive's.
         """
-        # what the archive shows of PV: its lattice, and samples on straight lines
+        op, pv, e, Kc, Ki = self.op, self.pv, self.e, self.Kc, self.Ki
+        # what the archive shows of PV: its lattice, samples on straight lines, and samples it kept
         grid = self.pv_is.coarse
-        line = on_line(self.pv, self.pv_is.unit, self.noise) & (grid == 0.0)
+        line = on_line(pv, self.pv_is.unit, self.noise) & (grid == 0.0)
+        moving = np.diff(pv) != 0.0
+        exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
         rough = bool(line.mean() > _THINNED) or grid > 0.0
         mean = self._behind_a_mean(law) if self.plain and not rough else None
         if mean is not None:
@@ -330,7 +335,25 @@ class _Examination:
         reason = (
             "the recorded PV is not the PV the controller saw, or it was archived at another rate"
         )
-        return replace(law, reason=reason, foreign=foreign)
+        law = replace(law, reason=reason, foreign=foreign)
+        if foreign or not self.plain:
+            return law
+        a, b = Kc + Ki, -Kc
+        if rough and not self.limits and exact.sum() > 20:
+            hidden = hidden_law(op, e, Kc, Ki, exact)
+            if hidden.base > 1.5 * hidden.misfit and np.isfinite(hidden.a):
+                a, b = hidden.a, hidden.b
+        candidate = self._seen(a, b)
+        if candidate is None:
+            return law
+        off = pv - candidate
+        kept = bool(rough and exact.sum() >= _FEW)
+        if kept:
+            faithful = ROUNDED * grid if grid > 0.0 else FAITHFUL * float(np.std(off[line]))
+            kept = float(np.std(off[exact])) < faithful
+        if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
+            law = replace(law, recovered_pv=candidate, residual=self.fit.base)
+        return self._tuned(law, a, b) if kept and a != Kc + Ki else law
 
     def _behind_a_mean(self, law: Law) -> Law | None:
         """Return the law, under the baseline's tuning or another, whose PV the archive took the

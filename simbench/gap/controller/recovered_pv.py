@@ -14,6 +14,12 @@ from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.holds import runs_of
 from simbench.gap.controller.regression import about_zero, solved
 
+# misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is
+# believed
+FAITHFUL = 0.2
+# rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives
+# 1/sqrt(12) = 0.29
+ROUNDED = 0.35
 MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
 # how far a mean's weights may miss 1 in sum, and the least of them: without either one tuning of
 # 129 records is another

@@ -87,6 +87,22 @@ def test_behind_a_pid_the_controller_s_effects_show_as_behind_a_pi(settings, eff
             assert getattr(law, name) == pytest.approx(value, rel=0.02)
 
 
+@pytest.mark.parametrize("settings", [{}, {"b": 0.4, "c": 0.3, "N": 5.0}, {"form": "velocity"}])
+def test_a_pid_that_misses_scans_obeys_its_settings_from_run_to_run(settings):
+    loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | settings})
+    c, rng, n = loop.controller, np.random.default_rng(4), 800
+    p = pid_numbers(c, c.Kc, c.Ti, 1.0, loop.pv0, -np.inf, np.inf)
+    sp = np.where(np.arange(n) < 400, 50.0, 51.0)
+    pv = sp + lfilter([0.3], [1.0, -0.9], rng.standard_normal(n))
+    op, state = np.full(n, 50.0), pid_start(50.0, 0.0)
+    for k in range(1, n):
+        op[k] = op[k - 1]
+        if rng.random() > 0.15:
+            op[k], *rest = pid_step(sp[k] - pv[k], sp[k], state, p)
+            state = (op[k], *rest)
+    assert "skips scans" in examine_controller(op, pv, sp, 1.0, loop).foreign
+
+
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.0])
 @pytest.mark.parametrize("Ti", [9.0, 15.0])
 def test_a_pid_may_count_the_newest_error_in_its_integral_or_not(share, Ti):
@@ -107,17 +123,10 @@ def test_a_pid_may_count_the_newest_error_in_its_integral_or_not(share, Ti):
         assert law.tuning == pytest.approx((1.0, 15.0 / 9.0))
 
 
-@pytest.mark.parametrize("settings", [{}, {"b": 0.4, "c": 0.3, "N": 5.0}, {"form": "velocity"}])
-def test_a_pid_that_misses_scans_obeys_its_settings_from_run_to_run(settings):
-    loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | settings})
-    c, rng, n = loop.controller, np.random.default_rng(4), 800
-    p = pid_numbers(c, c.Kc, c.Ti, 1.0, loop.pv0, -np.inf, np.inf)
-    sp = np.where(np.arange(n) < 400, 50.0, 51.0)
-    pv = sp + lfilter([0.3], [1.0, -0.9], rng.standard_normal(n))
-    op, state = np.full(n, 50.0), pid_start(50.0, 0.0)
-    for k in range(1, n):
-        op[k] = op[k - 1]
-        if rng.random() > 0.15:
-            op[k], *rest = pid_step(sp[k] - pv[k], sp[k], state, p)
-            state = (op[k], *rest)
-    assert "skips scans" in examine_controller(op, pv, sp, 1.0, loop).foreign
+def test_the_pv_behind_a_pid_is_recovered_from_op():
+    table = {**TABLE, "controller": TABLE["controller"] | {"b": 0.4, "N": 5.0}}
+    table = {**table, "noise": {"std": 0.1}}
+    r = simulate(Loop.from_table(table), seed=3).record
+    rounded = np.round(r.pv / 0.3) * 0.3
+    law = examine_controller(r.op, rounded, r.sp, r.Ts, Loop.from_table(table))
+    assert np.std((law.recovered_pv - r.pv)[20:]) < 0.05 * np.std(rounded - r.pv)

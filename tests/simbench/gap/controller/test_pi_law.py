@@ -65,6 +65,17 @@ def test_a_late_archive_is_no_new_tuning():
     assert not between(late)
 
 
+def test_the_pv_before_a_compressed_archive_is_recovered():
+    raw, archived = record(), record(("compression", {"band": 0.3}))
+    recovered_pv = law(archived).recovered_pv
+    assert recovered_pv is not None
+    inner = slice(100, None)
+    assert (
+        np.abs(recovered_pv - raw.pv)[inner].max()
+        < 0.05 * np.abs(archived.pv - raw.pv)[inner].max()
+    )
+
+
 def soft_gap_record(width):
     """A velocity-form PI whose dead-band takes its half width off larger errors, on a first-order
     plant.
@@ -110,6 +121,47 @@ def test_how_the_integral_is_taken_is_no_new_tuning(form):
     assert result.known
     assert not between(result)
     assert result.residual < 1e-6
+
+
+@pytest.mark.parametrize("share", [0.1, 0.75])
+def test_missed_scans_are_recognised_by_the_law_between_the_moves(share):
+    r = record()
+    e, op = r.sp - r.pv, np.full(r.n, 50.0)
+    skip, last = np.random.default_rng(4).random(r.n) < share, 0
+    for k in range(1, r.n):
+        op[k] = op[k - 1]
+        if not skip[k]:
+            op[k] += 0.6 * (e[k] - e[last]) + 0.6 / 18 * e[k]
+            last = k
+    assert "skips scans" in law(replace(r, op=op)).foreign
+
+
+@pytest.mark.parametrize(
+    ("archive", "tuning"),
+    [
+        (("compression", {"band": 0.6}), {}),
+        (("quantisation", {"step": 0.5, "at": "record"}), {"Kc_factor": 0.5, "Ti_factor": 1.8}),
+    ],
+)
+def test_tuning_is_read_through_a_poor_archive(archive, tuning):
+    effects = [("detuning", tuning)] if tuning else []
+    clean = record(*effects)
+    result = law(record(*effects, archive))
+    assert result.recovered_pv is not None
+    assert np.abs(result.recovered_pv - clean.pv)[100:].max() < 0.1 * archive[1].get("band", 0.5)
+    if tuning:
+        assert result.tuning == pytest.approx((0.5, 1.8), rel=0.03)
+    else:
+        assert not between(result)
+
+
+def test_a_dozen_kept_samples_are_enough_to_believe_op():
+    r = record()
+    kept = np.append(np.arange(0, r.n - 1, 125), r.n - 1)
+    archived = np.interp(np.arange(r.n), kept, r.pv[kept])
+    recovered_pv = law(replace(r, pv=archived)).recovered_pv
+    assert recovered_pv is not None
+    assert np.abs(recovered_pv - r.pv).max() < 1e-6
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.6])
@@ -225,16 +277,3 @@ def test_a_law_is_known_up_to_three_hundredths_of_what_op_does(share, known):
     # beyond that only a mean taken by the archive could explain it
     assert (result.known and not result.averaged) == known
     assert result.residual == pytest.approx(share, rel=0.15)
-
-
-@pytest.mark.parametrize("share", [0.1, 0.75])
-def test_missed_scans_are_recognised_by_the_law_between_the_moves(share):
-    r = record()
-    e, op = r.sp - r.pv, np.full(r.n, 50.0)
-    skip, last = np.random.default_rng(4).random(r.n) < share, 0
-    for k in range(1, r.n):
-        op[k] = op[k - 1]
-        if not skip[k]:
-            op[k] += 0.6 * (e[k] - e[last]) + 0.6 / 18 * e[k]
-            last = k
-    assert "skips scans" in law(replace(r, op=op)).foreign
