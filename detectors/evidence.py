@@ -10,7 +10,7 @@ from simbench.detectors.verdict import Verdict
 
 
 @dataclass(frozen=True)
-class Evidence:
+class IndexWeight:
     """How one index of one method counts."""
 
     # method, index: where the number comes from; index "score" is the method's score
@@ -34,17 +34,17 @@ class Evidence:
 # `python -m results.studies.procedure_weights --seed 111`: log-odds on these grids, elsewhere a
 # score and no probability.
 BIAS = {False: -0.1, True: -0.65}
-EVIDENCE: dict[bool, tuple[Evidence, ...]] = {
+EVIDENCE: dict[bool, tuple[IndexWeight, ...]] = {
     False: (
-        Evidence("hammerstein", "gain", 5.15, 0.2, 0.0, 1.0),
-        Evidence("hammerstein", "share", 1.45, 0.5, 0.0, 1.2),
-        Evidence("he", "eta", 3.2, 0.5, 0.0, 1.0),
+        IndexWeight("hammerstein", "gain", 5.15, 0.2, 0.0, 1.0),
+        IndexWeight("hammerstein", "share", 1.45, 0.5, 0.0, 1.2),
+        IndexWeight("he", "eta", 3.2, 0.5, 0.0, 1.0),
     ),
     True: (
-        Evidence("hammerstein", "gain", 3.85, 0.2, 0.0, 1.0),
-        Evidence("hammerstein", "share", 0.4, 0.5, 0.0, 1.2),
-        Evidence("hammerstein", "error", -1.55, 0.3, 0.0, 1.0),
-        Evidence("horch_histogram", "score", 5.4, 0.5, 0.0, 1.0),
+        IndexWeight("hammerstein", "gain", 3.85, 0.2, 0.0, 1.0),
+        IndexWeight("hammerstein", "share", 0.4, 0.5, 0.0, 1.2),
+        IndexWeight("hammerstein", "error", -1.55, 0.3, 0.0, 1.0),
+        IndexWeight("horch_histogram", "score", 5.4, 0.5, 0.0, 1.0),
     ),
 }
 # Asked as well and reported, without a weight.

@@ -11,7 +11,7 @@ import numpy as np
 
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
-from simbench.detectors.evidence import EVIDENCE, Evidence
+from simbench.detectors.evidence import EVIDENCE, IndexWeight
 from simbench.detectors.judge import judge_one
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.prepared import Prepared, prepare
@@ -91,7 +91,7 @@ def bound(score: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return float(tried[best]), float(wrong[best])
 
 
-def centred(prepared: Prepared, evidence: tuple[Evidence, ...]) -> list[float]:
+def centred(prepared: Prepared, evidence: tuple[IndexWeight, ...]) -> list[float]:
     """Return each index, limited to its range, less its neutral value; 0 where the method
     abstains.
     """

@@ -8,7 +8,7 @@ no answer is read off it.
 from __future__ import annotations
 
 
-class Threshold(float):
+class AnswerThreshold(float):
     """A number on which an answer depends: a plain float with its unit, what it decides, and its
     source, a publication or the command that printed it.
     """
@@ -17,7 +17,7 @@ class Threshold(float):
     says: str
     source: str
 
-    def __new__(cls, value: float, unit: str, says: str, source: str) -> Threshold:
+    def __new__(cls, value: float, unit: str, says: str, source: str) -> AnswerThreshold:
         """Return the number with its account."""
         one = super().__new__(cls, value)
         one.unit, one.says, one.source = unit, says, source
@@ -44,33 +44,35 @@ _DEVELOPMENT = "development records of simulators that are no longer kept"
 _CHOICE = "a choice, not a measurement"
 
 # --- the conclusion ------------------------------------------------------------------------------
-CLAIMED_FROM = Threshold(
+CLAIMED_FROM = AnswerThreshold(
     0.8,
     "probability",
     "above it stiction is claimed: a wrong answer costs five times as much as none",
     "Chow 1970, IEEE Trans. Inf. Theory 16; the costs are a choice",
 )
-DENIED_BELOW = Threshold(
+DENIED_BELOW = AnswerThreshold(
     0.2,
     "probability",
     "below it stiction is denied: a valve that goes on sticking costs as much as a repair for"
     " nothing",
     "Chow 1970, IEEE Trans. Inf. Theory 16; the costs are a choice",
 )
-LIKELIER = Threshold(0.5, "probability", "above it an answer is more probable than not", _CHOICE)
-EDGE = Threshold(
+LIKELIER = AnswerThreshold(
+    0.5, "probability", "above it an answer is more probable than not", _CHOICE
+)
+EDGE = AnswerThreshold(
     0.99, "probability", "no probability of stiction is surer than the loops can show", _CHOICE
 )
-SHORTEST_ASKED = Threshold(
+SHORTEST_ASKED = AnswerThreshold(
     60, "samples", "shorter records are not weighed", "detectors.method.Method.min_samples"
 )
-MEASURED = Threshold(
+MEASURED = AnswerThreshold(
     0.2,
     "share of PV's samples",
     "that must have been measured, not repeated or drawn as lines by an archive",
     "python -m results.studies.plant.archives (results/archives.txt)",
 )
-POOLED = Threshold(
+POOLED = AnswerThreshold(
     0.75,
     "correlation",
     "of the log-odds of one loop's records, given the truth: several records count for little more"
@@ -79,41 +81,47 @@ POOLED = Threshold(
 )
 
 # --- the probability of stiction in an identified loop -------------------------------------------
-OFFSET = Threshold(0.41, "log-odds", "of stiction where nothing is seen", _WEIGHTS)
-PER_GAIN = Threshold(
+OFFSET = AnswerThreshold(0.41, "log-odds", "of stiction where nothing is seen", _WEIGHTS)
+PER_GAIN = AnswerThreshold(
     1.09, "log-odds", "per unit of asinh(nats that friction brings / 20)", _WEIGHTS
 )
-PER_BAND = Threshold(0.61, "log-odds", "per unit of ln(band over OP's range)", _WEIGHTS)
-PER_CYCLES = Threshold(-0.79, "log-odds", "per unit of ln(cycles of the record / 10)", _WEIGHTS)
-FULL_NATS = Threshold(20.0, "nats", "up to which a gain counts in full", _WEIGHTS)
-LEAST_REGRESSED = Threshold(
+PER_BAND = AnswerThreshold(0.61, "log-odds", "per unit of ln(band over OP's range)", _WEIGHTS)
+PER_CYCLES = AnswerThreshold(
+    -0.79, "log-odds", "per unit of ln(cycles of the record / 10)", _WEIGHTS
+)
+FULL_NATS = AnswerThreshold(20.0, "nats", "up to which a gain counts in full", _WEIGHTS)
+LEAST_REGRESSED = AnswerThreshold(
     -5.0,
     "nats",
     "that a regression takes away at most: noise or a moving set point may hide a valve from it",
     "AUC on loops of refinery .79 without, .85 with it (results/stiction_probability.txt)",
 )
-SPARED = Threshold(
+SPARED = AnswerThreshold(
     0.7, "share", "of the log-odds against stiction, that count", f"{_DENIALS}, seeds 77 and 78"
 )
-NARROW = Threshold(0.02, "share of OP's range", "below which a band counts as this wide", _WEIGHTS)
-FEW_CYCLES = Threshold(6.0, "cycles", "fewer count as so many", _WEIGHTS)
-MANY_CYCLES = Threshold(33.0, "cycles", "more count as so many", _WEIGHTS)
+NARROW = AnswerThreshold(
+    0.02, "share of OP's range", "below which a band counts as this wide", _WEIGHTS
+)
+FEW_CYCLES = AnswerThreshold(6.0, "cycles", "fewer count as so many", _WEIGHTS)
+MANY_CYCLES = AnswerThreshold(33.0, "cycles", "more count as so many", _WEIGHTS)
 
 # --- which stiction would have shown -------------------------------------------------------------
-CLEARLY = Threshold(
+CLEARLY = AnswerThreshold(
     0.88,
     "probability",
     "from which stiction put into the loop counts as called, where no search may miss it",
     f"{_DENIALS}: what is claimed from .8 on is called in three quarters of them again",
 )
-CALLED = Threshold(6, "of 8 simulations", "in which stiction of a size must be called", _DENIALS)
-REVERSALS = Threshold(
+CALLED = AnswerThreshold(
+    6, "of 8 simulations", "in which stiction of a size must be called", _DENIALS
+)
+REVERSALS = AnswerThreshold(
     6, "turns of OP", "by more than S, that friction of this size needs", "three cycles of a valve"
 )
-FEWEST_PER_PERIOD = Threshold(
+FEWEST_PER_PERIOD = AnswerThreshold(
     10.0, "samples per period", "with fewer, stiction is not denied: a slip goes unseen", _DENIALS
 )
-INTEGRAL = Threshold(
+INTEGRAL = AnswerThreshold(
     0.1,
     "share of the record",
     "within which integral action must be felt, where nothing swings",
@@ -121,13 +129,13 @@ INTEGRAL = Threshold(
 )
 
 # --- sizes ---------------------------------------------------------------------------------------
-AS_GOOD = Threshold(
+AS_GOOD = AnswerThreshold(
     0.25,
     "share of what the likeliest valve explains",
     "that another valve within the interval may lack",
     f"{_CAUSES}: with half a chi-squared of nats S lies within in every third loop",
 )
-REFITTED = Threshold(
+REFITTED = AnswerThreshold(
     60.0,
     "nats",
     "that plant and load, which are held, may bring another valve once they are fitted again",
@@ -135,167 +143,175 @@ REFITTED = Threshold(
 )
 
 # --- the cause -----------------------------------------------------------------------------------
-NAMED_FROM = Threshold(0.6, "confidence", "below which no cause is named", _CAUSES)
-KEPT_OPEN = Threshold(
+NAMED_FROM = AnswerThreshold(0.6, "confidence", "below which no cause is named", _CAUSES)
+KEPT_OPEN = AnswerThreshold(
     0.9, "share of phase", "kept by one sine, from which a load may swing the loop", _CAUSES
 )
-KEPT_SURE = Threshold(0.98, "share of phase", "from which it surely does", _CAUSES)
-TIGHT_OPEN = Threshold(2.2, "largest sensitivity", "from which tuning may be the cause", _CAUSES)
-TIGHT_SURE = Threshold(4.0, "largest sensitivity", "from which it surely can", _CAUSES)
-RESONANT = Threshold(
+KEPT_SURE = AnswerThreshold(0.98, "share of phase", "from which it surely does", _CAUSES)
+TIGHT_OPEN = AnswerThreshold(
+    2.2, "largest sensitivity", "from which tuning may be the cause", _CAUSES
+)
+TIGHT_SURE = AnswerThreshold(4.0, "largest sensitivity", "from which it surely can", _CAUSES)
+RESONANT = AnswerThreshold(
     1.3,
     "times",
     "the period of the largest sensitivity, at most, or its inverse at least, with which a loop"
     " swings for want of damping",
     _CAUSES,
 )
-NOISY = Threshold(
+NOISY = AnswerThreshold(
     0.75, "share of PV's variance", "that is noise, from which it moves the valve", _CAUSES
 )
-MOVED = Threshold(1.0, "% of travel", "by which noise moves OP from sample to sample", _CHOICE)
-FEWEST_PERIODS = Threshold(
+MOVED = AnswerThreshold(
+    1.0, "% of travel", "by which noise moves OP from sample to sample", _CHOICE
+)
+FEWEST_PERIODS = AnswerThreshold(
     12, "periods", "with fewer, every swing keeps its phase", f"{_CAUSES}, seed 99"
 )
-STEP_RESTS = Threshold(
+STEP_RESTS = AnswerThreshold(
     0.5, "share of samples", "in which OP rests between steps of a threshold", _CHOICE
 )
-STEP_LEAST = Threshold(
+STEP_LEAST = AnswerThreshold(
     0.04, "share of OP's range", "of the least step: archives by exception keep less", _CHOICE
 )
-SLAVE_TOGETHER = Threshold(
+SLAVE_TOGETHER = AnswerThreshold(
     0.9,
     "correlation",
     "of slow OP and slow PV, from which a loop follows a master",
     "tests/data/published: .6 at most; cooling water of the Tennessee Eastman process: .90 to .98",
 )
-OVERSHOOTS = Threshold(
+OVERSHOOTS = AnswerThreshold(
     0.6, "damping ratio", "up to which a positioner overshoots a step by a tenth", "second order"
 )
 
 # --- from evidence to the probabilities of effects -----------------------------------------------
-TEMPERATURE = Threshold(
+TEMPERATURE = AnswerThreshold(
     0.35,
     "factor on nats",
     "likelihoods overstate, as no model of load and noise is quite true",
     f"calibration on 1456 {_DEVELOPMENT}; expected calibration error: {_WITHHELD}",
 )
-LEAST_NATS = Threshold(
+LEAST_NATS = AnswerThreshold(
     7.0,
     "nats",
     "that anything must bring: the price of thirty questions (3.4) and as much again",
     "with 5, 4 of 80 healthy records more are named, and 1 of 115 effects; " + _DEVELOPMENT,
 )
-SECOND_NATS = Threshold(
+SECOND_NATS = AnswerThreshold(
     12.0, "nats", "that a second effect must bring on top of the first", _DEVELOPMENT
 )
-OF_TWO = Threshold(
+OF_TWO = AnswerThreshold(
     0.2,
     "share",
     "of the probability of two effects together, that the weaker one has in the ranking",
     _CHOICE,
 )
-DOUBT = Threshold(
+DOUBT = AnswerThreshold(
     0.7,
     "slope",
     "of unknown by the logarithm of how far the worst residual test is beyond its limit",
     f"likeliest on 792 {_DEVELOPMENT}",
 )
-MEMORY_LIMIT = Threshold(
+MEMORY_LIMIT = AnswerThreshold(
     15.0, "nats", "that innovations may remember: 98 to 99 % of records", _DEVELOPMENT
 )
-INPUT_LIMIT = Threshold(
+INPUT_LIMIT = AnswerThreshold(
     10.0, "nats", "that OP may tell of innovations: 98 to 99 % of records", _DEVELOPMENT
 )
-BURSTS_LIMIT = Threshold(
+BURSTS_LIMIT = AnswerThreshold(
     40.0, "nats", "that changes of variance may bring: 98 to 99 % of records", _DEVELOPMENT
 )
-GUESSED = Threshold(
+GUESSED = AnswerThreshold(
     4.0, "factor", "on these limits where slips of a valve are guessed", _DEVELOPMENT
 )
-FACT = Threshold(10.0, "times a limit", "that what needs no statistics counts for", _CHOICE)
-MORE_NOISE = Threshold(
+FACT = AnswerThreshold(10.0, "times a limit", "that what needs no statistics counts for", _CHOICE)
+MORE_NOISE = AnswerThreshold(
     1.1, "times the stated noise", "from which it is told that there is more", _WITHHELD
 )
-BY_MV = Threshold(
+BY_MV = AnswerThreshold(
     10.0, "nats", "that a valve identified from MV must bring to be put before the plant", _CHOICE
 )
-MV_LEFT = Threshold(
+MV_LEFT = AnswerThreshold(
     0.3, "share", "of an ideal valve's misfit to MV, that a map may leave unexplained", _CHOICE
 )
-MV_LEFT_BY_FRICTION = Threshold(
+MV_LEFT_BY_FRICTION = AnswerThreshold(
     0.85, "share", "the same of a map with friction, known only up to its model", _CHOICE
 )
-ANOTHER_PLANT = Threshold(
+ANOTHER_PLANT = AnswerThreshold(
     25.0, "nats", "by which another plant must explain a test better", _DEVELOPMENT
 )
-OTHER_LOOP = Threshold(
+OTHER_LOOP = AnswerThreshold(
     30.0, "nats", "by which another plant must beat every effect on the baseline's", _DEVELOPMENT
 )
-PLANT_APART = Threshold(1.5, "factor", "in gain or time, by which a plant is another", _CHOICE)
-FEWEST_SWINGS = Threshold(
+PLANT_APART = AnswerThreshold(
+    1.5, "factor", "in gain or time, by which a plant is another", _CHOICE
+)
+FEWEST_SWINGS = AnswerThreshold(
     8.0,
     "periods",
     "an oscillation has at least; a slower one is a load that wanders",
     "three simulators draw no fewer; down to three, 3 of 8 ordinary sines were named",
 )
-LARGER = Threshold(1.5, "times the stated load", "beyond which it is more than stated", _CHOICE)
-DRIFT_OF_A_DAY = Threshold(
+LARGER = AnswerThreshold(
+    1.5, "times the stated load", "beyond which it is more than stated", _CHOICE
+)
+DRIFT_OF_A_DAY = AnswerThreshold(
     3.0,
     "% of travel",
     "to which ordinary loads drift over a record",
     "17 of 19 healthy records of one simulator; drifts that were effects went 3.3 to 18",
 )
-PETTY_STEPS = Threshold(
+PETTY_STEPS = AnswerThreshold(
     1.0,
     "% of travel",
     "up to which jumps of the load are ordinary",
     "five healthy records: .03 to .5",
 )
-TERM_EXPLAINS = Threshold(
+TERM_EXPLAINS = AnswerThreshold(
     0.6,
     "share of what the law leaves",
     "below which a new term of the controller is its law",
     _DEVELOPMENT,
 )
-MEAN_EXPLAINS = Threshold(
+MEAN_EXPLAINS = AnswerThreshold(
     0.3, "share of what the law leaves", "the same beside a mean of the archive's", _DEVELOPMENT
 )
-TERM_NATS = Threshold(60.0, "nats", "from which a term of the law is shown", _DEVELOPMENT)
+TERM_NATS = AnswerThreshold(60.0, "nats", "from which a term of the law is shown", _DEVELOPMENT)
 
 # --- the closed loop -----------------------------------------------------------------------------
-NEAR = Threshold(
+NEAR = AnswerThreshold(
     1.5,
     "floors",
     "up to which a simulation is near the record: no nearer can be told from as near as possible",
     _SEEDS,
 )
-COVERED = Threshold(
+COVERED = AnswerThreshold(
     0.9, "probability", "that the answers which are not excluded have together", _CHOICE
 )
-GAP_WIDER = Threshold(
+GAP_WIDER = AnswerThreshold(
     1.6,
     "times",
     "the interval that seeds give, for the share of the gap that closes: the simulated load is not"
     " quite the plant's",
     "116 records, seed 303",
 )
-PLAINLY = Threshold(
+PLAINLY = AnswerThreshold(
     3.0, "standard deviations between simulations", "from which a feature differs", _CHOICE
 )
-SETTLED = Threshold(
+NO_TEST_FROM = AnswerThreshold(
     0.9,
     "probability",
     "from which no test is recommended",
     "30 of 31 such answers were right; three simulators, seeds 423041 to 423043",
 )
-MAY_DRIFT = Threshold(
+MAY_DRIFT = AnswerThreshold(
     0.1,
     "probability",
     "of a drift of the sensor, from which lab samples come before a bump",
     "five records of two simulators: two more right, none less",
 )
 
-THRESHOLDS = {name: x for name, x in globals().items() if isinstance(x, Threshold)}
+THRESHOLDS = {name: x for name, x in globals().items() if isinstance(x, AnswerThreshold)}
 
 
 def rows() -> list[dict[str, str]]:

@@ -12,9 +12,6 @@ from simbench.detectors.signal.lattice import written
 from simbench.gap.controller.recovered_pv import mean_like
 from simbench.gap.situation import Situation
 
-# facts of `Situation` by which a signal rests: an effect that does so is not the archive's
-_BY_SENSOR = {"quantisation", "compression"}
-_BY_CONTROLLER = {"saturation", "error_deadband", "op_quantisation"}
 # share of a record's repeated samples from which rounding explains them; with all of 146 simulated
 # records held, .44 instead of .51 are within 1.5 floors
 _BY_ROUNDING = 0.5
@@ -58,8 +55,10 @@ def _resting_by_effect(s: Situation) -> tuple[bool, bool]:
     """Return whether OP and PV rest as an effect makes them, which is not the archive's; the
     lattice of PV is, where the loop is identified.
     """
-    by_sensor = _BY_SENSOR if s.trusted else _BY_SENSOR - {"quantisation"}
-    return not _BY_CONTROLLER.isdisjoint(s.facts), s.frozen or not by_sensor.isdisjoint(s.facts)
+    law, archive = s.law, s.archive
+    by_controller = law.limits is not None or law.gap > 0.0 or law.step > 0.0
+    on_lattice = s.trusted and archive.rounding is not None
+    return by_controller, s.frozen or on_lattice or archive.band > 0.0
 
 
 @lru_cache(maxsize=4)

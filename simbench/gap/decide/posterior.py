@@ -111,6 +111,11 @@ def posterior(
     friction : float, optional
         Probability of friction where it is weighed apart from the other effects.
 
+    Returns
+    -------
+    Posterior
+        Probability of every effect, of none and of unknown.
+
     Notes
     -----
     An effect without a row has nothing to speak for it. `none` has `LEAST_NATS`, a second effect

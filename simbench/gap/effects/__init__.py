@@ -64,7 +64,18 @@ def recogniser(effect: str) -> Recogniser:
 
 
 def is_friction(answer: str) -> bool:
-    """Return whether an answer is an effect with friction: a valve that rests within a band."""
+    """Return whether an answer is an effect with friction: a valve that rests within a band.
+
+    Parameters
+    ----------
+    answer : str
+        Id of an effect, "none" or "unknown".
+
+    Returns
+    -------
+    bool
+        False of none, of unknown, and of every effect without a band.
+    """
     return answer in EFFECTS and recogniser(answer).band is not None
 
 

@@ -109,12 +109,12 @@ def remarks_of(r: LoopRecord, samples: Samples, integrating: bool) -> list[str]:
         kind = "integrating" if integrating else "self-regulating"
         said = f", and a {r.kind} may be either" if r.kind else ""
         out.append(f"process: not given{said}; judged as {kind}, the likelier of the two")
-    for effect, x, other in (("quantisation", pv, op), ("op_quantisation", op, pv)):
+    for signal, x, other in (("PV", pv, op), ("OP", op, pv)):
         step = lattice(x, written_unit(x, other)) or root_lattice(x)
         if step > 0.0:
             share = f"{step / float(x.std()):.1%} of the standard deviation"
             levels = f"{np.unique(x).size} levels, {step:.3g} apart ({share})"
-            out.append(f"{effect}: {x.size} samples on {levels}")
+            out.append(f"lattice: {x.size} samples of {signal} on {levels}")
     if samples.spikes.size:
         first = f"the first {samples.spikes[0] * r.Ts:g} s after the start"
         out.append(f"outliers: {samples.spikes.size} isolated, {first}")

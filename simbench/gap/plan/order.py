@@ -12,7 +12,7 @@ from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import recogniser
 from simbench.gap.plan.menu import Limits, Trial, sized
-from simbench.gap.thresholds import MAY_DRIFT, SETTLED
+from simbench.gap.thresholds import MAY_DRIFT, NO_TEST_FROM
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 # Tests chosen for each record by their expected information named 59 of 66 effects rightly after
@@ -138,6 +138,6 @@ def _no_need(assessment: Assessment, probability: Mapping[str, float]) -> str:
         if unexplained and "raw" in assessment.asked:
             return f"{unexplained}, and no test on the menu changes that"
         return ""
-    if probability[first] >= SETTLED:
+    if probability[first] >= NO_TEST_FROM:
         return f"{name} has probability {probability[first]:.2f}"
     return ""

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import simbench.gap
 from simbench.cli import app
-from simbench.gap.thresholds import THRESHOLDS, Threshold
+from simbench.gap.thresholds import THRESHOLDS, AnswerThreshold
 
 GAP = Path(simbench.gap.__file__).parent
 # where an answer follows from evidence
@@ -48,7 +48,7 @@ def test_no_module_that_decides_has_a_threshold_of_its_own(where):
 
 
 def test_a_threshold_is_a_number_like_any_other():
-    one = Threshold(0.5, "-", "what it decides", "where it is from")
+    one = AnswerThreshold(0.5, "-", "what it decides", "where it is from")
     assert one == 0.5
     assert one * 2 == 1.0
     assert f"{one:.2f}" == "0.50"
