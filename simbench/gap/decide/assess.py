@@ -7,7 +7,7 @@ effect or two (`_chosen`), and test what the best model does not explain (`tests
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -112,16 +112,17 @@ def assess(
     if situation.trusted and situation.tuned:
         refuse_other_plant(situation)
     s, (maps, mv_strays), engine = _model(situation, tests)
-    base = engine.base()
+    bare = base = engine.base()
     candidates = fit_candidates(engine, base, possible_effects(s, bool(maps)))
-    plain = _plain(s, base, candidates)
+    sizes = _plain(s, base, candidates)
+    plain, candidates = _parted(candidates, sizes)
     load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
-    candidates = {e: c for e, c in candidates.items() if e not in plain}
     if load is not None and load.log_likelihood_gain > 0.0:
         # what an ordinary load does by itself is in every model
         base, candidates = load.fit, beside_load(engine, load, candidates)
-        plain |= _plain(s, base, candidates)
-        candidates = {e: c for e, c in candidates.items() if e not in plain}
+        more = _plain(s, base, candidates)
+        beside, candidates = _parted(candidates, more)
+        plain, sizes = plain | beside, sizes | more
     every = candidates | plain
     parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in every.items() if c.used}
     parameters |= {**s.proven, **{e: p for e, (_, p) in maps.items()}}
@@ -148,7 +149,7 @@ def assess(
         mv_unexplained=mv_strays,
         valve_seen=bool(maps),
         friction=friction,
-        ordinary=_ordinary(s, alone[id(base)], plain),
+        ordinary=_ordinary(s, engine.main(bare), plain, sizes),
     )
 
 
@@ -169,17 +170,29 @@ def _model(
     return replace(s, data=engine.data, proven=known), maps, engine
 
 
-def _plain(s: Situation, base: Fit, candidates: Mapping[str, Candidate]) -> dict[str, Candidate]:
-    """Return the candidates that show what any loop does by itself, or the baseline states."""
-    return {
-        e: c
-        for e, c in candidates.items()
-        if c.used
-        and (
-            e in s.stated
-            or ((by := recogniser(e).ordinary) is not None and by(c.fit, base, s) is not None)
-        )
-    }
+def _plain(s: Situation, base: Fit, candidates: Mapping[str, Candidate]) -> dict[str, float]:
+    """Return the effects that show what any loop does by itself over a base, each with how far (%)
+    that load moves; 0 where it is no load, or the baseline states it.
+    """
+    out = {}
+    for effect, c in candidates.items():
+        by = recogniser(effect).ordinary
+        if not c.used or (by is None and effect not in s.stated):
+            continue
+        size = 0.0 if by is None or effect in s.stated else by(c.fit, base, s)
+        if size is not None:
+            out[effect] = size
+    return out
+
+
+def _parted(
+    candidates: Mapping[str, Candidate], names: Collection[str]
+) -> tuple[dict[str, Candidate], dict[str, Candidate]]:
+    """Return the candidates of some names, and the others."""
+    return (
+        {e: c for e, c in candidates.items() if e in names},
+        {e: c for e, c in candidates.items() if e not in names},
+    )
 
 
 def _rows(
@@ -201,21 +214,20 @@ def _rows(
     ]
 
 
-def _ordinary(s: Situation, base: Fit, plain: Mapping[str, Candidate]) -> dict[str, float]:
+def _ordinary(
+    s: Situation, bare: Fit, plain: Mapping[str, Candidate], sizes: Mapping[str, float]
+) -> dict[str, float]:
     """Return the loads that explain the record better than none, and noise beyond the stated one,
     each with its size, that are ordinary of a loop of which no healthy record is given.
     """
     if s.data.measured or not s.trusted:
         return {}
-    sizes = {
-        e: by(c.fit, base, s)
-        for e, c in plain.items()
-        if (by := recogniser(e).ordinary) is not None and c.log_likelihood_gain > LEAST_NATS
+    out = {
+        e: size for e, size in sizes.items() if size and plain[e].log_likelihood_gain > LEAST_NATS
     }
-    out = {e: size for e, size in sizes.items() if size and e not in s.stated}
     stated = float(np.hypot(s.data.noise, s.data.resolution / np.sqrt(12.0)))
-    if s.data.noise > 0.0 and base.theta["noise_std"] > MORE_NOISE * stated:
-        out[NOISE_EFFECT] = base.theta["noise_std"] / stated
+    if s.data.noise > 0.0 and bare.theta["noise_std"] > MORE_NOISE * stated:
+        out[NOISE_EFFECT] = bare.theta["noise_std"] / stated
     return out
 
 

@@ -16,6 +16,7 @@ from simbench.gap.candidates import (
     proven,
     smallest_detectable,
 )
+from simbench.gap.decide.assess import assess
 from simbench.gap.effects import left_out, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
@@ -180,6 +181,12 @@ def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other
         assert fitted[best].log_likelihood_gain > 20
     else:
         assert fitted[best].log_likelihood_gain < 6
+
+
+def test_a_load_that_is_in_every_model_is_told_with_its_size():
+    """It is judged against the model without it: over its own, little would be left of it."""
+    s = situation(disturbance=[jump(4.0, 150), jump(7.0, 360), jump(6.0, 600)])
+    assert assess(s).ordinary == {"load_steps": pytest.approx(5.7, abs=1.0)}
 
 
 def test_jumps_of_a_load_that_wanders_are_an_event():
