@@ -51,8 +51,8 @@ from simbench.gap.stiction.friction import refuse_unweighable
 from simbench.gap.stiction.probability import pooled
 from simbench.gap.stiction.visible import visible
 from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
+from simbench.loop import resolve
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
-from simbench.loop.resolve import friction as friction_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
 
@@ -361,7 +361,7 @@ def report(
     """Turn evidence and simulations into the answer."""
     s = assessment.situation
     shown = None
-    stated = s.trusted and bool(friction_of(s.baseline))
+    stated = s.trusted and bool(resolve.friction(s.baseline))
     if s.trusted and not (loops or stated) and weights.friction < DENIED_BELOW:
         shown = visible([assessment])
         if shown.open:
@@ -530,7 +530,7 @@ def _notes(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
             " shrinkage is claimed"
         )
-    if s.trusted and friction_of(s.baseline):
+    if s.trusted and resolve.friction(s.baseline):
         notes.append(
             "the loop file's valve has friction: the probability of stiction is that of more"
             " friction than it states"

@@ -20,7 +20,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
-from simbench.gap.closed_loop.gap_text import apart
+from simbench.gap.closed_loop.gap import apart
 from simbench.gap.closed_loop.level import WITHIN, run_with_seeds
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop, ramped
 from simbench.gap.closed_loop.runs import kick_of, load_may_jump

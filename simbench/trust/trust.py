@@ -22,8 +22,7 @@ from simbench.detectors.repaired import repaired
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from simbench.detectors.verdict import STICTION, Verdict
-from simbench.gap.closed_loop.gap import within_reach
-from simbench.gap.closed_loop.gap_text import apart
+from simbench.gap.closed_loop.gap import apart, within_reach
 from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, from_record

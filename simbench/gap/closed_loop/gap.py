@@ -69,6 +69,11 @@ def within_reach(gap: float, floor: float) -> bool:
     return gap <= NEAR * floor
 
 
+def apart(gap: float, plant_floor: float) -> str:
+    """Return in words how far simulations are from a record, and its parts from each other."""
+    return f"{gap:.2f} from the record, whose parts are {plant_floor:.2f} apart"
+
+
 def held_out(situation: Situation) -> int:
     """Return the first sample of the held-out part."""
     return int(_FITTED * situation.record.n)

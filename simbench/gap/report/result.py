@@ -110,8 +110,8 @@ class GapReport:
     Parameters
     ----------
     block : str
-        Block of the first effect; "none", or for "unknown" the block whose teacher-forced residual
-        fails.
+        Block of the first effect; "none", or for "unknown" the block whose residual test fails, or
+        in which simulations and record differ most.
     effect : str
         Effect id, "none" or "unknown".
     effects : tuple of dict

@@ -133,7 +133,7 @@ def stubs(monkeypatch):
     monkeypatch.setattr(diagnosis, "load_memory", lambda s: 60.0)
     shown = SimpleNamespace(open="", again="", sentence=lambda percent, unit: "S would have shown")
     monkeypatch.setattr(diagnosis, "visible", lambda views: shown)
-    monkeypatch.setattr(diagnosis, "friction_of", lambda loop: None)
+    monkeypatch.setattr(diagnosis.resolve, "friction", lambda loop: [])
     monkeypatch.setattr(diagnosis, "alike", lambda e, s, p: (e, str(p)))
     return seen
 
