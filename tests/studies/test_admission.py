@@ -4,7 +4,7 @@ from importlib import import_module
 
 import pytest
 
-from results.studies.admission import ALL, RULES, table, without
+from results.studies.admission import ALL, RULES, right_names, table, without
 
 
 def row(true, every, **changed):
@@ -24,6 +24,13 @@ def test_a_rule_stays_that_is_worth_one_answer_of_a_hundred_and_no_chance():
     assert found.loc[second, ["right with it", "right without"]].tolist() == [5, 5]
     assert found.loc[second, "verdict"] == "goes"
     assert found.loc[third, ["changed", "verdict"]].tolist() == [1, "goes"]
+
+
+def test_a_foreign_effect_that_the_library_knows_is_named_rightly_by_its_own_name_too():
+    foreign = {"effect": "unknown", "effect2": "", "foreign": "missed_scans"}
+    assert right_names(foreign) == {"unknown", "missed_executions"}
+    assert right_names(foreign | {"foreign": "frozen_sensor"}) == {"unknown", "frozen_sensor"}
+    assert right_names({"effect": "drift", "effect2": "stiction"}) == {"drift", "stiction"}
 
 
 @pytest.mark.parametrize("rule", list(RULES))
