@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
+from scipy.special import logit
 
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge, refuse_wrong_forms
@@ -24,9 +25,10 @@ from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_rec
 from simbench.detectors.verdict import STICTION, Verdict
 from simbench.gap.closed_loop.gap import apart, within_reach
 from simbench.gap.diagnosis import diagnose_all
-from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
+from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops, loops_of
 from simbench.gap.stiction.conclusion import Conclusion, from_record
-from simbench.gap.stiction.friction import in_percent, refuse_unweighable, with_sound_valve
+from simbench.gap.stiction.friction import in_percent, refuse_unweighable
+from simbench.loop.resolve import friction, healthy_twin
 from simbench.scenarios.spec import Loop, load_loop
 from simbench.trust.power import (
     Cell,
@@ -148,23 +150,21 @@ def _trust(record: LoopRecord, loop: Loop | None, names: list[str], effort: _Eff
     # with a loop file, outliers and a frozen sensor are effects that the diagnosis weighs
     record = repaired(record) if loop is None else record
     verdicts = judge(record, names)
-    prepared, diagnosis, assessment = Prepared(replace(record, mv=None)), None, None
+    prepared = Prepared(replace(record, mv=None))
     try:
         refuse_unweighable(record)
     except UserError as why:
         return _without_replicates(record, verdicts, str(why), from_record(prepared, str(why))[0])
     try:
-        if loop is not None:
-            # with a loop file, friction is compared with every other effect
-            diagnosis = diagnose_all([in_percent(record)[0]], loop)
-            # replicates of a valve with friction begin from a sound one, which is fitted anew
-            assessment = diagnosis.behind.found if with_sound_valve(loop) is loop else None
-        candidates = candidate_loops(record, loop, assessment)
+        if loop is None:
+            candidates = candidate_loops(record)
+            conclusion = from_record(prepared, candidates)[0]
+        else:
+            conclusion, candidates = _with_loop(record, loop)
     except UserError as why:
         if loop is not None:
             raise
         return _without_replicates(record, verdicts, str(why), from_record(prepared, str(why))[0])
-    conclusion = from_record(prepared, candidates)[0] if diagnosis is None else diagnosis.conclusion
     share = float(np.clip(LONG_RECORD / record.n, _THINNEST, 1.0))
     sound = max(round(share * effort.healthy), min(effort.healthy, _FEWEST_OF_LONG))
     replicates = draw_replicates(
@@ -179,6 +179,21 @@ def _trust(record: LoopRecord, loop: Loop | None, names: list[str], effort: _Eff
         )
         return _without_replicates(record, verdicts, why, conclusion, candidates)
     return _weighed(record, conclusion, candidates, names, verdicts, replicates, effort)
+
+
+def _with_loop(record: LoopRecord, loop: Loop) -> tuple[Conclusion, CandidateLoops]:
+    """Return the conclusion of the whole diagnosis with a loop file, and the loops to replicate."""
+    percent = in_percent(record)[0]
+    diagnosis = diagnose_all([percent], loop)
+    p, found, stated = diagnosis.conclusion.probability, diagnosis.behind.found, friction(loop)
+    if stated:
+        # replicates of a valve with friction begin from a sound one, which is fitted anew
+        found = diagnose_all([percent], healthy_twin(loop)).behind.found
+    candidates = loops_of(record, found, float(logit(0.5 if p is None else p)))
+    if not stated:
+        return diagnosis.conclusion, candidates
+    said = "the loop file's valve has friction; twins are drawn with and without it"
+    return diagnosis.conclusion, replace(candidates, notes=(said, *candidates.notes))
 
 
 def _weighed(

@@ -26,7 +26,7 @@ from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import STICTION
-from simbench.gap.stiction.friction import probability_of_stiction
+from simbench.gap.diagnosis import conclude
 from simbench.gap.stiction.probability import verdict
 from simbench.gap.thresholds import LIKELIER
 from simbench.scenarios.grid import Grid, grid_names, load_grid
@@ -88,7 +88,7 @@ def _seen(record: LoopRecord) -> LoopRecord:
 def asked(member: Member) -> Asked:
     """Return what the product says of a loop."""
     warnings.simplefilter("ignore")
-    return Asked(member.kind, probability_of_stiction(member.record))
+    return Asked(member.kind, conclude(member.record).probability)
 
 
 def as_lines(grid: str, answers: Sequence[Asked]) -> list[str]:

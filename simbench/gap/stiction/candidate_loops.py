@@ -5,7 +5,7 @@ friction.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -25,7 +25,6 @@ from simbench.gap.stiction.friction import (
     friction,
     friction_of,
     in_percent,
-    with_sound_valve,
 )
 from simbench.gap.stiction.probability import probability
 from simbench.gap.stiction.sizes import Size, sizes_of
@@ -56,12 +55,12 @@ class CandidateLoops:
     healthy: tuple[Loop, ...]
     sticky: Loop | None
     fitted: tuple[float, float] | None
-    gain: float
     log_odds: float
     trusted: bool
     period: float | None
     percent: float
     notes: tuple[str, ...]
+    gain: float = 0.0
     outside: float = 0.0
     shown: Visible | None = None
     likelier: tuple[str, ...] = ()
@@ -110,45 +109,46 @@ class CandidateLoops:
         return S.scaled(self.percent), J.scaled(self.percent)
 
 
-def candidate_loops(
-    record: LoopRecord, loop: Loop | Partial | None = None, assessment: Assessment | None = None
-) -> CandidateLoops:
-    """Identify the loop of a record, with a healthy valve and with friction; `assessment` is used
-    if it exists already.
+def candidate_loops(record: LoopRecord, known: Partial | None = None) -> CandidateLoops:
+    """Identify the loop of a record, but for what is `known` of it, with a healthy valve and with
+    friction.
     """
-    notes = []
-    weighed = friction_of(record) if loop is None else friction(record, loop, assessment)
+    weighed = friction_of(record) if known is None else friction(record, known)
+    found = loops_of(record, weighed.assessment, weighed.log_odds)
+    return replace(found, gain=weighed.evidence.gain, shown=weighed.shown)
+
+
+def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> CandidateLoops:
+    """Return the loops of an assessment of a record, with and without friction, whose probability
+    was weighed.
+    """
     record, percent = in_percent(record)
-    if isinstance(loop, Loop) and with_sound_valve(loop) is not loop:
-        notes.append("the loop file's valve has friction; twins are drawn with and without it")
-    assessment = weighed.assessment
-    loops = ClosedLoops(assessment, 0)
-    archive = [e for e in ARCHIVE if e in assessment.situation.proven]
+    loops = ClosedLoops(found, 0)
+    archive = [e for e in ARCHIVE if e in found.situation.proven]
     sound, stuck = [archive], [*archive, FRICTION]
-    swung = assessment.candidates.get(OUTSIDE)
+    swung = found.candidates.get(OUTSIDE)
     outside = max(float(swung.log_likelihood_gain), 0.0) if swung else 0.0
-    if OUTSIDE in assessment.parameters:
+    if OUTSIDE in found.parameters:
         sound.append([*archive, OUTSIDE])
         if outside:
             sound.reverse()
-    sticky = None if weighed.fitted is None else loops.loop(stuck)
-    likelier = sound[0] if sticky is None or weighed.log_odds <= 0.0 else stuck
+    sizes = found.parameters.get(FRICTION)
+    sticky = None if sizes is None else loops.loop(stuck)
+    likelier = sound[0] if sticky is None or log_odds <= 0.0 else stuck
     swing = find_oscillation(record.op, record.pv, record.Ts)
     return CandidateLoops(
-        record,
-        tuple(loops.loop(effects) for effects in sound),
-        sticky,
-        weighed.fitted,
-        weighed.evidence.gain,
-        weighed.log_odds,
-        loop is not None,
-        swing.period_s if swing.sustained else None,
-        percent,
-        (*notes, *assessment.situation.notes),
-        outside,
-        weighed.shown,
-        tuple(likelier),
-        loops,
+        record=record,
+        healthy=tuple(loops.loop(effects) for effects in sound),
+        sticky=sticky,
+        fitted=None if sizes is None else (float(sizes["S"]), float(sizes["J"])),
+        log_odds=log_odds,
+        trusted=found.situation.trusted,
+        period=swing.period_s if swing.sustained else None,
+        percent=percent,
+        notes=tuple(found.situation.notes),
+        outside=outside,
+        likelier=tuple(likelier),
+        closed=loops,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +23,6 @@ from simbench.gap.decide.evidence import nats_of as nats_of_rows
 from simbench.gap.effects import is_friction, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify, law_of
-from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.intake.partial import Partial, completed
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
@@ -38,11 +37,8 @@ from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probab
 from simbench.gap.stiction.visible import Visible, visible
 from simbench.gap.thresholds import DENIED_BELOW, LEAST_REGRESSED, MEASURED, SHORTEST_ASKED
 from simbench.loop.effects import EFFECTS, block_of
-from simbench.loop.setup import plain_setup
-from simbench.scenarios.spec import Loop, Part
 
 OUTSIDE = "oscillation"  # what swings a sound loop
-LOADS = ("load_steps", "load_drift")  # what else moves it, of a plant that is known
 _NOTHING = -10.0  # nats of friction that could not be fitted
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
 _GRID = 1e-8
@@ -81,16 +77,6 @@ class Friction:
         return None if sizes is None else (float(sizes["S"]), float(sizes["J"]))
 
 
-def probability_of_stiction(record: LoopRecord, loop: Loop | Partial | None = None) -> float | None:
-    """Return the probability of stiction as every verb shows it; None where the record cannot be
-    judged.
-    """
-    try:
-        return friction(record, loop).probability
-    except UserError:
-        return None
-
-
 _KEPT: dict[tuple[Any, ...], Friction] = {}
 
 
@@ -107,37 +93,30 @@ def friction_of(record: LoopRecord) -> Friction:
     return _KEPT[key]
 
 
-def friction(
-    record: LoopRecord, loop: Loop | Partial | None = None, assessment: Assessment | None = None
-) -> Friction:
-    """Weigh friction on one record, with the loop where it is known, identified from the record
-    otherwise.
+def friction(record: LoopRecord, known: Partial | None = None) -> Friction:
+    """Weigh friction on one record, with a loop identified from it, but for what is known of it.
 
     A self-regulating and an integrating plant are both fitted, and friction must explain more on
     the better of both than no friction does on the better of both: after a valve that rests between
     its slips any plant looks as if it integrated. That holds where the kind is known, too: no plant
     is of first order.
 
-    Raises a UserError, in one sentence, where the record is unfit, no loop can be identified, or
-    both cannot be compared.
+    Raises a UserError, in one sentence, where the record is unfit or no loop can be identified.
     """
     refuse_unweighable(record)
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        # a record, and its tests, that was assessed with this loop is weighed as it was fitted
-        weighed = _weighed(record, loop) if assessment is None else _measured(assessment)
+        weighed = _weighed(record, known)
         if probability(log_odds(weighed.evidence)) >= DENIED_BELOW:
             return weighed
         return replace(weighed, shown=visible(weighed.views or (weighed.assessment,)))
 
 
-def _weighed(record: LoopRecord, loop: Loop | Partial | None) -> Friction:
+def _weighed(record: LoopRecord, known: Partial | None) -> Friction:
     """Return what a record shows of friction, before it is asked what would have shown."""
     where = f"record {record.tag!r}" if record.tag else "record"
     record = in_percent(record)[0]
-    if isinstance(loop, Loop):
-        loop = with_sound_valve(loop)
-    if loop is None and record.mv is None:
+    if known is None and record.mv is None:
         record = unheld(without_last_bits(record))
         count = measured_samples(record)
         if count < max(SHORTEST_ASKED, MEASURED * record.n):
@@ -148,10 +127,11 @@ def _weighed(record: LoopRecord, loop: Loop | Partial | None) -> Friction:
             raise RecordError(
                 f"{where} unfit: {count} of {record.n} samples of PV were measured; {what}"
             )
-    if loop is not None or record.mv is not None:
-        whole, given, _ = completed(record, loop)
-        return _measured(_fitted(record, whole, given))
-    return _seen_in(_identified(record))
+        return _seen_in(_identified(record))
+    whole, given, _ = completed(record, known)
+    s = check(record, whole, trusted=False, tuned="controller" in given)
+    # MV is compared with OP by the whole diagnosis alone
+    return _seen_in([_few(s)]) if record.mv is None else _seen_in_mv(assess(s))
 
 
 def refuse_unweighable(record: LoopRecord) -> None:
@@ -164,15 +144,6 @@ def refuse_unweighable(record: LoopRecord) -> None:
         unfit = f"{record.n} samples; at least {SHORTEST_ASKED:g} are needed"
     if unfit:
         raise RecordError(f"{where} unfit: {unfit}")
-
-
-def with_sound_valve(loop: Loop) -> Loop:
-    """Return a loop without the friction of its valve."""
-    return (
-        loop.model_copy(update={"valve": Part(name="ideal")})
-        if plain_setup(loop, 0).sticky
-        else loop
-    )
 
 
 def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
@@ -200,15 +171,6 @@ def _decade(x: np.ndarray) -> float:
     return 10.0 ** float(np.round(np.log10(np.ptp(x))))
 
 
-def _fitted(record: LoopRecord, loop: Loop, given: Collection[str] = ()) -> Assessment:
-    """Return the assessment with a loop of which plant, controller, or both, or none, were
-    given.
-    """
-    s = check(record, loop, trusted="plant" in given, tuned="controller" in given)
-    # MV is compared with OP by the whole diagnosis alone
-    return _few(s) if record.mv is None else assess(s)
-
-
 def _identified(record: LoopRecord) -> list[Assessment]:
     """Return the assessments of a record with the loops of both kinds that can be identified from
     it.
@@ -217,7 +179,7 @@ def _identified(record: LoopRecord) -> list[Assessment]:
     for process in PROCESSES:
         try:
             loop = identify(replace(record, process=process), law=law)
-            views.append(_fitted(record, loop))
+            views.append(_few(check(record, loop, trusted=False)))
         except UserError as why:
             refused = why
     if not views:
@@ -227,16 +189,12 @@ def _identified(record: LoopRecord) -> list[Assessment]:
 
 
 def _few(s: Situation) -> Assessment:
-    """Return the assessment of a record without MV in which only friction and what moves like it
-    were tried.
+    """Return the assessment of a record without MV in which only friction and an oscillation from
+    outside were tried: of an identified plant nobody knows how far a load jumps or drifts.
     """
-    if s.trusted and s.tuned:
-        refuse_other_plant(s)
     engine = Engine(s.data, load_memory(s))
-    # of an identified plant nobody knows how far a load jumps or drifts
-    loads = LOADS if s.trusted else ()
-    tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE, *loads)]
     base = engine.base()
+    tried = [e for e in possible_effects(s) if e in (FRICTION, OUTSIDE)]
     fitted = fit_candidates(engine, base, tried)
     used = {e: recogniser(e).numbers(c.fit, s) for e, c in fitted.items() if c.used}
     return Assessment(s, base, fitted, used | s.proven, [], base)
@@ -291,20 +249,11 @@ def _band_of(assessment: Assessment) -> float:
     return one.fit.theta["S"] / (op_range(op) or 1.0) if one is not None and one.used else 0.0
 
 
-def _measured(assessment: Assessment) -> Friction:
-    """Return the assessment with the evidence that is weighed."""
-    s = assessment.situation
-    if not s.trusted and s.record.mv is None:
-        return _seen_in([assessment])
-    if assessment.valve_seen or s.record.mv is not None:
-        # what MV does that OP does not is the valve: another map may explain it, and every band
-        # counts in full
-        maps = {e: n for e, n in nats_of_rows(assessment.rows).items() if block_of(e) == "valve"}
-        gain = max((n for e, n in maps.items() if is_friction(e)), default=_NOTHING)
-        rival = max((n for e, n in maps.items() if not is_friction(e)), default=0.0)
-        return Friction(assessment, FrictionEvidence(gain - max(rival, 0.0), float(gain > 0.0)))
-    gains = {e: float(c.log_likelihood_gain) for e, c in assessment.candidates.items()}
-    # what a load may do is no friction
-    rival = max((gains[e] for e in (OUTSIDE, *LOADS) if e in gains), default=0.0)
-    gain = gains.get(FRICTION, _NOTHING) - max(rival, 0.0)
-    return Friction(assessment, FrictionEvidence(gain, _band_of(assessment)))
+def _seen_in_mv(assessment: Assessment) -> Friction:
+    """Return what MV shows of friction: what it does that OP does not is the valve; another map may
+    explain it, and every band counts in full.
+    """
+    maps = {e: n for e, n in nats_of_rows(assessment.rows).items() if block_of(e) == "valve"}
+    gain = max((n for e, n in maps.items() if is_friction(e)), default=_NOTHING)
+    rival = max((n for e, n in maps.items() if not is_friction(e)), default=0.0)
+    return Friction(assessment, FrictionEvidence(gain - max(rival, 0.0), float(gain > 0.0)))

@@ -188,11 +188,13 @@ def test_a_dead_record_is_no_error_and_no_verdict():
     json.dumps(answer.as_json(), allow_nan=False)
 
 
-def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky):
-    loop = Loop.from_table(RESTING | STUCK)
+@pytest.mark.parametrize("part", [STUCK, {"effect": [{"name": "stiction", "S": 4.0, "J": 2.0}]}])
+def test_a_given_loop_with_friction_in_its_valve_still_has_healthy_twins(sticky, part):
+    loop = Loop.from_table(RESTING | part)
     answer = trust(sticky, loop, **FEW, help_wanted=False)
     assert answer.candidates is not None
     assert answer.candidates.trusted
+    assert answer.candidates.probability == pytest.approx(answer.conclusion.probability)
     assert any("friction" in n for n in answer.notes)
     assert min(answer.twins) == (0.0, 0.0)
 

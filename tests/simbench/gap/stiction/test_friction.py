@@ -19,24 +19,10 @@ from simbench.gap.stiction import any_spectrum as spectrum
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.friction import (
     FRICTION,
-    OUTSIDE,
     friction,
     without_last_bits,
 )
 from simbench.trust.trust import trust
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("seed", "effects"), [(5, (FRICTION,)), (8, (OUTSIDE,)), (2, ("load_steps",))]
-)
-def test_its_gain_and_size_are_those_of_the_diagnosis(seed, effects):
-    case = random_case(seed, effects)
-    case = replace(case, record=case.record.window(0, 800))
-    whole = diagnose(case.record, case.baseline).behind.found
-    alone, weighed = (friction(case.record, case.baseline, a) for a in (None, whole))
-    assert alone.evidence.gain == pytest.approx(weighed.evidence.gain, abs=1e-6)
-    assert alone.fitted == pytest.approx(weighed.fitted)
 
 
 @pytest.mark.slow
