@@ -68,13 +68,8 @@ def check(
         samples=samples,
     )
     archive, plant_pv, mismatch = find_archive(seen)
-    data = data_of(record, op, baseline, trusted, noise, law.late)
     rounded, at = archive.rounding or (samples.hidden, "loop")
-    data = replace(
-        data,
-        y=np.ascontiguousarray(plant_pv, dtype=float),
-        resolution=rounded if at == "loop" else samples.resolution,
-    )
+    resolution = rounded if at == "loop" else samples.resolution
     # what a block of the loop file is stated to do is not told from what else may happen there
     stated = sorted(part.name for part in baseline.effect)
     blocks, notes = {block_of(e) for e in stated}, notes_of(record, law)
@@ -88,7 +83,7 @@ def check(
         **vars(seen),
         archive=archive,
         plant_pv=plant_pv,
-        data=data,
+        data=data_of(seen, plant_pv, resolution),
         notes=notes,
         frozen=rests and is_frozen(record, op, samples, noise),
         unexplained_law=unexplained(seen, archive, mismatch) if strange else "",

@@ -18,7 +18,7 @@ from simbench.gap.controller.examine import examine_controller
 from simbench.gap.controller.pi_law import LAW_ROWS, Law
 from simbench.gap.likelihood.model import Data
 from simbench.gap.sensor.samples import Samples
-from simbench.gap.situation import coloured_on_pv, through_valve
+from simbench.gap.situation import Seen, coloured_on_pv, through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like, polynomials
 from simbench.scenarios.spec import Loop
 
@@ -133,24 +133,25 @@ def moves_of(sp: np.ndarray) -> list[str]:
     ]
 
 
-def data_of(
-    r: LoopRecord, op: np.ndarray, baseline: Loop, trusted: bool, noise: float, late: int
-) -> Data:
-    """Return the engine's input; an archive that hides something of PV is not yet counted in."""
+def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
+    """Return the engine's input, with PV as the plant gave it to the controller, and the lattice on
+    which it was put there.
+    """
+    r, baseline = seen.record, seen.baseline
     plant = first_order_like(baseline.plant)
-    u = through_valve(op, baseline, r.Ts) if r.mv is None else r.mv
     data = Data(
-        u=u,
-        y=r.pv,
+        u=through_valve(seen.op, baseline, r.Ts) if r.mv is None else r.mv,
+        y=np.ascontiguousarray(plant_pv, dtype=float),
         K=plant.K * (r.Ts if plant.integrating else 1.0),
         T=0.0 if plant.integrating else float(plant.T or 0.0) / r.Ts,
         Td=baseline.plant.Td / r.Ts,
         shape=beyond_first_order(baseline.plant, r.Ts),
-        noise=noise,
-        trusted=trusted,
-        late=late,
+        resolution=resolution,
+        noise=seen.noise,
+        trusted=seen.trusted,
+        late=seen.law.late,
     )
-    if not trusted:
+    if not seen.trusted:
         return data
     num, den = polynomials(plant)
 

@@ -267,7 +267,17 @@ def assessment(n, gains, *, known=(), chosen=(), parameters=None, tag=""):
     return diagnosis.Assessment(s, None, {}, parameters or {}, list(chosen), None, rows=tuple(rows))
 
 
-LOOPS = CandidateLoops(None, (), None, None, 0.0, 1.0, False, None, 1.0, ())
+LOOPS = CandidateLoops(
+    record=None,
+    healthy=(),
+    sticky=None,
+    fitted=None,
+    log_odds=1.0,
+    trusted=False,
+    period=None,
+    percent=1.0,
+    notes=(),
+)
 
 
 def together(monkeypatch, *every):
