@@ -60,15 +60,19 @@ class Twin:
             e = 0.0
         if self.u1 is None:
             self.e1, self.u1, self.integral = e, c.bias, -c.Kc * e
+            self.sp0, self.f1, self.p1, self.d1 = sp, c.c * sp - pv, e, 0.0
+        p, f = e - (1.0 - c.b) * (sp - self.sp0), c.c * sp - pv
+        lag = c.Td / 8.0
+        d = (lag * self.d1 + c.Kc * c.Td * (f - self.f1)) / (lag + c.Ts) if c.Td else 0.0
         mean = {0: e, 1: self.e1, 2: (e + self.e1) / 2}[c.rule]
         step = c.Kc * c.Ts / c.Ti * mean if c.Ti else 0.0
         clip = lambda u: min(max(u, c.lo), c.hi)  # noqa: E731
         if c.velocity:
-            u = clip(self.u1 + c.Kc * (e - self.e1) + step)
+            u = clip(self.u1 + c.Kc * (p - self.p1) + step + d - self.d1)
         elif not c.Ti:
             u = clip(c.bias + c.Kc * e)
         else:
-            free = c.bias + c.Kc * e + self.integral + step
+            free = c.bias + c.Kc * p + d + self.integral + step
             if c.windup == 0:
                 if c.lo <= free <= c.hi or (free > c.hi) != (step > 0):
                     self.integral += step
@@ -76,8 +80,8 @@ class Twin:
                 self.integral += step + min(1.0, c.Ts / (c.Ti / 2)) * (clip(free) - free)
             else:
                 self.integral = clip(c.bias + self.integral + step) - c.bias
-            u = clip(free if c.windup == 1 else c.bias + c.Kc * e + self.integral)
-        self.e1, self.u1 = e, u
+            u = clip(free if c.windup == 1 else c.bias + c.Kc * p + d + self.integral)
+        self.e1, self.u1, self.p1, self.f1, self.d1 = e, u, p, f, d
         return round(u / c.quantum) * c.quantum if c.quantum else u
 
     def run(self, x):
@@ -125,6 +129,8 @@ CONTROLLERS = [
     {"velocity": True, "lo": 45.0, "hi": 56.0},
     {"dead_width": 3.0},
     {"quantum": 0.7},
+    *[{"Td": 4.0, "b": b, "c": c} for b, c in ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0))],
+    {"Td": 4.0, "b": 0.5, "velocity": True},
 ]
 
 

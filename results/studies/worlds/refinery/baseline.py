@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 
-def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndarray:
-    """Return the unit step response of 1/((T s + 1)(lag1 s + 1)(lag2 s + 1)) by superposition of
-    its modes.
+def step_response(t: np.ndarray, T: float, lags: tuple[float, ...]) -> np.ndarray:
+    """Return the unit step response of 1/((T s + 1)(lag1 s + 1) ...), lags unlike each other, by
+    superposition of its modes.
     """
     taus = [x for x in (T, *lags) if x > 0.0]
     y = np.ones_like(t)
@@ -24,9 +24,9 @@ def step_response(t: np.ndarray, T: float, lags: tuple[float, float]) -> np.ndar
 
 def fitted(plant: dict) -> dict:
     """Return type, K, T, Td of the first-order model whose step response comes closest to the
-    plant's.
+    plant's, the small lags of its instruments included.
     """
-    lags = (plant["lag1"], plant["lag2"])
+    lags = tuple(plant.get(name, 0.0) for name in ("lag1", "lag2", "actuator", "filter"))
     model = {name: plant[name] for name in ("type", "K", "T", "Td")}
     if plant["type"] == "integrating":
         # the ramps lie on one line once the lags have died away

@@ -1,4 +1,4 @@
-"""The DCS controller, once per scan: P and PI in velocity and positional form, three integral
+"""The DCS controller, once per scan: P, PI and PID in velocity and positional form, three integral
 rules, three anti-windups.
 
 The foreign kinds of this block live here too, since they are other laws: error squared, derivative
@@ -16,8 +16,8 @@ FORMS = ("positional", "velocity")
 RULES = ("backward", "forward", "trapezoidal")
 WINDUPS = ("conditional", "back_calculation", "clamped")
 # places in the state array: integral, last error, last OP before rounding, last PV, filtered
-# derivative, first scan done
-_INTEGRAL, ERROR, OUT, PV, _DERIVATIVE, _STARTED = range(6)
+# derivative, first scan done, first set point, last set point
+_INTEGRAL, ERROR, OUT, PV, _DERIVATIVE, _STARTED, _SP0, _SP = range(8)
 
 
 class Controller(NamedTuple):
@@ -39,7 +39,9 @@ class Controller(NamedTuple):
     dead_width: float = 0.0  # PV units, full width
     square_share: float = 0.0  # foreign: share of the error-squared law
     square_scale: float = 1.0  # PV units: error at which the squared law has the gain Kc
-    Td: float = 0.0  # foreign: derivative time on PV
+    Td: float = 0.0  # derivative time; foreign where the baseline states none
+    b: float = 1.0  # weight of SP in the proportional part
+    c: float = 0.0  # and in the derivative
     close_rate: float = 0.0  # foreign: fastest closing, % per s; 0 = not limited
 
 
@@ -85,12 +87,19 @@ def execute(sp, pv, manual, state, c):
     e = _shaped(sp - pv, c)
     if state[_STARTED] == 0.0:
         state[_STARTED], state[ERROR], state[PV], state[OUT] = 1.0, e, pv, c.bias
+        state[_SP0] = state[_SP] = sp
         state[_INTEGRAL] = -c.Kc * e if c.Ti > 0.0 else 0.0
+    # what the proportional part sees; before, the scan before
+    p, before = e, state[ERROR]
+    if c.b != 1.0:
+        p -= (1.0 - c.b) * (sp - state[_SP0])
+        before -= (1.0 - c.b) * (state[_SP] - state[_SP0])
     d = 0.0
     if c.Td > 0.0:
         # filter Td/8, backward Euler
         keep = c.Td / 8.0 / (c.Td / 8.0 + c.Ts)
-        d = keep * state[_DERIVATIVE] - c.Kc * c.Td * (1.0 - keep) * (pv - state[PV]) / c.Ts
+        moved = (pv - state[PV]) - c.c * (sp - state[_SP])
+        d = keep * state[_DERIVATIVE] - c.Kc * c.Td * (1.0 - keep) * moved / c.Ts
     lo, hi = c.lo, c.hi
     if c.close_rate > 0.0:
         lo = max(lo, min(state[OUT] - c.close_rate * c.Ts, hi))
@@ -98,16 +107,15 @@ def execute(sp, pv, manual, state, c):
     if manual:
         out = state[OUT]
         if c.Ti > 0.0:
-            state[_INTEGRAL] = out - c.bias - c.Kc * e - d
+            state[_INTEGRAL] = out - c.bias - c.Kc * p - d
     elif c.velocity:
-        out = min(
-            max(state[OUT] + c.Kc * (e - state[ERROR]) + step + d - state[_DERIVATIVE], lo), hi
-        )
+        out = min(max(state[OUT] + c.Kc * (p - before) + step + d - state[_DERIVATIVE], lo), hi)
     elif c.Ti > 0.0:
-        out = positional(c.Kc * e + d, step, lo, hi, state, c)
+        out = positional(c.Kc * p + d, step, lo, hi, state, c)
     else:
-        out = min(max(c.bias + c.Kc * e + d, lo), hi)
+        out = min(max(c.bias + c.Kc * p + d, lo), hi)
     state[ERROR], state[OUT], state[PV], state[_DERIVATIVE] = e, out, pv, d
+    state[_SP] = sp
     if c.op_step > 0.0:
         out = round(out / c.op_step) * c.op_step
     if c.quantum > 0.0:
@@ -125,4 +133,4 @@ def take(sp, pv, out, state, c):
 
 def at_rest():
     """Return the state of a controller before its first scan."""
-    return np.zeros(6)
+    return np.zeros(8)

@@ -98,12 +98,19 @@ def _answer(entry: dict, case: dict, effects: list[dict], ratio: float, seed: in
     return json.loads(json.dumps(answer))
 
 
-def _try(entry: dict, names: tuple[str, ...], classes: dict, rng: np.random.Generator) -> Item:
+def _try(
+    entry: dict,
+    names: tuple[str, ...],
+    classes: dict,
+    rng: np.random.Generator,
+    habits: loops.Habits,
+) -> Item:
     case = loops.draw_case(
         rng,
         classes,
         frozenset(_EXACT[n] for n in names if n in _EXACT),
         any(n in _VALVE for n in names),
+        habits,
     )
     if case is None:
         raise Misfit
@@ -128,17 +135,18 @@ def _recorded(record: dict[str, np.ndarray], case: dict) -> dict[str, np.ndarray
     return {name: x for name, x in record.items() if name != "mv" or case["mv"]}
 
 
-def draw(seed: int, index: int, entry: dict) -> Item:
-    """Draw one labelled record."""
+def draw(seed: int, index: int, entry: dict, habits: loops.Habits = loops.REFINERY) -> Item:
+    """Draw one labelled record of a loop as a site's habits have it."""
     names = _names(entry, np.random.default_rng([seed, index, 1]))
     wish = "foptd" if NEEDS_FOPTD & set(names) else entry.get("plant")
     # the classes come from seed and index alone: the same whatever the entry asks for
     lottery = np.random.default_rng([seed, index, 2])
     for attempt in range(LOOPS):
         if attempt % _KEPT == 0:
-            classes = loops.draw_classes(lottery, wish)
+            classes = loops.draw_classes(lottery, wish, habits)
         try:
-            return _try(entry, names, classes, np.random.default_rng([seed, index, 3, attempt]))
+            rng = np.random.default_rng([seed, index, 3, attempt])
+            return _try(entry, names, classes, rng, habits)
         except Misfit:
             continue
     raise ParameterError(f"entry {entry!r}: none of {LOOPS} drawn loops can hold it")
@@ -166,6 +174,7 @@ def test(answer: dict, effects: list[dict], seed: int, plan: TestPlan) -> dict[s
     case, r = dict(answer["case"]), plan.faster
     steady = {"kind": "constant", "value": case["setpoint"]["value"]}
     case |= {"n": plan.n, "Ts": case["Ts"] / r, "warm": case["warm"] * r, "setpoint": steady}
+    case["archive"] = case["archive"] | {"lost": 0.0}
     setup = prepared(case, effects)
     scan = setup.controller
     # the law keeps its scan

@@ -82,7 +82,7 @@ def deadzone(setup: Setup, p: dict, case: dict) -> None:
 
 def valve_lag(setup: Setup, p: dict, case: dict) -> None:
     """Lag between stem and flow."""
-    setup.valve = setup.valve._replace(lag=float(p["tau"]))
+    setup.valve = setup.valve._replace(lag=setup.valve.lag + float(p["tau"]))
 
 
 def valve_characteristic(setup: Setup, p: dict, case: dict) -> None:
@@ -137,7 +137,7 @@ def quantisation(setup: Setup, p: dict, case: dict) -> None:
 
 def sensor_lag(setup: Setup, p: dict, case: dict) -> None:
     """Filter on the noisy PV."""
-    setup.sensor = setup.sensor._replace(lag=float(p["tau"]))
+    setup.sensor = setup.sensor._replace(lag=setup.sensor.lag + float(p["tau"]))
 
 
 def compression(setup: Setup, p: dict, case: dict) -> None:

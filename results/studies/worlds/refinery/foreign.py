@@ -84,8 +84,8 @@ def error_squared(setup: Setup, p: dict, case: dict) -> None:
 
 
 def hidden_derivative(setup: Setup, p: dict, case: dict) -> None:
-    """Derivative on PV, filtered with Td/8."""
-    setup.controller = setup.controller._replace(Td=float(p["Td"]))
+    """Derivative on PV, filtered with Td/8, beside the one that is known."""
+    setup.controller = setup.controller._replace(Td=setup.controller.Td + float(p["Td"]))
 
 
 def one_way_ramp(setup: Setup, p: dict, case: dict) -> None:

@@ -30,6 +30,8 @@ class _Service(NamedTuple):
     periods: tuple[float, ...]
 
 
+# of the controller, in the baseline
+_STATED, _OF_PID = ("type", "Kc", "Ti", "direction"), ("Td", "N", "b", "c", "form")
 _SERVICES = (
     _Service("reflux flow, m3/h", False, 0.0, 160.0, (1.0, 2.0, 5.0)),
     _Service("stripping steam, kg/h", False, 0.0, 8000.0, (1.0, 2.0, 5.0)),
@@ -45,6 +47,33 @@ _SERVICES = (
     _Service("surge tank level, m", True, 0.0, 12.0, (10.0, 30.0, 60.0)),
     _Service("gas holder pressure, mmH2O", True, 0.0, 900.0, (1.0, 2.0, 5.0)),
 )
+
+
+class Habits(NamedTuple):
+    """How a site's ordinary loops are: shares of each class, and what the baseline leaves out."""
+
+    loads: tuple[float, ...] = (40, 20, 8, 14, 8, 10)  # weights of `loads.LOADS`
+    noises: tuple[float, ...] = (45, 25, 15, 15)  # and of `loads.NOISES`
+    phi: tuple[float, float] = (0.3, 0.8)  # correlation of coloured noise from scan to scan
+    higher_order: float = 0.4  # share of plants with a second lag, and half of these with a third
+    lags: tuple[float, float] = (0.05, 0.15)  # these lags, of the main one
+    actuator: float = 0.0  # largest lag of a sound actuator, of the main one
+    filter: float = 0.0  # and of the transmitter's filter
+    integrating: float = 1 / 3
+    P: float = 0.15  # share of loops without integral action
+    PID: float = 0.0  # and, of the others, with derivative action
+    averaging: float = 0.12
+    late: float = 0.3
+    exceptions: float = 0.15
+    known_play: float = 0.08
+    knows: float = 0.09  # share by which the baseline's plant is off at most
+    noise_known: float = 0.0  # and its noise
+    load_told: float = 0.0  # share of the loops whose load the baseline states
+    jitter: float = 0.0  # largest error of a time stamp, of a scan
+    lost: float = 0.0  # share of rows that never reach the archive
+
+
+REFINERY = Habits()
 
 
 def pick(rng: np.random.Generator, options: tuple, weights: tuple | None = None):
@@ -63,9 +92,11 @@ def rounded(x: float, digits: int = 4) -> float:
     return float(f"{x:.{digits}g}")
 
 
-def draw_classes(rng: np.random.Generator, plant: str | None = None) -> dict:
+def draw_classes(
+    rng: np.random.Generator, plant: str | None = None, habits: Habits = REFINERY
+) -> dict:
     """Return the classes of a loop; `plant` is a wish."""
-    integrating = bool(rng.random() < 1 / 3)
+    integrating = bool(rng.random() < habits.integrating)
     fit = [
         s
         for s in _SERVICES
@@ -80,25 +111,32 @@ def draw_classes(rng: np.random.Generator, plant: str | None = None) -> dict:
         # T, or the time in which a tank reacts: from a scan that is too slow to one of forty in T
         "time": Ts * log_uniform(rng, 3.0, 40.0),
         "Td_share": log_uniform(rng, 0.05, 1.0 if service.integrating else 1.5),
-        "controller": pick(rng, ("PI", "P"), (85, 15)),
+        "controller": pick(rng, ("PI", "P"), (1.0 - habits.P, habits.P)),
         "direction": pick(rng, ("reverse", "direct")),
         "sp": pick(rng, setpoint.PATTERNS, (50, 20, 12, 18)),
         "n": round(log_uniform(rng, 800, 5000)),
-        "load": pick(rng, loads.LOADS, (40, 20, 8, 14, 8, 10)),
-        "noise": pick(rng, loads.NOISES, (45, 25, 15, 15)),
-        "averaging": bool(rng.random() < 0.12),
-        "late": bool(rng.random() < 0.3),
-        "exceptions": bool(rng.random() < 0.15),
+        "load": pick(rng, loads.LOADS, habits.loads),
+        "noise": pick(rng, loads.NOISES, habits.noises),
+        "averaging": bool(rng.random() < habits.averaging),
+        "late": bool(rng.random() < habits.late),
+        "exceptions": bool(rng.random() < habits.exceptions),
         "style": pick(rng, archive.STYLES),
-        "higher_order": bool(rng.random() < 0.4),
-        "known_play": bool(rng.random() < 0.08),
+        "higher_order": bool(rng.random() < habits.higher_order),
+        "known_play": bool(rng.random() < habits.known_play),
     }
 
 
 def _plants(
-    rng: np.random.Generator, classes: dict, span: float, exact: frozenset
+    rng: np.random.Generator,
+    classes: dict,
+    span: float,
+    exact: frozenset,
+    habits: Habits,
+    small: dict,
 ) -> tuple[dict, dict]:
-    """Return the true plant and the baseline's."""
+    """Return the true plant and the baseline's, in which the `small` lags of the instruments
+    are.
+    """
     sign = 1.0 if classes["direction"] == "reverse" else -1.0
     integrating = classes["plant"] == "integrating"
     time = classes["time"]
@@ -109,9 +147,9 @@ def _plants(
     true["Td"] = time * classes["Td_share"]
     true["lag1"] = true["lag2"] = 0.0
     if classes["higher_order"] and "T" not in exact:
-        true["lag1"] = time * rng.uniform(0.05, 0.15)
-        true["lag2"] = time * rng.uniform(0.05, 0.15) if rng.random() < 0.5 else 0.0
-    base = fitted(true)
+        true["lag1"] = time * rng.uniform(*habits.lags)
+        true["lag2"] = time * rng.uniform(*habits.lags) if rng.random() < 0.5 else 0.0
+    base = fitted(true | small)
     for name in ("K", "T", "Td"):
         if base.get(name) is None:
             continue
@@ -120,7 +158,7 @@ def _plants(
             true[name] += rounded(base[name]) - base[name]
             base[name] = rounded(base[name])
         else:
-            base[name] = rounded(base[name] * rng.uniform(0.91, 1.09))
+            base[name] = rounded(base[name] * rng.uniform(1.0 - habits.knows, 1.0 + habits.knows))
     return true, {k: v for k, v in base.items() if v is not None}
 
 
@@ -200,6 +238,7 @@ def draw_case(
     classes: dict,
     exact: frozenset = frozenset(),
     valve_effect: bool = False,
+    habits: Habits = REFINERY,
 ) -> dict | None:
     """Return a loop of these classes as JSON types, or None when it does not behave like a working
     loop.
@@ -209,7 +248,9 @@ def draw_case(
     span = (service.high - service.low) * rng.uniform(0.4, 1.0)
     value = rounded(service.low + (service.high - service.low) * rng.uniform(0.35, 0.7))
     time = classes["time"]
-    true, base = _plants(rng, classes, span, exact)
+    # a mismatch is one of numbers that the plant's own model has
+    small = _instruments(rng, time, habits) if not exact else {}
+    true, base = _plants(rng, classes, span, exact, habits, small)
     Kc, Ti = _tuning(rng, classes, base, time)
     n, Ts = classes["n"], classes["Ts"]
     tuned = {
@@ -219,6 +260,8 @@ def draw_case(
         "windup": pick(rng, controller.WINDUPS),
         "op_step": 0.0,
     }  # fmt: skip
+    if Ti and habits.PID and rng.random() < habits.PID:
+        tuned |= _with_derivative(rng, Ti, base["Td"], Ts)
     m0 = rounded(float(rng.uniform(25.0, 75.0)), 3)
     case = {
         "service": service.name,
@@ -241,7 +284,7 @@ def draw_case(
             "rate": 0.0,
             "scale": 1.0,
         },
-        "noise": {"kind": classes["noise"], "std": 0.0, "phi": float(rng.uniform(0.3, 0.8))},
+        "noise": {"kind": classes["noise"], "std": 0.0, "phi": float(rng.uniform(*habits.phi))},
         "sensor": {"count": 0.0, "count_offset": 0.0},
         "friction": _friction(rng, Ts),
         "archive": {
@@ -254,12 +297,15 @@ def draw_case(
         "baseline": {
             "plant": base,
             "controller": {
-                k: tuned[k] for k in ("type", "Kc", "Ti", "direction") if tuned[k] is not None
+                k: tuned[k]
+                for k in (*_STATED, *(_OF_PID if tuned["type"] == "PID" else ()))
+                if tuned[k] is not None
             },
             "sampling": {"Ts": Ts, "n": n},
             "noise": {"std": 0.0},
             "valve": {"model": "ideal"},
         },
+        **small,
     }
     if classes["load"] == "pink":
         case["load"]["time"] = time * log_uniform(rng, 0.1, 0.5)
@@ -267,7 +313,27 @@ def draw_case(
     if classes["load"] in rates:
         case["load"]["rate"] = log_uniform(rng, *rates[classes["load"]]) / (time + true["Td"])
     case["setpoint"] = _setpoint(rng, classes, value, span, true["K"], Kc, time)
-    return _scaled(rng, classes, case, valve_effect)
+    return _scaled(rng, classes, case, valve_effect, habits)
+
+
+def _instruments(rng: np.random.Generator, time: float, habits: Habits) -> dict:
+    """Return the lags (s) of a sound actuator and of the transmitter's filter, where the site has
+    them: a step test shows both in the plant.
+    """
+    most = {"actuator": habits.actuator, "filter": habits.filter}
+    return {name: time * rng.uniform(0.0, share) for name, share in most.items() if share > 0.0}
+
+
+def _with_derivative(rng: np.random.Generator, Ti: float, Td: float, Ts: float) -> dict:
+    """Return what makes a PID of a PI controller: derivative of PV or of the error, or an I-PD."""
+    b, c = pick(rng, ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0), (0.5, 0.0)), (45, 20, 20, 15))
+    return {
+        "type": "PID",
+        "Td": rounded(min(0.25 * Ti, max(0.5 * Td, Ts)) * rng.uniform(0.4, 1.0), 3),
+        "N": 8.0,
+        "b": b,
+        "c": c,
+    }
 
 
 def _friction(rng: np.random.Generator, Ts: float) -> dict:
@@ -289,7 +355,9 @@ def _friction(rng: np.random.Generator, Ts: float) -> dict:
     }
 
 
-def _scaled(rng: np.random.Generator, classes: dict, case: dict, valve_effect: bool) -> dict | None:
+def _scaled(
+    rng: np.random.Generator, classes: dict, case: dict, valve_effect: bool, habits: Habits
+) -> dict | None:
     """Scale load and noise by what they do to PV in closed loop, then settle resolutions and
     archive.
     """
@@ -315,7 +383,10 @@ def _scaled(rng: np.random.Generator, classes: dict, case: dict, valve_effect: b
     if case["noise"]["std"] < 0.03 * load_std:
         return None
     case["noise"]["std"] = rounded(case["noise"]["std"])
-    case["baseline"]["noise"]["std"] = case["noise"]["std"]
+    said = case["noise"]["std"]
+    if habits.noise_known:
+        said = rounded(said * rng.uniform(1.0 - habits.noise_known, 1.0 + habits.noise_known))
+    case["baseline"]["noise"]["std"] = said
     if rng.random() < 0.5:
         case["sensor"]["count"] = case["noise"]["std"] * log_uniform(rng, 0.01, 0.19)
         case["sensor"]["count_offset"] = case["sensor"]["count"] * float(rng.random())
@@ -337,4 +408,12 @@ def _scaled(rng: np.random.Generator, classes: dict, case: dict, valve_effect: b
         "load_pv": load_std,
     }
     case["archive"] = _archive(rng, classes, case, dop)
+    if habits.jitter:
+        case["archive"]["jitter"] = float(rng.uniform(0.0, habits.jitter))
+    if habits.lost:
+        case["archive"]["lost"] = float(rng.uniform(0.0, habits.lost))
+    if habits.load_told and rng.random() < habits.load_told and case["load"]["kind"] == "ou":
+        scale, time = (rounded(case["load"][name]) for name in ("scale", "time"))
+        told = {"type": "coloured", "at": "input", "amplitude": scale, "period": time}
+        case["baseline"]["disturbance"] = [told]
     return case

@@ -20,6 +20,7 @@ from simbench.sealed.withheld.menu import TestPlan, operated
 # random streams of one realisation: an added effect never changes the load or the noise of the loop
 # itself
 _LOAD, _NOISE, _WHITE, _DRIFT, _SPIKES_LOOP, _SPIKES_RECORD, _HELD, _MANUAL, _EFFECT_LOAD = range(9)
+_CLOCK, _LOST = 50, 51
 
 _LoadMaker = Callable[[np.random.Generator, int, float, int], np.ndarray]
 
@@ -50,6 +51,8 @@ def build(case: dict, nominal: bool = False) -> Setup:
     plant, controller = case["baseline"]["plant"] if nominal else case["plant"], case["controller"]
     integrating = plant["type"] == "integrating"
     sign = 1.0 if controller["direction"] == "reverse" else -1.0
+    # the baseline's plant has the lags of sound instruments in it
+    lag = {k: 0.0 if nominal else float(case.get(k, 0.0)) for k in ("actuator", "filter")}
     return Setup(
         Plant(
             integrating=integrating,
@@ -68,9 +71,13 @@ def build(case: dict, nominal: bool = False) -> Setup:
             rule=RULES.index(controller["rule"]),
             windup=WINDUPS.index(controller["windup"]),
             op_step=float(controller["op_step"]),
+            Td=float(controller.get("Td", 0.0)),
+            b=float(controller.get("b", 1.0)),
+            c=float(controller.get("c", 0.0)),
         ),
-        Valve(known_play=float(case["known_play"])),
+        Valve(known_play=float(case["known_play"]), lag=lag["actuator"]),
         Sensor(
+            lag=lag["filter"],
             count=float(case["sensor"]["count"]),
             count_offset=float(case["sensor"]["count_offset"]),
             flow_noise=1.0 if case["noise"]["kind"] == "flow" else 0.0,
@@ -172,4 +179,13 @@ def _archive(
         name: archive.printed(x, how["style"], how["places"][name]) + 0.0
         for name, x in columns.items()
     }
-    return {"t": np.round(np.arange(n) * case["Ts"], 6), **printed}
+    clock = np.arange(n) * case["Ts"]
+    late, lost = how.get("jitter", 0.0), how.get("lost", 0.0)
+    if late > 0.0:
+        clock = clock + late * case["Ts"] * _stream(seed, _CLOCK).random(n)
+    rows = {"t": np.round(clock, 6), **printed}
+    if lost == 0.0:
+        return rows
+    kept = _stream(seed, _LOST).random(n) >= lost
+    kept[[0, -1]] = True
+    return {name: x[kept] for name, x in rows.items()}
