@@ -324,6 +324,15 @@ def _instruments(rng: np.random.Generator, time: float, habits: Habits) -> dict:
     return {name: time * rng.uniform(0.0, share) for name, share in most.items() if share > 0.0}
 
 
+def _before_filter(case: dict) -> float:
+    """Return how many times as large noise is before a transmitter's filter: what is drawn and
+    stated is what is seen of it.
+    """
+    keep = math.exp(-case["Ts"] / case["filter"])
+    phi = case["noise"]["phi"] if case["noise"]["kind"] == "ar1" else 0.0
+    return math.sqrt((1.0 + keep) / (1.0 - keep) * (1.0 - keep * phi) / (1.0 + keep * phi))
+
+
 def _with_derivative(rng: np.random.Generator, Ti: float, Td: float, Ts: float) -> dict:
     """Return what makes a PID of a PI controller: derivative of PV or of the error, or an I-PD."""
     b, c = pick(rng, ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0), (0.5, 0.0)), (45, 20, 20, 15))
@@ -383,6 +392,8 @@ def _scaled(
     if case["noise"]["std"] < 0.03 * load_std:
         return None
     case["noise"]["std"] = rounded(case["noise"]["std"])
+    if case.get("filter"):
+        case["noise"]["gain"] = _before_filter(case)
     said = case["noise"]["std"]
     if habits.noise_known:
         said = rounded(said * rng.uniform(1.0 - habits.noise_known, 1.0 + habits.noise_known))

@@ -82,7 +82,7 @@ def build(case: dict, nominal: bool = False) -> Setup:
             count_offset=float(case["sensor"]["count_offset"]),
             flow_noise=1.0 if case["noise"]["kind"] == "flow" else 0.0,
         ),
-        noise_std=float(case["noise"]["std"]),
+        noise_std=float(case["noise"]["std"]) * case["noise"].get("gain", 1.0),
     )
 
 
