@@ -27,10 +27,18 @@ __all__ = ["FOREIGN", "TITLE", "Item", "draw", "part", "simulate", "site_of", "t
 
 def draw(seed: int, index: int, entry: dict) -> Item:
     """Draw one labelled record of the site that has its number."""
-    number = index % SITES
+    number = site_at(index)
     item = drawing.draw(seed, index, entry, site(number))
     item.answer["case"]["site"] = number
     return item
+
+
+def site_at(index: int) -> int:
+    """Return the site of a record: each comes once in twenty records, in an order that agrees with
+    no other pattern in a plan (every other record has MV).
+    """
+    turn, place = divmod(index, SITES)
+    return int(np.random.default_rng([_STREAM, SITES, turn]).permutation(SITES)[place])
 
 
 def site(number: int) -> Habits:

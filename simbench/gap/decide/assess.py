@@ -20,9 +20,16 @@ from simbench.gap.candidates import (
     meaningful,
     possible_effects,
 )
-from simbench.gap.decide.beside_tests import Maps, by_stem, joint_engine, lab_rows, valve_maps
+from simbench.gap.decide.beside_tests import (
+    Maps,
+    by_op,
+    by_stem,
+    joint_engine,
+    lab_rows,
+    valve_maps,
+)
 from simbench.gap.decide.evidence import LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
-from simbench.gap.effects import Recogniser, is_friction, recogniser
+from simbench.gap.effects import NOT_IN_PLANT, Recogniser, is_friction, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -30,6 +37,7 @@ from simbench.gap.likelihood.residual_tests import tests_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory
 from simbench.gap.thresholds import (
     BURSTS_LIMIT,
+    BY_MV,
     FACT,
     GUESSED,
     INPUT_LIMIT,
@@ -111,8 +119,9 @@ def assess(
     """
     if situation.trusted and situation.tuned:
         refuse_other_plant(situation)
-    s, (maps, mv_strays), engine = _model(situation, tests)
-    bare = base = engine.base()
+    maps, mv_strays = valve_maps(situation, tests)
+    engine, bare, maps = _model(situation, tests, maps)
+    s, base = _known(situation, tests, engine, bool(maps)), bare
     candidates = fit_candidates(engine, base, possible_effects(s, bool(maps)))
     sizes = _plain(s, base, candidates)
     plain, candidates = _parted(candidates, sizes)
@@ -153,21 +162,42 @@ def assess(
     )
 
 
-def _model(
-    s: Situation, tests: Sequence[ModelledTest]
-) -> tuple[Situation, tuple[Maps, bool], Engine]:
-    """Return the situation with the engine's data and all that is known, what MV says, and the
-    engine.
+def _model(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> tuple[Engine, Fit, Maps]:
+    """Return the engine, its fit without effect, and what MV says.
+
+    Of what a baseline's plant may have in it already, MV shows that it is there, and PV whether the
+    simulation lacks it: the plant then answers MV, and otherwise OP, as the baseline says.
     """
-    maps = valve_maps(s, tests)
+    engine = _engine(s, tests, maps)
+    base = engine.base()
+    if not maps or not s.trusted:
+        return engine, base, maps
+    seen = max(maps, key=lambda e: maps[e][0])
+    nats, p = maps[seen]
+    if NOT_IN_PLANT not in recogniser(seen).needs or nats <= BY_MV:
+        return engine, base, maps
+    given = _engine(*by_op(s, tests), {})
+    without = given.base()
+    more = base.loglik - without.loglik
+    # what else MV could be is less likely than this
+    maps = {e: (n - nats, q) for e, (n, q) in maps.items()} | {seen: (min(nats, more), p)}
+    return (engine, base, maps) if more > 0.0 else (given, without, maps)
+
+
+def _engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> Engine:
+    """Return the engine of a record, or of one with its tests."""
     if tests:
-        engine: Engine = joint_engine(s, tests, maps[0])
-    else:
-        data = by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps[0])
-        engine = Engine(data, load_memory(s))
+        return joint_engine(s, tests, maps)
+    return Engine(by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps), load_memory(s))
+
+
+def _known(s: Situation, tests: Sequence[ModelledTest], engine: Engine, by_mv: bool) -> Situation:
+    """Return the situation with the engine's data, and all that law or samples show in record or
+    tests.
+    """
     known = {e: p for t in tests for e, p in t.proven.items()} | s.proven
-    known = {e: p for e, p in known.items() if meaningful(e, s.trusted, s.tuned, bool(maps[0]))}
-    return replace(s, data=engine.data, proven=known), maps, engine
+    known = {e: p for e, p in known.items() if meaningful(e, s.trusted, s.tuned, by_mv)}
+    return replace(s, data=engine.data, proven=known)
 
 
 def _plain(s: Situation, base: Fit, candidates: Mapping[str, Candidate]) -> dict[str, float]:

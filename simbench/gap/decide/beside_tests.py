@@ -113,6 +113,20 @@ def by_stem(
     return replace(data, u=np.ascontiguousarray(made))
 
 
+def by_op(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Situation, list[ModelledTest]]:
+    """Return a record and its tests with what the baseline's valve makes of OP as the plant's
+    input, whatever MV was recorded.
+    """
+
+    def input_of(one: Situation | ModelledTest, Ts: float) -> Data:
+        return replace(one.data, u=np.ascontiguousarray(through_valve(one.op, s.baseline, Ts)))
+
+    return (
+        replace(s, data=input_of(s, s.record.Ts)),
+        [replace(t, data=input_of(t, t.Ts)) for t in tests],
+    )
+
+
 def lab_rows(tests: Sequence[ModelledTest], base: Fit, rows: Sequence[Evidence]) -> list[Evidence]:
     """Return what lab samples of the true PV show of the effects that falsify the measurement, as
     PV shows them in `rows`.

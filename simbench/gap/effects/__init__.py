@@ -9,10 +9,18 @@ from contextlib import contextmanager
 from functools import cache
 
 from simbench.detectors.plugins.registry import PluginFolder
-from simbench.gap.effects._recogniser import Parameters, Recogniser
+from simbench.gap.effects._recogniser import NOT_IN_PLANT, Parameters, Recogniser
 from simbench.loop.effects import EFFECTS
 
-__all__ = ["PLUGINS", "Parameters", "Recogniser", "is_friction", "left_out", "recogniser"]
+__all__ = [
+    "NOT_IN_PLANT",
+    "PLUGINS",
+    "Parameters",
+    "Recogniser",
+    "is_friction",
+    "left_out",
+    "recogniser",
+]
 
 PLUGINS = PluginFolder(
     "recognised effect", "simbench.gap.effects", "simbench.recognised", ("RECOGNISER",)

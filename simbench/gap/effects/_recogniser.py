@@ -14,6 +14,7 @@ from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import Situation
 
 Parameters = dict[str, float | str]
+NOT_IN_PLANT = "plant without it"
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class Recogniser:
         The effect's numbers in the units of the loop file; needed with `fit`.
     needs : frozenset of str
         What the effect has no meaning without: "plant" or "tuning" of the baseline's author, a
-        "time constant", a "valve without friction".
+        "time constant", a "valve without friction", a "plant without it" where a plant that was
+        identified from OP to PV has it in its lags.
     proven : callable
         What the controller's law or single samples show without doubt.
     ordinary : callable, optional

@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 
 from simbench.gap.effects._pole import pole, tau
-from simbench.gap.effects._recogniser import Recogniser
+from simbench.gap.effects._recogniser import NOT_IN_PLANT, Recogniser
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch, lagged
 
 
@@ -31,6 +31,6 @@ RECOGNISER = Recogniser(
     fit=pole("valve"),
     numbers=tau,
     by_mv=by_mv,
-    needs=frozenset({"plant"}),
+    needs=frozenset({"plant", NOT_IN_PLANT}),
     smallest=lambda probe: probe.pole("valve"),
 )

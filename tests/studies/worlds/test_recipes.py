@@ -26,10 +26,17 @@ def test_sites_are_the_same_for_every_seed_and_unlike_each_other():
     assert {recipes.part(k) for k in range(1, recipes.SITES, 2)} == {"judge"}
 
 
+def test_every_twenty_records_come_from_all_sites_whatever_signals_they_have():
+    sites = np.array([recipes.site_at(i) for i in range(400)])
+    assert all(set(turn) == set(range(recipes.SITES)) for turn in sites.reshape(20, 20).tolist())
+    judged = sites % 2 == 1
+    assert 0.4 < judged[::2].mean() < 0.6
+
+
 @pytest.mark.parametrize("number", [1, 24])
 def test_an_item_names_its_site_and_runs_again(number):
     item = recipes.draw(5, number, ENTRY)
-    assert recipes.site_of(item.answer) == number % recipes.SITES
+    assert recipes.site_of(item.answer) == recipes.site_at(number)
     Loop.from_table(item.baseline)
     again = recipes.simulate(item.answer, [], item.answer["seed"])
     assert set(again) == set(item.columns)
