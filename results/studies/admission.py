@@ -19,13 +19,14 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy.stats import binomtest
 
+from results.studies.worlds import recipes
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files
 from simbench.sealed.withheld.making import Plan, write_item
 from simbench.sealed.withheld.world import OWN, WORLDS
 from simbench.usage import exit_code
 
-OTHER = "results.studies.worlds.refinery"
+OTHER, SITES = "results.studies.worlds.refinery", "results.studies.worlds.recipes"
 LEAST, SURE = 0.01, 0.05  # share of answers that a rule changes, and p of the test
 ALL = "all rules"
 # kinds that a world calls foreign and the library knows by another name
@@ -42,11 +43,14 @@ RULES: dict[str, dict[str, Any]] = {
     "what any loop does by itself is no evidence": {
         "simbench.gap.decide.assess._plain": lambda s, base, candidates: {}
     },
-    "nothing is lacking of a simulation as near as its own runs": {
-        "simbench.gap.decide.posterior.Posterior.enough": lambda self: self
+    "the distance from the baseline as given tells whether anything is lacking": {
+        "simbench.gap.decide.posterior.Posterior.lacking": lambda self, share: self
     },
     "what is not likely is unknown where the simulation stays far": {
         "simbench.gap.decide.posterior.Posterior.far": lambda self, times, block: self
+    },
+    "a lag that MV shows is a gap only where PV answers MV": {
+        "simbench.gap.decide.assess.NOT_IN_PLANT": "off"
     },
     "archive and controller may be a sample apart": {
         "simbench.gap.controller.pi_law.best_aligned": lambda examined, pv, sp: examined(pv, sp)
@@ -113,24 +117,35 @@ def table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(out, columns=names)
 
 
+def drawn(n: int) -> list[tuple[str, int, dict]]:
+    """Return world, number and entry of n records of each world; of the sites, those that judge."""
+    out = []
+    for world in (OWN, OTHER, SITES):
+        entries = Plan.of(2 * n if world == SITES else n).entries(list(WORLDS.load(world).FOREIGN))
+        out += [
+            (world, i, entry)
+            for i, entry in enumerate(entries)
+            if world != SITES or recipes.part(recipes.site_at(i)) == "judge"
+        ]
+    return out
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Print the table: `python -m results.studies.admission --seed SEED`."""
     parser = argparse.ArgumentParser(
         prog="python -m results.studies.admission", description=__doc__
     )
     parser.add_argument("--seed", type=int, required=True, help="named after the rule was written")
-    parser.add_argument("-n", type=int, default=150, help="records of each world (150)")
+    parser.add_argument("-n", type=int, default=100, help="records of each world (100)")
     parser.add_argument("--rule", action="append", help="judge the rules that begin so (all)")
     parser.add_argument("-j", type=int, default=2, help="processes (2)")
     given = parser.parse_args(arguments)
     rules = [rule for rule in RULES if rule.startswith(tuple(given.rule or [""]))]
     calls = [
-        delayed(asked)(world, given.seed, i, entry, rules)
-        for world in (OWN, OTHER)
-        for i, entry in enumerate(Plan.of(given.n).entries(list(WORLDS.load(world).FOREIGN)))
+        delayed(asked)(world, given.seed, i, entry, rules) for world, i, entry in drawn(given.n)
     ]
     rows = Parallel(n_jobs=given.j)(calls)
-    print(f"{given.n} records of each of two worlds, seed {given.seed}")
+    print(f"{len(rows)} records of three worlds, seed {given.seed}")
     print(table(list(rows)).to_string(index=False))
 
 

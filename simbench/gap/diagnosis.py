@@ -26,8 +26,8 @@ from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import NOISE_EFFECT, Assessment, assess
 from simbench.gap.decide.beside_tests import other_plants
-from simbench.gap.decide.evidence import known_by
-from simbench.gap.decide.posterior import Posterior, posterior
+from simbench.gap.decide.evidence import known_by, nats_of
+from simbench.gap.decide.posterior import Posterior, chance_of_gap, posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
@@ -360,6 +360,7 @@ def report(
 ) -> GapReport:
     """Turn evidence and simulations into the answer."""
     s = assessment.situation
+    weights = _with_gap(assessment, weights, runs)
     shown = None
     stated = s.trusted and bool(resolve.friction(s.baseline))
     if s.trusted and not (loops or stated) and weights.friction < DENIED_BELOW:
@@ -418,29 +419,29 @@ def _beside_simulations(
     """
     named = named_by(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
-    if not known_by(assessment.rows):
-        if _near_without(assessment, weights, main):
-            weights = weights.enough()
-            main = runs.shrink([e for e in named_by(weights, assessment) if e in EFFECTS])
-        if _unexplained(weights, main):
-            far = remaining(assessment.situation, main.features)
-            block = far[0].block if far else "disturbance"
-            weights = weights.far(main.after / (NEAR * main.plant_floor), block)
-            main = runs.shrink([])
+    if not known_by(assessment.rows) and _unexplained(weights, main):
+        far = remaining(assessment.situation, main.features)
+        block = far[0].block if far else "disturbance"
+        weights = weights.far(main.after / (NEAR * main.plant_floor), block)
+        main = runs.shrink([])
     return weights, main, remaining(assessment.situation, main.features)
 
 
-def _near_without(assessment: Assessment, weights: Posterior, main: Shrinkage) -> bool:
-    """Return whether the simulation needs no effect: it is as near as its own runs, and PV alone
-    speaks for one without friction; or it is near the record, and no effect has a probability of
-    which less is denied.
+def _with_gap(assessment: Assessment, weights: Posterior, runs: ClosedLoops) -> Posterior:
+    """Return the posterior in which a baseline that was given may be enough, as far as simulations
+    of it are as near to the record as they are to each other.
     """
-    first = weights.first
-    if first not in EFFECTS:
-        return False
-    if weights.probability[first] < DENIED_BELOW:
-        return within_reach(main.before, main.plant_floor)
-    return main.before <= main.floor and not (assessment.shown(first) or is_friction(first))
+    if not assessment.situation.trusted:
+        return weights
+    apart = runs.apart_as_given(assessment.load)
+    if apart is None:
+        return weights
+    return weights.lacking(chance_of_gap(strongest(assessment), apart))
+
+
+def strongest(assessment: Assessment) -> float:
+    """Return the nats of the effect for which most speaks; 0 where nothing speaks for any."""
+    return max([0.0, *nats_of(assessment.rows).values()])
 
 
 def _unexplained(weights: Posterior, main: Shrinkage) -> bool:

@@ -40,6 +40,7 @@ _CAUSES = (
 )
 _SEEDS = "python -m results.studies.plant.gap_seeds (results/gap_seeds.txt)"
 _WITHHELD = "simbench gap withheld make, answer, open (results/withheld/)"
+_MISSING = "learned on ten sites, judged by ten others: python -m results.studies.missing"
 _DEVELOPMENT = "development records of simulators that are no longer kept"
 _CHOICE = "a choice, not a measurement"
 
@@ -225,6 +226,29 @@ GUESSED = AnswerThreshold(
     4.0, "factor", "on these limits where slips of a valve are guessed", _DEVELOPMENT
 )
 FACT = AnswerThreshold(10.0, "times a limit", "that what needs no statistics counts for", _CHOICE)
+NOMINAL = AnswerThreshold(
+    0.1,
+    "share",
+    "by which a baseline's gain, time constant and dead time may be off without being a gap",
+    _CHOICE,
+)
+MISSING = AnswerThreshold(
+    -0.91,
+    "log-odds",
+    "that the simulation lacks anything, where nothing is seen; odds of 2 to 1 before looking are a"
+    " choice: who asks has a reason",
+    _MISSING,
+)
+PER_NATS = AnswerThreshold(
+    0.99, "log-odds", "per unit of asinh(nats of the strongest effect / 10)", _MISSING
+)
+PER_APART = AnswerThreshold(
+    0.96,
+    "log-odds",
+    "per unit of ln(how many times as far the record is from simulations of its baseline as given"
+    " as these are from each other)",
+    _MISSING,
+)
 MORE_NOISE = AnswerThreshold(
     1.1, "times the stated noise", "from which it is told that there is more", _WITHHELD
 )
@@ -289,7 +313,7 @@ COVERED = AnswerThreshold(
     0.9, "probability", "that the answers which are not excluded have together", _CHOICE
 )
 GAP_WIDER = AnswerThreshold(
-    1.6,
+    0.96,
     "times",
     "the interval that seeds give, for the share of the gap that closes: the simulated load is not"
     " quite the plant's",

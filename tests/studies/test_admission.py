@@ -4,7 +4,8 @@ from importlib import import_module
 
 import pytest
 
-from results.studies.admission import ALL, RULES, right_names, table, without
+from results.studies.admission import ALL, OTHER, RULES, SITES, drawn, right_names, table, without
+from results.studies.worlds import recipes
 
 
 def row(true, every, **changed):
@@ -31,6 +32,14 @@ def test_a_foreign_effect_that_the_library_knows_is_named_rightly_by_its_own_nam
     assert right_names(foreign) == {"unknown", "missed_executions"}
     assert right_names(foreign | {"foreign": "frozen_sensor"}) == {"unknown", "frozen_sensor"}
     assert right_names({"effect": "drift", "effect2": "stiction"}) == {"drift", "stiction"}
+
+
+def test_the_sites_that_a_rule_was_built_on_do_not_judge_it():
+    records = drawn(20)
+    assert {world for world, *_ in records} == {"own", OTHER, SITES}
+    judged = [i for world, i, _ in records if world == SITES]
+    assert all(recipes.part(recipes.site_at(i)) == "judge" for i in judged)
+    assert len(judged) == 20
 
 
 @pytest.mark.parametrize("rule", list(RULES))

@@ -69,6 +69,8 @@ class Assessment(Fitted):
     tests: Mapping[str, float] = field(default_factory=dict)  # residual statistics of `final`
     mv_unexplained: bool = False  # MV strays from OP as no map makes it
     valve_seen: bool = False  # MV was recorded, here or in a test
+    # the effect, if any, that shows what an ordinary load does by itself: it is in every model
+    load: tuple[str, ...] = ()
     # of the loop's other records, judged together with this one
     other_records: tuple[Assessment, ...] = ()
     # probability of friction where it is weighed apart: in an identified loop
@@ -158,6 +160,7 @@ def assess(
         mv_unexplained=mv_strays,
         valve_seen=bool(maps),
         friction=friction,
+        load=() if base is bare or load is None else (load.effect,),
         ordinary=_ordinary(s, engine.main(bare), plain, sizes),
     )
 

@@ -10,7 +10,17 @@ from scipy.special import expit, softmax
 
 from simbench.gap.decide.evidence import Evidence, known_by, nats_of
 from simbench.gap.effects import is_friction
-from simbench.gap.thresholds import DOUBT, EDGE, LEAST_NATS, OF_TWO, SECOND_NATS, TEMPERATURE
+from simbench.gap.thresholds import (
+    DOUBT,
+    EDGE,
+    LEAST_NATS,
+    MISSING,
+    OF_TWO,
+    PER_APART,
+    PER_NATS,
+    SECOND_NATS,
+    TEMPERATURE,
+)
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 _SMALLEST = 1e-300  # stands for a probability that is too small for a number
@@ -59,15 +69,17 @@ class Posterior:
         by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
         return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
 
-    def enough(self) -> Posterior:
-        """Return the posterior where the simulation without an effect is as near to the record as
-        its own runs are to each other: none has what all effects but friction had.
+    def lacking(self, share: float) -> Posterior:
+        """Return the posterior where something is lacking with a probability.
+
+        It is then not none, and an effect that nobody knows has no nats, where none had its least.
         """
-        p = {
-            e: v if e in (NONE, UNKNOWN) or is_friction(e) else 0.0
-            for e, v in self.probability.items()
-        }
-        return replace(self, probability={**p, NONE: p[NONE] + 1.0 - sum(p.values())})
+        p = self.probability
+        unseen = float(np.exp(-TEMPERATURE * LEAST_NATS)) * p[NONE]
+        whole = 1.0 - p[NONE] + unseen
+        some = {e: share * v / whole for e, v in p.items()}
+        some[UNKNOWN] += share * unseen / whole
+        return replace(self, probability=some | {NONE: 1.0 - share})
 
     def far(self, times: float, block: str) -> Posterior:
         """Return the posterior where no effect is likelier than not, and simulations with the
@@ -82,6 +94,14 @@ class Posterior:
         q = min(max(doubt(times), stuck / rest), EDGE)
         moved = {e: v if is_friction(e) else (1.0 - q) * v for e, v in p.items()}
         return Posterior({**moved, UNKNOWN: moved[UNKNOWN] + q * rest}, block)
+
+
+def chance_of_gap(nats: float, apart: float) -> float:
+    """Return the probability that a simulation lacks anything: `nats` are those of the strongest
+    effect, and `apart` how many times as far the record is from simulations of the baseline as
+    these are from each other.
+    """
+    return float(expit(MISSING + PER_NATS * np.arcsinh(nats / 10.0) + PER_APART * np.log(apart)))
 
 
 def doubt(times: float) -> float:

@@ -26,9 +26,9 @@ from simbench.gap.likelihood.model import (
     load_std,
     valve_of,
 )
+from simbench.gap.thresholds import NOMINAL
 
-_NOMINAL = 0.10  # a baseline is trusted within +-10 %: the prior is flat there ...
-_EDGE = 0.02  # ... and falls off with this standard deviation outside
+_EDGE = 0.02  # standard deviation with which the prior falls off beyond `NOMINAL`
 # the same for its noise: few know it better, and the least that four simulators draw as another
 # noise is 1.4 times the stated one; with .1 healthy records of two of them were called noisy
 _NOISE = 0.25
@@ -95,7 +95,7 @@ class Engine:
         ]
         best = max(tries, key=lambda f: f.loglik)
         # whole samples of dead time part the likelihood into valleys
-        ends = [self.data.Td * (1.0 + _NOMINAL * side) for side in (-1, 1)]
+        ends = [self.data.Td * (1.0 + NOMINAL * side) for side in (-1, 1)]
         tries = [
             self.fit(best.spec, {**best.theta, "Td": Td})
             for Td in ends
@@ -217,7 +217,7 @@ class Engine:
 
     def _gains(self, spec: Spec) -> tuple[float, float]:
         """Return the smallest and the largest gain that the plant may have."""
-        least, most = 1.0 - _NOMINAL, 1.0 + _NOMINAL
+        least, most = 1.0 - NOMINAL, 1.0 + NOMINAL
         if not self.data.trusted:
             least, most = 0.05, 20.0
         elif "K" in spec.free:
@@ -235,10 +235,10 @@ class Engine:
             memory = theta["load_time"] + theta.get("load_lag", 0.0)
             out.append(min(np.log(memory / (_QUICK * self.longest_load)), 0.0) / _QUICKER)
             if d.T > 0 and "T" not in spec.free:
-                out.append(_over(np.log(theta["T"] / d.T), np.log1p(_NOMINAL), _EDGE))
+                out.append(_over(np.log(theta["T"] / d.T), np.log1p(NOMINAL), _EDGE))
             if "Td" not in spec.free:
                 # an archive that lags by a sample hides one sample of dead time
-                wide = _NOMINAL * d.Td + d.late / 2 + 0.05
+                wide = NOMINAL * d.Td + d.late / 2 + 0.05
                 out.append(_over(theta["Td"] - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03))
         if d.measured:
             out.append(max(np.log(load_std(theta) / d.most_load), 0.0) / _LOAD_EDGE)
@@ -395,7 +395,7 @@ class Engine:
         used = now[3][:, kernels.SKIP :]
         precision = _regular(used[1:] @ used[1:].T)
         gain_std = scale * float(np.sqrt(np.linalg.inv(precision)[0, 0]))
-        wide = 20.0 if "K" in spec.free or not self.data.trusted else 1.0 + _NOMINAL + _EDGE
+        wide = 20.0 if "K" in spec.free or not self.data.trusted else 1.0 + NOMINAL + _EDGE
         low, high = sorted((self.data.K / wide, self.data.K * wide))
         out = []
         for _ in range(count):

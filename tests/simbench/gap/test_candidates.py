@@ -17,7 +17,7 @@ from simbench.gap.candidates import (
     smallest_detectable,
 )
 from simbench.gap.decide.assess import assess
-from simbench.gap.effects import left_out, recogniser
+from simbench.gap.effects import NOT_IN_PLANT, left_out, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import size_penalty
@@ -91,7 +91,7 @@ def test_every_effect_of_the_vocabulary_is_recognised_somehow():
     for effect in EFFECTS:
         how = recogniser(effect)
         assert how.fit is not None or how.proven is not recogniser("stiction").proven, effect
-        known = {"plant", "tuning", "time constant", "valve without friction"}
+        known = {"plant", "tuning", "time constant", "valve without friction", NOT_IN_PLANT}
         assert how.needs <= known, effect
         assert (how.by_mv is not None) == (block_of(effect) == "valve"), effect
 

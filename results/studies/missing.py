@@ -1,0 +1,138 @@
+"""Does the simulation lack anything? `python -m results.studies.missing` learns on the building
+sites of `worlds.recipes` how much the strongest effect's nats and the distance from the baseline as
+given tell, and judges by the others.
+
+The weights stand in `simbench.gap.thresholds`. They are learned with as much weight on records
+without an effect as on the others; the constant is then moved by the odds before looking, two to
+one that something is missing: who asks has a reason.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from scipy.optimize import minimize
+
+from results.studies.worlds import recipes
+from simbench.detectors.compiled import one_thread
+from simbench.gap.command import diagnose_files
+from simbench.gap.diagnosis import strongest
+from simbench.loop.effects import NONE
+from simbench.sealed.withheld.making import Plan, write_item
+from simbench.usage import exit_code
+
+BEFORE = 2.0  # odds before looking that something is missing: a choice
+ACCUSED = 1.0 / 40.0  # share of records without an effect, at which it is counted what is found
+_PULL = 0.5  # towards 0, of a weight in log-odds
+_DRAWS = 400  # of records, for the intervals
+NAMES = ("constant", "nats", "distance")
+
+
+def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
+    """Return what one record shows, the site's part, and what is true."""
+    item = recipes.draw(seed, i, entry)
+    with TemporaryDirectory() as place, one_thread():
+        record, baseline = write_item(item, Path(place), "record")
+        report = diagnose_files([record], baseline)
+    return {
+        "part": recipes.part(recipes.site_of(item.answer)),
+        "kind": item.answer["kind"],
+        "nats": strongest(report.behind.found),
+        "apart": report.behind.loops.apart_as_given(report.behind.found.load),
+        "answer": 1.0 - next(r.probability for r in report.ranking if r.effect == NONE),
+    }
+
+
+def regressors(rows: pd.DataFrame) -> np.ndarray:
+    """Return a constant, nats and distance as `chance_of_gap` weighs them, shape (n, 3)."""
+    nats, apart = (rows[name].to_numpy(dtype=float) for name in ("nats", "apart"))
+    return np.column_stack([np.ones(len(rows)), np.arcsinh(nats / 10.0), np.log(apart)])
+
+
+def learned(rows: pd.DataFrame) -> np.ndarray:
+    """Return the weights that rows teach, with the odds before looking."""
+    lacks = (rows.kind != NONE).to_numpy()
+    weight = np.where(lacks, 0.5 / lacks.mean(), 0.5 / (~lacks).mean())
+    x, sign = regressors(rows), np.where(lacks, 1.0, -1.0)
+
+    def cost(w: np.ndarray) -> float:
+        pull = 0.5 * _PULL * float(w[1:] @ w[1:])
+        return float(weight @ np.logaddexp(0.0, -sign * (x @ w))) + pull
+
+    w = minimize(cost, np.zeros(len(NAMES))).x
+    w[0] += np.log(BEFORE)
+    return w
+
+
+def auc(of: np.ndarray, healthy: np.ndarray) -> float:
+    """Return how often a record that lacks something has the higher number."""
+    pairs = of[:, None] - healthy[None, :]
+    return float(np.mean(pairs > 0.0) + 0.5 * np.mean(pairs == 0.0))
+
+
+def found(of: np.ndarray, healthy: np.ndarray) -> float:
+    """Return the share of records above what one healthy record in forty exceeds."""
+    return float(np.mean(of > np.sort(healthy)[::-1][round(ACCUSED * healthy.size)]))
+
+
+def table(rows: pd.DataFrame, weights: np.ndarray) -> pd.DataFrame:
+    """Return AUC with its 95 % interval, and the share found, by kind and by what is asked."""
+    asks = {
+        "nats alone": rows.nats.to_numpy(),
+        "distance alone": rows.apart.to_numpy(dtype=float),
+        "both": regressors(rows) @ weights,
+        "the answer, 1 - p(none)": rows.answer.to_numpy(),
+    }
+    rng = np.random.default_rng(0)
+    out = []
+    healthy = np.flatnonzero(rows.kind == NONE)
+    for kind in ("single", "two", "foreign"):
+        here = np.flatnonzero(rows.kind == kind)
+        for name, x in asks.items():
+            draws = [
+                auc(x[rng.choice(here, here.size)], x[rng.choice(healthy, healthy.size)])
+                for _ in range(_DRAWS)
+            ]
+            lo, hi = np.quantile(draws, [0.025, 0.975])
+            out.append(
+                {
+                    "kind": kind,
+                    "asked": name,
+                    "AUC": auc(x[here], x[healthy]),
+                    "95 % interval": f"{lo:.2f} to {hi:.2f}",
+                    "found": found(x[here], x[healthy]),
+                    "n": here.size,
+                    "without an effect": healthy.size,
+                }
+            )
+    return pd.DataFrame(out)
+
+
+def run(argv: Sequence[str] | None = None) -> int:
+    """Draw, ask, learn and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=960101)
+    parser.add_argument("-n", type=int, default=300, help="records (default 300)")
+    parser.add_argument("-j", type=int, default=-1, help="processes (default: all)")
+    given = parser.parse_args(argv)
+    entries = Plan.of(given.n).entries(list(recipes.FOREIGN))
+    calls = [delayed(asked)(given.seed, i, entry) for i, entry in enumerate(entries)]
+    rows = pd.DataFrame(Parallel(n_jobs=given.j)(calls)).dropna(subset="apart")
+    build, judge = (rows[rows.part == part] for part in ("build", "judge"))
+    weights = learned(build)
+    print(f"seed {given.seed}, n = {len(rows)}: {len(build)} to build on, {len(judge)} to judge by")
+    print("weights: " + ", ".join(f"{n} {w:.2f}" for n, w in zip(NAMES, weights)))
+    print("found: where one in forty of the records without an effect is accused")
+    print(table(judge, weights).round(3).to_string(index=False))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(exit_code(run))
