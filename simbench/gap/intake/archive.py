@@ -11,6 +11,7 @@ from simbench.detectors.signal.lines import on_line
 from simbench.detectors.signal.spikes import cleaned, isolated
 from simbench.gap.controller.regression import EXACT
 from simbench.gap.situation import Archive, Seen
+from simbench.loop.controller import derivative_filter
 
 # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave
 # fewer
@@ -21,6 +22,7 @@ _SPECKS = 0.02
 # share of OP's moves that a PID leaves whose derivative is computed two to five times within a
 # sample (.25 to .61 in five records of a simulator): the archive cannot tell it
 _FASTER = 0.7
+_FADED = 4.0  # time constants, after which 2 % are left
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 
@@ -46,7 +48,10 @@ def _astray(s: Seen) -> str:
         marked[1:] |= (np.diff(s.op) == 0.0) | (np.diff(s.record.pv) == 0.0)
     # an end of OP's range is everybody's
     marked |= np.isin(s.op, (s.op.min(), s.op.max()))
-    excused = np.convolve(marked, np.ones(5), "same") > 0.0
+    # what one sample does to a derivative fades with its filter
+    c = s.baseline.controller
+    fades = int(np.ceil(_FADED * (c.Td or 0.0) / (derivative_filter(c) * s.record.Ts)))
+    excused = np.convolve(marked, np.ones(5 + 2 * fades), "same") > 0.0
     count = int(np.count_nonzero(~excused[s.law.strays]))
     return (
         f"OP strays from a law that holds elsewhere, in {count} samples" if count >= _STRAYS else ""
@@ -91,8 +96,9 @@ def _spikes(
         only, sizes = only[strong], sizes[strong]
         plain = only.size >= 2 and samples.step == 0.0
         if plain and not stands_out(pv, only, sizes):
-            if np.var(pv - seen) < _SPECKS * float(np.var(np.diff(pv))):
-                # an archive that drops the samples least missed
+            # an archive that drops the samples least missed, or lost some, which were bridged
+            specks = np.var(pv - seen) < _SPECKS * float(np.var(np.diff(pv)))
+            if specks or np.all(on_line(pv, samples.digits)[only]):
                 return None, seen, ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:

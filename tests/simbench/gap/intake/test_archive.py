@@ -16,9 +16,12 @@ from simbench.gap.intake.archive import (
     find_archive,
     unexplained,
 )
+from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
+from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 N = 1000
 RNG = np.random.default_rng(0)
@@ -33,7 +36,7 @@ HIDDEN = replace(LAW, reason="no law", recovered_pv=PV + 1.0)
 def seen_in(law, samples, pv=PV, noise=0.1, op=OP):
     """Return a record with what its law and samples show."""
     return SimpleNamespace(
-        record=SimpleNamespace(op=op, pv=pv, n=N),
+        record=SimpleNamespace(op=op, pv=pv, n=N, Ts=1.0),
         law=law,
         samples=samples,
         noise=noise,
@@ -42,7 +45,7 @@ def seen_in(law, samples, pv=PV, noise=0.1, op=OP):
 
 
 def controlled(Td=None):
-    return SimpleNamespace(controller=SimpleNamespace(Td=Td))
+    return SimpleNamespace(controller=SimpleNamespace(Td=Td, N=None))
 
 
 def lattice(step):
@@ -246,3 +249,28 @@ def test_where_no_pv_is_recovered_ops_jumps_tell_who_saw_the_spikes(answers, pla
     spikes, plant_pv, _ = _spikes(seen_in(LAW, spiky(), pv, op=op), pv, False)
     assert spikes == (4 / N, pytest.approx(3.25), place)
     assert np.abs(plant_pv - PV).max() < 0.5
+
+
+def test_a_bridged_sample_excuses_op_until_the_derivative_has_forgotten_it():
+    loop = Loop.from_table(
+        {
+            "plant": {"type": "foptd", "K": 1.2, "T": 40.0, "Td": 8.0},
+            "controller": {"type": "PID", "Kc": 2.0, "Ti": 40.0, "Td": 12.0, "N": 4},
+            "sampling": {"Ts": 1.0, "n": 1500},
+            "noise": {"std": 0.1},
+        }
+    )
+    record = simulate(loop, 3).record.without_mv()
+    assert check(record, loop).unexplained_law == ""
+    lost = np.arange(100, 1500, 150)
+
+    def bridged(x):
+        x = np.array(x)
+        x[lost] = 0.5 * (x[lost - 1] + x[lost + 1])
+        return x
+
+    assert check(record.with_signals(bridged), loop).unexplained_law == ""
+    # what nobody lost is something else
+    kicked = record.op.copy()
+    kicked[lost] += 3.0
+    assert check(replace(record, op=kicked), loop).unexplained_law != ""
