@@ -43,8 +43,8 @@ RULES: dict[str, dict[str, Any]] = {
     "what any loop does by itself is no evidence": {
         "simbench.gap.decide.assess._plain": lambda s, base, candidates: {}
     },
-    "the distance from the baseline as given tells whether anything is lacking": {
-        "simbench.gap.decide.posterior.Posterior.lacking": lambda self, share: self
+    "the distance from the baseline as given parts none and unknown": {
+        "simbench.gap.decide.posterior.Posterior.parted": lambda self, apart: self
     },
     "what is not likely is unknown where the simulation stays far": {
         "simbench.gap.decide.posterior.Posterior.far": lambda self, times, block: self

@@ -1,10 +1,9 @@
-"""Does the simulation lack anything? `python -m results.studies.missing` learns on the building
-sites of `worlds.recipes` how much the strongest effect's nats and the distance from the baseline as
-given tell, and judges by the others.
+"""Is what no known effect explains none, or something unknown? `python -m results.studies.missing`
+learns on the building sites of `worlds.recipes` how much residual tests and the distance from the
+baseline as given tell, and judges by the others.
 
-The weights stand in `simbench.gap.thresholds`. They are learned with as much weight on records
-without an effect as on the others; the constant is then moved by the odds before looking, two to
-one that something is missing: who asks has a reason.
+The weights stand in `simbench.gap.thresholds`. They are learned from records of which no effect has
+most of the probability, with as much weight on records without an effect as on the others.
 """
 
 from __future__ import annotations
@@ -19,20 +18,22 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from scipy.optimize import minimize
+from scipy.special import expit, logit
 
 from results.studies.worlds import recipes
 from simbench.detectors.compiled import one_thread
 from simbench.gap.command import diagnose_files
-from simbench.gap.diagnosis import strongest
-from simbench.loop.effects import NONE
+from simbench.gap.decide.posterior import TESTED
+from simbench.gap.diagnosis import weighed
+from simbench.loop.effects import NONE, UNKNOWN
 from simbench.sealed.withheld.making import Plan, write_item
 from simbench.usage import exit_code
 
-BEFORE = 2.0  # odds before looking that something is missing: a choice
+OPEN = 0.3  # probability of none and unknown together, from which a record teaches
 ACCUSED = 1.0 / 40.0  # share of records without an effect, at which it is counted what is found
 _PULL = 0.5  # towards 0, of a weight in log-odds
 _DRAWS = 400  # of records, for the intervals
-NAMES = ("constant", "nats", "distance")
+NAMES = ("constant", "tested", "distance")
 
 
 def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
@@ -41,34 +42,37 @@ def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
     with TemporaryDirectory() as place, one_thread():
         record, baseline = write_item(item, Path(place), "record")
         report = diagnose_files([record], baseline)
+    found = report.behind.found
+    before = weighed(found).probability
     return {
         "part": recipes.part(recipes.site_of(item.answer)),
         "kind": item.answer["kind"],
-        "nats": strongest(report.behind.found),
-        "apart": report.behind.loops.apart_as_given(report.behind.found.load),
+        "none": before[NONE],
+        "unknown": before[UNKNOWN],
+        "apart": report.behind.loops.apart_as_given(found.load),
         "answer": 1.0 - next(r.probability for r in report.ranking if r.effect == NONE),
     }
 
 
 def regressors(rows: pd.DataFrame) -> np.ndarray:
-    """Return a constant, nats and distance as `chance_of_gap` weighs them, shape (n, 3)."""
-    nats, apart = (rows[name].to_numpy(dtype=float) for name in ("nats", "apart"))
-    return np.column_stack([np.ones(len(rows)), np.arcsinh(nats / 10.0), np.log(apart)])
+    """Return a constant, tests and distance as `chance_of_unknown` weighs them, shape (n, 3)."""
+    none, unknown, apart = (rows[k].to_numpy(dtype=float) for k in ("none", "unknown", "apart"))
+    tested = np.clip(unknown / (none + unknown), *TESTED)
+    return np.column_stack([np.ones(len(rows)), logit(tested), np.log(apart)])
 
 
 def learned(rows: pd.DataFrame) -> np.ndarray:
-    """Return the weights that rows teach, with the odds before looking."""
-    lacks = (rows.kind != NONE).to_numpy()
+    """Return the weights that rows teach in which no effect has most of the probability."""
+    open_ = rows.loc[rows.none + rows.unknown > OPEN]
+    lacks = (open_.kind != NONE).to_numpy()
     weight = np.where(lacks, 0.5 / lacks.mean(), 0.5 / (~lacks).mean())
-    x, sign = regressors(rows), np.where(lacks, 1.0, -1.0)
+    x, sign = regressors(open_), np.where(lacks, 1.0, -1.0)
 
     def cost(w: np.ndarray) -> float:
         pull = 0.5 * _PULL * float(w[1:] @ w[1:])
         return float(weight @ np.logaddexp(0.0, -sign * (x @ w))) + pull
 
-    w = minimize(cost, np.zeros(len(NAMES))).x
-    w[0] += np.log(BEFORE)
-    return w
+    return minimize(cost, np.zeros(len(NAMES))).x
 
 
 def auc(of: np.ndarray, healthy: np.ndarray) -> float:
@@ -84,11 +88,12 @@ def found(of: np.ndarray, healthy: np.ndarray) -> float:
 
 def table(rows: pd.DataFrame, weights: np.ndarray) -> pd.DataFrame:
     """Return AUC with its 95 % interval, and the share found, by kind and by what is asked."""
+    rest, share = rows.none + rows.unknown, expit(regressors(rows) @ weights)
     asks = {
-        "nats alone": rows.nats.to_numpy(),
+        "likelihood and tests": 1.0 - rows.none.to_numpy(),
         "distance alone": rows.apart.to_numpy(dtype=float),
-        "both": regressors(rows) @ weights,
-        "the answer, 1 - p(none)": rows.answer.to_numpy(),
+        "parted by the distance": (1.0 - rest * (1.0 - share)).to_numpy(),
+        "the answer": rows.answer.to_numpy(),
     }
     rng = np.random.default_rng(0)
     out = []

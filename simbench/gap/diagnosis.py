@@ -26,8 +26,8 @@ from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import NOISE_EFFECT, Assessment, assess
 from simbench.gap.decide.beside_tests import other_plants
-from simbench.gap.decide.evidence import known_by, nats_of
-from simbench.gap.decide.posterior import Posterior, chance_of_gap, posterior
+from simbench.gap.decide.evidence import known_by
+from simbench.gap.decide.posterior import Posterior, posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
 from simbench.gap.intake.check import check
@@ -158,7 +158,7 @@ def diagnose_all(
         ordinary = learn(controls) if controls else None
         said += [note for one in controls if (note := _not_healthy(one))]
         assessment, loops = _assess_all(records, baseline, jobs, tests, ordinary)
-        found = report(assessment, _weighed(assessment), ClosedLoops(assessment, seed), loops)
+        found = report(assessment, weighed(assessment), ClosedLoops(assessment, seed), loops)
     return replace(found, notes=(*found.notes, *said))
 
 
@@ -296,7 +296,7 @@ def _not_healthy(s: Situation) -> str:
         return ""
     return (
         f"healthy: {s.record.tag or 'a record'} shows {effect.replace('_', ' ')} itself"
-        f" (probability {_weighed(found).probability[effect]:.2f}); only its load and noise are"
+        f" (probability {weighed(found).probability[effect]:.2f}); only its load and noise are"
         " taken from it"
     )
 
@@ -341,7 +341,7 @@ def _assess_all(
     return main, loops
 
 
-def _weighed(found: Assessment) -> Posterior:
+def weighed(found: Assessment) -> Posterior:
     """Return the posterior of an assessment's evidence."""
     return posterior(found.rows, found.first, found.on_top, found.worst_test, found.friction)
 
@@ -428,20 +428,11 @@ def _beside_simulations(
 
 
 def _with_gap(assessment: Assessment, weights: Posterior, runs: ClosedLoops) -> Posterior:
-    """Return the posterior in which a baseline that was given may be enough, as far as simulations
-    of it are as near to the record as they are to each other.
+    """Return the posterior in which the distance from a baseline that was given tells whether
+    anything unknown is lacking.
     """
-    if not assessment.situation.trusted:
-        return weights
-    apart = runs.apart_as_given(assessment.load)
-    if apart is None:
-        return weights
-    return weights.lacking(chance_of_gap(strongest(assessment), apart))
-
-
-def strongest(assessment: Assessment) -> float:
-    """Return the nats of the effect for which most speaks; 0 where nothing speaks for any."""
-    return max([0.0, *nats_of(assessment.rows).values()])
+    apart = runs.apart_as_given(assessment.load) if assessment.situation.trusted else None
+    return weights if apart is None else weights.parted(apart)
 
 
 def _unexplained(weights: Posterior, main: Shrinkage) -> bool:

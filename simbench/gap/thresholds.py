@@ -232,21 +232,21 @@ NOMINAL = AnswerThreshold(
     "by which a baseline's gain, time constant and dead time may be off without being a gap",
     _CHOICE,
 )
-MISSING = AnswerThreshold(
-    -0.91,
+UNSEEN = AnswerThreshold(
+    -0.44,
     "log-odds",
-    "that the simulation lacks anything, where nothing is seen; odds of 2 to 1 before looking are a"
-    " choice: who asks has a reason",
+    "of unknown against none, where tests and distance are as without any effect; even odds before"
+    " looking",
     _MISSING,
 )
-PER_NATS = AnswerThreshold(
-    0.99, "log-odds", "per unit of asinh(nats of the strongest effect / 10)", _MISSING
+PER_TESTED = AnswerThreshold(
+    0.28, "log-odds", "of unknown, per log-odds that residual tests give it", _MISSING
 )
 PER_APART = AnswerThreshold(
-    0.96,
+    0.85,
     "log-odds",
-    "per unit of ln(how many times as far the record is from simulations of its baseline as given"
-    " as these are from each other)",
+    "of unknown, per unit of ln(how many times as far the record is from simulations of its"
+    " baseline as given as these are from each other)",
     _MISSING,
 )
 MORE_NOISE = AnswerThreshold(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, softmax
+from scipy.special import expit, logit, softmax
 
 from simbench.gap.decide.evidence import Evidence, known_by, nats_of
 from simbench.gap.effects import is_friction
@@ -14,15 +14,16 @@ from simbench.gap.thresholds import (
     DOUBT,
     EDGE,
     LEAST_NATS,
-    MISSING,
     OF_TWO,
     PER_APART,
-    PER_NATS,
+    PER_TESTED,
     SECOND_NATS,
     TEMPERATURE,
+    UNSEEN,
 )
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
+TESTED = (1e-3, 1.0 - 1e-3)  # no residual test is surer than that
 _SMALLEST = 1e-300  # stands for a probability that is too small for a number
 
 
@@ -69,17 +70,15 @@ class Posterior:
         by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
         return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
 
-    def lacking(self, share: float) -> Posterior:
-        """Return the posterior where something is lacking with a probability.
-
-        It is then not none, and an effect that nobody knows has no nats, where none had its least.
+    def parted(self, apart: float) -> Posterior:
+        """Return the posterior in which what no effect has is parted anew between none and unknown,
+        where the record is `apart` times as far from simulations of its baseline as these are from
+        each other.
         """
         p = self.probability
-        unseen = float(np.exp(-TEMPERATURE * LEAST_NATS)) * p[NONE]
-        whole = 1.0 - p[NONE] + unseen
-        some = {e: share * v / whole for e, v in p.items()}
-        some[UNKNOWN] += share * unseen / whole
-        return replace(self, probability=some | {NONE: 1.0 - share})
+        rest = p[NONE] + p[UNKNOWN]
+        share = chance_of_unknown(p[UNKNOWN] / max(rest, _SMALLEST), apart)
+        return replace(self, probability=p | {UNKNOWN: share * rest, NONE: (1.0 - share) * rest})
 
     def far(self, times: float, block: str) -> Posterior:
         """Return the posterior where no effect is likelier than not, and simulations with the
@@ -96,12 +95,12 @@ class Posterior:
         return Posterior({**moved, UNKNOWN: moved[UNKNOWN] + q * rest}, block)
 
 
-def chance_of_gap(nats: float, apart: float) -> float:
-    """Return the probability that a simulation lacks anything: `nats` are those of the strongest
-    effect, and `apart` how many times as far the record is from simulations of the baseline as
-    these are from each other.
+def chance_of_unknown(tested: float, apart: float) -> float:
+    """Return the share of `unknown` where no effect is lacking: `tested` is what residual tests
+    give it, `apart` as in `Posterior.parted`.
     """
-    return float(expit(MISSING + PER_NATS * np.arcsinh(nats / 10.0) + PER_APART * np.log(apart)))
+    odds = float(logit(np.clip(tested, *TESTED)))
+    return float(expit(UNSEEN + PER_TESTED * odds + PER_APART * np.log(apart)))
 
 
 def doubt(times: float) -> float:

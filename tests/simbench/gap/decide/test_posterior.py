@@ -7,7 +7,7 @@ import pytest
 from scipy.special import expit
 
 from simbench.gap.decide.evidence import LAB, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
-from simbench.gap.decide.posterior import Posterior, chance_of_gap, posterior
+from simbench.gap.decide.posterior import Posterior, chance_of_unknown, posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.thresholds import DOUBT, LEAST_NATS, OF_TWO, SECOND_NATS, TEMPERATURE, TERM_NATS
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
@@ -181,22 +181,20 @@ def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_it
     assert far.probability["drift"] > 0.0
 
 
-@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_where_something_is_lacking_it_is_not_none_and_may_be_what_nobody_knows(share):
+@pytest.mark.parametrize("apart", [0.8, 2.0, 6.0])
+def test_the_distance_parts_none_and_unknown_and_leaves_every_effect_its_probability(apart):
     w = weighed(stiction=5.0, drift=9.0)
-    lacking, p = w.lacking(share).probability, w.probability
-    assert lacking[NONE] == pytest.approx(1.0 - share)
-    assert lacking["drift"] * p["stiction"] == pytest.approx(lacking["stiction"] * p["drift"])
-    # an unknown effect has no nats, where none had seven
-    unseen = np.exp(-TEMPERATURE * LEAST_NATS) * p[NONE]
-    assert lacking[UNKNOWN] * p["drift"] == pytest.approx(lacking["drift"] * (p[UNKNOWN] + unseen))
-    assert sum(lacking.values()) == pytest.approx(1.0)
+    p, q = w.probability, w.parted(apart).probability
+    assert {e: q[e] for e in EFFECTS} == {e: p[e] for e in EFFECTS}
+    assert q[NONE] + q[UNKNOWN] == pytest.approx(p[NONE] + p[UNKNOWN])
+    share = chance_of_unknown(p[UNKNOWN] / (p[NONE] + p[UNKNOWN]), apart)
+    assert q[UNKNOWN] == pytest.approx(share * (p[NONE] + p[UNKNOWN]))
 
 
-def test_nats_and_distance_speak_for_a_gap_and_nothing_is_proven_beyond_doubt():
-    assert chance_of_gap(0.0, 1.0) < 0.5 < chance_of_gap(0.0, 4.0)
-    assert chance_of_gap(0.0, 1.0) < chance_of_gap(20.0, 1.0) < chance_of_gap(1000.0, 1.0) < 0.995
-    assert chance_of_gap(20.0, 1.0) < chance_of_gap(20.0, 2.0)
+def test_residual_tests_and_distance_speak_for_what_nobody_knows():
+    assert chance_of_unknown(0.1, 1.0) < 0.5 < chance_of_unknown(0.1, 6.0)
+    assert chance_of_unknown(0.1, 2.0) < chance_of_unknown(0.9, 2.0)
+    assert 0.0 < chance_of_unknown(0.0, 0.5) < chance_of_unknown(1.0, 50.0) < 1.0
 
 
 def test_the_blocks_shares_are_the_sums_of_what_lies_in_them():
