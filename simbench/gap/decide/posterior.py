@@ -80,6 +80,16 @@ class Posterior:
         share = chance_of_unknown(p[UNKNOWN] / max(rest, _SMALLEST), apart)
         return replace(self, probability=p | {UNKNOWN: share * rest, NONE: (1.0 - share) * rest})
 
+    def enough(self) -> Posterior:
+        """Return the posterior where the simulation without an effect is as near to the record as
+        its own runs are to each other: none has what all effects but friction had.
+        """
+        p = {
+            e: v if e in (NONE, UNKNOWN) or is_friction(e) else 0.0
+            for e, v in self.probability.items()
+        }
+        return replace(self, probability={**p, NONE: p[NONE] + 1.0 - sum(p.values())})
+
     def far(self, times: float, block: str) -> Posterior:
         """Return the posterior where no effect is likelier than not, and simulations with the
         likeliest answer stay `times` as far from the record as is near, most in one block.

@@ -222,6 +222,22 @@ def test_what_samples_prove_is_named_though_the_simulation_stays_far(stubs):
     assert answer.effect == "quantisation"
 
 
+@pytest.mark.parametrize(
+    ("p", "before", "named"),
+    [
+        # as near as the simulation's own runs are to each other, or near and unlikely
+        ({"drift": 0.9, "none": 0.1}, 0.7, "none"),
+        ({"drift": 0.19, "noise": 0.18, "extra_lag": 0.18, "none": 0.15}, 1.5, "none"),
+        ({"drift": 0.45, "none": 0.4}, 1.5, "drift"),
+        ({"drift": 0.9, "none": 0.1}, 1.5, "drift"),
+        ({"stiction": 0.9, "none": 0.1}, 0.7, "stiction"),
+    ],
+)
+def test_nothing_is_lacking_where_the_simulation_is_near_without_it(stubs, p, before, named):
+    loops = Loops(gap(before=before, after=0.8))
+    assert report(assessed("drift"), weighed(**p), loops).effect == named
+
+
 @pytest.mark.parametrize(("apart", "named"), [(0.9, "none"), (9.0, "unknown"), (None, "unknown")])
 def test_a_record_as_near_to_its_baseline_as_twins_are_lacks_nothing_unknown(stubs, apart, named):
     loops = Loops(gap(before=0.9, after=0.8), apart=apart)

@@ -197,6 +197,14 @@ def test_residual_tests_and_distance_speak_for_what_nobody_knows():
     assert 0.0 < chance_of_unknown(0.0, 0.5) < chance_of_unknown(1.0, 50.0) < 1.0
 
 
+def test_enough_gives_none_what_all_effects_but_friction_had():
+    w = weighed(friction=0.3, stiction=2.0, drift=9.0)
+    near = w.enough()
+    assert near.friction == pytest.approx(0.3)
+    assert near.probability["drift"] == 0.0
+    assert sum(near.probability.values()) == pytest.approx(1.0)
+
+
 def test_the_blocks_shares_are_the_sums_of_what_lies_in_them():
     w = weighed(noise=12.0, drift=10.0, stiction=9.0)
     p = w.probability
