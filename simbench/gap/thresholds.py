@@ -313,7 +313,7 @@ COVERED = AnswerThreshold(
     0.9, "probability", "that the answers which are not excluded have together", _CHOICE
 )
 GAP_WIDER = AnswerThreshold(
-    0.96,
+    1.6,
     "times",
     "the interval that seeds give, for the share of the gap that closes: the simulated load is not"
     " quite the plant's",
