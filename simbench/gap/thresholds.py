@@ -40,7 +40,10 @@ _CAUSES = (
 )
 _SEEDS = "python -m results.studies.plant.gap_seeds (results/gap_seeds.txt)"
 _WITHHELD = "simbench gap withheld make, answer, open (results/withheld/)"
-_MISSING = "learned on ten sites, judged by ten others: python -m results.studies.missing"
+_MISSING = (
+    "learned on ten sites, judged by ten others: python -m results.studies.missing"
+    " (results/missing.txt)"
+)
 _DEVELOPMENT = "development records of simulators that are no longer kept"
 _CHOICE = "a choice, not a measurement"
 
