@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simbench.bench.scenario.truth import healthy_twin
 from simbench.confirm.expected import Expected, expected, odds_of_friction, with_friction
 from simbench.confirm.phase import Phase, interval, measure, plain, ratio_error
 from simbench.confirm.rig import Trace, lengthened, run_rig
 from simbench.detectors.errors import ParameterError
-from simbench.loop.resolve import healthy_twin, resolve_loop
+from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
 from simbench.scenarios.spec import Loop
 

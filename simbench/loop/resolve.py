@@ -13,7 +13,7 @@ from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import resolve
 from simbench.loop.setup import Setup, bands_of, plain_setup, stages_of
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.spec import Loop
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone; the
 # noise has stream 0.
@@ -51,17 +51,6 @@ def friction(loop: Loop) -> list[tuple[float, float]]:
         else bands_of(stages_of(loop.valve, loop.sampling.Ts))
     )
     return [(S, J) for S, J in bands if S > 0.0]
-
-
-def healthy_twin(loop: Loop) -> Loop:
-    """Return the loop with an ideal valve in place of its friction, all else equal; a stage without
-    friction stays.
-    """
-    bare = loop.model_copy(update={"effect": ()})
-    valve = Part(name="ideal") if friction(bare) else loop.valve
-    ideal = bare.model_copy(update={"valve": Part(name="ideal")})
-    kept = tuple(e for e in loop.effect if not friction(ideal.model_copy(update={"effect": (e,)})))
-    return loop.model_copy(update={"valve": valve, "effect": kept})
 
 
 def undisturbed(loop: Loop) -> Setup:

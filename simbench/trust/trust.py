@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Unpack
 import numpy as np
 from scipy.special import logit
 
+from simbench.bench.scenario.truth import healthy_twin
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.registry import methods as registry
@@ -28,7 +29,7 @@ from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops, loops_of
 from simbench.gap.stiction.conclusion import Conclusion, from_record
 from simbench.gap.stiction.friction import in_percent, refuse_unweighable
-from simbench.loop.resolve import friction, healthy_twin
+from simbench.loop.resolve import friction
 from simbench.scenarios.spec import Loop, load_loop
 from simbench.trust.power import (
     Cell,

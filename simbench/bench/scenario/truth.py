@@ -13,10 +13,10 @@ import numpy as np
 from simbench.bench.scenario.kept import run_once
 from simbench.loop.motion import MIN_REVERSALS, Motion, largest_sine, motion
 from simbench.loop.motion import least_swing as least_swing_of
-from simbench.loop.resolve import friction, healthy_twin, undisturbed
+from simbench.loop.resolve import friction, undisturbed
 from simbench.loop.run import Run
 from simbench.loop.simulate import valve_tail
-from simbench.scenarios.spec import Loop
+from simbench.scenarios.spec import Loop, Part
 
 _TAIL_PERIODS = 20
 _LASTING = 0.8  # last third of the tail over the first
@@ -99,6 +99,17 @@ def least_swing(loop: Loop) -> float:
     slip jump.
     """
     return least_swing_of(friction(loop))
+
+
+def healthy_twin(loop: Loop) -> Loop:
+    """Return the loop with an ideal valve in place of its friction, all else equal; a stage without
+    friction stays.
+    """
+    bare = loop.model_copy(update={"effect": ()})
+    valve = Part(name="ideal") if friction(bare) else loop.valve
+    ideal = bare.model_copy(update={"valve": Part(name="ideal")})
+    kept = tuple(e for e in loop.effect if not friction(ideal.model_copy(update={"effect": (e,)})))
+    return loop.model_copy(update={"valve": valve, "effect": kept})
 
 
 def _samples(period: float) -> int:

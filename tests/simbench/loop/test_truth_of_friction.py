@@ -4,9 +4,9 @@ wherever it acts.
 
 import pytest
 
-from simbench.bench.scenario.truth import least_swing
+from simbench.bench.scenario.truth import healthy_twin, least_swing
 from simbench.loop.parameters import VALVES
-from simbench.loop.resolve import friction, healthy_twin, resolve_loop
+from simbench.loop.resolve import friction, resolve_loop
 from simbench.scenarios.spec import Loop
 
 PLAY = '''"""A play whose only number is called h."""

@@ -5,11 +5,11 @@ import pytest
 
 from simbench.bench.scenario.truth import (
     MIN_REVERSALS,
+    healthy_twin,
     least_swing,
     simulate_with_truth,
 )
 from simbench.loop.motion import motion
-from simbench.loop.resolve import healthy_twin
 from simbench.loop.simulate import simulate, valve_tail
 from simbench.scenarios.spec import Loop
 
