@@ -21,6 +21,7 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit
 
 from results.studies.worlds import recipes
+from simbench.bench.statistics import auc
 from simbench.detectors.compiled import one_thread
 from simbench.gap.command import diagnose_files
 from simbench.gap.decide.posterior import TESTED
@@ -32,7 +33,6 @@ from simbench.usage import exit_code
 OPEN = 0.3  # probability of none and unknown together, from which a record teaches
 ACCUSED = 1.0 / 40.0  # share of records without an effect, at which it is counted what is found
 _PULL = 0.5  # towards 0, of a weight in log-odds
-_DRAWS = 400  # of records, for the intervals
 NAMES = ("constant", "tested", "distance")
 
 
@@ -75,12 +75,6 @@ def learned(rows: pd.DataFrame) -> np.ndarray:
     return minimize(cost, np.zeros(len(NAMES))).x
 
 
-def auc(of: np.ndarray, healthy: np.ndarray) -> float:
-    """Return how often a record that lacks something has the higher number."""
-    pairs = of[:, None] - healthy[None, :]
-    return float(np.mean(pairs > 0.0) + 0.5 * np.mean(pairs == 0.0))
-
-
 def found(of: np.ndarray, healthy: np.ndarray) -> float:
     """Return the share of records above what one healthy record in forty exceeds."""
     return float(np.mean(of > np.sort(healthy)[::-1][round(ACCUSED * healthy.size)]))
@@ -95,26 +89,21 @@ def table(rows: pd.DataFrame, weights: np.ndarray) -> pd.DataFrame:
         "parted by the distance": (1.0 - rest * (1.0 - share)).to_numpy(),
         "the answer": rows.answer.to_numpy(),
     }
-    rng = np.random.default_rng(0)
     out = []
-    healthy = np.flatnonzero(rows.kind == NONE)
+    healthy = (rows.kind == NONE).to_numpy()
     for kind in ("single", "two", "foreign"):
-        here = np.flatnonzero(rows.kind == kind)
+        here = (rows.kind == kind).to_numpy()
         for name, x in asks.items():
-            draws = [
-                auc(x[rng.choice(here, here.size)], x[rng.choice(healthy, healthy.size)])
-                for _ in range(_DRAWS)
-            ]
-            lo, hi = np.quantile(draws, [0.025, 0.975])
+            area = auc(x[here | healthy], here[here | healthy])
             out.append(
                 {
                     "kind": kind,
                     "asked": name,
-                    "AUC": auc(x[here], x[healthy]),
-                    "95 % interval": f"{lo:.2f} to {hi:.2f}",
+                    "AUC": area.value,
+                    "95 % interval": f"{area.lo:.2f} to {area.hi:.2f}",
                     "found": found(x[here], x[healthy]),
-                    "n": here.size,
-                    "without an effect": healthy.size,
+                    "n": int(here.sum()),
+                    "without an effect": int(healthy.sum()),
                 }
             )
     return pd.DataFrame(out)

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from results.studies.missing import auc, found, learned, regressors, table
+from results.studies.missing import found, learned, regressors, table
+from simbench.bench.statistics import auc
 
 
 def rows(n=400, seed=0, far=2.0):
@@ -22,7 +23,7 @@ def rows(n=400, seed=0, far=2.0):
 
 
 def test_how_often_one_number_is_larger_by_hand():
-    assert auc(np.array([1.0, 3.0]), np.array([1.0, 2.0])) == 0.625
+    assert auc([1.0, 3.0, 1.0, 2.0], [True, True, False, False]).value == 0.625
     # one of forty may be accused
     assert found(np.array([0.5, 38.5, 39.5]), np.arange(40.0)) == pytest.approx(2 / 3)
 
