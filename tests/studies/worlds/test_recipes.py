@@ -8,6 +8,7 @@ import pytest
 from results.studies.worlds import recipes, refinery
 from results.studies.worlds.refinery import drawing
 from results.studies.worlds.refinery.loops import REFINERY
+from results.studies.worlds.refinery.simulation import build
 from simbench.scenarios.spec import Loop
 
 ENTRY = {"kind": "none", "mv": True}
@@ -79,6 +80,8 @@ def test_noise_is_as_large_as_it_is_seen_behind_a_filter(kind):
         phi = 0.5 * (kind == 1)
         step = np.sqrt(2.0 * (1.0 - (keep + phi) / (1.0 + keep * phi)))
         assert high == pytest.approx(answer["case"]["noise"]["std"] * step, rel=0.2)
+        # the baseline's plant has no filter, and its noise is as large as it is stated
+        assert build(answer["case"], nominal=True).noise_std == answer["case"]["noise"]["std"]
 
 
 def test_a_clock_is_early_or_late_and_rows_are_lost_in_the_archive_alone():

@@ -20,7 +20,7 @@ from simbench.sealed.withheld.menu import TestPlan, operated
 # random streams of one realisation: an added effect never changes the load or the noise of the loop
 # itself
 _LOAD, _NOISE, _WHITE, _DRIFT, _SPIKES_LOOP, _SPIKES_RECORD, _HELD, _MANUAL, _EFFECT_LOAD = range(9)
-_CLOCK, _LOST = 50, 51
+_CLOCK, _LOST = 50, 51  # beyond those of the effects' loads
 
 _LoadMaker = Callable[[np.random.Generator, int, float, int], np.ndarray]
 
@@ -82,7 +82,9 @@ def build(case: dict, nominal: bool = False) -> Setup:
             count_offset=float(case["sensor"]["count_offset"]),
             flow_noise=1.0 if case["noise"]["kind"] == "flow" else 0.0,
         ),
-        noise_std=float(case["noise"]["std"]) * case["noise"].get("gain", 1.0),
+        # and what a filter will take away of the noise, which it does not have
+        noise_std=float(case["noise"]["std"])
+        * (1.0 if nominal else case["noise"].get("gain", 1.0)),
     )
 
 
