@@ -1,9 +1,12 @@
 """Is what no known effect explains none, or something unknown? `python -m results.studies.missing`
 learns on the building sites of `worlds.recipes` how much residual tests and the distance from the
-baseline as given tell, and judges by the others.
+baseline as given tell, and how much probability answers must have together so that nine records in
+ten have the truth among them; it judges by the other sites.
 
-The weights stand in `simbench.gap.thresholds`. They are learned from records of which no effect has
-most of the probability, with as much weight on records without an effect as on the others.
+What is learned stands in `simbench.gap.thresholds`. The weights come from records of which no
+effect has most of the probability, with as much weight on records without an effect as on the
+others; the probability of a set comes from all records (split conformal prediction: Vovk, Gammerman
+and Shafer 2005).
 """
 
 from __future__ import annotations
@@ -21,11 +24,13 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit
 
 from results.studies.worlds import recipes
-from simbench.bench.statistics import auc
+from simbench.bench.statistics import auc, rate
 from simbench.detectors.compiled import one_thread
 from simbench.gap.command import diagnose_files
 from simbench.gap.decide.posterior import TESTED
 from simbench.gap.diagnosis import weighed
+from simbench.gap.report.result import CONFIDENCE
+from simbench.gap.thresholds import COVERED
 from simbench.loop.effects import NONE, UNKNOWN
 from simbench.sealed.withheld.making import Plan, write_item
 from simbench.usage import exit_code
@@ -34,6 +39,7 @@ OPEN = 0.3  # probability of none and unknown together, from which a record teac
 ACCUSED = 1.0 / 40.0  # share of records without an effect, at which it is counted what is found
 _PULL = 0.5  # towards 0, of a weight in log-odds
 NAMES = ("constant", "tested", "distance")
+_EFFECTS = ("effect", "effect2")  # of a record's true answer
 
 
 def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
@@ -44,6 +50,9 @@ def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
         report = diagnose_files([record], baseline)
     found = report.behind.found
     before = weighed(found).probability
+    true = {UNKNOWN} if item.answer["kind"] == "foreign" else {*map(item.answer.get, _EFFECTS)}
+    ranked = np.array([r.probability for r in report.ranking])
+    likelier = np.cumsum(ranked) - ranked
     return {
         "part": recipes.part(recipes.site_of(item.answer)),
         "kind": item.answer["kind"],
@@ -51,6 +60,8 @@ def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
         "unknown": before[UNKNOWN],
         "apart": report.behind.loops.apart_as_given(found.load),
         "answer": 1.0 - next(r.probability for r in report.ranking if r.effect == NONE),
+        "likelier": likelier[[r.effect in true for r in report.ranking]].min(),
+        "size": int(np.sum(likelier < COVERED)),
     }
 
 
@@ -73,6 +84,14 @@ def learned(rows: pd.DataFrame) -> np.ndarray:
         return float(weight @ np.logaddexp(0.0, -sign * (x @ w))) + pull
 
     return minimize(cost, np.zeros(len(NAMES))).x
+
+
+def covering(likelier: np.ndarray) -> float:
+    """Return the probability that answers must have together so that as many records as are to be
+    sure have the truth among them, of each record's probability of what is likelier than the truth.
+    """
+    rank = min(int(np.ceil(CONFIDENCE * (likelier.size + 1))), likelier.size)
+    return float(np.sort(likelier)[rank - 1])
 
 
 def found(of: np.ndarray, healthy: np.ndarray) -> float:
@@ -125,6 +144,12 @@ def run(argv: Sequence[str] | None = None) -> int:
     print("weights: " + ", ".join(f"{n} {w:.2f}" for n, w in zip(NAMES, weights)))
     print("found: where one in forty of the records without an effect is accused")
     print(table(judge, weights).round(3).to_string(index=False))
+    covered = rate(int((judge.likelier < COVERED).sum()), len(judge))
+    print(f"probability of a set: {covering(build.likelier.to_numpy()):.3f}")
+    print(
+        f"with {COVERED:g}, {covered} of the sets to judge by hold the truth, and"
+        f" {judge['size'].mean():.1f} answers in the mean"
+    )
     return 0
 
 

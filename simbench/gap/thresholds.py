@@ -313,7 +313,11 @@ NEAR = AnswerThreshold(
     _SEEDS,
 )
 COVERED = AnswerThreshold(
-    0.9, "probability", "that the answers which are not excluded have together", _CHOICE
+    0.95,
+    "probability",
+    "that the answers which are not excluded have together, lest the truth be excluded in more than"
+    " one record in ten",
+    _MISSING,
 )
 GAP_WIDER = AnswerThreshold(
     1.6,

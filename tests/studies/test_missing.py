@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from results.studies.missing import found, learned, regressors, table
+from results.studies.missing import covering, found, learned, regressors, table
 from simbench.bench.statistics import auc
+from simbench.gap.report.result import CONFIDENCE
 
 
 def rows(n=400, seed=0, far=2.0):
@@ -48,3 +49,13 @@ def test_the_table_asks_of_every_kind_how_well_each_tells():
     alone = shown[shown.asked == "distance alone"].AUC
     assert (alone > 0.9).all()
     np.testing.assert_allclose(regressors(data)[:, 0], 1.0)
+
+
+@pytest.mark.parametrize("n", [30, 150])
+def test_sets_that_reach_the_learned_probability_hold_the_truth_as_often_as_is_said(n):
+    rng = np.random.default_rng(n)
+    draws = rng.random((400, n + 1)) ** 3
+    often = np.mean([one[-1] <= covering(one[:-1]) for one in draws])
+    assert often == pytest.approx(CONFIDENCE, abs=0.04)
+    # of few records the largest one that was seen
+    assert covering(np.array([0.2, 0.7])) == 0.7

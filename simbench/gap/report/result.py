@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from simbench.workbench import Loop
 
+CONFIDENCE = 0.9  # share of sets that hold the truth
 LEAST_SHOWN = 0.005  # probability from which an explanation is shown: what does not round to 0 %
 
 
@@ -232,7 +233,7 @@ class GapReport:
 
     @property
     def set(self) -> tuple[str, ...]:
-        """The likeliest answers, which together have nine tenths of the probability."""
+        """The answers that cannot be excluded at 90 %: nine such sets in ten hold the truth."""
         before = itertools.accumulate((r.probability for r in self.ranking), initial=0.0)
         return tuple(r.effect for r, p in zip(self.ranking, before) if p < COVERED)
 
@@ -338,7 +339,7 @@ class GapReport:
             lines.append(f"Not told apart by this record: {names} ({p:.2f} together).")
         if len(self.set) > 1:
             names = ", ".join(words(e) for e in self.set)
-            lines.append(f"Not excluded at {100 * COVERED:.0f} %: {names}.")
+            lines.append(f"Not excluded at {100 * CONFIDENCE:.0f} %: {names}.")
         if any(self.blocks.values()):
             shares = [f"{b} {self.blocks[b]:.2f}" for b in BLOCKS if self.blocks[b] >= LEAST_SHOWN]
             lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")

@@ -126,10 +126,18 @@ def test_none_is_an_answer():
     assert sentence.startswith("No unmodelled effect is needed (0.90). It is 1.25 from the record")
 
 
-def test_the_set_has_nine_tenths_of_the_probability():
-    assert report().set == ("stiction",)
-    assert report(ranking=ranked("unknown", 0.06)).set == ("unknown", "stiction")
-    assert report().as_json()["set"] == ["stiction"]
+def test_the_set_ends_where_its_answers_have_the_probability_that_holds_the_truth():
+    def of(*shares):
+        return report(
+            ranking=tuple(
+                Ranked(e, "valve", p, None, None, {})
+                for e, p in zip(("stiction", "deadband", "none"), shares)
+            )
+        )
+
+    assert of(0.96, 0.03, 0.01).set == ("stiction",)
+    assert of(0.94, 0.05, 0.01).set == ("stiction", "deadband")
+    assert of(0.6, 0.34, 0.06).as_json()["set"] == ["stiction", "deadband", "none"]
 
 
 def test_five_of_the_differences_that_remain_are_put_into_words():
@@ -154,19 +162,20 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
     lines = report().as_text().splitlines()
     assert lines[:2] == [report().answer(), report().nearness()]
     assert lines[2:8] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
-    assert lines[8:10] == [
+    assert lines[8:11] == [
+        "Not excluded at 90 %: stiction, none.",
         "Probability by block, with unknown effects: valve 0.91, process 0.01, sensor 0.07,"
         " disturbance 0.01.",
         "",
     ]
-    assert lines[10] == "probability  effect"
-    assert lines[11] == "      0.914  stiction                S = 6.04, J = 3 % of travel"
-    assert [line.split()[1] for line in lines[11:17]] == [
+    assert lines[11] == "probability  effect"
+    assert lines[12] == "      0.914  stiction                S = 6.04, J = 3 % of travel"
+    assert [line.split()[1] for line in lines[12:18]] == [
         "stiction",
         "none",
         *(f"effect_{i}" for i in range(4)),
     ]
-    assert lines[17:] == [
+    assert lines[18:] == [
         "",
         "The distance of record and simulations is the mean over features, in standard deviations"
         " between simulations.",
