@@ -110,9 +110,6 @@ def test_plugins_never_import_their_siblings(folder):
 def test_no_two_classes_have_one_name():
     files = defaultdict(set)
     for name, tree in trees().items():
-        # worlds are written without sight of the rest
-        if "simbench/sealed/withheld/worlds/" in name:
-            continue
         for node in ast.walk(tree):
             # `class Loop(spec.Loop)` extends the class of that name
             if isinstance(node, ast.ClassDef) and node.name not in [
@@ -126,7 +123,6 @@ def test_a_constant_that_others_read_has_one_meaning():
     # plug-ins define constants of fixed names
     exempt = (
         *PLUGINS,
-        "simbench/sealed/withheld/worlds",
         "simbench/gap/stiction/method.py",
         "simbench/loop/laws/curve.py",
     )
@@ -146,7 +142,7 @@ def test_a_constant_that_others_read_has_one_meaning():
 
 def test_few_files_name_an_effect_of_another_file():
     effects = set(EFFECTS)
-    homes = ("simbench/loop/effects/", "simbench/gap/effects/", "simbench/sealed/withheld/")
+    homes = ("simbench/loop/effects/", "simbench/gap/effects/")
     names = [
         f"{name}: {node.value}"
         for name, tree in trees().items()

@@ -62,16 +62,6 @@ def broken(graph, asked=lambda options: True):
             "a loop's plug-ins know nothing of the run they take part in",
         ),
         ("simbench.loop.setup", "simbench.gap.situation", "rooms stand above what they use"),
-        (
-            "simbench.sealed.withheld.claims",
-            "simbench.detectors.signal.oscillation",
-            "the withheld check uses nothing of what it judges",
-        ),
-        (
-            "simbench.gap.decide.assess",
-            "simbench.sealed.withheld.score",
-            "only the command line knows the withheld check",
-        ),
         ("simbench.detectors.quality", "simbench.loop.plant", "rooms stand above what they use"),
         ("simbench.detectors.quality", "matplotlib", "detectors is usable alone"),
     ],
@@ -98,7 +88,6 @@ PLUGINS = (
     "simbench.loop.controllers",
     "simbench.gap.effects",
     "simbench.figures",
-    "simbench.sealed.withheld.worlds",
 )
 HOSTS = (
     "simbench.detectors.__main__",

@@ -19,14 +19,13 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy.stats import binomtest
 
-from results.studies.worlds import recipes
+from results.studies.withheld.making import Plan, write_item
+from results.studies.worlds import NAMES, load_world, recipes
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files
-from simbench.sealed.withheld.making import Plan, write_item
-from simbench.sealed.withheld.world import OWN, WORLDS
 from simbench.usage import exit_code
 
-OTHER, SITES = "results.studies.worlds.refinery", "results.studies.worlds.recipes"
+SITES = "recipes"
 LEAST, SURE = 0.01, 0.05  # share of answers that a rule changes, and p of the test
 ALL = "all rules"
 # kinds that a world calls foreign and the library knows by another name
@@ -83,7 +82,7 @@ def asked(
     """Draw one record, and return its truth and the answer with all rules and without each; a
     foreign effect that the library knows after all is named rightly by its own name too.
     """
-    item = WORLDS.load(world).draw(seed, i, entry)
+    item = load_world(world).draw(seed, i, entry)
     row: dict[str, Any] = {"true": right_names(item.answer)}
     with TemporaryDirectory() as place:
         record, baseline = write_item(item, Path(place), "record")
@@ -123,8 +122,8 @@ def table(rows: list[dict[str, Any]]) -> pd.DataFrame:
 def drawn(n: int) -> list[tuple[str, int, dict]]:
     """Return world, number and entry of n records of each world; of the sites, those that judge."""
     out = []
-    for world in (OWN, OTHER, SITES):
-        entries = Plan.of(2 * n if world == SITES else n).entries(list(WORLDS.load(world).FOREIGN))
+    for world in (*NAMES, SITES):
+        entries = Plan.of(2 * n if world == SITES else n).entries(list(load_world(world).FOREIGN))
         out += [
             (world, i, entry)
             for i, entry in enumerate(entries)

@@ -14,17 +14,16 @@ from typing import Any
 import pandas as pd
 from joblib import Parallel, delayed
 
+from results.studies.withheld.making import PLANTS, STRENGTHS, write_item
+from results.studies.withheld.menu import csv_of
+from results.studies.withheld.outcomes import write_whole
+from results.studies.worlds import NAMES, load_world
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files
 from simbench.loop.effects import NONE, UNKNOWN
-from simbench.sealed.withheld.making import PLANTS, STRENGTHS, write_item
-from simbench.sealed.withheld.menu import csv_of
-from simbench.sealed.withheld.outcomes import write_whole
-from simbench.sealed.withheld.world import OWN, WORLDS
 from simbench.usage import exit_code
 
 EFFECTS = ("load_drift", "load_steps", "oscillation", "noise", "drift")
-OTHER = "results.studies.worlds.refinery"
 MOST = 2  # healthy records of a loop
 SEED = 24306367  # of the withheld checks as well; none of its records was looked at for this
 
@@ -42,7 +41,7 @@ def entries(each: int, none: int) -> list[dict[str, Any]]:
 
 def asked(world: str, i: int, entry: dict[str, Any]) -> list[dict[str, Any]]:
     """Draw one record and its healthy history, and return the answers with 0, 1 and 2 of it."""
-    drawn_by = WORLDS.load(world)
+    drawn_by = load_world(world)
     item = drawn_by.draw(SEED, i, entry)
     rows = []
     with TemporaryDirectory() as place:
@@ -85,7 +84,7 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     calls = [
         delayed(asked)(world, i, entry)
-        for world in (OWN, OTHER)
+        for world in NAMES
         for i, entry in enumerate(entries(given.n, given.none))
     ]
     rows = [row for each in Parallel(n_jobs=given.j)(calls) for row in each]

@@ -23,6 +23,7 @@ from joblib import Parallel, delayed
 from scipy.optimize import minimize
 from scipy.special import expit, logit
 
+from results.studies.withheld.making import Plan, write_item
 from results.studies.worlds import recipes
 from simbench.bench.statistics import auc, rate
 from simbench.detectors.compiled import one_thread
@@ -32,7 +33,6 @@ from simbench.gap.diagnosis import weighed
 from simbench.gap.report.result import CONFIDENCE
 from simbench.gap.thresholds import COVERED
 from simbench.loop.effects import NONE, UNKNOWN
-from simbench.sealed.withheld.making import Plan, write_item
 from simbench.usage import exit_code
 
 OPEN = 0.3  # probability of none and unknown together, from which a record teaches

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from simbench.sealed.withheld.making import PLANTS
-from simbench.sealed.withheld.world import PLANNED
+from results.studies.withheld.making import PLANTS
+from results.studies.withheld.world import PLANNED
 
 _NEEDS_T = "time_constant_mismatch"
 

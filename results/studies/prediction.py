@@ -21,7 +21,11 @@ import numpy as np
 import pandas as pd
 
 from results.studies.mixture import Mixture
-from results.studies.worlds import NAMES, WORLDS
+from results.studies.withheld.levels import Share
+from results.studies.withheld.making import write_item
+from results.studies.withheld.menu import TestPlan
+from results.studies.withheld.world import Item
+from results.studies.worlds import NAMES, load_world
 from simbench.detectors.errors import UserError
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
@@ -30,10 +34,6 @@ from simbench.gap.prediction import measure, predict, read_settings
 from simbench.loop.effects import NONE
 from simbench.progress import Progress
 from simbench.scenarios.spec import load_loop
-from simbench.sealed.withheld.levels import Share
-from simbench.sealed.withheld.making import write_item
-from simbench.sealed.withheld.menu import TestPlan
-from simbench.sealed.withheld.world import Item
 
 # of the first world, named before anything was predicted; the next worlds have the next numbers
 SEED = 471720
@@ -87,7 +87,7 @@ def truth(item: Item, world: str, ratio: float, by: float) -> list[dict[str, flo
     acts = [] if name == NONE else [{"effect": name, "parameters": a["parameters"]}]
     out = []
     for i in range(FRESH):
-        run = WORLDS.load(world).test(a, acts, int(a["seed"]) + 8000 + i, plan)
+        run = load_world(world).test(a, acts, int(a["seed"]) + 8000 + i, plan)
         op, pv = (np.asarray(run[name], dtype=float)[settle:] for name in ("op", "pv"))
         out.append(asdict(measure(op, pv, float(item.baseline["sampling"]["Ts"]))))
     return out
@@ -97,7 +97,7 @@ def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[st
     """Draw and diagnose one record, predict its changes, and add the truth to each
     prediction.
     """
-    item = WORLDS.load(world).draw(seed, i, entry)
+    item = load_world(world).draw(seed, i, entry)
     tried = changes(item)
     with TemporaryDirectory() as place:
         record, baseline = write_item(item, Path(place), "record")
@@ -175,7 +175,7 @@ def main() -> None:
     given = parser.parse_args()
     place, todo, done = make_folder(given.folder), [], []
     for seed, world in enumerate(NAMES, given.seed):
-        entries = mixture(seed, given.n).entries(list(WORLDS.load(world).FOREIGN))
+        entries = mixture(seed, given.n).entries(list(load_world(world).FOREIGN))
         order = np.random.default_rng(seed).permutation(len(entries))
         todo += [(i, world, seed, entries[at]) for i, at in enumerate(order)]
     for i, world, seed, entry in Progress(todo, desc="records", delay=1.0):

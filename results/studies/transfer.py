@@ -28,7 +28,8 @@ from scipy import stats
 from results.studies.plant.answers import answered
 from results.studies.plant.recorded_loops import records
 from results.studies.plant.stiction_probability import entry
-from results.studies.worlds import WORLDS
+from results.studies.withheld.making import write_item
+from results.studies.worlds import load_world
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.detectors.judge import judge
@@ -41,7 +42,6 @@ from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.files import folder, write_table
 from simbench.progress import Progress
 from simbench.scenarios.grid import load_grid
-from simbench.sealed.withheld.making import write_item
 from simbench.usage import exit_code
 
 GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "refinery"), "real"
@@ -75,7 +75,7 @@ def asked(home: str, number: int, names: list[str]) -> dict[str, Any]:
     sticky = number % 2 == 1
     if home in GRIDS:
         return _judged(_of_grid(home, number, sticky), sticky, number, names)
-    item = WORLDS.load(home).draw(SEED, number, entry(number))
+    item = load_world(home).draw(SEED, number, entry(number))
     with tempfile.TemporaryDirectory() as place:
         return _judged(read_record(write_item(item, Path(place), "loop")[0]), sticky, number, names)
 

@@ -52,9 +52,6 @@ confirm_app = _Verbs(
     **_BARE,
 )
 gap_app = _Verbs(help="Explain why a simulation differs from the plant.", **_BARE)
-withheld_app = _Verbs(
-    help="Test the gap diagnosis on simulated records whose true cause is hidden from it.", **_BARE
-)
 exam_app = _Verbs(
     help="Benchmark detectors in other languages, or that you do not trust.\n\n"
     "They get records without labels, and you keep the key to the labels.",
@@ -63,7 +60,6 @@ exam_app = _Verbs(
 app.add_typer(exam_app, name="exam")
 app.add_typer(confirm_app, name="confirm")
 app.add_typer(gap_app, name="gap")
-gap_app.add_typer(withheld_app, name="withheld")
 
 
 def examples(*lines: str) -> str:
@@ -212,10 +208,6 @@ Power = Annotated[
             "replicates of its loop."
         ),
     ),
-]
-World = Annotated[
-    str,
-    Option(metavar="NAME", help="Draw the records with this plant simulator: a name, or a module."),
 ]
 
 

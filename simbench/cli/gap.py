@@ -1,8 +1,7 @@
-"""The verbs of `simbench gap`: explain why a simulation differs from the plant, and test that."""
+"""The verbs of `simbench gap`: explain why a simulation differs from the plant."""
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,16 +12,12 @@ from simbench.cli.common import (
     Jobs,
     Json,
     Page,
-    Seed,
-    World,
     examples,
     gap_app,
     pairs,
     reads,
     say,
-    show,
     show_result,
-    withheld_app,
 )
 from simbench.detectors.errors import ParameterError
 
@@ -52,7 +47,6 @@ Healthy = Annotated[
         " same loop or a sibling; may be repeated.",
     ),
 ]
-Check = Annotated[Path, Argument(metavar="DIR", help="Use this folder for the check.")]
 NoBootstrap = Annotated[bool, Option("--no-bootstrap", hidden=True)]
 
 
@@ -284,82 +278,3 @@ def gap_predict(
         **about,
     )
     show_result(prediction, as_json)
-
-
-@withheld_app.command(epilog=examples("gap withheld make check --key check.key --seed 1"))
-def make(
-    out: Check,
-    key: Annotated[Path, Option(help="Write the key to the answers to this file, outside DIR.")],
-    seed: Seed,
-    n: Annotated[int, Option("-n", "--records", min=1, help="Draw about this many records.")] = 600,
-    jobs: Jobs = 1,
-    world: World = "own",
-    tests: Annotated[
-        bool,
-        Option(
-            "--tests", help="Also simulate what every available test would show of each record."
-        ),
-    ] = False,
-    without: Annotated[
-        str | None,
-        Option(
-            metavar="EFFECT",
-            help="Give every record this effect, and have them diagnosed without it in the"
-            " library.",
-        ),
-    ] = None,
-) -> None:
-    """Make a blind test of `gap diagnose`: records with hidden effects, and their answers in a key.
-
-    Continue with `simbench gap withheld answer` and `open`.
-    """
-    from simbench.sealed.withheld.making import Plan
-    from simbench.sealed.withheld.making import make as write
-
-    plan = Plan.of(n, without)
-    print(write(out, key, seed, plan=plan, jobs=jobs, world=world, tests=tests))
-
-
-@withheld_app.command(epilog=examples("gap withheld answer check -j 2"))
-def answer(
-    out: Check,
-    jobs: Jobs = 1,
-    no_bootstrap: NoBootstrap = False,
-    world: World = "own",
-    tests: Annotated[
-        int, Option(metavar="N", help="Allow the diagnosis this many tests per record, 0 to 2.")
-    ] = 0,
-) -> None:
-    """Diagnose every record of the check without access to the answers.
-
-    An interrupted call is continued.
-    """
-    from simbench.gap.command import one_file
-    from simbench.sealed.withheld.answering import answer as diagnose_all
-    from simbench.sealed.withheld.making import without_of
-
-    diagnose = partial(one_file, without=without_of(out))
-    print(f"{diagnose_all(out, diagnose, jobs, tests)} records diagnosed")
-
-
-@withheld_app.command("open", epilog=examples("gap withheld open check --key check.key"))
-def open_sealed(
-    out: Check,
-    key: Annotated[
-        Path | None,
-        Option(help="Read the key from this file; it is not needed if answers.csv is readable."),
-    ] = None,
-    scores: Annotated[
-        Path | None, Option("--scores", metavar="DIR", help="Write the scores to this folder.")
-    ] = None,
-    world: World = "own",
-    as_json: Json = False,
-) -> None:
-    """Take the answers from the key, and score the diagnoses against them."""
-    from simbench.sealed.withheld.opening import open_ as score_answers
-
-    scored = score_answers(out, key, scores, world)
-    show(
-        {k: v for k, v in scored.items() if k != "markdown"} if as_json else scored["markdown"],
-        as_json,
-    )

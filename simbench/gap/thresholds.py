@@ -39,7 +39,7 @@ _CAUSES = (
     " (results/causes.txt)"
 )
 _SEEDS = "python -m results.studies.plant.gap_seeds (results/gap_seeds.txt)"
-_WITHHELD = "simbench gap withheld make, answer, open (results/withheld/)"
+_WITHHELD = "python -m results.studies.withheld make, answer, open (results/withheld/)"
 _MISSING = (
     "learned on ten sites, judged by ten others: python -m results.studies.missing"
     " (results/missing.txt)"

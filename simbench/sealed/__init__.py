@@ -1,3 +1,3 @@
-"""Records without their truth, for detectors (`exam`) and for the gap diagnosis (`withheld`): a
-folder of records, a key elsewhere, answers, and their opening.
+"""Records without their truth, for detectors (`exam`): a folder of records, a key elsewhere,
+answers, and their opening.
 """

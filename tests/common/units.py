@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from results.studies.withheld.making import Plan
+from results.studies.worlds import own as tank
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.detectors.judge import judge
@@ -15,8 +17,6 @@ from simbench.detectors.plugins.registry import methods
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import Verdict
 from simbench.scenarios.grid import load_grid
-from simbench.sealed.withheld.making import Plan
-from simbench.sealed.withheld.worlds import own as tank
 
 # What another transmitter, archive or sign convention would have sent: value = gain x + offset.
 PV_MAPS = {

@@ -4,8 +4,8 @@ from importlib import import_module
 
 import pytest
 
-from results.studies.admission import ALL, OTHER, RULES, SITES, drawn, right_names, table, without
-from results.studies.worlds import recipes
+from results.studies.admission import ALL, RULES, SITES, drawn, right_names, table, without
+from results.studies.worlds import NAMES, recipes
 
 
 def row(true, every, **changed):
@@ -36,7 +36,7 @@ def test_a_foreign_effect_that_the_library_knows_is_named_rightly_by_its_own_nam
 
 def test_the_sites_that_a_rule_was_built_on_do_not_judge_it():
     records = drawn(20)
-    assert {world for world, *_ in records} == {"own", OTHER, SITES}
+    assert {world for world, *_ in records} == {*NAMES, SITES}
     judged = [i for world, i, _ in records if world == SITES]
     assert all(recipes.part(recipes.site_at(i)) == "judge" for i in judged)
     assert len(judged) == 20

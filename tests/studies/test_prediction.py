@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from results.studies.prediction import changes, judged, truth
-from results.studies.worlds import WORLDS
+from results.studies.worlds import load_world
 
 
 @pytest.mark.parametrize("world", ["own", pytest.param("refinery", marks=pytest.mark.slow)])
 def test_the_true_loop_runs_under_the_settings_that_are_predicted(world):
-    item = WORLDS.load(world).draw(5, 0, {"kind": "none", "mv": False})
+    item = load_world(world).draw(5, 0, {"kind": "none", "mv": False})
     tried = changes(item)
     assert float(tried["Kc / 2"][0]["controller.Kc"]) == pytest.approx(
         0.5 * item.baseline["controller"]["Kc"]

@@ -19,7 +19,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from results.studies.plant.stiction_probability import PLANTS
-from results.studies.worlds import WORLDS
+from results.studies.withheld.making import write_item
+from results.studies.worlds import load_world
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge
 from simbench.detectors.prepared import Prepared
@@ -33,7 +34,6 @@ from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.spec import Loop
-from simbench.sealed.withheld.making import write_item
 
 CAUSES = (
     "stiction",
@@ -198,7 +198,7 @@ def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loo
                 if effect == "none"
                 else {"kind": "single", "effect": effect, **about}
             )
-            item = WORLDS.load(world).draw(seed, i, {**asked, "mv": False})
+            item = load_world(world).draw(seed, i, {**asked, "mv": False})
             record = read_record(write_item(item, Path(place), "loop")[0])
             out[f"{world}{i}"] = (
                 BLIND[effect],

@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from results.studies.plant.stiction_probability import GRID, entry, member
-from results.studies.worlds import WORLDS
+from results.studies.withheld.making import write_item
+from results.studies.worlds import load_world
 from simbench.bench.statistics import wilson
 from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
@@ -31,7 +32,6 @@ from simbench.gap.stiction.measured import resampled
 from simbench.gap.stiction.probability import log_odds, probability, verdict
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
-from simbench.sealed.withheld.making import write_item
 
 SIMULATORS = ("own", "refinery", GRID)
 PACES = ((4.0, 10.0), (10.0, 20.0), (20.0, np.inf))  # samples per period
@@ -47,7 +47,7 @@ def recorded(simulator: str, number: int, seed: int) -> tuple[LoopRecord, bool, 
         _, run = member(GRID, number, rng)
         record = run.record
     else:
-        item = WORLDS.load(simulator).draw(seed, number, entry(number))
+        item = load_world(simulator).draw(seed, number, entry(number))
         with tempfile.TemporaryDirectory() as place:
             record = read_record(write_item(item, Path(place), "loop")[0])
     record, sticky = replace(record, mv=None, meta={}), number % 2 == 1

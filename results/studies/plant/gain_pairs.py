@@ -14,7 +14,8 @@ from collections import Counter
 import numpy as np
 
 from results.studies.plant.stiction_probability import GRID, member
-from results.studies.worlds import WORLDS
+from results.studies.withheld.menu import TestPlan
+from results.studies.worlds import load_world
 from simbench.bench.statistics import wilson
 from simbench.confirm.phase import measure
 from simbench.detectors.errors import UserError
@@ -23,7 +24,6 @@ from simbench.gap.gain_pair import gain_change_recorded
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.spec import Part
-from simbench.sealed.withheld.menu import TestPlan
 
 SIMULATORS = ("own", "refinery", GRID)
 RATIO = 0.6
@@ -44,7 +44,7 @@ def pair(simulator: str, number: int, seed: int, sticks: bool) -> list[LoopRecor
             simulate(one, seed + i, kick=S if sticks else 0.0).record.without_mv()
             for i, one in enumerate(loops)
         ]
-    world = WORLDS.load(simulator)
+    world = load_world(simulator)
     item = world.draw(seed, number, {"kind": "none", "mv": False})
     effects = [{"effect": "stiction", "parameters": {"S": S, "J": J}}] if sticks else []
     n = min(item.columns["op"].size, LONGEST)

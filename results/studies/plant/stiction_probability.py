@@ -23,7 +23,8 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from results.studies.plant.answers import answered
-from results.studies.worlds import WORLDS
+from results.studies.withheld.making import PLANTS, STRENGTHS, write_item
+from results.studies.worlds import load_world
 from simbench.bench.scenario.resolve import resolve
 from simbench.confirm.rig import run_rig
 from simbench.detectors.errors import UserError
@@ -40,7 +41,6 @@ from simbench.progress import Progress
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop
-from simbench.sealed.withheld.making import PLANTS, STRENGTHS, write_item
 from simbench.usage import exit_code
 
 STICTION, NOTHING = "stiction", "none"
@@ -102,7 +102,7 @@ def drawn(simulator: str, number: int, seed: int) -> tuple[LoopRecord, bool, str
             form = LOOP_FORMS[number // 6 % 3]
         record, sticky = _of_grid(number, form, rng)
     else:
-        item = WORLDS.load(simulator).draw(seed, number, entry(number))
+        item = load_world(simulator).draw(seed, number, entry(number))
         with tempfile.TemporaryDirectory() as place:
             record, sticky = read_record(write_item(item, Path(place), "loop")[0]), number % 2 == 1
     return _recorded(replace(record, mv=None, meta={}), form, rng), sticky, form

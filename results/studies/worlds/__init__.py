@@ -1,15 +1,41 @@
-"""Development worlds: the product's own, and a refinery written without sight of `simbench`.
+"""Worlds: plant simulators that share no code with the product and judge its diagnosis.
 
-Since then the diagnosis has been calibrated on both, so they no longer count as unseen data.
-Importing this package makes the second known by its short name; `simbench gap withheld make --world
-results.studies.worlds.refinery` takes it by its module.
+`own` and `refinery` are two plants, `recipes` twenty sites. The diagnosis has been calibrated on
+the first two, so they no longer count as unseen data.
 """
 
-from results.studies.worlds import refinery
-from simbench.sealed.withheld.world import WORLDS
+from __future__ import annotations
 
-__all__ = ["NAMES", "WORLDS"]
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+from simbench.detectors.errors import ParameterError, nearest
 
 NAMES = ("own", "refinery")
+_INTERFACE = ("TITLE", "FOREIGN", "Item", "draw", "simulate")
 
-WORLDS.adopt({"refinery": refinery})
+
+def load_world(name: str) -> ModuleType:
+    """Return the world of a name: one of this folder, or any module by its dotted name.
+
+    Raises
+    ------
+    simbench.detectors.errors.ParameterError
+        Where there is none, or it lacks a part of a world.
+    """
+    here = sorted(
+        p.stem for p in Path(__file__).parent.iterdir() if not p.name.startswith(("_", "."))
+    )
+    if name not in here and "." not in name:
+        raise ParameterError(f"world {name!r}: {nearest(name, here)}")
+    try:
+        module = importlib.import_module(name if "." in name else f"{__name__}.{name}")
+    except ImportError as error:
+        raise ParameterError(f"world {name!r} cannot be imported: {error}") from None
+    lacking = [part for part in _INTERFACE if not hasattr(module, part)]
+    if lacking:
+        raise ParameterError(
+            f"world {name!r} has no {lacking[0]}; a world has {', '.join(_INTERFACE)}"
+        )
+    return module

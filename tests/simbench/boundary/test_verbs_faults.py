@@ -22,7 +22,6 @@ import pytest
 
 from simbench.bench.execute.lease import LEASE
 from simbench.files import HOST
-from simbench.sealed.withheld import truth
 from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
 from tests.simbench.boundary.test_hostile import write
@@ -45,15 +44,12 @@ HEAVY = {
     "run": "run smoke -o run --method horch_histogram --resume",
     "trust": "trust ../rec.csv --html trust.html --method horch",
     "gap diagnose": "gap diagnose ../rec.csv --identify --html gap.html --write-loop fixed.toml",
-    "withheld answer": "gap withheld answer held",
     "verify": "verify ../run --share 1 -j 1 --json",
     "check --update": "check ../run --against earlier --update",
     "exam open --report": "exam open ../exam --key ../exam.key ../answers.csv --report open.html",
-    "withheld make": "gap withheld make made --key made.key -n 100 --seed 1",
 }
 # what differs between two runs of the same bits: times, and digests of files that hold times
 TIMES = ("times", "runtime_s", "median_ms", "cpu_s", "tables", "checksum")
-SECRETS = ("made/commitment.txt", "made.key")  # drawn anew in each call
 CLOCK = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?")
 
 
@@ -99,8 +95,6 @@ def contents(folder) -> dict[str, object]:
         elif name.endswith((".parquet", ".csv")):
             table = pd.read_parquet(file) if name.endswith(".parquet") else pd.read_csv(file)
             found[name] = table[[c for c in table if c not in TIMES]].to_csv()
-        elif name in SECRETS:
-            found[name] = truth.is_key_of(folder / SECRETS[-1], folder / "made")
         elif name.endswith("html"):
             found[name] = CLOCK.sub(b"", file.read_bytes())
     return found
@@ -173,11 +167,6 @@ def started(words, folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 def begun(home, name, words):
     """An empty folder, or one that holds what a verb answers or replaces."""
     folder = clean(home, name)
-    if "held" in words:
-        (folder / "held" / "records").mkdir(parents=True)
-        for k in range(3):
-            shutil.copy(home / "rec.csv", folder / "held" / "records" / f"r{k}.csv")
-            shutil.copy(home / "loop.toml", folder / "held" / "records" / f"r{k}.toml")
     if "earlier" in words:
         shutil.copytree(home / "earlier", folder / "earlier")
     return folder
@@ -215,7 +204,7 @@ def test_a_verb_killed_at_any_time_goes_on_to_the_same_bits(home, verb):
 
 def whole_exam(verb, folder, expected) -> bool:
     """Whether a kill came after all of an exam was there, which is not made again."""
-    return verb in ("exam make", "withheld make") and contents(folder) == expected
+    return verb == "exam make" and contents(folder) == expected
 
 
 RESUMED = ["run", "exam answer", "detect"]

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from recorded import FLOW, LOADED, recorded
 
+from results.studies.withheld.score import true_circumstances
 from simbench.gap.candidates import (
     alike,
     beside_load,
@@ -25,7 +26,6 @@ from simbench.gap.situation import load_memory
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.effects._alike import indistinguishable
 from simbench.scenarios.spec import Loop
-from simbench.sealed.withheld.score import true_circumstances
 
 SHORT = {"sampling": {"Ts": 1.0, "n": 900}}
 VESSEL = FLOW | {

@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from results.studies.withheld.world import WORLD_EFFECTS
 from results.studies.worlds import refinery
 from results.studies.worlds.refinery import drawing, foreign, loops, oracle, search, simulation
 from simbench.detectors.errors import ParameterError
-from simbench.sealed.withheld.world import WORLD_EFFECTS
 
 STRENGTHS = ("weak", "medium", "strong")
 ENTRIES = [

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from results.studies.worlds import NAMES, WORLDS
-from simbench.detectors.errors import ParameterError, UnknownName
+from results.studies.withheld.making import Plan, make
+from results.studies.withheld.world import WORLD_EFFECTS
+from results.studies.worlds import NAMES, load_world
+from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import BLOCKS, Choice
 from simbench.loop.effects import EFFECTS as VOCABULARY
 from simbench.scenarios.spec import Loop
-from simbench.sealed.withheld.making import Plan, make
-from simbench.sealed.withheld.world import WORLD_EFFECTS
 
 SEED = 11
 STRENGTHS = ("weak", "medium", "strong")
@@ -29,7 +29,7 @@ KEYS = {
 
 def entries(world):
     drawn = [("single", e) for e in WORLD_EFFECTS]
-    drawn += [("foreign", e) for e in WORLDS.load(world).FOREIGN] + [("two", ""), ("none", "")]
+    drawn += [("foreign", e) for e in load_world(world).FOREIGN] + [("two", ""), ("none", "")]
     return [
         {"kind": kind, "effect": e, "strength": STRENGTHS[i % 3], "mv": i % 2 == 0}
         for i, (kind, e) in enumerate(drawn)
@@ -38,7 +38,7 @@ def entries(world):
 
 @cache
 def item_of(world, number):
-    return WORLDS.load(world).draw(SEED, number, entries(world)[number])
+    return load_world(world).draw(SEED, number, entries(world)[number])
 
 
 def hidden_in(answer):
@@ -81,7 +81,7 @@ def test_every_entry_gives_a_whole_item_whose_answer_gives_the_record_again(worl
         assert (a["effect"], a["block"]) == ("none", "none")
     elif entry["kind"] == "foreign":
         assert (a["effect"], a["foreign"]) == ("unknown", entry["effect"])
-        assert a["block"] == WORLDS.load(world).FOREIGN[entry["effect"]]
+        assert a["block"] == load_world(world).FOREIGN[entry["effect"]]
     for end in ("", "2"):
         effect = a[f"effect{end}"]
         if effect in WORLD_EFFECTS:
@@ -96,22 +96,22 @@ def test_every_entry_gives_a_whole_item_whose_answer_gives_the_record_again(worl
     if entry["kind"] == "two":
         assert a["block"] != a["block2"] != ""
         assert a["ratio"] >= 1.3
-    assert same(columns, WORLDS.load(world).simulate(answer, hidden_in(answer), answer["seed"]))
+    assert same(columns, load_world(world).simulate(answer, hidden_in(answer), answer["seed"]))
 
 
 @pytest.mark.parametrize("world", NAMES)
 def test_an_item_is_drawn_alike_whatever_was_drawn_before(world):
     number, entry = len(entries(world)) - 1, entries(world)[-1]
     before = item_of(world, number)
-    WORLDS.load(world).draw(SEED + 1, number, entry)
-    after = WORLDS.load(world).draw(SEED, number, entry)
+    load_world(world).draw(SEED + 1, number, entry)
+    after = load_world(world).draw(SEED, number, entry)
     assert (after.answer, after.baseline) == (before.answer, before.baseline)
     assert same(after.columns, before.columns)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_loop_of_an_answer_runs_again_with_any_effect_in_place_of_the_true_one(name):
-    simulate = WORLDS.load(name).simulate
+    simulate = load_world(name).simulate
     answer = item_of(name, list(WORLD_EFFECTS).index("gain_mismatch")).answer
     plain = simulate(answer, [], 9)
     noisy = simulate(answer, [{"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}], 9)
@@ -124,7 +124,7 @@ def test_the_loop_of_an_answer_runs_again_with_any_effect_in_place_of_the_true_o
 
 @pytest.mark.parametrize("name", NAMES)
 def test_at_identity_an_effect_changes_no_bit(name):
-    world = WORLDS.load(name)
+    world = load_world(name)
     answer = world.draw(4, 1, {"kind": "none", "mv": True, "plant": "foptd"}).answer
     assert answer["plant"] == "foptd"
     if name == "own":  # a mismatch counts from the baseline's plant
@@ -140,20 +140,20 @@ def test_at_identity_an_effect_changes_no_bit(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_world_names_foreign_kinds_in_at_least_four_blocks(name):
-    foreign = WORLDS.load(name).FOREIGN
+    foreign = load_world(name).FOREIGN
     assert len(foreign) >= 8
     assert len(set(foreign.values())) >= 4
     assert set(foreign.values()) <= set(BLOCKS)
     assert not set(foreign) & set(WORLD_EFFECTS)
-    assert "\n" not in WORLDS.load(name).TITLE
+    assert "\n" not in load_world(name).TITLE
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_world_imports_nothing_that_it_judges_nor_effects_that_others_install(name):
-    place = WORLDS.load(name)
+    place = load_world(name)
     shared = (
-        place.__name__, "simbench.sealed.withheld.distance", "simbench.sealed.withheld.menu",
-        "simbench.sealed.withheld.world",
+        place.__name__, "results.studies.withheld.distance", "results.studies.withheld.menu",
+        "results.studies.withheld.world",
         "simbench.loop.effects", "simbench.detectors.compiled", "simbench.detectors.errors",
     )  # fmt: skip
     for path in Path(place.__file__).parent.glob("*.py"):
@@ -162,12 +162,15 @@ def test_a_world_imports_nothing_that_it_judges_nor_effects_that_others_install(
             if isinstance(node, ast.ImportFrom):
                 modules.append(node.module)
                 assert "EFFECTS" not in [a.name for a in node.names], path.name
-            ours = [m for m in modules if m.split(".")[0] in ("simbench", "scenarios", "detectors")]
+            ours = [m for m in modules if m.split(".")[0] in _OURS]
             assert all(m.startswith(shared) for m in ours), f"{path.name}: {ours}"
 
 
+_OURS = ("simbench", "scenarios", "detectors", "results")
+
+
 def test_an_effect_that_cannot_act_in_a_loop_is_refused():
-    world = WORLDS.load("own")
+    world = load_world("own")
     item = world.draw(5, 0, {"kind": "none", "mv": False, "plant": "integrating"})
     slow = {"effect": "time_constant_mismatch", "parameters": {"factor": 2.0}}
     with pytest.raises(ParameterError, match="foptd plant only"):
@@ -175,7 +178,7 @@ def test_an_effect_that_cannot_act_in_a_loop_is_refused():
 
 
 def test_an_unknown_world_is_refused_before_anything_is_written(tmp_path):
-    with pytest.raises(UnknownName, match="own"):
+    with pytest.raises(ParameterError, match="own"):
         make(tmp_path / "set", tmp_path / "key", seed=1, world="owm")
     assert not any(tmp_path.iterdir())
 

@@ -6,13 +6,13 @@ import json
 
 import numpy as np
 
+from results.studies.withheld.menu import TestPlan
+from results.studies.withheld.world import WORLD_EFFECTS, Item
 from results.studies.worlds.refinery import foreign, loops, oracle, search
 from results.studies.worlds.refinery.search import Misfit, healthy, prepared
 from results.studies.worlds.refinery.simulation import run
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.effects import NONE, UNKNOWN
-from simbench.sealed.withheld.menu import TestPlan
-from simbench.sealed.withheld.world import WORLD_EFFECTS, Item
 
 LOOPS = 200  # loops drawn before an entry is given up
 _KEPT = 12  # loops drawn in the same classes before the classes themselves are drawn anew

@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from results.studies.withheld.world import WORLD_EFFECTS
 from results.studies.worlds.refinery import loads, valves
 from results.studies.worlds.refinery.simulation import Setup
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import Choice
-from simbench.sealed.withheld.world import WORLD_EFFECTS
 
 Apply = Callable[[Setup, dict, dict], None]
 

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from results.studies.withheld.world import WORLD_EFFECTS
 from results.studies.worlds.refinery import foreign, oracle
 from results.studies.worlds.refinery.effects import APPLY, complete
 from results.studies.worlds.refinery.simulation import Setup, build, run
 from results.studies.worlds.refinery.sizes import FOREIGN_SIZES, SIZES, Size
 from simbench.detectors.errors import UnknownName
-from simbench.sealed.withheld.world import WORLD_EFFECTS
 
 CLOUD, SHOWN = (
     12,

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from results.studies.withheld.menu import TestPlan, operated
 from results.studies.worlds.refinery import archive, loads, physics, valves
 from results.studies.worlds.refinery.controller import FORMS, RULES, WINDUPS, Controller
 from results.studies.worlds.refinery.physics import SUBSTEPS, Plant, Sensor, Signals
 from results.studies.worlds.refinery.setpoint import pattern
 from results.studies.worlds.refinery.valves import Valve
 from simbench.detectors.compiled import compiled
-from simbench.sealed.withheld.menu import TestPlan, operated
 
 # random streams of one realisation: an added effect never changes the load or the noise of the loop
 # itself

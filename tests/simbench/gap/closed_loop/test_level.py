@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from results.studies.worlds import NAMES, WORLDS
+from results.studies.withheld.making import STRENGTHS, write_item
+from results.studies.worlds import NAMES, load_world
 from simbench.detectors.records.io import read_record
 from simbench.gap import diagnose
 from simbench.gap.closed_loop.level import level
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
-from simbench.sealed.withheld.making import STRENGTHS, write_item
 
 TABLE = {
     "plant": {"type": "foptd", "K": 2.0, "T": 20.0, "Td": 4.0},
@@ -61,7 +61,7 @@ def off_level(place, number):
         STRENGTHS[number // len(NAMES) % len(STRENGTHS)],
     )
     asked = {"kind": "single", "effect": effect, "strength": strength, "mv": False}
-    item = WORLDS.load(NAMES[number % len(NAMES)]).draw(SEED, number, asked)
+    item = load_world(NAMES[number % len(NAMES)]).draw(SEED, number, asked)
     place.mkdir()
     file, baseline = write_item(item, place, "loop")
     record = read_record(file)

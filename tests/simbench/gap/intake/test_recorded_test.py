@@ -95,6 +95,6 @@ def test_a_log_of_another_pace_is_taken_where_it_is_declared(tmp_path):
 
 
 def test_the_menu_is_the_blind_checks():
-    from simbench.sealed.withheld import menu
+    from results.studies.withheld import menu
 
     assert menu.MENU == TEST_IDS

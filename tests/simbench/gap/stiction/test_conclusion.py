@@ -18,8 +18,9 @@ import pandas as pd
 import pytest
 from random_case import random_case
 
+from results.studies.withheld.making import write_item
 from results.studies.worlds import NAMES as WORLD_NAMES
-from results.studies.worlds import WORLDS
+from results.studies.worlds import load_world
 from simbench.cli import main
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
@@ -31,7 +32,6 @@ from simbench.gap.stiction.visible import Visible
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
-from simbench.sealed.withheld.making import write_item
 
 DIAGNOSIS = import_module("simbench.gap.diagnosis")
 MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
@@ -157,7 +157,7 @@ def drawn(place, number):
         if effect == "none"
         else {"kind": "single", "effect": effect, "strength": strength}
     )
-    item = WORLDS.load(world).draw(SEED, number, about | {"mv": False})
+    item = load_world(world).draw(SEED, number, about | {"mv": False})
     (place / "drawn").mkdir(parents=True)
     record, loop = write_item(item, place / "drawn", "loop")
     cut = pd.read_csv(record).iloc[:LONGEST]

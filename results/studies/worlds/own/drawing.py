@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbench.sealed.withheld.worlds.own import simulator as sim
-from simbench.sealed.withheld.worlds.own.loops import TrueLoop
+from results.studies.worlds.own import simulator as sim
+from results.studies.worlds.own.loops import TrueLoop
 
 
 def draw(

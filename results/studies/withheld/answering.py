@@ -10,12 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from results.studies.withheld import outcomes
 from simbench.detectors.errors import ParameterError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
 from simbench.progress import Progress
 from simbench.sealed.handout import ask_in_processes
-from simbench.sealed.withheld import outcomes
 
 _Diagnose = Callable[..., dict[str, Any]]
 COST = "cost.csv"

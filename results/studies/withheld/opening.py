@@ -12,19 +12,19 @@ from typing import Any
 
 import pandas as pd
 
+from results.studies.withheld.answering import COST, MOST_TESTS, answers_after
+from results.studies.withheld.claims import true_shrinkages
+from results.studies.withheld.levels import Figure, Share, by_effect, levels, median, rank, share
+from results.studies.withheld.outcomes import write_whole
+from results.studies.withheld.picture import confusion, draw
+from results.studies.withheld.score import judge_record, true_circumstances
+from results.studies.withheld.truth import COMMITMENT, read
+from results.studies.worlds import NAMES
 from simbench.detectors.errors import ParameterError
 from simbench.files import folder as make_folder
 from simbench.files import write_table
 from simbench.progress import Progress
 from simbench.scenarios.spec import read_toml
-from simbench.sealed.withheld.answering import COST, MOST_TESTS, answers_after
-from simbench.sealed.withheld.claims import true_shrinkages
-from simbench.sealed.withheld.levels import Figure, Share, by_effect, levels, median, rank, share
-from simbench.sealed.withheld.outcomes import write_whole
-from simbench.sealed.withheld.picture import confusion, draw
-from simbench.sealed.withheld.score import judge_record, true_circumstances
-from simbench.sealed.withheld.truth import COMMITMENT, read
-from simbench.sealed.withheld.world import OWN
 
 _OPEN_ANSWERS = "answers.csv"
 
@@ -33,7 +33,7 @@ def open_(
     folder: str | Path,
     key: str | Path | None = None,
     out: str | Path | None = None,
-    world: str = OWN,
+    world: str = NAMES[0],
 ) -> dict[str, Any]:
     """Score answers/ID.json of a folder against the answers in its key, or against a plain
     answers.csv of someone else.

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from results.studies.worlds import WORLDS
+from results.studies.withheld import menu, outcomes
+from results.studies.withheld.answering import answer, answers_after
+from results.studies.withheld.making import write_item
+from results.studies.worlds import load_world
 from simbench.detectors.errors import UserError
 from simbench.files import folder
-from simbench.sealed.withheld import menu, outcomes
-from simbench.sealed.withheld.answering import answer, answers_after
-from simbench.sealed.withheld.making import write_item
 
 WORLDS_RUN = ["own", pytest.param("refinery", marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module", params=WORLDS_RUN)
 def shown(request):
-    world = WORLDS.load(request.param)
+    world = load_world(request.param)
     item = world.draw(7, 3, {"kind": "none", "mv": False})
     plans = {id_: menu.plan(id_, item.columns, item.baseline) for id_ in menu.MENU}
     return {id_: (plan, world.test(item.answer, [], 11, plan)) for id_, plan in plans.items()}
@@ -71,7 +71,7 @@ def test_a_test_is_written_so_that_it_can_be_read(shown):
 
 @pytest.fixture
 def check(tmp_path, in_this_process):
-    world = WORLDS.load("own")
+    world = load_world("own")
     item = world.draw(7, 3, {"kind": "none", "mv": False})
     write_item(item, folder(tmp_path / "records"), "r0001")
     outcomes.write(tmp_path, world.test, {"r0001": item}, 1)

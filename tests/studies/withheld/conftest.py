@@ -39,6 +39,6 @@ def theirs(tmp_path):
 def in_this_process(monkeypatch):
     """Answer in this process; that the usual ones are fresh is tested by what they can read."""
     monkeypatch.setattr(
-        "simbench.sealed.withheld.answering.ask_in_processes",
+        "results.studies.withheld.answering.ask_in_processes",
         lambda ask, questions, *_: ask_in_processes(ask, questions, 1),
     )

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from results.studies.withheld.distance import RESOLVABLE, cloud
+from results.studies.withheld.world import WORLD_EFFECTS
+from results.studies.worlds.own import drawing, faults, loops, oracle, sizes
+from results.studies.worlds.own.loops import Fault, Signals, TrueLoop
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import NONE, UNKNOWN
-from simbench.sealed.withheld.distance import RESOLVABLE, cloud
-from simbench.sealed.withheld.world import WORLD_EFFECTS
-from simbench.sealed.withheld.worlds.own import drawing, faults, loops, oracle, sizes
-from simbench.sealed.withheld.worlds.own.loops import Fault, Signals, TrueLoop
 
 _LOOPS_TO_TRY = 200
 # effects that are one signal: never drawn together

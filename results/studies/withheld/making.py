@@ -18,14 +18,15 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
+from results.studies.withheld import outcomes, truth
+from results.studies.withheld.menu import csv_of
+from results.studies.withheld.world import PLANNED
+from results.studies.worlds import NAMES, load_world
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.files import folder
 from simbench.loop.effects import EFFECTS, UNKNOWN, block_of
 from simbench.scenarios.spec import Loop
 from simbench.sealed.handout import commitment_of, refuse_key_inside, refuse_unwritable_key
-from simbench.sealed.withheld import outcomes, truth
-from simbench.sealed.withheld.menu import csv_of
-from simbench.sealed.withheld.world import OWN, PLANNED, WORLDS
 from simbench.worked import worked
 
 WITHOUT = "without.txt"  # names the effect that the diagnosis is asked without
@@ -167,7 +168,7 @@ def make(
     n: int = 600,
     plan: Plan | None = None,
     jobs: int = 1,
-    world: str = OWN,
+    world: str = NAMES[0],
     tests: bool = False,
 ) -> str:
     """Write a withheld folder and, elsewhere, the key to its answers; `tests` adds the results of
@@ -182,7 +183,7 @@ def make(
     # one without records is of a call that was killed: it begins anew
     if key.exists() and not truth.is_key_of(key, out):
         raise ParameterError(f"withheld: {key} exists already; choose a new file")
-    drawn_by = WORLDS.load(world)
+    drawn_by = load_world(world)
     if tests and not hasattr(drawn_by, "test"):
         raise ParameterError(
             f"withheld: world {world!r} runs no tests; it has no function test(answer, effects,"

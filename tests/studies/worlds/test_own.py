@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from results.studies.withheld.distance import cloud, features
+from results.studies.withheld.making import Plan
+from results.studies.withheld.world import WORLD_EFFECTS
+from results.studies.worlds.own import drawing, faults, items, loops, oracle, sizes
+from results.studies.worlds.own import simulator as sim
 from simbench.detectors.errors import ParameterError
-from simbench.sealed.withheld.distance import cloud, features
-from simbench.sealed.withheld.making import Plan
-from simbench.sealed.withheld.world import WORLD_EFFECTS
-from simbench.sealed.withheld.worlds.own import drawing, faults, items, loops, oracle, sizes
-from simbench.sealed.withheld.worlds.own import simulator as sim
 
 RNG = np.random.default_rng
 

@@ -10,9 +10,9 @@ from functools import partial
 
 import numpy as np
 
+from results.studies.worlds.own import simulator as sim
+from results.studies.worlds.own.loops import Fault, Prepared
 from simbench.detectors.compiled import njit_cached
-from simbench.sealed.withheld.worlds.own import simulator as sim
-from simbench.sealed.withheld.worlds.own.loops import Fault, Prepared
 
 Parameters = dict[str, float | str]
 

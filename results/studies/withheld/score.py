@@ -8,9 +8,9 @@ from typing import Any
 
 import pandas as pd
 
+from results.studies.withheld.distance import RESOLVABLE
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, Number
 from simbench.loop.effects._alike import Circumstances, circumstances, indistinguishable
-from simbench.sealed.withheld.distance import RESOLVABLE
 
 
 def judge_record(

@@ -8,10 +8,9 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from scipy import stats
-
-from simbench.calibration import calibration_error
 
 _SAMPLE_LEVEL = frozenset({"noise", "quantisation", "compression", "outliers"})
 _COUNTED = ("medium", "strong")
@@ -71,6 +70,17 @@ class Figure:
     def row(self) -> dict[str, Any]:
         """Return the figure as one row of a table."""
         return asdict(self) | {"holds": self.holds}
+
+
+def calibration_error(stated: np.ndarray, right: np.ndarray, bins: int = 10) -> float:
+    """Return the expected calibration error (Naeini et al. 2015), equal-width bins."""
+    place = np.minimum((stated * bins).astype(int), bins - 1)
+    return float(
+        sum(
+            abs(right[place == b].mean() - stated[place == b].mean()) * np.mean(place == b)
+            for b in np.unique(place)
+        )
+    )
 
 
 def levels(table: pd.DataFrame) -> list[Share | Figure]:

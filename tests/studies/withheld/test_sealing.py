@@ -7,7 +7,6 @@ import hashlib
 import io
 import json
 import os
-import re
 import signal
 import tomllib
 from dataclasses import replace
@@ -15,14 +14,14 @@ from pathlib import Path
 
 import pytest
 
-from simbench.cli import main
+from results.studies.withheld import truth
+from results.studies.withheld.__main__ import run
+from results.studies.withheld.answering import answer
+from results.studies.withheld.making import Plan, make
+from results.studies.withheld.opening import open_
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.spec import Loop
-from simbench.sealed.withheld import truth
-from simbench.sealed.withheld.answering import answer
-from simbench.sealed.withheld.making import Plan, make
-from simbench.sealed.withheld.opening import open_
 
 PLAN = Plan(1, 2, 0, 1, ("noise", "gain_mismatch"), ("medium",))
 
@@ -201,36 +200,22 @@ def test_a_record_without_baseline_is_refused(theirs):
         answer(theirs, print)
 
 
-def test_an_effect_may_be_hidden_from_the_library_that_is_asked(tmp_path, capsys):
+def test_an_effect_may_be_hidden_from_the_library_that_is_asked(tmp_path):
     """Every record has it, nobody may name it, and "unknown" is right."""
-    words = ["gap", "withheld"]
     place, key = str(tmp_path / "set"), str(tmp_path / "set.key")
     plan = replace(Plan.of(3, "detuning"), strengths=("strong",))
     make(place, key, seed=4, plan=plan)
     (row,) = answers_of(Path(place), Path(key))
     assert (row["effect"], row["foreign"], row["block"]) == ("unknown", "detuning", "controller")
-    assert main([*words, "answer", place]) == 0
+    assert run(["answer", place]) == 0
     said = json.loads((tmp_path / "set" / "answers" / "r0001.json").read_text())
     assert said["effect"] != "detuning"
-    assert main([*words, "open", place, "--key", key, "--json"]) == 0
+    assert run(["open", place, "--key", key]) == 0
     text = (tmp_path / "set" / "score" / "records.csv").read_text()
     (judged,) = csv.DictReader(io.StringIO(text))
     assert (judged["kind"], judged["foreign"]) == ("foreign", "detuning")
     (tmp_path / "set" / "without.txt").write_text("detunign")
-    capsys.readouterr()
-    assert main([*words, "answer", place]) == 2
-    assert "detuning" in capsys.readouterr().err
+    with pytest.raises(ParameterError, match="detuning"):
+        run(["answer", place])
     with pytest.raises(ParameterError, match="did you mean 'detuning'"):
         Plan.of(100, "detunning")
-
-
-def test_the_tutorial_s_world_draws_a_set_that_is_sealed(tmp_path, monkeypatch):
-    page = Path(__file__).parents[4] / "docs" / "site" / "tutorials" / "own_world.md"
-    (cell,) = re.findall(r"%%writefile (tank\.py)\n(.*?)```", page.read_text(), re.DOTALL)
-    (tmp_path / "worlds_of_mine").mkdir()
-    (tmp_path / "worlds_of_mine" / cell[0]).write_text(cell[1])
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    make("set", "set.key", seed=4, plan=PLAN, world="worlds_of_mine.tank")
-    rows = answers_of(Path("set"), Path("set.key"))
-    assert sorted(row["kind"] for row in rows) == ["foreign", "none", "none", "single", "single"]

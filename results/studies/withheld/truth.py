@@ -8,9 +8,9 @@ import json
 import secrets
 from pathlib import Path
 
+from results.studies.withheld.outcomes import write_whole
 from simbench.detectors.errors import ParameterError
 from simbench.sealed.handout import commitment_of, matches, read_key, write_key
-from simbench.sealed.withheld.outcomes import write_whole
 
 COMMITMENT = "commitment.txt"
 

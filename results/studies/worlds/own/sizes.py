@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbench.sealed.withheld.worlds.own.faults import Parameters
-from simbench.sealed.withheld.worlds.own.loops import TrueLoop
+from results.studies.worlds.own.faults import Parameters
+from results.studies.worlds.own.loops import TrueLoop
 
 _Scale = Callable[[float], Parameters]
 

@@ -5,14 +5,14 @@ import json
 import pandas as pd
 import pytest
 
+from results.studies.withheld.claims import true_shrinkages
+from results.studies.withheld.levels import Share, by_effect, calibration, levels
+from results.studies.withheld.opening import open_
+from results.studies.withheld.score import claimed_shrinkage, first_three, judge_record
+from results.studies.worlds import own
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import EFFECTS
 from simbench.loop.effects._alike import Circumstances
-from simbench.sealed.withheld.claims import true_shrinkages
-from simbench.sealed.withheld.levels import Share, by_effect, calibration, levels
-from simbench.sealed.withheld.opening import open_
-from simbench.sealed.withheld.score import claimed_shrinkage, first_three, judge_record
-from simbench.sealed.withheld.worlds import own
 
 FACTS = Circumstances(sp_moves=True)
 GAP = {"before": 3.0, "recalibrated": 2.5, "after": 1.0, "floor": 1.0, "resolvable": True}

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.sealed.withheld.distance import RESOLVABLE, Cloud, cloud, features
-from simbench.sealed.withheld.worlds.own.loops import Fault, Signals, TrueLoop, simulate
-from simbench.sealed.withheld.worlds.own.sizes import Habit
+from results.studies.withheld.distance import RESOLVABLE, Cloud, cloud, features
+from results.studies.worlds.own.loops import Fault, Signals, TrueLoop, simulate
+from results.studies.worlds.own.sizes import Habit
 
 STRENGTHS: dict[str, tuple[float, float]] = {
     "weak": (1.3, 2.0),

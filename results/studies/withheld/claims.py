@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from results.studies.withheld.distance import RESOLVABLE, Scale, Signals, cloud, features
+from results.studies.withheld.score import claimed_shrinkage
+from results.studies.withheld.world import WORLD_EFFECTS
+from results.studies.worlds import load_world
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import FOLLOWS, Choice
 from simbench.loop.effects._alike import Circumstances, indistinguishable
-from simbench.sealed.withheld.distance import RESOLVABLE, Scale, Signals, cloud, features
-from simbench.sealed.withheld.score import claimed_shrinkage
-from simbench.sealed.withheld.world import WORLD_EFFECTS, WORLDS
 
 _SEEDS = 10
 _CANDIDATES = 5
@@ -36,7 +37,7 @@ def true_shrinkages(
     draws is passed over.
     """
     simulate, scale = (
-        WORLDS.load(world).simulate,
+        load_world(world).simulate,
         _scale_of(baseline, bool(np.ptp(record["sp"]) > 0.0)),
     )
     seeds = [int(truth["seed"]) + 5000 + i for i in range(_SEEDS)]

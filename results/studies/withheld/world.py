@@ -4,43 +4,12 @@ simulate their loops again.
 
 from __future__ import annotations
 
-import importlib
-import os
-import sys
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from simbench.detectors.errors import ParameterError
-from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop.effects import Vocabulary
 
-
-class _Worlds(PluginFolder):
-    """The installed worlds, and any module on the path or in the working directory, by its dotted
-    name.
-    """
-
-    def load(self, name: str) -> ModuleType:
-        if "." not in name or not all(part.isidentifier() for part in name.split(".")):
-            return super().load(name)
-        if os.getcwd() not in sys.path:
-            sys.path.append(os.getcwd())
-        try:
-            module = importlib.import_module(name)
-        except ImportError as error:
-            raise ParameterError(f"world {name!r} cannot be imported: {error}") from None
-        return self._checked(module, name)
-
-
-WORLDS = _Worlds(
-    "world",
-    "simbench.sealed.withheld.worlds",
-    "simbench.worlds",
-    ("TITLE", "FOREIGN", "Item", "draw", "simulate"),
-)
-OWN = "own"
 # in this order since the first set was sealed: a seed means the same records for ever, whatever
 # effects are added or installed
 PLANNED = (

@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from simbench.sealed.withheld.distance import Scale, Signals
-from simbench.sealed.withheld.menu import TestPlan
-from simbench.sealed.withheld.worlds.own import simulator as sim
+from results.studies.withheld.distance import Scale, Signals
+from results.studies.withheld.menu import TestPlan
+from results.studies.worlds.own import simulator as sim
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from results.studies.withheld.menu import TestPlan, operated
+from results.studies.withheld.world import Item
+from results.studies.worlds.own import loops
+from results.studies.worlds.own.drawing import baseline_table
+from results.studies.worlds.own.faults import FOREIGN, NEEDS_PLANT, fault
+from results.studies.worlds.own.items import draw_item
+from results.studies.worlds.own.loops import TrueLoop
 from simbench.detectors.errors import ParameterError
-from simbench.sealed.withheld.menu import TestPlan, operated
-from simbench.sealed.withheld.world import Item
-from simbench.sealed.withheld.worlds.own import loops
-from simbench.sealed.withheld.worlds.own.drawing import baseline_table
-from simbench.sealed.withheld.worlds.own.faults import FOREIGN, NEEDS_PLANT, fault
-from simbench.sealed.withheld.worlds.own.items import draw_item
-from simbench.sealed.withheld.worlds.own.loops import TrueLoop
 
 __all__ = ["FOREIGN", "TITLE", "Item", "draw", "simulate", "test"]
 

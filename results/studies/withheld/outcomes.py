@@ -12,11 +12,11 @@ from typing import Any
 
 from joblib import Parallel, delayed
 
+from results.studies.withheld import menu
 from simbench.detectors.errors import ParameterError
 from simbench.files import folder, whole_file
 from simbench.loop.effects import NONE
 from simbench.safe_path import safe_path
-from simbench.sealed.withheld import menu
 
 TESTS, OPENED, OPENED_LOG = "tests", "opened", "opened.csv"
 _SEED = 9000  # added to a record's seed, with the test's place on the menu: other load, other noise

@@ -1,1 +1,0 @@
-"""Independent plant simulators that test the gap diagnosis, one per subpackage."""
