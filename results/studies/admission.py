@@ -19,7 +19,8 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy.stats import binomtest
 
-from results.studies.withheld.making import Plan, write_item
+from results.studies.withheld.files import write_item
+from results.studies.withheld.making import Plan
 from results.studies.worlds import NAMES, load_world, recipes
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files

@@ -14,9 +14,8 @@ from typing import Any
 import pandas as pd
 from joblib import Parallel, delayed
 
-from results.studies.withheld.making import PLANTS, STRENGTHS, write_item
-from results.studies.withheld.menu import csv_of
-from results.studies.withheld.outcomes import write_whole
+from results.studies.withheld.files import csv_of, write_item, write_whole
+from results.studies.withheld.making import PLANTS, STRENGTHS
 from results.studies.worlds import NAMES, load_world
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files

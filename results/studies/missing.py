@@ -23,7 +23,8 @@ from joblib import Parallel, delayed
 from scipy.optimize import minimize
 from scipy.special import expit, logit
 
-from results.studies.withheld.making import Plan, write_item
+from results.studies.withheld.files import write_item
+from results.studies.withheld.making import Plan
 from results.studies.worlds import recipes
 from simbench.bench.statistics import auc, rate
 from simbench.detectors.compiled import one_thread

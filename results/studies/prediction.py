@@ -21,10 +21,9 @@ import numpy as np
 import pandas as pd
 
 from results.studies.mixture import Mixture
+from results.studies.withheld.files import write_item
 from results.studies.withheld.levels import Share
-from results.studies.withheld.making import write_item
-from results.studies.withheld.menu import TestPlan
-from results.studies.withheld.world import Item
+from results.studies.withheld.world import Item, TestPlan
 from results.studies.worlds import NAMES, load_world
 from simbench.detectors.errors import UserError
 from simbench.files import folder as make_folder

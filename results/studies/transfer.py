@@ -28,7 +28,7 @@ from scipy import stats
 from results.studies.plant.answers import answered
 from results.studies.plant.recorded_loops import records
 from results.studies.plant.stiction_probability import entry
-from results.studies.withheld.making import write_item
+from results.studies.withheld.files import write_item
 from results.studies.worlds import load_world
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth

@@ -17,7 +17,6 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.effects import left_out
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
 from simbench.gap.plan.menu import Limits
@@ -205,16 +204,6 @@ def predict_file(
         if known is None:
             report.behind.found.situation.baseline.with_all(settings)
         return predict(report, settings)
-
-
-def one_file(
-    record: Path, baseline: Path, tests: Sequence[str] = (), without: str | None = None
-) -> dict[str, Any]:
-    """Return the JSON of `gap diagnose` for one record, its baseline and tests, as the blind
-    check's processes call it; `without` is an effect that the library then lacks.
-    """
-    with left_out(*([] if without is None else [without])):
-        return diagnose_files([record], baseline, tests=tests).as_json()
 
 
 @contextmanager

@@ -88,22 +88,18 @@ def ask_in_processes(
     ask: Callable[..., Any],
     questions: Mapping[str, tuple],
     jobs: int,
-    begin: Callable[..., None] | None = None,
-    *given: Any,
 ) -> Iterator[tuple[str, Any]]:
     """Yield the name of each question with what `ask` returns, in the order in which answers come.
 
-    The processes are fresh and inherit nothing of this one, which may know more; each first calls
-    `begin` with what is given. Without `begin`, one job is done in this process.
+    The processes are fresh and inherit nothing of this one, which may know more; one job is done in
+    this process.
     """
-    if jobs == 1 and begin is None:
+    if jobs == 1:
         yield from ((name, ask(*question)) for name, question in questions.items())
         return
     workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(
-        workers, mp_context=context, initializer=_begin, initargs=(begin, given)
-    )
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
     with safe_path():
         try:
             asked = {pool.submit(ask, *question): name for name, question in questions.items()}
@@ -118,10 +114,8 @@ def ask_in_processes(
             pool.shutdown(cancel_futures=True)
 
 
-def _begin(begin: Callable[..., None] | None, given: tuple) -> None:
+def _begin() -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    if begin is not None:
-        begin(*given)
 
 
 def _end_with_parent() -> None:

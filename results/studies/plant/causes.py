@@ -19,7 +19,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from results.studies.plant.stiction_probability import PLANTS
-from results.studies.withheld.making import write_item
+from results.studies.withheld.files import write_item
 from results.studies.worlds import load_world
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from results.studies.plant.stiction_probability import GRID, entry, member
-from results.studies.withheld.making import write_item
+from results.studies.withheld.files import write_item
 from results.studies.worlds import load_world
 from simbench.bench.statistics import wilson
 from simbench.detectors.errors import UserError

@@ -14,7 +14,7 @@ from collections import Counter
 import numpy as np
 
 from results.studies.plant.stiction_probability import GRID, member
-from results.studies.withheld.menu import TestPlan
+from results.studies.withheld.world import TestPlan
 from results.studies.worlds import load_world
 from simbench.bench.statistics import wilson
 from simbench.confirm.phase import measure

@@ -23,7 +23,8 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from results.studies.plant.answers import answered
-from results.studies.withheld.making import PLANTS, STRENGTHS, write_item
+from results.studies.withheld.files import write_item
+from results.studies.withheld.making import PLANTS, STRENGTHS
 from results.studies.worlds import load_world
 from simbench.bench.scenario.resolve import resolve
 from simbench.confirm.rig import run_rig

@@ -10,13 +10,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from functools import partial
 
 from results.studies.withheld.answering import answer
-from results.studies.withheld.making import Plan, make, without_of
+from results.studies.withheld.making import make
 from results.studies.withheld.opening import open_
 from results.studies.worlds import NAMES
-from simbench.gap.command import one_file
 from simbench.usage import exit_code
 
 
@@ -31,15 +29,14 @@ def _parser() -> argparse.ArgumentParser:
     made.add_argument("--key", required=True, help="write the truth to this file, outside DIR")
     made.add_argument("--seed", type=int, required=True)
     made.add_argument("-n", type=int, default=600, help="about this many records [600]")
-    made.add_argument("--tests", action="store_true", help="simulate every available test, too")
-    made.add_argument("--without", metavar="EFFECT", help="the library will lack this effect")
     answered = verbs.add_parser("answer", help="diagnose the records; resumes where it stopped")
     answered.add_argument("--tests", type=int, default=0, help="tests of each record, 0 to 2 [0]")
     opened = verbs.add_parser("open", help="score the answers")
-    opened.add_argument("--key", help="read the truth from this file")
     opened.add_argument("--scores", metavar="DIR", help="write the scores to this folder")
     for verb in (made, answered, opened):
         verb.add_argument("folder", metavar="DIR")
+    for verb in (answered, opened):
+        verb.add_argument("--key", help="read the truth, with which tests are run, from this file")
     for verb in (made, opened):
         verb.add_argument("--world", default=NAMES[0], help=f"the plant simulator [{NAMES[0]}]")
     for verb in (made, answered):
@@ -51,11 +48,9 @@ def run(argv: Sequence[str] | None = None) -> int:
     """Make, answer or open a blind test."""
     o = _parser().parse_args(argv)
     if o.verb == "make":
-        plan = Plan.of(o.n, o.without)
-        print(make(o.folder, o.key, o.seed, plan=plan, jobs=o.j, world=o.world, tests=o.tests))
+        print(make(o.folder, o.key, o.seed, o.n, jobs=o.j, world=o.world))
     elif o.verb == "answer":
-        diagnose = partial(one_file, without=without_of(o.folder))
-        print(f"{answer(o.folder, diagnose, o.j, o.tests)} records diagnosed")
+        print(f"{answer(o.folder, o.j, o.tests, o.key)} records diagnosed")
     else:
         print(open_(o.folder, o.key, o.scores, o.world)["markdown"])
     return 0

@@ -1,73 +1,63 @@
-"""Diagnose the records of a withheld folder in processes that can read nothing but the records."""
+"""Diagnose the records of a withheld folder, one process after another, and run the tests on the
+plant that a diagnosis asks for.
+
+What answers sees records, baselines and tests alone; the key is for the plant, which runs tests.
+"""
 
 from __future__ import annotations
 
 import json
-import os
-import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from results.studies.withheld import outcomes
-from simbench.detectors.errors import ParameterError
+from results.studies.withheld.files import write_whole
+from results.studies.withheld.plant_test import run_test
+from results.studies.withheld.truth import read_any, rows_of
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
+from simbench.gap.command import diagnose_files
+from simbench.gap.plan.menu import Trial
+from simbench.gap.plan.order import plan
 from simbench.progress import Progress
+from simbench.scenarios.spec import read_toml
 from simbench.sealed.handout import ask_in_processes
 
-_Diagnose = Callable[..., dict[str, Any]]
-COST = "cost.csv"
+# of a record, its baseline and tests: the answer in JSON types and the test that it asks for
+_Diagnose = Callable[[Path, Path, Sequence[str]], tuple[dict[str, Any], Trial | None]]
+COST, TESTS = "cost.csv", "tests"
 MOST_TESTS = 2  # a record
 
 
-def answer(folder: str | Path, diagnose: _Diagnose, jobs: int = 1, tests: int = 0) -> int:
-    """Write answers/ID.json for every record that has none yet, and with tests answers-1/ID.json,
-    answers-2/ID.json.
+def diagnosed(
+    record: Path, baseline: Path, tests: Sequence[str]
+) -> tuple[dict[str, Any], Trial | None]:
+    """Return the product's answer about a record, and the test that it recommends."""
+    report = diagnose_files([record], baseline, tests=tests)
+    shares = {r.effect: r.probability for r in report.ranking}
+    with one_thread():
+        planned = plan(report.behind.found, shares, report.behind.loops, most=1)
+    return report.as_json(), planned.tests[0] if planned.tests else None
 
-    After each round the test that an answer asks for is opened and logged; where none is asked for,
-    or it is refused, an answer is kept.
+
+def answer(
+    folder: str | Path,
+    jobs: int = 1,
+    tests: int = 0,
+    key: str | Path | None = None,
+    diagnose: _Diagnose = diagnosed,
+) -> int:
+    """Write answers/ID.json for every record that has none yet, and with tests answers-1/ID.json,
+    answers-2/ID.json; return how many were asked about.
+
+    Where no test is asked for, or it is refused, an answer is kept.
     """
     folder = Path(folder).resolve()
     if not 0 <= tests <= MOST_TESTS:
         raise ParameterError(f"withheld: --tests {tests}; 0 to {MOST_TESTS} a record are allowed")
-    done = _round(folder, diagnose, jobs, {}, folder / "answers")
-    opened: dict[str, list[str]] = {}
-    for order in range(1, tests + 1):
-        before, place = answers_after(folder, order - 1), make_folder(answers_after(folder, order))
-        answers = {
-            file.name: file.read_text(encoding="utf-8") for file in sorted(before.glob("*.json"))
-        }
-        for name, text in answers.items():
-            asked = (json.loads(text).get("next_test") or {}).get("test")
-            if asked is None:
-                outcomes.write_whole(place / name, text)
-            else:
-                record = name.removesuffix(".json")
-                opened.setdefault(record, []).append(
-                    str(outcomes.open_one(folder, record, asked, order))
-                )
-        _round(folder, diagnose, jobs, opened, place)
-        for name in answers:
-            if not _answered(place / name):
-                print(
-                    f"{name}: {(place / name).read_text(encoding='utf-8')}; the answer before"
-                    " stands"
-                )
-                outcomes.write_whole(place / name, answers[name])
-    return done
-
-
-def answers_after(folder: Path, tests: int) -> Path:
-    """Return where the answers after so many tests lie."""
-    return folder / (f"answers-{tests}" if tests else "answers")
-
-
-def _round(
-    folder: Path, diagnose: _Diagnose, jobs: int, tests: dict[str, list[str]], place: Path
-) -> int:
-    """Diagnose every record that has no answer in `place` yet, each with its tests."""
     records = sorted((folder / "records").glob("*.csv"))
     if not records:
         raise ParameterError(f"withheld: no records/*.csv in {folder}")
@@ -76,22 +66,34 @@ def _round(
         raise ParameterError(
             f"withheld: {bare[0]} has no baseline {Path(bare[0]).with_suffix('.toml')} beside it"
         )
-    remove_stale_temporaries(make_folder(place))
-    remove_stale_temporaries(folder)
-    todo = [r for r in records if not _answered(place / f"{r.stem}.json")]
+    places = [make_folder(answers_after(folder, i)) for i in range(tests + 1)]
+    for place in (*places, folder):
+        remove_stale_temporaries(place)
+    plants: dict[str, dict[str, Any]] = {}
+    if tests:
+        make_folder(folder / TESTS)
+        text, _ = read_any(folder, Path(key) if key is not None else None)
+        plants = {row["id"]: row for row in rows_of(text)}
+    todo = [r for r in records if not all(_answered(p / f"{r.stem}.json") for p in places)]
     cost = folder / COST
     costs = cost.read_text(encoding="utf-8") if cost.exists() else "id,cpu_s\n"
-    questions = {r.stem: (diagnose, str(r), tests.get(r.stem, [])) for r in todo}
+    questions = {r.stem: (diagnose, r, tests, plants.get(r.stem)) for r in todo}
     bar = Progress(
         total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0
     )
     with bar:
-        for name, (reply, cpu) in ask_in_processes(_one, questions, jobs, _blindfold, str(folder)):
+        for name, (replies, cpu) in ask_in_processes(_one, questions, jobs):
+            for place, reply in zip(places, replies, strict=True):
+                write_whole(place / f"{name}.json", json.dumps(reply, indent=1))
             costs += f"{name},{cpu:.3f}\n"
-            outcomes.write_whole(place / f"{name}.json", json.dumps(reply, indent=1))
-            outcomes.write_whole(cost, costs)
+            write_whole(cost, costs)
             bar.update()
     return len(todo)
+
+
+def answers_after(folder: Path, tests: int) -> Path:
+    """Return where the answers after so many tests lie."""
+    return folder / (f"answers-{tests}" if tests else "answers")
 
 
 def _answered(path: Path) -> bool:
@@ -101,28 +103,26 @@ def _answered(path: Path) -> bool:
         return False
 
 
-def _one(diagnose: _Diagnose, record: str, tests: list[str]) -> tuple[dict[str, Any], float]:
+def _one(
+    diagnose: _Diagnose, record: Path, tests: int, plant: Mapping[str, Any] | None
+) -> tuple[list[dict[str, Any]], float]:
+    """Return the answers about one record alone and after each of its tests, and the CPU seconds of
+    the first.
+    """
+    baseline, opened = record.with_suffix(".toml"), []
     start = time.process_time()
     try:
-        reply = diagnose(
-            Path(record), Path(record).with_suffix(".toml"), *([tests] if tests else [])
-        )
+        reply, trial = diagnose(record, baseline, [])
     except Exception as error:  # one bad record must not cost the others
-        reply = {"error": f"{type(error).__name__}: {error}"}
-    return reply, time.process_time() - start
-
-
-def _blindfold(folder: str) -> None:
-    """Make this process unable to open anything of the folder but its records and the tests that
-    were opened.
-    """
-    allowed = tuple(os.path.join(folder, name) + os.sep for name in ("records", outcomes.OPENED))
-    root = folder + os.sep
-
-    def watch(event: str, args: tuple[Any, ...]) -> None:
-        if event == "open" and isinstance(args[0], (str, bytes, os.PathLike)):
-            path = os.path.realpath(os.fsdecode(args[0]))
-            if path.startswith(root) and not path.startswith(allowed):
-                raise PermissionError(f"withheld: {path} must not be read while answering")
-
-    sys.addaudithook(watch)
+        reply, trial = {"error": f"{type(error).__name__}: {error}"}, None
+    replies, cpu = [reply], time.process_time() - start
+    for _ in range(tests):
+        if trial is not None and plant is not None:
+            place = record.parent.parent / TESTS
+            opened.append(str(run_test(plant, trial, read_toml(baseline), place)))
+            try:
+                reply, trial = diagnose(record, baseline, opened)
+            except UserError:
+                trial = None
+        replies.append(reply)
+    return replies, cpu

@@ -18,18 +18,15 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from results.studies.withheld import outcomes, truth
-from results.studies.withheld.menu import csv_of
+from results.studies.withheld import truth
+from results.studies.withheld.files import write_item
 from results.studies.withheld.world import PLANNED
 from results.studies.worlds import NAMES, load_world
-from simbench.detectors.errors import ParameterError, nearest
+from simbench.detectors.errors import ParameterError
 from simbench.files import folder
-from simbench.loop.effects import EFFECTS, UNKNOWN, block_of
-from simbench.scenarios.spec import Loop
 from simbench.sealed.handout import commitment_of, refuse_key_inside, refuse_unwritable_key
 from simbench.worked import worked
 
-WITHOUT = "without.txt"  # names the effect that the diagnosis is asked without
 PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"
 STRENGTHS = ("weak", "medium", "strong")
@@ -75,20 +72,13 @@ class Plan:
     # effects, strengths: restrict the cells
     effects: tuple[str, ...] = PLANNED
     strengths: tuple[str, ...] = STRENGTHS
-    without: str | None = None  # effect that the diagnosis is asked without
     most: int | None = None  # of these records, spread evenly over all kinds
 
     @classmethod
-    def of(cls, n: int, without: str | None = None) -> Plan:
+    def of(cls, n: int) -> Plan:
         """Return the usual shares for about `n` records: 55 % single effects, 20 % none, the rest
-        two effects and foreign, of fewer than 100 a selection; or that many records of one effect
-        alone.
+        two effects and foreign, of fewer than 100 a selection.
         """
-        if without is not None:
-            if without not in PLANNED:
-                raise ParameterError(f"withheld: effect {without!r}: {nearest(without, PLANNED)}")
-            each = max(1, round(n / len(STRENGTHS)))
-            return cls(each, 0, 0, 0, effects=(without,), without=without)
         if n < 1:
             raise ParameterError(f"withheld: {n} records asked for; at least 1 is needed")
         if n < _ALL_KINDS:
@@ -151,16 +141,6 @@ def _answers_csv(answers: list[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
-def write_item(item: Any, folder: Path, name: str) -> tuple[Path, Path]:
-    """Write what an independent simulator drew: the record as name.csv and its baseline as
-    name.toml; return both files.
-    """
-    record, baseline = folder / f"{name}.csv", folder / f"{name}.toml"
-    outcomes.write_whole(record, csv_of(item.columns))
-    outcomes.write_whole(baseline, Loop.from_table(item.baseline, name).to_toml())
-    return record, baseline
-
-
 def make(
     out: str | Path,
     key: str | Path,
@@ -169,13 +149,8 @@ def make(
     plan: Plan | None = None,
     jobs: int = 1,
     world: str = NAMES[0],
-    tests: bool = False,
 ) -> str:
-    """Write a withheld folder and, elsewhere, the key to its answers; `tests` adds the results of
-    every available test.
-
-    Where the plan names an effect that the diagnosis is asked without, "unknown" is right.
-    """
+    """Write a withheld folder and, elsewhere, the key to its answers."""
     out, key = Path(out), Path(key)
     refuse_key_inside("withheld", key, out)
     if (out / "records").exists():
@@ -184,11 +159,6 @@ def make(
     if key.exists() and not truth.is_key_of(key, out):
         raise ParameterError(f"withheld: {key} exists already; choose a new file")
     drawn_by = load_world(world)
-    if tests and not hasattr(drawn_by, "test"):
-        raise ParameterError(
-            f"withheld: world {world!r} runs no tests; it has no function test(answer, effects,"
-            " seed, plan)"
-        )
     refuse_unwritable_key(key)
     folder(out)
     plan = plan or Plan.of(n)
@@ -199,11 +169,7 @@ def make(
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]
     named = dict(zip(names, items, strict=True))
-    about = {"world": world}
-    if plan.without is not None:
-        hidden = {"foreign": plan.without, "block": block_of(plan.without)}
-        about |= {"effect": UNKNOWN, **hidden}
-    answers = [item.answer | about | {"id": name} for name, item in named.items()]
+    answers = [item.answer | {"world": world, "id": name} for name, item in named.items()]
     content = truth.key_to(_answers_csv(answers))
     print(f"commitment {commitment_of(content)}", file=sys.stderr, flush=True)
     half = out / ".records"  # until all of it is written; a call that was killed begins anew
@@ -211,25 +177,8 @@ def make(
     try:
         for name, item in named.items():
             write_item(item, folder(half), name)
-        if tests:
-            outcomes.write(out, drawn_by.test, named, jobs)
-        if plan.without is not None:
-            outcomes.write_whole(out / WITHOUT, f"{plan.without}\n")
         truth.write(content, out, key)
         half.rename(out / "records")
     finally:
         rmtree(half, ignore_errors=True)
     return commitment_of(content)
-
-
-def without_of(folder: str | Path) -> str | None:
-    """Return the effect that the diagnosis of a withheld folder is asked without; None where it
-    keeps its library.
-    """
-    file = Path(folder) / WITHOUT
-    if not file.exists():
-        return None
-    effect = file.read_text(encoding="utf-8").strip()
-    if effect not in EFFECTS:
-        raise ParameterError(f"withheld: {file} names {effect[:60]!r}: {nearest(effect, EFFECTS)}")
-    return effect

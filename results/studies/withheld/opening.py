@@ -4,7 +4,6 @@ confusion matrix.
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,19 +13,17 @@ import pandas as pd
 
 from results.studies.withheld.answering import COST, MOST_TESTS, answers_after
 from results.studies.withheld.claims import true_shrinkages
+from results.studies.withheld.files import write_whole
 from results.studies.withheld.levels import Figure, Share, by_effect, levels, median, rank, share
-from results.studies.withheld.outcomes import write_whole
 from results.studies.withheld.picture import confusion, draw
 from results.studies.withheld.score import judge_record, true_circumstances
-from results.studies.withheld.truth import COMMITMENT, read
+from results.studies.withheld.truth import OPEN_ANSWERS, read_any, rows_of
 from results.studies.worlds import NAMES
 from simbench.detectors.errors import ParameterError
 from simbench.files import folder as make_folder
 from simbench.files import write_table
 from simbench.progress import Progress
 from simbench.scenarios.spec import read_toml
-
-_OPEN_ANSWERS = "answers.csv"
 
 
 def open_(
@@ -40,8 +37,8 @@ def open_(
     """
     folder = Path(folder)
     out = Path(out) if out is not None else folder / "score"
-    text, commitment = _truth(folder, Path(key) if key is not None else None)
-    truth = _read_answers(text)
+    text, commitment = read_any(folder, Path(key) if key is not None else None)
+    truth = rows_of(text)
     judged, claims = [], []
     after: dict[str, list[dict[str, Any]]] = {
         str(i): [] for i in range(1, MOST_TESTS + 1) if answers_after(folder, i).exists()
@@ -77,7 +74,7 @@ def open_(
             tests: [f.row() for f in levels(pd.DataFrame(rows))] for tests, rows in after.items()
         }
     make_folder(out)
-    for name, content in ((_OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
+    for name, content in ((OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
         write_whole(out / name, content)
     for name, frame in (
         ("score", pd.DataFrame(score["figures"])),
@@ -93,19 +90,6 @@ def open_(
         for tests, rows in after.items()
     ]
     return score | {"markdown": markdown(figures, effects) + "".join(later_scores)}
-
-
-def _read_answers(text: str) -> list[dict[str, Any]]:
-    """Return the rows of answers.csv; cells that hold JSON tables are read."""
-    frame = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
-    frame.columns = [c.strip().lower() for c in frame.columns]
-    missing = [c for c in ("id", "block", "effect") if c not in frame]
-    if missing:
-        raise ParameterError(
-            f"withheld: answers.csv lacks the column {missing[0]!r}; it has"
-            f" {', '.join(frame.columns)}"
-        )
-    return [{str(k): _cell(v) for k, v in row.items()} for row in frame.to_dict("records")]
 
 
 def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str:
@@ -140,22 +124,6 @@ def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str
     return "\n".join(lines) + "\n"
 
 
-def _truth(folder: Path, key: Path | None) -> tuple[str, str | None]:
-    if (folder / COMMITMENT).exists():
-        if key is None:
-            raise ParameterError(
-                f"withheld: the answers to {folder} are in its key alone; a key is needed"
-            )
-        return read(folder, key)
-    try:
-        return (folder / _OPEN_ANSWERS).read_text(encoding="utf-8"), None
-    except OSError as error:
-        raise ParameterError(
-            f"withheld: {folder} has neither {COMMITMENT} nor a readable {_OPEN_ANSWERS}:"
-            f" {error.strerror}"
-        ) from None
-
-
 def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
     path = folder / "records" / f"{name}.csv"
     try:
@@ -183,15 +151,6 @@ def _answer(path: Path) -> dict[str, Any] | None:
     except ValueError:
         raise ParameterError(f"withheld: {path} is no JSON; delete it and answer again") from None
     return answer if isinstance(answer, dict) else None
-
-
-def _cell(value: str) -> Any:
-    if value.startswith("{"):
-        try:
-            return json.loads(value)
-        except ValueError:
-            return value
-    return value
 
 
 def _claim_figures(claims: pd.DataFrame) -> list[Share | Figure]:

@@ -4,15 +4,19 @@ folder proves later that they were not changed.
 
 from __future__ import annotations
 
+import io
 import json
 import secrets
 from pathlib import Path
+from typing import Any
 
-from results.studies.withheld.outcomes import write_whole
+import pandas as pd
+
+from results.studies.withheld.files import write_whole
 from simbench.detectors.errors import ParameterError
 from simbench.sealed.handout import commitment_of, matches, read_key, write_key
 
-COMMITMENT = "commitment.txt"
+COMMITMENT, OPEN_ANSWERS = "commitment.txt", "answers.csv"
 
 
 def key_to(answers: str) -> bytes:
@@ -48,6 +52,47 @@ def read(folder: Path, key: Path) -> tuple[str, str]:
     if not isinstance(answers, str):
         raise ParameterError(f"withheld: {key} is no key file")
     return answers, published
+
+
+def read_any(folder: Path, key: Path | None) -> tuple[str, str | None]:
+    """Return the text of answers.csv, from the key where there is a commitment and else from a
+    plain file in the folder, and the commitment.
+    """
+    if (folder / COMMITMENT).exists():
+        if key is None:
+            raise ParameterError(
+                f"withheld: the answers to {folder} are in its key alone; a key is needed"
+            )
+        return read(folder, key)
+    try:
+        return (folder / OPEN_ANSWERS).read_text(encoding="utf-8"), None
+    except OSError as error:
+        raise ParameterError(
+            f"withheld: {folder} has neither {COMMITMENT} nor a readable {OPEN_ANSWERS}:"
+            f" {error.strerror}"
+        ) from None
+
+
+def rows_of(text: str) -> list[dict[str, Any]]:
+    """Return the rows of answers.csv; cells that hold JSON tables are read."""
+    frame = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
+    frame.columns = [c.strip().lower() for c in frame.columns]
+    missing = [c for c in ("id", "block", "effect") if c not in frame]
+    if missing:
+        raise ParameterError(
+            f"withheld: answers.csv lacks the column {missing[0]!r}; it has"
+            f" {', '.join(frame.columns)}"
+        )
+    return [{str(k): _cell(v) for k, v in row.items()} for row in frame.to_dict("records")]
+
+
+def _cell(value: str) -> Any:
+    if value.startswith("{"):
+        try:
+            return json.loads(value)
+        except ValueError:
+            return value
+    return value
 
 
 def _published(folder: Path) -> str:

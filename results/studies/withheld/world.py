@@ -1,9 +1,10 @@
-"""The interface of an independent plant simulator: it draws records with hidden effects and can
-simulate their loops again.
+"""The interface of an independent plant simulator: it draws records with hidden effects, and can
+simulate their loops again and run tests on them.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,3 +57,60 @@ class Item(NamedTuple):
     columns: dict[str, np.ndarray]
     baseline: dict[str, Any]
     answer: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class TestPlan:
+    """One test on a loop."""
+
+    id: str
+    n: int  # samples, at the period of the log
+    sp: np.ndarray  # (n,) deviation of SP (PV units) from where it is
+    op: np.ndarray  # (n,) deviation of OP (%) from where the operator takes over; NaN in automatic
+    Kc_ratio: float = 1.0  # factor on the controller's gain
+    faster: int = 1  # samples of the log in one of the controller
+    raw: bool = False  # whether no archive lies between
+    mv: bool = False  # whether the stem position is logged
+    lab: np.ndarray | None = (
+        # samples at which the true process value is taken, and the std of its error (PV units)
+        None
+    )
+    lab_std: float = 0.0
+
+    @property
+    def manual(self) -> np.ndarray:
+        """Where OP is the operator's."""
+        return np.isfinite(self.op)
+
+    def settings(self, Ts: float) -> dict[str, dict[str, Any]]:
+        """Return the tables that are declared with the record; `Ts` of the controller (s)."""
+        test: dict[str, Any] = {"id": self.id}
+        if self.manual.any():
+            moves = self.op[self.manual]
+            edges = np.flatnonzero(np.diff(moves)) + 1
+            test |= {"sp_in_man": "holds", "levels": [float(x) for x in moves[np.append(0, edges)]]}
+        if self.raw:
+            test["archive"] = "raw"
+        if self.lab is not None:
+            test["lab_std"] = self.lab_std
+        out = {"test": test}
+        if self.Kc_ratio != 1.0:
+            out["controller"] = {"Kc_ratio": self.Kc_ratio}
+        if self.faster != 1:
+            out["sampling"] = {"Ts": Ts / self.faster}
+        return out
+
+
+def operated(
+    columns: dict[str, np.ndarray], true: np.ndarray, test: TestPlan, seed: int
+) -> dict[str, np.ndarray]:
+    """Return the columns of a test with its mode (1 in manual) and its lab samples of the true PV
+    (NaN between).
+    """
+    if test.manual.any():
+        columns["mode"] = test.manual.astype(float)
+    if test.lab is not None:
+        columns["lab"] = np.full(test.n, np.nan)
+        error = test.lab_std * np.random.default_rng([seed, 77]).standard_normal(test.lab.size)
+        columns["lab"][test.lab] = true[test.lab] + error
+    return columns

@@ -4,8 +4,6 @@ effect has the same name.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache
 
 from simbench.detectors.plugins.registry import PluginFolder
@@ -18,7 +16,6 @@ __all__ = [
     "Parameters",
     "Recogniser",
     "is_friction",
-    "left_out",
     "recogniser",
 ]
 
@@ -27,33 +24,7 @@ PLUGINS = PluginFolder(
 )
 
 
-_left_out: set[str] = set()
-
-
-@contextmanager
-def left_out(*effects: str) -> Iterator[None]:
-    """Take effects out of the library while the block lasts: nobody recognises them, as if their
-    files had gone.
-
-    Parameters
-    ----------
-    *effects : str
-        Ids of effects.
-
-    Yields
-    ------
-    None
-        Nothing: recognition changes while the block lasts.
-    """
-    before = set(_left_out)
-    _left_out.update(effects)
-    try:
-        yield
-    finally:
-        _left_out.clear()
-        _left_out.update(before)
-
-
+@cache
 def recogniser(effect: str) -> Recogniser:
     """Return how an effect is recognised; one that is only simulated, as no file recognises it,
     is never recognised.
@@ -68,7 +39,7 @@ def recogniser(effect: str) -> Recogniser:
     Recogniser
         What its file states, or one that recognises nothing.
     """
-    return Recogniser() if effect in _left_out else _of(effect)
+    return PLUGINS.load(effect).RECOGNISER if effect in PLUGINS.names() else Recogniser()
 
 
 def is_friction(answer: str) -> bool:
@@ -85,8 +56,3 @@ def is_friction(answer: str) -> bool:
         False of none, of unknown, and of every effect without a band.
     """
     return answer in EFFECTS and recogniser(answer).band is not None
-
-
-@cache
-def _of(effect: str) -> Recogniser:
-    return PLUGINS.load(effect).RECOGNISER if effect in PLUGINS.names() else Recogniser()

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
+from left_out import left_out
 from recorded import FLOW, LOADED, recorded
 
 from results.studies.withheld.score import true_circumstances
@@ -18,7 +19,7 @@ from simbench.gap.candidates import (
     smallest_detectable,
 )
 from simbench.gap.decide.assess import assess
-from simbench.gap.effects import NOT_IN_PLANT, left_out, recogniser
+from simbench.gap.effects import NOT_IN_PLANT, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import size_penalty

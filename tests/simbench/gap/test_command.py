@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -93,14 +92,6 @@ def test_the_loop_file_it_writes_simulates_like_the_record(answer, place):
     assert np.abs(np.median(runs, axis=0) - real).max() < np.log(1.5)
     bare = likeness(simulate(Loop.from_table(HEALTHY), seed=5).record)
     assert np.abs(bare - real).max() > np.log(3.0)
-
-
-@pytest.mark.slow
-def test_the_function_that_processes_of_the_blind_check_call_gives_the_same_json(place, answer):
-    assert pickle.loads(pickle.dumps(command.one_file)) is command.one_file
-    assert (
-        json.loads(json.dumps(command.one_file(place / "no_mv.csv", place / "loop.toml"))) == answer
-    )
 
 
 @pytest.mark.slow

@@ -1,10 +1,8 @@
-"""A folder of records as someone else would send it, and answers without fresh processes."""
+"""A folder of records as someone else would send it."""
 
 import numpy as np
 import pandas as pd
 import pytest
-
-from simbench.sealed.handout import ask_in_processes
 
 BASELINE = """[plant]
 type = "foptd"
@@ -33,12 +31,3 @@ def theirs(tmp_path):
         "ID,Block,Effect\na,valve,stiction\nb,none,none\nc,valve,broken_spring\n"
     )
     return folder
-
-
-@pytest.fixture
-def in_this_process(monkeypatch):
-    """Answer in this process; that the usual ones are fresh is tested by what they can read."""
-    monkeypatch.setattr(
-        "results.studies.withheld.answering.ask_in_processes",
-        lambda ask, questions, *_: ask_in_processes(ask, questions, 1),
-    )

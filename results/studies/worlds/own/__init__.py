@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from results.studies.withheld.menu import TestPlan, operated
-from results.studies.withheld.world import Item
+from results.studies.withheld.world import Item, TestPlan, operated
 from results.studies.worlds.own import loops
 from results.studies.worlds.own.drawing import baseline_table
 from results.studies.worlds.own.faults import FOREIGN, NEEDS_PLANT, fault

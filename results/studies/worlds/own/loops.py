@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from results.studies.withheld.distance import Scale, Signals
-from results.studies.withheld.menu import TestPlan
+from results.studies.withheld.world import TestPlan
 from results.studies.worlds.own import simulator as sim
 
 

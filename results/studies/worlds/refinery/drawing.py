@@ -6,8 +6,7 @@ import json
 
 import numpy as np
 
-from results.studies.withheld.menu import TestPlan
-from results.studies.withheld.world import WORLD_EFFECTS, Item
+from results.studies.withheld.world import WORLD_EFFECTS, Item, TestPlan
 from results.studies.worlds.refinery import foreign, loops, oracle, search
 from results.studies.worlds.refinery.search import Misfit, healthy, prepared
 from results.studies.worlds.refinery.simulation import run

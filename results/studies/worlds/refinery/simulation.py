@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from results.studies.withheld.menu import TestPlan, operated
+from results.studies.withheld.world import TestPlan, operated
 from results.studies.worlds.refinery import archive, loads, physics, valves
 from results.studies.worlds.refinery.controller import FORMS, RULES, WINDUPS, Controller
 from results.studies.worlds.refinery.physics import SUBSTEPS, Plant, Sensor, Signals

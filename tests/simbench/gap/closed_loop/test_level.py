@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from results.studies.withheld.making import STRENGTHS, write_item
+from results.studies.withheld.files import write_item
+from results.studies.withheld.making import STRENGTHS
 from results.studies.worlds import NAMES, load_world
 from simbench.detectors.records.io import read_record
 from simbench.gap import diagnose

@@ -3,9 +3,9 @@
 from types import SimpleNamespace
 
 import pytest
+from left_out import left_out
 
 from simbench.gap.decide.assess import RESIDUAL_LIMITS, Assessment
-from simbench.gap.effects import left_out
 
 BLOCKS = {
     "memory": (15.0, "disturbance"),

@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 from random_case import random_case
 
-from results.studies.withheld.making import write_item
+from results.studies.withheld.files import write_item
 from results.studies.worlds import NAMES as WORLD_NAMES
 from results.studies.worlds import load_world
 from simbench.cli import main

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from left_out import left_out
 from random_case import random_case
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.judge import judge
 from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.gap import diagnose
-from simbench.gap.effects import left_out
 from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.valves import Regressed
