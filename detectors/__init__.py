@@ -8,10 +8,3 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import Verdict
 
 __all__ = ["LoopRecord", "ParameterError", "RecordError", "UnknownName", "UserError", "Verdict"]
-
-if __name__ == "detectors":  # found on the path under its short name, as in the repository itself
-    import sys
-
-    import simbench.detectors
-
-    sys.modules[__name__] = simbench.detectors

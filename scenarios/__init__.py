@@ -28,11 +28,3 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     """List the names that are loaded when first asked for, so that they are completed too."""
     return sorted({*globals(), *__all__})
-
-
-if __name__ == "scenarios":  # found on the path under its short name, as in the repository itself
-    import sys
-
-    import simbench.scenarios
-
-    sys.modules[__name__] = simbench.scenarios

@@ -5,7 +5,5 @@ The public names stand in `__init__.pyi`; each is loaded when first asked for.
 """
 
 from simbench.lazy import attach
-from simbench.short_names import allow_short_names
 
-allow_short_names()
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,19 +1,15 @@
-"""`detectors` and `scenarios` are short names: they hide nothing of a user, and nothing of a user
-hides them from simbench.
+"""`detectors` and `scenarios` are packages of simbench: they hide nothing of a user, and nothing of
+a user hides them from simbench.
 """
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-import simbench.detectors.verdict
-
-ROOT = Path(simbench.__file__).parents[1]
 PLUGIN = """
-from detectors.method import Method
-from detectors.verdict import Verdict
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
 METHOD = Method(title="mine", source="a test")
 def detect(prepared):
     return Verdict("mine", "stiction", score=1.0, reason="always")
@@ -40,21 +36,7 @@ def test_a_package_of_a_user_lives_beside_that_of_simbench(tmp_path, name, first
     assert done.stdout == "1 2\n", done.stderr
 
 
-def test_under_both_names_a_class_is_one(tmp_path):
-    from detectors.verdict import Verdict
-
-    assert Verdict is simbench.detectors.verdict.Verdict
-    # where the short name comes first, as in the repository itself
-    done = script(
-        tmp_path,
-        f"import sys\nsys.path.insert(0, {str(ROOT)!r})\n"
-        "import detectors.verdict, scenarios.spec\nimport simbench.detectors.verdict as v\n"
-        "print(detectors.verdict is v, v.Verdict.__module__, scenarios.spec.__name__)\n",
-    )
-    assert done.stdout == "True simbench.detectors.verdict simbench.scenarios.spec\n", done.stderr
-
-
-def test_a_plugin_written_against_the_short_name_is_asked_beside_a_user_s_package(tmp_path):
+def test_a_plugin_is_asked_beside_a_user_s_package_of_that_name(tmp_path):
     (tmp_path / "mine.py").write_text(PLUGIN)
     (tmp_path / "detectors").mkdir()
     (tmp_path / "detectors" / "__init__.py").write_text("raise SystemExit('the wrong one')\n")
