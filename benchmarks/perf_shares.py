@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-import simbench.bench.execute.work as work
+import simbench.bench.execute.compute_piece as piece_module
 import simbench.loop.kernel
 from simbench.bench.execute import pieces
 from simbench.bench.scenario import kept
@@ -77,18 +77,18 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
     places = [
         (simbench.loop.kernel, "compiled", lambda *a: meter.wrap("loop kernel", compiled(*a))),
         (kept, "simulate", simulate),
-        (work, "settled", meter.wrap("loops of the table", work.settled)),
+        (piece_module, "settled", meter.wrap("loops of the table", piece_module.settled)),
         (SettledGrid, "group", meter.wrap("loops of the table", SettledGrid.group)),
-        (work, "truth", meter.wrap("truth labels", work.truth)),
-        (work, "theory", meter.wrap("theory columns", work.theory)),
+        (piece_module, "truth", meter.wrap("truth labels", piece_module.truth)),
+        (piece_module, "theory", meter.wrap("theory columns", piece_module.theory)),
         (
             prepared,
             "find_oscillation",
             meter.wrap("front end", prepared.find_oscillation),
         ),
         (prepared, "inspect", meter.wrap("quality flags", prepared.inspect)),
-        (work, "scenario_row", meter.wrap("rows", work.scenario_row)),
-        (work, "verdict_row", meter.wrap("rows", work.verdict_row)),
+        (piece_module, "scenario_row", meter.wrap("rows", piece_module.scenario_row)),
+        (piece_module, "verdict_row", meter.wrap("rows", piece_module.verdict_row)),
         (tables, "encode", meter.wrap("store", tables.encode)),
         (pieces, "write_piece", meter.wrap("store", pieces.write_piece)),
     ]
@@ -111,7 +111,9 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
         with tempfile.TemporaryDirectory() as folder:
             start = time.process_time()
             for number, groups in enumerate(blocks):
-                piece = work.work(plan, number, groups, work.WorkSettings(tuple(names)))
+                piece = piece_module.compute_piece(
+                    plan, number, groups, piece_module.PieceSettings(tuple(names))
+                )
                 pieces.write_piece(place_of(folder), piece, "")
                 count += piece.receipt.scenarios
             meter.charge()
@@ -133,11 +135,11 @@ def measured() -> dict[str, Any]:
     starts = range(0, plan.group_count - plan.group_count // BLOCKS + 1, plan.group_count // BLOCKS)
     budgets = {budget: choose_methods([budget]) for budget in ("fast", "full")}
     # what compiles, compiles before the clock runs
-    work.work(
+    piece_module.compute_piece(
         plan,
         0,
         [g for s in starts for g in range(s, s + BLOCK, 2)],
-        work.WorkSettings(tuple(budgets["full"])),
+        piece_module.PieceSettings(tuple(budgets["full"])),
     )
     rounds: dict[str, list] = {budget: [] for budget in budgets}
     for r in range(1, ROUNDS + 1):

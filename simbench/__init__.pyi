@@ -12,16 +12,16 @@ from simbench.gap.diagnosis import conclude as conclude
 from simbench.gap.gain_pair import confirm as confirm
 from simbench.loop.simulate import simulate as simulate
 from simbench.loop.simulate import simulate_batch as simulate_batch
+from simbench.notebook import Loop as Loop
+from simbench.notebook import load_loop as load_loop
+from simbench.notebook import run as run
+from simbench.notebook import score as score
+from simbench.notebook import table as table
 from simbench.theory.predict import predict as predict
 from simbench.trust.trust import trust as trust
 from simbench.verbs import check as check
 from simbench.verbs import contract as contract
 from simbench.verbs import detect as detect
 from simbench.verbs import diagnose as diagnose
-from simbench.workbench import Loop as Loop
-from simbench.workbench import load_loop as load_loop
-from simbench.workbench import run as run
-from simbench.workbench import score as score
-from simbench.workbench import table as table
 
 __version__: str

@@ -23,8 +23,8 @@ from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.report.result import words
 from simbench.gap.stiction.conclusion import WORDS
 from simbench.gap.thresholds import NEAR
+from simbench.parallel import run_parallel
 from simbench.scenarios.spec import Loop
-from simbench.worked import worked
 
 _HEAD = (
     "record",
@@ -212,7 +212,7 @@ def diagnose_folder(
         name: shared or (None if identify else _beside(places[name], name)) for name in records
     }
     calls = [delayed(_one)(records[name], loop) for name, loop in asked.items()]
-    answers = dict(zip(asked, worked(calls, jobs, "diagnosed"), strict=True))
+    answers = dict(zip(asked, run_parallel(calls, jobs, "diagnosed"), strict=True))
     failed = {name: answer for name, answer in answers.items() if isinstance(answer, str)}
     return FolderDiagnosis(
         {name: answer for name, answer in answers.items() if not isinstance(answer, str)},

@@ -20,9 +20,9 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.measured import op_range
 from simbench.loop.plant import stretched
 from simbench.loop.simulate import simulate
+from simbench.parallel import run_parallel
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, Plant, SetPoint
-from simbench.worked import worked
 
 _LEVELS = 5  # values of S
 _SLIPS = (0.25, 1.0)  # J over S: a little slip-jump, and as much as there is band
@@ -96,7 +96,7 @@ def judged(
 ) -> list[list[Verdict]]:
     """Return what every method says of every replicate, in order, asked in so many processes."""
     asked = [delayed(judge)(t.record, methods) for t in replicates]
-    return worked(asked, jobs, "replicates judged")
+    return run_parallel(asked, jobs, "replicates judged")
 
 
 @dataclass(frozen=True, eq=False)

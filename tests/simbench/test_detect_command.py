@@ -20,8 +20,8 @@ import typer
 from simbench import cli
 from simbench.detectors import faults
 from simbench.gap.stiction.conclusion import judged
+from simbench.notebook import Loop
 from simbench.scenarios.spec import Controller
-from simbench.workbench import Loop
 
 FAST = ["--method", "horch,he,kano_a,procedure"]
 

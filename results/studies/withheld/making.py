@@ -24,8 +24,8 @@ from results.studies.withheld.world import PLANNED
 from results.studies.worlds import NAMES, load_world
 from simbench.detectors.errors import ParameterError
 from simbench.files import folder
+from simbench.parallel import run_parallel
 from simbench.sealed.handout import commitment_of, refuse_key_inside, refuse_unwritable_key
-from simbench.worked import worked
 
 PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"
@@ -164,7 +164,7 @@ def make(
     plan = plan or Plan.of(n)
     entries = plan.entries(list(drawn_by.FOREIGN))
     calls = [delayed(drawn_by.draw)(seed, i, entry) for i, entry in enumerate(entries)]
-    items = worked(calls, jobs, "records")
+    items = run_parallel(calls, jobs, "records")
     order = np.random.default_rng([seed, len(entries)]).permutation(len(items))
     items = [items[i] for i in order]
     names = [f"r{i:0{max(4, int(math.log10(len(items))) + 1)}d}" for i in range(1, len(items) + 1)]

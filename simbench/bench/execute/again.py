@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from simbench.bench.execute.work import judge_record, record_hash
+from simbench.bench.execute.compute_piece import judge_record, record_hash
 from simbench.bench.score.check import MARGIN, Shaken, check_run
 from simbench.bench.score.check_result import Check
 from simbench.bench.score.pairing import Pairs

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from simbench.bench.execute.compute_piece import Piece, Receipt
 from simbench.bench.execute.lease import lease
-from simbench.bench.execute.work import Piece, Receipt
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import BENCHMARK, benchmark_of, grid_of

@@ -2,8 +2,8 @@
 interrupted run can continue.
 
 `run_grid` names the steps from a grid to the two tables: read the grid, host the plug-ins, choose
-the methods, refuse what cannot run, describe the run in its manifest, work all pieces (`work` in
-work.py simulates and judges one), and join them.
+the methods, refuse what cannot run, describe the run in its manifest, compute all pieces
+(`compute_piece` simulates and judges one), and join them.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from typing import Any, cast
 import cloudpickle
 
 from simbench.bench.execute import pieces
+from simbench.bench.execute.compute_piece import PieceSettings, Receipt, compute_piece
+from simbench.bench.execute.distribute import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
-from simbench.bench.execute.work import Receipt, WorkSettings, work
-from simbench.bench.execute.workers import Runner, on_cluster, on_processes, on_ray
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
@@ -300,8 +300,8 @@ def _work_settings(
     asked: RunOptions,
     files: tuple[str, ...],
     parts: tuple[tuple[str, ...], ...],
-) -> WorkSettings:
-    return WorkSettings(
+) -> PieceSettings:
+    return PieceSettings(
         methods=tuple(names),
         plugins=files,
         keep=asked.keep,
@@ -325,7 +325,7 @@ def _path(place: Place) -> Path:
 class _Task:
     """What every piece has in common; where it is called, the piece is worked and written."""
 
-    def __init__(self, grid: Grid, place: Place, key: str, settings: WorkSettings) -> None:
+    def __init__(self, grid: Grid, place: Place, key: str, settings: PieceSettings) -> None:
         # packed once, not for every piece; a worker may stand in another folder
         # by value: a caller's detector may be defined in a notebook
         self._packed = cloudpickle.dumps((grid, place.absolute(), key, settings))
@@ -333,7 +333,9 @@ class _Task:
     def __call__(self, number: int, groups: Sequence[int]) -> Receipt:
         grid, place, key, settings = _unpacked(self._packed)
         there = pieces.find_receipt(place, number, key)
-        return there or pieces.write_piece(place, work(grid, number, groups, settings), key)
+        return there or pieces.write_piece(
+            place, compute_piece(grid, number, groups, settings), key
+        )
 
 
 @lru_cache(maxsize=2)

@@ -16,12 +16,12 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from simbench.bench.execute.compute_piece import PieceSettings, compute_piece, scenario_columns
+from simbench.bench.execute.distribute import on_processes
 from simbench.bench.execute.pieces import partition_file, records_hash
 from simbench.bench.execute.plugin_host import error_text, settled, truth
 from simbench.bench.execute.run import KINDS_OF_PART, about_method
 from simbench.bench.execute.verify_result import Notes, Verification
-from simbench.bench.execute.work import WorkSettings, scenario_columns, work
-from simbench.bench.execute.workers import on_processes
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.scoring import score_book
 from simbench.bench.store.benchmark import BENCHMARK, OF_RUN, SETTLED, benchmark_of, grid_of_run
@@ -111,7 +111,7 @@ def verify_run(
         n, held = sum(map(grid.size, order)), np.cumsum([grid.size(group) for group in order])
         least = [max(math.ceil(share * n), min(n, some)) for some in (_LEAST_FAST, _LEAST)]
         wide, deep = (frozenset(order[: int(np.searchsorted(held, some)) + 1]) for some in least)
-        settings = WorkSettings(
+        settings = PieceSettings(
             tuple(asked),
             tuple(files[""]),
             time_limit=seconds,
@@ -149,7 +149,7 @@ class _Verification:
     fast: tuple[str, ...]  # methods of budget "fast"
     # groups simulated again, and those of them that all methods judge again
     sampled: tuple[frozenset[int], frozenset[int]]
-    settings: WorkSettings  # with all methods that can be asked
+    settings: PieceSettings  # with all methods that can be asked
 
     def __call__(self, number: int, groups: Sequence[int]) -> Notes:
         add_parts(*self.settings.parts, seconds=self.settings.time_limit)
@@ -166,7 +166,7 @@ class _Verification:
         quick = replace(self.settings, methods=self.fast)
         for settings, some in ((self.settings, wide & deep), (quick, wide - deep)):
             chosen = [g for g in groups if g in some]
-            again = work(self.grid, number, chosen, settings).tables
+            again = compute_piece(self.grid, number, chosen, settings).tables
             for row in _rows(again["scenarios"]):
                 rows.setdefault(row["group"], []).append(row)
             verdicts += _rows(again["verdicts"])

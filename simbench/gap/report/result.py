@@ -20,7 +20,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 if TYPE_CHECKING:
     import pandas as pd
 
-    from simbench.workbench import Loop
+    from simbench.notebook import Loop
 
 CONFIDENCE = 0.9  # share of sets that hold the truth
 LEAST_SHOWN = 0.005  # probability from which an explanation is shown: what does not round to 0 %
@@ -253,7 +253,7 @@ class GapReport:
         Loop
             A loop to simulate in place of the baseline.
         """
-        from simbench.workbench import Loop
+        from simbench.notebook import Loop
 
         return Loop.from_table(self.behind.loops.corrected(self.named).to_table())
 

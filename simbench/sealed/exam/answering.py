@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from shutil import rmtree
 
+from simbench.bench.execute.compute_piece import judge_record
 from simbench.bench.execute.lease import lease
 from simbench.bench.execute.run import choose_with_oracle
-from simbench.bench.execute.work import judge_record
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.checksums import file_digest
 from simbench.bench.store.manifest import code_hash

@@ -13,8 +13,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+from simbench.bench.execute.compute_piece import SimulatedScenario
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
-from simbench.bench.execute.work import SimulatedScenario
 from simbench.bench.store.benchmark import (
     benchmark_of,
     grid_settings,

@@ -16,9 +16,7 @@ import numpy as np
 import pandas as pd
 
 from simbench.bench.execute import pieces
-from simbench.bench.execute.plugin_host import oracle_of
-from simbench.bench.execute.run import about_method
-from simbench.bench.execute.work import (
+from simbench.bench.execute.compute_piece import (
     Answer,
     SimulatedScenario,
     judge_record,
@@ -26,6 +24,8 @@ from simbench.bench.execute.work import (
     scenario_row,
     verdict_row,
 )
+from simbench.bench.execute.plugin_host import oracle_of
+from simbench.bench.execute.run import about_method
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store.benchmark import evaluator_hash, grid_settings
 from simbench.bench.store.manifest import describe, run_key

@@ -9,9 +9,9 @@ from functools import partial
 from itertools import groupby
 from typing import Any
 
+from simbench.bench.execute.compute_piece import SimulatedScenario, simulated
+from simbench.bench.execute.distribute import on_processes
 from simbench.bench.execute.plugin_host import settled
-from simbench.bench.execute.work import SimulatedScenario, simulated
-from simbench.bench.execute.workers import on_processes
 from simbench.detectors.compiled import one_thread
 from simbench.progress import Progress
 from simbench.scenarios.grid import Grid

@@ -11,7 +11,7 @@ import pytest
 
 from results.studies.leak import Leak
 from simbench.bench import statistics as of
-from simbench.bench.execute import work
+from simbench.bench.execute import compute_piece as piece
 from simbench.bench.execute.failures import Failures
 from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario import truth
@@ -339,7 +339,7 @@ def test_a_level_has_two_ends_or_none():
     assert level_ends(3) == (3.0, 3.0)
     assert all(math.isnan(x) for x in level_ends(None))
     verdict = Verdict("he", "stiction", 0.7, {"eta": 0.7}, S=(1.0, 2.0), J=0.5, reason="why")
-    row = work.verdict_row("id", work.Answer(verdict, None, 0.25))
+    row = piece.verdict_row("id", piece.Answer(verdict, None, 0.25))
     assert [row[k] for k in ("S_lo", "S_hi", "J_lo", "J_hi", "score", "runtime_s")] == [
         1.0,
         2.0,
@@ -357,7 +357,7 @@ def test_a_record_is_known_by_every_bit_of_every_signal():
         signals = {name: x.copy() for name in ("sp", "op", "pv", "mv")}
         if at:
             signals[at][-1] = np.nextafter(signals[at][-1], 9.0)
-        seen.add(work.record_hash(LoopRecord(Ts=1.0, **signals)))
+        seen.add(piece.record_hash(LoopRecord(Ts=1.0, **signals)))
     assert len(seen) == 5
     assert all(len(h) == 16 for h in seen)
 
@@ -391,8 +391,8 @@ def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked
 def test_a_piece_adds_up_its_seconds(small, monkeypatch):
     """Every look at the clock is a second later than the last: settling with truth takes 1 s."""
     seconds = iter(range(10**6))
-    monkeypatch.setattr(work.time, "perf_counter", lambda: float(next(seconds)))
-    receipt = work.work(small, 0, [0], work.WorkSettings(("he",))).receipt
+    monkeypatch.setattr(piece.time, "perf_counter", lambda: float(next(seconds)))
+    receipt = piece.compute_piece(small, 0, [0], piece.PieceSettings(("he",))).receipt
     assert receipt.scenarios == 2
     assert receipt.simulating == 1.0
     assert 0 < receipt.judging < receipt.working

@@ -183,4 +183,4 @@ def stopped(monkeypatch):
     def never(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(run_module, "work", never)
+    monkeypatch.setattr(run_module, "compute_piece", never)

@@ -46,14 +46,14 @@ def pieces():
 @pytest.fixture(scope="module")
 def quick(pieces):
     with pytest.MonkeyPatch.context() as patch:
-        work = run_module.work
+        work = run_module.compute_piece
 
         def known(grid, number, *more):
             if number not in pieces:
                 pieces[number] = work(grid, number, *more)
             return pieces[number]
 
-        patch.setattr(run_module, "work", known)
+        patch.setattr(run_module, "compute_piece", known)
         patch.setattr(run_module, "refuse_wrong_parts", lambda plan: None)
         score, scored = pieces_module.score_book, []
 

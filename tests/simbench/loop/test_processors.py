@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from simbench.bench.execute.work import record_hash
+from simbench.bench.execute.compute_piece import record_hash
 from simbench.loop.disturbance import DISTURBANCES
 from simbench.loop.simulate import simulate
 from tests.common.plain_loops import chaotic_loop as sticky

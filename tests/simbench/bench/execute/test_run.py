@@ -23,12 +23,12 @@ from joblib.externals.loky import process_executor
 from killing import kill_when_it_stops, stops
 
 import simbench.scenarios as scenarios
-from simbench.bench.execute import pieces, workers
+from simbench.bench.execute import compute_piece as piece_module
+from simbench.bench.execute import distribute, pieces
 from simbench.bench.execute import plugin_host as guests
 from simbench.bench.execute import run as run_module
-from simbench.bench.execute import work as work_module
+from simbench.bench.execute.compute_piece import record_hash
 from simbench.bench.execute.run import Interrupted, run_grid
-from simbench.bench.execute.work import record_hash
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
@@ -306,7 +306,7 @@ def test_dead_workers_are_replaced_and_when_they_keep_dying_the_run_ends_with_ad
     class BrokenProcessPool(Exception):
         pass
 
-    worked, work = [], run_module.work
+    worked, work = [], run_module.compute_piece
 
     def dying(grid, number, *more):
         worked.append(number)
@@ -314,7 +314,7 @@ def test_dead_workers_are_replaced_and_when_they_keep_dying_the_run_ends_with_ad
             raise BrokenProcessPool("a worker was killed")
         return work(grid, number, *more)
 
-    monkeypatch.setattr(run_module, "work", dying)
+    monkeypatch.setattr(run_module, "compute_piece", dying)
     if deaths < run_module.LIVES:
         assert_same(run_grid(small, tmp_path / "run", METHODS), finished)
     else:
@@ -380,7 +380,7 @@ def test_loky_that_fails_as_it_ends_prints_no_traceback(monkeypatch, capfd):
 
     monkeypatch.setattr(manager, "add_call_item_to_queue", add)
     monkeypatch.setattr(threading, "excepthook", threading.__excepthook__)  # pytest has another
-    with contextlib.suppress(KeyboardInterrupt), workers.on_processes(2) as run:
+    with contextlib.suppress(KeyboardInterrupt), distribute.on_processes(2) as run:
         for _ in run(divmod, [(number, 1) for number in range(20)]):
             raise KeyboardInterrupt
     assert capfd.readouterr().err == ""
@@ -393,7 +393,7 @@ def test_loky_that_fails_as_it_ends_prints_no_traceback(monkeypatch, capfd):
 def test_a_signal_stops_a_run_after_the_pieces_that_are_whole(
     small, tmp_path, monkeypatch, sent, on_sigint
 ):
-    work, before = run_module.work, signal.getsignal(signal.SIGINT)
+    work, before = run_module.compute_piece, signal.getsignal(signal.SIGINT)
 
     def signalled(grid, number, *more):
         if number == 2:
@@ -401,7 +401,7 @@ def test_a_signal_stops_a_run_after_the_pieces_that_are_whole(
             signal.raise_signal(sent)
         return work(grid, number, *more)
 
-    monkeypatch.setattr(run_module, "work", signalled)
+    monkeypatch.setattr(run_module, "compute_piece", signalled)
     signal.signal(signal.SIGINT, on_sigint)
     try:
         with pytest.raises(Interrupted, match=r"2 pieces are whole .* continue with --resume"):
@@ -543,7 +543,7 @@ def test_a_kill_between_the_last_steps_is_tidied_up(
     ],
 )
 def test_wrong_settings_are_one_sentence(small, tmp_path, settings, words, monkeypatch):
-    monkeypatch.setattr(workers, "PATIENCE", 1)
+    monkeypatch.setattr(distribute, "PATIENCE", 1)
     methods = settings.pop("methods", ["he"])
     with pytest.raises(UserError, match=words) as error:
         run_grid(small, tmp_path / "run", methods, **settings)
@@ -658,13 +658,13 @@ def test_the_manifest_states_what_was_run(finished):
 def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_of_the_grid(
     small, tmp_path, monkeypatch
 ):
-    asked, judge_record = [], work_module.judge_record
+    asked, judge_record = [], piece_module.judge_record
 
     def heard(record, *rest):
         asked.append(record_hash(record))
         return judge_record(record, *rest)
 
-    monkeypatch.setattr(work_module, "judge_record", heard)
+    monkeypatch.setattr(piece_module, "judge_record", heard)
     folder = run_grid(make_grid(SMALL, "small", {"repeats": 8}), tmp_path / "run", ["he"])
     rows = pd.read_parquet(folder / "scenarios.parquet")
     assert sorted(asked) == sorted(rows.record_hash)
@@ -681,14 +681,14 @@ def test_records_are_judged_in_an_order_that_tells_nothing_and_written_in_that_o
 
 
 def test_pieces_whose_loops_were_all_left_out_are_no_damage(small, tmp_path, monkeypatch):
-    kept, settled = [], work_module.settled
+    kept, settled = [], piece_module.settled
     monkeypatch.setattr(
-        work_module, "settled", lambda group: kept.append(1) or settled(group)[: len(kept) > 2]
+        piece_module, "settled", lambda group: kept.append(1) or settled(group)[: len(kept) > 2]
     )
     book = RunArrays.read(run_grid(small, tmp_path / "some", ["he"]))
     assert 0 < book.ids.size < len(small) - 2
     assert book.verdict.shape == (1, book.ids.size)
-    monkeypatch.setattr(work_module, "settled", lambda group: [])
+    monkeypatch.setattr(piece_module, "settled", lambda group: [])
     book = RunArrays.read(run_grid(small, tmp_path / "none", ["he"]))
     assert book.verdict.shape == (1, 0)
 

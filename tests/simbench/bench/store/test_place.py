@@ -57,13 +57,15 @@ def test_a_run_in_memory_has_the_bits_of_one_on_disk_and_is_read_by_every_verb(
 
 
 def test_a_run_in_memory_is_resumed_by_its_receipts(small, finished, url, monkeypatch):
-    work = run_module.work
+    work = run_module.compute_piece
     with monkeypatch.context() as patch:
-        raise_after(patch, run_module, "work", 3, KeyboardInterrupt)
+        raise_after(patch, run_module, "compute_piece", 3, KeyboardInterrupt)
         with pytest.raises(run_module.Interrupted, match="3 pieces are whole in memory://"):
             run_grid(small, url, METHODS)
     worked = []
-    monkeypatch.setattr(run_module, "work", lambda *given: worked.append(given[1]) or work(*given))
+    monkeypatch.setattr(
+        run_module, "compute_piece", lambda *given: worked.append(given[1]) or work(*given)
+    )
     run_grid(small, url, METHODS, resume=True)
     assert worked == [3, 4, 5, 6, 7]
     assert same(url, finished)
@@ -152,7 +154,7 @@ def test_a_server_that_keeps_nothing_is_noticed_before_anything_is_simulated(
     monkeypatch.setattr(
         fsspec.implementations.memory.MemoryFileSystem, "pipe_file", lambda self, path, value: None
     )
-    monkeypatch.setattr(run_module, "work", None)
+    monkeypatch.setattr(run_module, "compute_piece", None)
     with pytest.raises(
         FileError, match=r"keeps no run .*; a place that can be written, listed and read is needed"
     ):
@@ -172,7 +174,7 @@ def test_what_cannot_be_kept_is_refused_before_anything_is_simulated(
     url, words, small, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(run_module, "work", None)
+    monkeypatch.setattr(run_module, "compute_piece", None)
     with pytest.raises(FileError, match=words):
         run_grid(small, url, METHODS)
     assert not list(tmp_path.iterdir())

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
 from simbench.gap.stiction.conclusion import Conclusion
+from simbench.notebook import Loop
 from simbench.scenarios import spec
-from simbench.workbench import Loop
 
 LOOP = Loop(
     plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},

@@ -11,7 +11,7 @@ from simbench.progress import Progress
 from simbench.safe_path import safe_path
 
 
-def worked(calls: Sequence[Any], jobs: int, desc: str) -> list[Any]:
+def run_parallel(calls: Sequence[Any], jobs: int, desc: str) -> list[Any]:
     """Return what calls (of `joblib.delayed`) give, in order, worked by so many processes."""
     with safe_path(), Parallel(n_jobs=jobs, return_as="generator") as parallel:
         return list(Progress(parallel(calls), total=len(calls), desc=desc, delay=1.0))

@@ -110,7 +110,7 @@ class SimulatedScenario:
 
 
 @dataclass(frozen=True)
-class WorkSettings:
+class PieceSettings:
     """How the records of a run are judged, the same for every piece.
 
     `plugins` and `parts` are files outside the package, of detectors and of parts of loops, which
@@ -126,7 +126,7 @@ class WorkSettings:
     own: Mapping[str, Any] = field(default_factory=dict)
 
 
-def work(grid: Grid, number: int, groups: Sequence[int], settings: WorkSettings) -> Piece:
+def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: PieceSettings) -> Piece:
     """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for
     its times.
     """

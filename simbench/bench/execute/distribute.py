@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from typing import Any
 
-from simbench.bench.execute.work import Receipt
+from simbench.bench.execute.compute_piece import Receipt
 from simbench.bench.store.checksums import RunError
 from simbench.safe_path import safe_path
 
