@@ -21,7 +21,7 @@ from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder, read_labels, read_records
 from simbench.detectors.records.isdb import read_loops
-from simbench.detectors.repaired import repaired
+from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.events import event_numbers
 from simbench.detectors.report.report import Report, ShownConclusion, choose_methods, score_units
 from simbench.detectors.sources import (
@@ -51,7 +51,7 @@ def detect(
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
             known = {k: v for k, v in about.items() if k not in ("op", "pv", "sp", "mv")}
             return _judge_files(source, asked, settings, plugins, **known)
-        record = repaired(as_record(source, **about))
+        record = repair_record(as_record(source, **about))
         with registry.hosted(plugins) as added:
             names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
@@ -140,7 +140,7 @@ def _judge_files(
         verdicts, conclusions = [], {}
         for name, record in records.items():
             try:
-                record = records[name] = repaired(record)
+                record = records[name] = repair_record(record)
                 judged = judge(record, names)
                 if settings.conclude is not None:
                     conclusions[name] = settings.conclude(record)

@@ -47,7 +47,7 @@ def with_implied_process(record: LoopRecord) -> LoopRecord:
     return replace(record, process=process, notes=(*record.notes, note))
 
 
-def repaired(record: LoopRecord) -> LoopRecord:
+def repair_record(record: LoopRecord) -> LoopRecord:
     """Return a record without wild samples and without a frozen stretch, PV in an ordinary unit.
 
     Up to five samples in a row that lie far outside all others count as missing and are bridged by
@@ -80,7 +80,7 @@ def repaired(record: LoopRecord) -> LoopRecord:
     >>> t = np.arange(400.0)
     >>> pv = np.sin(t / 8)
     >>> pv[90] = 1e6
-    >>> repaired(LoopRecord(op=-np.sin(t / 8), pv=pv, Ts=1.0)).notes
+    >>> repair_record(LoopRecord(op=-np.sin(t / 8), pv=pv, Ts=1.0)).notes
     ('outliers: 1 sample of PV contradicts its neighbours on both sides and counts as missing',)
     """
     return _in_ordinary_unit(_thawed(_without_wild(with_implied_process(record))))

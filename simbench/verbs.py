@@ -13,7 +13,7 @@ from simbench.detectors import detection
 from simbench.detectors.procedure import Diagnosis
 from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.repaired import repaired
+from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.report import Report
 from simbench.detectors.sources import (
     About,
@@ -227,7 +227,7 @@ def diagnose(source: Source | None = None, **about: Unpack[RecordSignals]) -> Lo
     """
     from simbench.gap.stiction.conclusion import judged
 
-    record = repaired(as_record(source, **about))
+    record = repair_record(as_record(source, **about))
     return LoopDiagnosis(*judged(record), procedure(record), record)
 
 

@@ -30,7 +30,7 @@ from simbench.bench.statistics import auc, rate
 from simbench.detectors.compiled import one_thread
 from simbench.gap.command import diagnose_files
 from simbench.gap.decide.posterior import TESTED
-from simbench.gap.diagnosis import weighed
+from simbench.gap.diagnosis import weigh_evidence
 from simbench.gap.report.result import CONFIDENCE
 from simbench.gap.thresholds import COVERED
 from simbench.loop.effects import NONE, UNKNOWN
@@ -50,7 +50,7 @@ def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
         record, baseline = write_item(item, Path(place), "record")
         report = diagnose_files([record], baseline)
     found = report.behind.found
-    before = weighed(found).probability
+    before = weigh_evidence(found).probability
     true = {UNKNOWN} if item.answer["kind"] == "foreign" else {*map(item.answer.get, _EFFECTS)}
     ranked = np.array([r.probability for r in report.ranking])
     likelier = np.cumsum(ranked) - ranked

@@ -18,7 +18,7 @@ from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, UserError
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.repaired import repaired
+from simbench.detectors.repaired import repair_record
 from simbench.detectors.sources import RecordSignals, as_record
 from simbench.gap.candidates import alike, smallest_detectable
 from simbench.gap.closed_loop.gap import Shrinkage, within_reach
@@ -48,7 +48,7 @@ from simbench.gap.stiction.conclusion import (
     without,
 )
 from simbench.gap.stiction.friction import refuse_unweighable
-from simbench.gap.stiction.probability import pooled
+from simbench.gap.stiction.probability import pool_log_odds
 from simbench.gap.stiction.visible import visible
 from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
 from simbench.loop import resolve
@@ -150,7 +150,7 @@ def diagnose_all(
     if baseline is None:
         # what is identified from wild samples or a stopped archive is no loop; beside a loop file,
         # outliers and a frozen sensor are effects that are named
-        given, records = records, [repaired(one) for one in records]
+        given, records = records, [repair_record(one) for one in records]
         said = [n for old, new in zip(given, records) for n in new.notes if n not in old.notes]
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
@@ -158,7 +158,7 @@ def diagnose_all(
         ordinary = learn(controls) if controls else None
         said += [note for one in controls if (note := _not_healthy(one))]
         assessment, loops = _assess_all(records, baseline, jobs, tests, ordinary)
-        found = report(assessment, weighed(assessment), ClosedLoops(assessment, seed), loops)
+        found = report(assessment, weigh_evidence(assessment), ClosedLoops(assessment, seed), loops)
     return replace(found, notes=(*found.notes, *said))
 
 
@@ -296,8 +296,8 @@ def _not_healthy(s: Situation) -> str:
         return ""
     return (
         f"healthy: {s.record.tag or 'a record'} shows {effect.replace('_', ' ')} itself"
-        f" (probability {weighed(found).probability[effect]:.2f}); only its load and noise are"
-        " taken from it"
+        f" (probability {weigh_evidence(found).probability[effect]:.2f}); only its load and noise"
+        " are taken from it"
     )
 
 
@@ -323,7 +323,7 @@ def _assess_all(
     main, *others = every
     weighed = [one for _, one in pairs if isinstance(one, CandidateLoops)]
     if weighed:
-        loops = replace(weighed[0], log_odds=pooled([one.log_odds for one in weighed]))
+        loops = replace(weighed[0], log_odds=pool_log_odds([one.log_odds for one in weighed]))
         main = replace(main, friction=loops.probability)
     if not others:
         return main, loops
@@ -341,7 +341,7 @@ def _assess_all(
     return main, loops
 
 
-def weighed(found: Assessment) -> Posterior:
+def weigh_evidence(found: Assessment) -> Posterior:
     """Return the posterior of an assessment's evidence."""
     return posterior(found.rows, found.first, found.on_top, found.worst_test, found.friction)
 

@@ -19,7 +19,7 @@ from simbench.detectors.errors import ParameterError, UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.sources import About, RecordSignals, as_record
 from simbench.gap.stiction.candidate_loops import candidate_loops
-from simbench.gap.stiction.probability import pooled, probability
+from simbench.gap.stiction.probability import pool_log_odds, probability
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import Source
@@ -84,7 +84,7 @@ def _compared(
     lengths, Ts = (records[0].n, records[1].n), records[0].Ts
     expectations = [expected(some, lengths, Ts) for some in (sound, sticky)]
     odds = odds_of_friction(*phases, *expectations, outside=True)
-    shown = pooled([one.log_odds for one in loops])
+    shown = pool_log_odds([one.log_odds for one in loops])
     verdict, reason = told(odds, observed(*phases), *expectations)
     alone = f"by themselves the records show stiction with probability {probability(shown):.2f}"
     # the change may contradict what the records show, and take a side where they lean to it

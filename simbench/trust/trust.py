@@ -20,7 +20,7 @@ from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.repaired import repaired
+from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from simbench.detectors.verdict import STICTION, Verdict
@@ -149,7 +149,7 @@ class _Effort(NamedTuple):
 def _trust(record: LoopRecord, loop: Loop | None, names: list[str], effort: _Effort) -> Trust:
     refuse_wrong_forms(names)
     # with a loop file, outliers and a frozen sensor are effects that the diagnosis weighs
-    record = repaired(record) if loop is None else record
+    record = repair_record(record) if loop is None else record
     verdicts = judge(record, names)
     prepared = Prepared(replace(record, mv=None))
     try:

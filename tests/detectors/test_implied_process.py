@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.repaired import repaired
+from simbench.detectors.repaired import repair_record
 
 T = np.arange(600.0)
 
@@ -15,19 +15,19 @@ T = np.arange(600.0)
 )
 def test_the_kind_implies_the_process_where_it_does(kind, process):
     record = LoopRecord(op=-np.sin(T / 8), pv=np.cos(T / 8), Ts=1.0, kind=kind)
-    found = repaired(record)
+    found = repair_record(record)
     assert found.process == process
     assert [n for n in found.notes if n.startswith("process: ")] == (
         [f"process: a {kind} loop; judged as {process}, unless --process states another"]
         if process
         else []
     )
-    assert repaired(found).notes == found.notes
+    assert repair_record(found).notes == found.notes
 
 
 def test_a_stated_process_stays():
     stated = LoopRecord(
         op=-np.sin(T / 8), pv=np.cos(T / 8), Ts=1.0, kind="level", process="self-regulating"
     )
-    assert repaired(stated).process == "self-regulating"
-    assert not repaired(stated).notes
+    assert repair_record(stated).process == "self-regulating"
+    assert not repair_record(stated).notes

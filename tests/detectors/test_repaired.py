@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.repaired import repaired
+from simbench.detectors.repaired import repair_record
 
 N = 600
 
@@ -22,7 +22,7 @@ def record(change=lambda op, pv: None):
 
 def test_an_ordinary_record_is_returned_as_it_is():
     sound = record()
-    assert repaired(sound) is sound
+    assert repair_record(sound) is sound
 
 
 @pytest.mark.parametrize("value", [0.0, -9999.0, 1e30])
@@ -32,11 +32,11 @@ def test_wild_samples_count_as_missing(value, signal, places):
     def change(op, pv):
         (op if signal == "op" else pv)[places] = value
 
-    mended = repaired(record(change))
+    mended = repair_record(record(change))
     assert np.abs(getattr(mended, signal) - getattr(record(), signal)).max() < 2.1
     assert mended.n == N
     assert mended.notes[0].startswith(f"outliers: {len(places)} sample")
-    assert repaired(mended) is mended
+    assert repair_record(mended) is mended
 
 
 def test_wild_samples_leave_no_word_about_their_unit():
@@ -45,7 +45,7 @@ def test_wild_samples_leave_no_word_about_their_unit():
 
     doubted = "unit: OP runs from 48.8 to 1e+30, which is no %: S and J are in OP units"
     given = replace(record(change), notes=(doubted, "gaps: none"))
-    assert [note.split(":")[0] for note in repaired(given).notes] == ["gaps", "outliers"]
+    assert [note.split(":")[0] for note in repair_record(given).notes] == ["gaps", "outliers"]
 
 
 def test_what_lasts_longer_than_five_samples_is_kept():
@@ -53,7 +53,7 @@ def test_what_lasts_longer_than_five_samples_is_kept():
         pv[300:306] += 50.0
 
     moved = record(change)
-    assert np.array_equal(repaired(moved).pv, moved.pv)
+    assert np.array_equal(repair_record(moved).pv, moved.pv)
 
 
 @pytest.mark.parametrize("share", [0.06, 0.25, 0.4])
@@ -63,7 +63,7 @@ def test_a_frozen_tail_is_left_out(share):
     def change(op, pv):
         op[begin:], pv[begin:] = op[begin - 1], pv[begin - 1]
 
-    mended = repaired(record(change))
+    mended = repair_record(record(change))
     assert mended.n == begin - 1
     assert np.array_equal(mended.pv, record().pv[: begin - 1])
     assert mended.notes == (
@@ -79,7 +79,7 @@ def test_one_signal_that_rests_alone_is_kept(signal):
         x[400:500] = x[400]
 
     resting = record(change)
-    assert repaired(resting) is resting
+    assert repair_record(resting) is resting
 
 
 def test_a_loop_that_comes_to_rest_is_kept():
@@ -87,7 +87,7 @@ def test_a_loop_that_comes_to_rest_is_kept():
         op[200:], pv[200:] = op[199], pv[199]
 
     at_rest = record(change)
-    assert repaired(at_rest) is at_rest
+    assert repair_record(at_rest) is at_rest
 
 
 def test_op_at_a_limit_is_not_frozen():
@@ -96,7 +96,7 @@ def test_op_at_a_limit_is_not_frozen():
         op[400:500] = 50.2
 
     limited = record(change)
-    assert repaired(limited) is limited
+    assert repair_record(limited) is limited
 
 
 @pytest.mark.parametrize("factor", [1e-12, 1e-6, 1e9, 1e12])
@@ -105,7 +105,9 @@ def test_pv_of_any_unit_and_offset_is_judged_as_in_an_ordinary_one(factor, offse
     plain = record()
     sp = np.full(N, 20.0)
     given = replace(plain, pv=factor * (plain.pv + offset), sp=factor * (sp + offset))
-    mended = repaired(replace(given, pv_span=(factor * (offset + 0.0), factor * (offset + 40.0))))
+    mended = repair_record(
+        replace(given, pv_span=(factor * (offset + 0.0), factor * (offset + 40.0)))
+    )
     low, high = mended.pv_span
     # both mean the same share of the span
     assert (mended.pv - low) / (high - low) == pytest.approx(plain.pv / 40.0, abs=1e-8)
@@ -113,4 +115,4 @@ def test_pv_of_any_unit_and_offset_is_judged_as_in_an_ordinary_one(factor, offse
     assert 1e-3 <= np.ptp(mended.pv) <= 1e6
     assert np.abs(mended.pv).max() < 1e5 * np.ptp(mended.pv)
     assert mended.notes[0].startswith("unit: PV spans")
-    assert repaired(mended) is mended
+    assert repair_record(mended) is mended

@@ -24,7 +24,7 @@ from simbench.detectors.verdict import STICTION
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.measured import resampled
-from simbench.gap.stiction.probability import pooled, probability
+from simbench.gap.stiction.probability import pool_log_odds, probability
 from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.progress import Progress
 from simbench.usage import exit_code
@@ -128,7 +128,7 @@ def _called(part: pd.DataFrame, method: str) -> bool:
     if method == PROCEDURE:
         return bool(part[PROCEDURE].mean() > 0.5)
     odds = part.odds.dropna()
-    return bool(odds.size and probability(pooled(list(odds))) > CLAIMED_FROM)
+    return bool(odds.size and probability(pool_log_odds(list(odds))) > CLAIMED_FROM)
 
 
 def records(where: Path, doubted: bool = False) -> list[tuple[Any, LoopRecord]]:

@@ -16,7 +16,7 @@ from simbench.gap.effects import Parameters, is_friction, recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.joint import JointEngine, JointPart
 from simbench.gap.likelihood.model import Data, Fit, Spec
-from simbench.gap.likelihood.search import likeliest
+from simbench.gap.likelihood.search import fit_likeliest
 from simbench.gap.likelihood.second_order import positioner
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch, share_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory, through_valve
@@ -160,7 +160,7 @@ def scaled(p: Parameters, share: float) -> Parameters:
 
 def other_plants(fitted: Fitted, s: Situation, tests: Sequence[ModelledTest]) -> list[str]:
     """Return of each test in words its plant, where it is another than under the
-    likeliest fits of the record.
+    fit_likeliest fits of the record.
     """
     engine = joint_engine(s, tests, valve_maps(s, tests)[0])
     likely = sorted(
@@ -194,7 +194,7 @@ def _other_plant(alone: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]
     starts = [
         {**same.theta, "T": T * f, "Td": Td * g} for f, g in ((1.0, 1.0), (0.4, 0.5), (2.5, 2.0))
     ]
-    other = likeliest(alone, spec, starts)
+    other = fit_likeliest(alone, spec, starts)
     if other.loglik - same.loglik < ANOTHER_PLANT or same.K == 0.0:
         return ""
     gain, time = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
-from simbench.gap.likelihood.search import likeliest
+from simbench.gap.likelihood.search import fit_likeliest
 
 
 def released(
@@ -26,7 +26,7 @@ def released(
             engine.fit(spec, {**base.theta, name: v}, search=few, steps=2) for v in trials(engine)
         ]
         tries.sort(key=lambda f: -f.loglik)
-        return likeliest(engine, spec, (t.theta for t in (base, *tries[:2]))), 1.0
+        return fit_likeliest(engine, spec, (t.theta for t in (base, *tries[:2]))), 1.0
 
     return fit
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
-from simbench.gap.likelihood.search import likeliest, plants
+from simbench.gap.likelihood.search import fit_likeliest, plants
 from simbench.gap.situation import Situation
 
 
@@ -37,7 +37,7 @@ def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
             engine.fit(spec, {**theta, **stated, "tau": float(x)}, steps=2) for x in lags[4::2]
         ]
         tries.sort(key=lambda f: -f.loglik)
-        return likeliest(engine, spec, (t.theta for t in tries[:2])), 1.0
+        return fit_likeliest(engine, spec, (t.theta for t in tries[:2])), 1.0
 
     return fit
 

@@ -10,7 +10,7 @@ from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec, input_gain
-from simbench.gap.likelihood.search import likeliest
+from simbench.gap.likelihood.search import fit_likeliest
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import DRIFT_OF_A_DAY, LARGER
 
@@ -29,7 +29,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     # the base's load had taken the drift's place
     quiet = {"load": 0.05 * best.theta["load"], "load_walk": 0.05 * size / np.sqrt(d.n)}
     quiet = {**best.theta, **quiet}
-    return likeliest(engine, spec, (best.theta, quiet)), 3.0
+    return fit_likeliest(engine, spec, (best.theta, quiet)), 3.0
 
 
 def numbers(fit: Fit, s: Situation) -> Parameters:

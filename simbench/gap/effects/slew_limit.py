@@ -10,7 +10,7 @@ from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import slewed
 from simbench.gap.likelihood.model import Data, Fit, Free, Moves, Spec
-from simbench.gap.likelihood.search import likeliest, plants
+from simbench.gap.likelihood.search import fit_likeliest, plants
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 
 
@@ -27,7 +27,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     rates = _moves(engine.data) * np.geomspace(0.02, 3.0, 14)
     points = [{**plant, "rate": float(rate)} for rate in rates for plant in plants(engine, base)]
     tries = engine.grid(spec, base.theta, points, keep=2)
-    best = likeliest(engine, spec, (t.theta for t in tries))
+    best = fit_likeliest(engine, spec, (t.theta for t in tries))
     return (best, 1.0) if best.loglik > base.loglik else (base, 1.0)
 
 

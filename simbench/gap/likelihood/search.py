@@ -76,7 +76,7 @@ def screened(
     return [every[i] for i in np.argsort(-np.array(values), kind="stable")[:_FOLLOWED]]
 
 
-def likeliest(engine: Engine, spec: Spec, starts: Iterable[Mapping[str, float]]) -> Fit:
+def fit_likeliest(engine: Engine, spec: Spec, starts: Iterable[Mapping[str, float]]) -> Fit:
     """Return the likeliest of the fits from several starts, the first of equal ones."""
     return max((engine.fit(spec, start) for start in starts), key=lambda f: f.loglik)
 
@@ -103,25 +103,25 @@ def scanned(
     high = engine.scan(spec, theta, kind, near)
     if kind in _SLIPPING:
         points, values = np.vstack([points, near]), np.concatenate([values, high])
-        best = followed(lambda children: engine.scan(spec, theta, kind, children), points, values)[
-            0
-        ]
+        best = refine_peaks(
+            lambda children: engine.scan(spec, theta, kind, children), points, values
+        )[0]
         return mapped(engine, spec, theta, kind, best)
     return mapped(engine, spec, theta, kind, near[int(np.argmax(high))])
 
 
-def followed(
+def refine_peaks(
     scan: Callable[[np.ndarray], np.ndarray], points: np.ndarray, values: np.ndarray
 ) -> np.ndarray:
     """Return points (p, 3) of a map with a jump, the best first, looked for ever closer around many
-    different ones.
+    distinct ones.
 
     The true peak is a percent or two wide in S, and on a coarse set its foot is no higher than
     broad hills elsewhere.
     """
     rng = np.random.default_rng(0)
     for turn, spread in enumerate(_SPREADS):
-        kept = different(points, values, 0.5**turn)
+        kept = distinct_peaks(points, values, 0.5**turn)
         parents = np.repeat(points[kept], _CHILDREN, axis=0)
         S = parents[:, 0] * np.exp(spread * rng.standard_normal(len(parents)))
         share = np.clip(
@@ -141,7 +141,7 @@ def followed(
     return points[np.argsort(-values, kind="stable")]
 
 
-def different(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:
+def distinct_peaks(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:
     """Return the best points of a map with a jump that differ in S or J/S, by a share of what sets
     peaks apart.
     """

@@ -8,7 +8,7 @@ from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
-from simbench.gap.likelihood.search import followed
+from simbench.gap.likelihood.search import refine_peaks
 from simbench.gap.sensor.samples import exception_band
 
 _PEAKS = 4  # number of best points of a grid over valve maps that are refined
@@ -120,7 +120,7 @@ class MapSearch:
 
         points = np.array([(s, s * j, 0.0) for s in self.sizes for j in shares])
         near = part.peaks(
-            kind, [(a, b) for a, b, _ in followed(scan, points, scan(points))[:_PEAKS]]
+            kind, [(a, b) for a, b, _ in refine_peaks(scan, points, scan(points))[:_PEAKS]]
         )
         lowest = [
             *self.peaks(kind, [(a, b) for a, b, _ in points]),

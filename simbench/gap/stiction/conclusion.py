@@ -17,7 +17,7 @@ import numpy as np
 from simbench.detectors.errors import UserError
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.repaired import repaired
+from simbench.detectors.repaired import repair_record
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap.decide.assess import Assessment
@@ -106,7 +106,7 @@ class Conclusion:
 
 def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed."""
-    record = repaired(record)
+    record = repair_record(record)
     try:
         loops: CandidateLoops | str = candidate_loops(record)
     except UserError as reason:

@@ -63,7 +63,7 @@ def log_odds(e: FrictionEvidence) -> float:
     return odds if odds > 0.0 else SPARED * odds
 
 
-def pooled(odds: Sequence[float]) -> float:
+def pool_log_odds(odds: Sequence[float]) -> float:
     """Return the log-odds from several records of one loop, whose errors are largely the same."""
     return sum(odds) / (1.0 + POOLED * (len(odds) - 1))
 

@@ -18,7 +18,7 @@ from simbench.gap.decide.evidence import PV, SAMPLES, Evidence, known_by, nats_o
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.diagnosis import diagnose, named_by, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
-from simbench.gap.stiction.probability import pooled, probability
+from simbench.gap.stiction.probability import pool_log_odds, probability
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.spec import SpecError, load_loop
 
@@ -319,7 +319,9 @@ def test_evidence_of_several_records_adds_up_and_the_longest_carries_the_fit(mon
     assert joined.situation.notes == [
         "3 records judged together; gap and parameters are those of FIC1"
     ]
-    assert joined.friction == loops.probability == pytest.approx(probability(pooled([1.0] * 3)))
+    assert (
+        joined.friction == loops.probability == pytest.approx(probability(pool_log_odds([1.0] * 3)))
+    )
     assert together(monkeypatch, short)[0].situation.notes == []
     [note] = together(monkeypatch, short, more)[0].situation.notes
     assert "those of the longest" in note

@@ -16,7 +16,7 @@ from simbench.files import write_record
 from simbench.gap.stiction.probability import (
     FrictionEvidence,
     log_odds,
-    pooled,
+    pool_log_odds,
     probability,
     verdict,
 )
@@ -58,10 +58,10 @@ def test_no_probability_is_certain():
 
 
 def test_records_of_one_loop_count_together_but_not_as_often_as_they_were_taken():
-    assert pooled([1.5]) == 1.5
-    assert pooled([1.0, 1.0]) == pytest.approx(2.0 / (1.0 + POOLED))
-    assert 1.0 < pooled([1.0] * 50) < 1.0 / POOLED
-    assert pooled([2.0, -2.0]) == 0.0
+    assert pool_log_odds([1.5]) == 1.5
+    assert pool_log_odds([1.0, 1.0]) == pytest.approx(2.0 / (1.0 + POOLED))
+    assert 1.0 < pool_log_odds([1.0] * 50) < 1.0 / POOLED
+    assert pool_log_odds([2.0, -2.0]) == 0.0
 
 
 def test_both_errors_cost_the_same():
