@@ -335,12 +335,6 @@ NO_TEST_FROM = AnswerThreshold(
     "from which no test is recommended",
     "30 of 31 such answers were right; three simulators, seeds 423041 to 423043",
 )
-MAY_DRIFT = AnswerThreshold(
-    0.1,
-    "probability",
-    "of a drift of the sensor, from which lab samples come before a bump",
-    "five records of two simulators: two more right, none less",
-)
 
 THRESHOLDS = {name: x for name, x in globals().items() if isinstance(x, AnswerThreshold)}
 

@@ -20,22 +20,20 @@ _SAMPLES_OF_LAB = 40
 _LAB_STD = 0.5  # of the stated noise
 
 
-def planned(trial: Trial, Ts: float, noise: float) -> TestPlan:
-    """Return a test of the product's menu as a world runs it; `Ts` (s) is the controller's and
-    `noise` (PV units) the stated one. What is done in manual begins in automatic.
+def planned(trial: Trial, noise: float) -> TestPlan:
+    """Return a test of the product's menu as a world runs it; `noise` (PV units) is the stated one.
+    What is done in manual begins in automatic.
     """
-    faster = round(Ts / trial.Ts)
-    n = trial.n // faster * faster
-    moves, still = trial.moves[:n], np.zeros(n)
+    n = trial.n
+    still = np.zeros(n)
     by_hand = trial.manual & (np.arange(n) >= LEAD)
     lab = trial.id == "lab"
     return TestPlan(
         trial.id,
         n,
-        still if trial.manual else moves,
-        np.where(by_hand, moves, np.nan),
+        still if trial.manual else trial.moves,
+        np.where(by_hand, trial.moves, np.nan),
         Kc_ratio=trial.settings.get("controller", {}).get("Kc_ratio", 1.0),
-        faster=faster,
         raw=trial.id == "raw",
         mv=trial.id == "mv",
         lab=np.linspace(5, n - 5, _SAMPLES_OF_LAB).astype(int) if lab else None,
@@ -58,7 +56,7 @@ def run_test(
         if truth.get(name) not in (None, "", NONE)
     ]
     Ts = float(baseline["sampling"]["Ts"])
-    plan = planned(trial, Ts, float(baseline.get("noise", {}).get("std", 0.0)))
+    plan = planned(trial, float(baseline.get("noise", {}).get("std", 0.0)))
     seed = int(truth["seed"]) + _SEED + ORDER.index(trial.id)
     columns = load_world(truth["world"]).test(truth, acts, seed, plan)
     record = place / f"{truth['id']}-{trial.id}.csv"

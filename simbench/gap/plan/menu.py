@@ -23,9 +23,8 @@ from simbench.scenarios.spec import Loop, Real
 
 LEAD = 120  # samples in automatic before an operator takes over
 _MOST = 1500  # samples of a test; longer ones tell little more, only later
-_FASTER = 4  # times as fast as the record a fast log is, as its sentence says
 _SMALLER = 6  # times a test that would leave its limits is made smaller
-_AS_OPERATED = ("raw", "mv", "fast", "lab")  # tests under which PV does what it does anyway
+_AS_OPERATED = ("raw", "mv", "lab")  # tests under which PV does what it does anyway
 _TINY = 1e-9  # gain of a controller that follows the operator alone
 # standard deviations between draws of load and noise, by which an excursion is taken to be larger
 # than their mean: 20 fresh draws of each of four tests stay within
@@ -45,7 +44,6 @@ _SENTENCES = {
     "bump": "in manual, move OP by {size:.3g} %: base, up, down, base, {hold:.0f} s each",
     "stairs": "in manual, move OP in small stairs of {size:.3g} %: up, down, up, {hold:.0f} s each",
     "still": "in manual, leave OP where it is for {minutes:.0f} min",
-    "fast": "log the same loop four times as fast for {minutes:.0f} min",
     "lab": (
         "take 40 grab samples of the true process value within {minutes:.0f} min, in a column lab"
     ),
@@ -124,8 +122,6 @@ class Trial:
         out: dict[str, Any] = {"test": test}
         if self.id == "kc_half":
             out["controller"] = {"Kc_ratio": 0.5}
-        if self.id == "fast":
-            out["sampling"] = {"Ts": self.Ts}
         return out
 
     def as_json(self) -> dict[str, Any]:
@@ -215,8 +211,6 @@ def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:
             hold = max(int(pace), 5)
         moves = np.append(np.zeros(LEAD), np.repeat(moves, hold))
         return Trial(id_, size, hold * Ts, Ts, moves, id_ != "sp_steps")
-    if id_ == "fast":
-        Ts, n = Ts / _FASTER, min(_FASTER * n, 2 * _MOST)
     return Trial(id_, 0.0, 0.0, Ts, np.zeros(n), id_ == "still")
 
 

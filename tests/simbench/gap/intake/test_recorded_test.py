@@ -96,4 +96,4 @@ def test_a_log_of_another_pace_is_taken_where_it_is_declared(tmp_path):
 
 
 def test_every_test_that_is_recommended_can_be_read():
-    assert set(ORDER) == set(TEST_IDS)
+    assert set(ORDER) < set(TEST_IDS)

@@ -75,10 +75,10 @@ def test_the_json_of_a_plan_has_the_contracts_keys_and_claims_no_information():
     )
 
 
-def test_mv_comes_first_then_a_bump_and_what_was_recorded_is_not_asked_for_again(monkeypatch):
-    assert ids(plan(assessed(monkeypatch), OPEN, LOOPS))[:2] == ["mv", "bump"]
-    assert ids(plan(assessed(monkeypatch, valve_seen=True), OPEN, LOOPS))[0] == "bump"
-    again = plan(assessed(monkeypatch, asked=("mv", "bump")), OPEN, LOOPS, most=1)
+def test_mv_comes_first_then_sp_and_what_was_recorded_is_not_asked_for_again(monkeypatch):
+    assert ids(plan(assessed(monkeypatch), OPEN, LOOPS))[:2] == ["mv", "sp_steps"]
+    assert ids(plan(assessed(monkeypatch, valve_seen=True), OPEN, LOOPS))[0] == "sp_steps"
+    again = plan(assessed(monkeypatch, asked=("mv", "sp_steps")), OPEN, LOOPS, most=1)
     assert ids(again) == ["lab"]
     assert plan(assessed(monkeypatch, asked=ORDER), OPEN, LOOPS).next_test is None
 
@@ -99,15 +99,9 @@ def test_raw_data_come_first_where_neither_law_nor_samples_speak_for_the_archive
     assert plan(assessment, OPEN, LOOPS).next_test["test"] == first
 
 
-def test_lab_samples_come_before_a_bump_where_the_sensor_may_drift(monkeypatch):
-    some, little = OPEN | {"drift": 0.11}, OPEN | {"drift": 0.09}
-    assert ids(plan(assessed(monkeypatch), some, LOOPS))[:3] == ["mv", "lab", "bump"]
-    assert ids(plan(assessed(monkeypatch), little, LOOPS))[:3] == ["mv", "bump", "lab"]
-
-
 def test_a_test_that_would_leave_its_limits_is_left_out_with_its_reason(monkeypatch):
     made = plan(assessed(monkeypatch, left_out=("mv",)), OPEN, LOOPS)
-    assert made.pair == ["bump", "lab"]
+    assert made.pair == ["sp_steps", "lab"]
     assert made.left_out == ("mv: no",)
     nothing = plan(assessed(monkeypatch, left_out=ORDER), OPEN, LOOPS)
     assert nothing.as_json()["pair"] == []
