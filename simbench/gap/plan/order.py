@@ -15,8 +15,8 @@ from simbench.gap.plan.menu import Limits, Trial, sized
 from simbench.gap.thresholds import NO_TEST_FROM
 from simbench.loop.effects import NONE, UNKNOWN
 
-# MV tells most, then steps of SP; of the others none is worth more than another by what a test adds
-# to the probability of the truth (results/plant_tests.txt). A raw log comes first, where the archive
+# MV tells most, then steps of SP; of the others none is worth more than another by what it adds to
+# the probability of the truth (results/plant_tests.txt). A raw log comes first, where the archive
 # hides the law of OP. Tests chosen for each record by their expected information did no better than
 # a fixed order: 59 of 66 effects named rightly after two, against 58.
 ORDER = ("raw", "mv", "sp_steps", "lab", "stairs", "kc_half", "bump", "still")
