@@ -29,46 +29,43 @@ _NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
 
 @dataclass
 class Setup:
-    """Everything the compiled loop needs, still open to change.
-
-    Signals have end + tail samples, the warm-up included; loads are in % at the plant's input and
-    in PV units at its output; `pv_add` is measured with PV (noise included). `valves` is the chain
-    OP passes, each a plug-in with its resolved parameters. `recorders` turn the PV the controller
-    saw into the PV that is archived. `derivative` (time and filter, s) and `idle` (1 where it does
-    not run) change a P or PI controller, `frozen` (1 where the reading stands) the sensor. `num`
-    and `den` mean nothing where the plant is a plug-in without a transfer function.
+    """Everything the compiled loop needs, still open to change; signals have end + tail samples,
+    the warm-up included.
     """
 
     loop: Loop
     seed: int
-    tail: int
+    tail: int  # samples behind the record
+    # the plant's transfer function, and its dead time (s); nothing of a plug-in that has none
     num: np.ndarray
     den: np.ndarray
     Td: float
-    Kc: float
-    Ti: float | None
-    op0: float
+    Kc: float  # %/PV unit, without the controller's sign
+    Ti: float | None  # s; None of a P controller
+    op0: float  # operating point: OP (%) and PV at rest
     pv0: float
     sp: np.ndarray
-    load_in: np.ndarray
-    load_out: np.ndarray
-    noise_std: float
-    pv_add: np.ndarray
+    load_in: np.ndarray  # at the plant's input (%)
+    load_out: np.ndarray  # at its output (PV units)
+    noise_std: float  # PV units
+    pv_add: np.ndarray  # what is measured with PV, its noise included (PV units)
+    # the chain that OP passes, each stage a plug-in with its resolved parameters
     valves: list[tuple[ModuleType, Any]]
-    op_lo: float = 0.0
+    op_lo: float = 0.0  # limits of OP (%)
     op_hi: float = 100.0
-    error_gap: float = 0.0
-    op_step: float = 0.0
-    sensor_tau: float = 0.0
-    pv_step: float = 0.0
+    error_gap: float = 0.0  # full width of the error (PV units) in which OP rests
+    op_step: float = 0.0  # of OP's lattice (%)
+    sensor_tau: float = 0.0  # s
+    pv_step: float = 0.0  # of the lattice on which the controller sees PV (PV units)
+    # what turns the PV the controller saw into the PV that is archived
     recorders: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
-    outer: Setup | None = None
+    outer: Setup | None = None  # the outer loop of a cascade
     outer_signals: tuple[np.ndarray, np.ndarray] | None = None
-    plant_plugin: tuple[ModuleType, Any] | None = None
+    plant_plugin: tuple[ModuleType, Any] | None = None  # with its resolved parameters
     control_plugin: tuple[ModuleType, Any] | None = None
-    derivative: tuple[float, float] | None = None
-    idle: np.ndarray | None = None
-    frozen: np.ndarray | None = None
+    derivative: tuple[float, float] | None = None  # of a P or PI controller: time and filter (s)
+    idle: np.ndarray | None = None  # 1 where a P or PI controller does not run
+    frozen: np.ndarray | None = None  # 1 where the sensor's reading stands
 
     @property
     def Ts(self) -> float:

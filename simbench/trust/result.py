@@ -42,27 +42,24 @@ class MethodTrust:
 
 @dataclass(frozen=True, eq=False)
 class Trust:
-    """The conclusion about one record, and how reliable each method is on its loop.
-
-    `methods` are ordered: those that agree with the conclusion first, the most accurate on
-    simulated replicates first. `most_accurate` is the reading that is most often right on the
-    replicates, whether it agrees or not; `smallest_visible` (S, J in the unit of the record's S),
-    `visible_range` (the 90 % interval of that S, inf beyond the sizes tried) and `power` are its
-    own. `rivals` are the methods whose accuracy the replicates cannot tell from the first one's.
-    `twins` are S and J (%) of each replicate.
-    """
+    """The conclusion about one record, and how reliable each method is on its loop."""
 
     conclusion: Conclusion
+    # those that agree with the conclusion first, the most accurate on simulated replicates first
     methods: tuple[MethodTrust, ...]
+    # S and J (in the unit of the record's S) that the most accurate reading sees, and its power
     smallest_visible: tuple[float, float] | None
     power: tuple[Cell, ...]
-    twins: tuple[tuple[float, float], ...]
-    helps: tuple[Remedy, ...]
+    twins: tuple[tuple[float, float], ...]  # S and J (%) of each replicate
+    helps: tuple[Remedy, ...]  # what would make the answer more reliable
     notes: tuple[str, ...]
     record: LoopRecord = field(repr=False)
     candidates: CandidateLoops | None = field(repr=False, default=None)
+    # the reading that is most often right on the replicates, whether it agrees or not
     most_accurate: Rule | None = None
+    # 90 % interval of the smallest visible S, inf beyond the sizes tried
     visible_range: tuple[float, float] = (np.inf, np.inf)
+    # methods whose accuracy the replicates cannot tell from the first one's
     rivals: tuple[str, ...] = ()
     # that the replicates are not near the record, and what follows; "" where they are
     far: str = ""

@@ -57,34 +57,28 @@ _THINNED = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Result of the controller regression.
-
-    `residual` is the robust size of what the best law leaves of dOP, relative to dOP. Between error
-    and OP may lie: `limits` of OP tighter than its range (lo, hi), a `gap` of the error in which OP
-    rests (full width), a lattice of OP (`step`), and another `tuning` (factors of the baseline's Kc
-    and Ti). `recovered_pv` is the PV the controller must have seen (None when it cannot be
-    recovered). `reason` is why the block cannot be judged, `foreign` why it is another one, `late`
-    by how many samples OP answers late, `averaged` that the archive's PV is a mean, `blur` what the
-    digits leave uncertain of the recovered PV (PV units), `strays` the samples that an otherwise
-    exact law does not explain, `hidden` what an archive that reports by exception may hide of a
-    change of OP (%).
+    """Result of the controller regression: the best law, what lies between error and OP, and what
+    the archive hides.
     """
 
-    residual: float
-    Kc: float
-    Ti: float
+    residual: float  # robust size of what the best law leaves of OP's changes, over these
+    Kc: float  # %/PV unit
+    Ti: float  # s
+    # between error and OP may lie: limits of OP (%) tighter than its range
     limits: tuple[float, float] | None = None
-    gap: float = 0.0
-    step: float = 0.0
-    tuning: tuple[float, float] | None = None
+    gap: float = 0.0  # full width of the error (PV units) in which OP rests
+    step: float = 0.0  # of OP's lattice (%)
+    tuning: tuple[float, float] | None = None  # another one, as factors of the baseline's Kc and Ti
+    # (n,), the PV that the controller must have seen, where it can be recovered
     recovered_pv: np.ndarray | None = None
-    reason: str = ""
-    foreign: str = ""
-    late: int = 0
-    averaged: bool = False
-    blur: float = 0.0
+    reason: str = ""  # why the block cannot be judged
+    foreign: str = ""  # why it is another controller
+    late: int = 0  # samples by which OP answers late
+    averaged: bool = False  # the archive's PV is a mean
+    blur: float = 0.0  # what the digits leave uncertain of the recovered PV (PV units)
+    # samples that an otherwise exact law does not explain
     strays: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
-    hidden: float = 0.0
+    hidden: float = 0.0  # what an archive that reports by exception may hide of a change of OP (%)
 
     @property
     def known(self) -> bool:

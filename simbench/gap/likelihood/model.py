@@ -23,33 +23,24 @@ LINEAR = 3  # linear coefficients before those of an effect: gain, bias or ramp,
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """What the engine needs of a record and its baseline.
+    """What the engine needs of a record and its baseline; the unit of time is one sample."""
 
-    `u`, `y` (n,): input of the plant (OP or MV, %) and PV; `K`, `T`, `Td` of the baseline in
-    samples (T = 0: integrating, K per sample); `noise`: stated std (PV units), 0 where none is;
-    `resolution`: smallest step PV is written in; `late`: samples by which OP answers PV late in the
-    archive; not `trusted`: K, T, Td are mere starting values; `shape` (b, a): of a baseline of
-    higher order, the filter of unit gain between its input and that of the first-order plant;
-    `sines` period (samples) and amplitude on PV of the sines that the baseline states; `loads` the
-    size (% of travel) of its `steps`, and of its ramps and walks (`slow`), empty where it states no
-    load. `measured`: noise, loads and sines are those of healthy records; `most_load` the largest
-    steady standard deviation on PV that these leave possible of a load.
-    """
-
-    u: np.ndarray
-    y: np.ndarray
-    K: float
-    T: float
-    Td: float
-    noise: float
-    resolution: float = 0.0
-    trusted: bool = True
-    late: int = 0
+    u: np.ndarray  # (n,), input of the plant: OP or MV (%)
+    y: np.ndarray  # (n,), PV
+    K: float  # gain of the baseline's plant (PV units/%), per sample of an integrating one
+    T: float  # its time constant; 0 of an integrating one
+    Td: float  # its dead time
+    noise: float  # stated standard deviation (PV units), 0 where none is
+    resolution: float = 0.0  # smallest step PV is written in (PV units)
+    trusted: bool = True  # else K, T and Td are mere starting values
+    late: int = 0  # samples by which OP answers PV late in the archive
+    # (b, a): of a baseline of higher order, the filter of unit gain before the first-order plant
     shape: tuple[np.ndarray, np.ndarray] | None = None
-    sines: tuple[tuple[float, float], ...] = ()
+    sines: tuple[tuple[float, float], ...] = ()  # stated ones: period, and amplitude on PV
+    # size (% of travel) of the stated `steps`, and of ramps and walks (`slow`)
     loads: Mapping[str, float] = field(default_factory=dict)
-    measured: bool = False
-    most_load: float = math.inf
+    measured: bool = False  # noise, loads and sines are those of healthy records
+    most_load: float = math.inf  # largest steady standard deviation on PV that these leave possible
 
     def __post_init__(self) -> None:
         # a copy: kernels would be compiled anew for a record's arrays, which nobody may write
