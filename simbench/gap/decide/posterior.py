@@ -63,7 +63,7 @@ class Posterior:
     def with_friction(self, share: float) -> Posterior:
         """Return the posterior in which friction has a share; the others keep their odds."""
         # what is too small for numbers: then none of its effects is likelier
-        p = {e: v or (_SMALLEST if is_friction(e) else 0.0) for e, v in self.probability.items()}
+        p = {e: max(v, _SMALLEST if is_friction(e) else 0.0) for e, v in self.probability.items()}
         friction, others = (
             sum(v for e, v in p.items() if is_friction(e) == sticks) for sticks in (True, False)
         )

@@ -153,9 +153,14 @@ def test_friction_that_is_weighed_apart_takes_nothing_from_the_odds_of_the_other
     assert ranking[:2] == ["stiction", "drift"]
 
 
-def test_friction_keeps_its_probability_where_its_gains_are_too_low_for_numbers():
-    w = weighed(friction=0.01, stiction=-1e6, deadband=-1e5, noise=9.0)
+# a softmax of some of these is 0, of others less than the smallest normal number
+@pytest.mark.parametrize("nats", [-1e6, -2100.0, -2060.0, -2054.0, -2050.0, -1950.0])
+def test_friction_keeps_its_probability_where_its_gains_are_too_low_for_numbers(nats):
+    w = weighed(friction=0.01, stiction=nats, deadband=nats + 3.0, noise=9.0)
     assert w.friction == pytest.approx(0.01)
+    seen = weighed(stiction=nats, deadband=nats + 3.0, noise=9.0).with_friction(0.2)
+    assert seen.friction == pytest.approx(0.2)
+    assert sum(seen.probability.values()) == pytest.approx(1.0)
 
 
 def test_a_share_of_friction_leaves_the_others_their_odds():
