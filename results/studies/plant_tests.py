@@ -22,7 +22,7 @@ from joblib import Parallel, delayed
 from results.studies.admission import right_names
 from results.studies.withheld.files import write_item
 from results.studies.withheld.making import Plan
-from results.studies.withheld.plant_test import run_test
+from results.studies.withheld.on_plant import run_test
 from results.studies.worlds import recipes
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from results.studies.withheld.files import write_whole
-from results.studies.withheld.plant_test import run_test
+from results.studies.withheld.on_plant import run_test
 from results.studies.withheld.truth import read_any, rows_of
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, UserError

@@ -13,7 +13,7 @@ import pytest
 from results.studies.withheld.answering import TESTS, answer, answers_after
 from results.studies.withheld.files import csv_of, settings_toml, write_item
 from results.studies.withheld.making import make
-from results.studies.withheld.plant_test import planned
+from results.studies.withheld.on_plant import planned
 from results.studies.worlds import load_world
 from simbench.detectors.errors import UserError
 from simbench.detectors.records.io import read_record
