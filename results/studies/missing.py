@@ -11,7 +11,6 @@ and Shafer 2005).
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,15 +18,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from scipy.optimize import minimize
 from scipy.special import expit, logit
 
 from results.studies.withheld.files import write_item
-from results.studies.withheld.making import Plan
+from results.studies.withheld.sites import ask_sites
 from results.studies.worlds import recipes
 from simbench.bench.statistics import auc, rate
 from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files
 from simbench.gap.decide.posterior import TESTED
 from simbench.gap.diagnosis import weigh_evidence
@@ -44,11 +43,16 @@ _EFFECTS = ("effect", "effect2")  # of a record's true answer
 
 
 def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
-    """Return what one record shows, the site's part, and what is true."""
+    """Return what one record shows, the site's part, and what is true; nothing of a record that is
+    refused.
+    """
     item = recipes.draw(seed, i, entry)
     with TemporaryDirectory() as place, one_thread():
         record, baseline = write_item(item, Path(place), "record")
-        report = diagnose_files([record], baseline)
+        try:
+            report = diagnose_files([record], baseline)
+        except UserError:
+            return {}
     found = report.behind.found
     before = weigh_evidence(found).probability
     true = {UNKNOWN} if item.answer["kind"] == "foreign" else {*map(item.answer.get, _EFFECTS)}
@@ -131,14 +135,8 @@ def table(rows: pd.DataFrame, weights: np.ndarray) -> pd.DataFrame:
 
 def run(argv: Sequence[str] | None = None) -> int:
     """Draw, ask, learn and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=960101)
-    parser.add_argument("-n", type=int, default=300, help="records (default 300)")
-    parser.add_argument("-j", type=int, default=-1, help="processes (default: all)")
-    given = parser.parse_args(argv)
-    entries = Plan.of(given.n).entries(list(recipes.FOREIGN))
-    calls = [delayed(asked)(given.seed, i, entry) for i, entry in enumerate(entries)]
-    rows = pd.DataFrame(Parallel(n_jobs=given.j)(calls)).dropna(subset="apart")
+    given = ask_sites(asked, __doc__, argv, seed=960101, n=300)
+    rows = pd.DataFrame([row for row in given.answers if row]).dropna(subset="apart")
     build, judge = (rows[rows.part == part] for part in ("build", "judge"))
     weights = learned(build)
     print(f"seed {given.seed}, n = {len(rows)}: {len(build)} to build on, {len(judge)} to judge by")

@@ -404,7 +404,11 @@ def report(
         conclusion=replace(conclusion, notes=s.record.notes),
         # of friction the conclusion says what would have shown
         behind=DiagnosisDetails(
-            assessment, runs, main, smallest_detectable(s, assessment.base, load_memory(s))
+            assessment,
+            runs,
+            main,
+            smallest_detectable(s, assessment.base, load_memory(s)),
+            next(iter(planned.tests), None),
         ),
         op_unit=s.record.S_unit,
     )

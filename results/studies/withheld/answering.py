@@ -15,13 +15,11 @@ from typing import Any
 from results.studies.withheld.files import write_whole
 from results.studies.withheld.on_plant import run_test
 from results.studies.withheld.truth import read_any, rows_of
-from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
 from simbench.gap.command import diagnose_files
 from simbench.gap.plan.menu import Trial
-from simbench.gap.plan.order import plan
 from simbench.progress import Progress
 from simbench.scenarios.spec import read_toml
 from simbench.sealed.handout import ask_in_processes
@@ -37,10 +35,7 @@ def diagnosed(
 ) -> tuple[dict[str, Any], Trial | None]:
     """Return the product's answer about a record, and the test that it recommends."""
     report = diagnose_files([record], baseline, tests=tests)
-    shares = {r.effect: r.probability for r in report.ranking}
-    with one_thread():
-        planned = plan(report.behind.found, shares, report.behind.loops, most=1)
-    return report.as_json(), planned.tests[0] if planned.tests else None
+    return report.as_json(), report.behind.trial
 
 
 def answer(

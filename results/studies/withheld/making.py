@@ -153,6 +153,8 @@ def make(
     """Write a withheld folder and, elsewhere, the key to its answers."""
     out, key = Path(out), Path(key)
     refuse_key_inside("withheld", key, out)
+    if seed < 0:
+        raise ParameterError(f"withheld: --seed {seed}; an integer from 0 on is needed")
     if (out / "records").exists():
         raise ParameterError(f"withheld: {out} holds records already; choose a new folder")
     # one without records is of a call that was killed: it begins anew

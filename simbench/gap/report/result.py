@@ -13,6 +13,7 @@ from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
+from simbench.gap.plan.menu import Trial
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.gap.thresholds import COVERED, LIKELIER
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
@@ -98,6 +99,7 @@ class DiagnosisDetails:
     loops: ClosedLoops
     shrinkage: Shrinkage
     detectable: dict[str, tuple[float, str]]
+    trial: Trial | None = None  # the next test, as it is run
 
 
 _MOST_LINES = 5  # differences that are put into words

@@ -129,7 +129,7 @@ def stubs(monkeypatch):
 
     def plan(assessed, probability, loops, **more):
         seen.update(probability=probability, loops=loops, **more)
-        return SimpleNamespace(next_test={"test": "bump", "says": "bump it"}, why="")
+        return SimpleNamespace(tests=(), next_test={"test": "bump", "says": "bump it"}, why="")
 
     monkeypatch.setattr(diagnosis, "plan", plan)
     monkeypatch.setattr(
