@@ -4,6 +4,7 @@ from simbench import gap as gap
 from simbench.bench.citing import cite as cite
 from simbench.bench.execute.sweep import sweep as sweep
 from simbench.bench.score.shipped import results as results
+from simbench.detection import detect as detect
 from simbench.detectors.record import LoopRecord as LoopRecord
 from simbench.detectors.records.io import read_record as read_record
 from simbench.detectors.verdict import Verdict as Verdict
@@ -21,7 +22,6 @@ from simbench.theory.predict import predict as predict
 from simbench.trust.trust import trust as trust
 from simbench.verbs import check as check
 from simbench.verbs import contract as contract
-from simbench.verbs import detect as detect
 from simbench.verbs import diagnose as diagnose
 
 __version__: str

@@ -30,7 +30,7 @@ def catalogue(what: str) -> list[dict[str, str]]:
         ]
     folder = {"detectors": methods, "valves": VALVES, "effects": PLUGINS, "figures": FIGURES}[what]
     rows = []
-    for name in sorted({*folder.names(), *folder.lent}):
+    for name in folder.every_name():
         module = folder.load(name)
         source = module.METHOD.source if what == "detectors" else module.SOURCE
         # a figure's public id is its file name with hyphens

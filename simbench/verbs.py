@@ -5,23 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack, overload
+from typing import TYPE_CHECKING, Any, Unpack
 
-from numpy.typing import ArrayLike
-
-from simbench.detectors import detection
 from simbench.detectors.procedure import Diagnosis
 from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repair_record
-from simbench.detectors.report.report import Report
 from simbench.detectors.sources import (
-    About,
-    AboutFile,
-    Methods,
     RecordSignals,
     as_record,
-    named_methods,
 )
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
@@ -38,97 +30,6 @@ if TYPE_CHECKING:
 # sets of methods, and the method, with which all evidence is weighed; single methods are asked for
 # their verdicts alone, and answer at once
 _WEIGHED = {"all", "full", "likelihood"}
-
-
-@overload
-def detect(
-    source: Source,
-    methods: Methods = "all",
-    *,
-    Ts: float | None = None,
-    plugins: Iterable[str | Path] = (),
-    **about: Unpack[AboutFile],
-) -> Report: ...
-@overload
-def detect(
-    *,
-    op: ArrayLike,
-    pv: ArrayLike,
-    Ts: float,
-    sp: ArrayLike | None = None,
-    mv: ArrayLike | None = None,
-    methods: Methods = "all",
-    plugins: Iterable[str | Path] = (),
-    **about: Unpack[About],
-) -> Report: ...
-def detect(
-    source: Source | None = None,
-    methods: Methods = "all",
-    *,
-    plugins: Iterable[str | Path] = (),
-    **about: Any,
-) -> Report:
-    """Say whether a valve sticks: weigh all evidence, and ask one or all detectors.
-
-    Parameters
-    ----------
-    source : LoopRecord, run, DataFrame, mapping, str or Path
-        A record, a simulated run, a table or dict with columns op, pv and t, a record file, or a
-        folder of them.
-    methods : str, function, object with `detect`, or iterable of them
-        Method ids, "all", "fast", "full"; a function of a LoopRecord that returns true (stiction),
-        false, None, a verdict's word, one of these with a score, or a Verdict; an object whose
-        `detect` does, copied before every record. The conclusion is drawn with "all", "full" and
-        "likelihood"; other methods answer alone, and at once.
-    plugins : iterable of str or Path
-        Detector files outside the package; they are judged too.
-    **about
-        op, pv, sp, mv (shape (n,)) in place of a source: OP (%, or in `op_span` units), PV, SP (PV
-        units), valve position (%); Ts (s), which a source may have itself; what is known of the
-        record: process, kind, op_span, pv_span, tag; for tables columns; for files also loop and
-        labels.
-
-    Returns
-    -------
-    Report
-        `conclusion` says whether the valve sticks; the report iterates over verdicts,
-        `report["horch"]` is one of them, `to_frame()` all of them.
-
-    Raises
-    ------
-    UserError
-        For files and methods that do not exist or make no sense.
-
-    Examples
-    --------
-    >>> from random_case import random_case
-    >>> record = random_case(5, ("stiction",)).record
-    >>> detect(record, ["likelihood", "he"]).conclusion.verdict
-    'stiction'
-    >>> detect(record, "he").conclusion is None
-    True
-    >>> def half(record):
-    ...     return record.op.mean() < 50.0
-    >>> report = detect(op=record.op, pv=record.pv, Ts=1.0, methods=[half, "horch"])
-    >>> report["half"].verdict, len(report), report.to_frame().method.tolist()
-    ('no_stiction', 2, ['half', 'horch'])
-    """
-    weighed = weighs(named_methods(methods)[0])
-    return detection.detect(
-        source, methods, plugins=plugins, conclude=concluded if weighed else None, **about
-    )
-
-
-def concluded(record: LoopRecord) -> Conclusion:
-    """Return the conclusion of all evidence about one record."""
-    from simbench.gap.diagnosis import conclude
-
-    return conclude(record)
-
-
-def weighs(methods: Iterable[str]) -> bool:
-    """Return whether all evidence about a record is weighed where these methods are asked."""
-    return bool(_WEIGHED & {one.strip() for text in methods for one in text.split(",")})
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,6 @@ def test_a_constant_that_others_read_has_one_meaning():
     # plug-ins define constants of fixed names
     exempt = (
         *PLUGINS,
-        "simbench/gap/stiction/method.py",
         "simbench/loop/laws/curve.py",
     )
     files = defaultdict(set)

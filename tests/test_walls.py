@@ -14,8 +14,6 @@ import pytest
 from importlinter.application.use_cases import read_user_options
 from importlinter.configuration import configure
 
-from simbench.detectors.plugins.registry import methods
-
 configure()
 OPTIONS = read_user_options(str(Path(__file__).parents[1] / "pyproject.toml"))
 CLASSES = {
@@ -89,11 +87,7 @@ PLUGINS = (
     "simbench.gap.effects",
     "simbench.figures",
 )
-HOSTS = (
-    "simbench.detectors.__main__",
-    "simbench.detectors.plugins.process",
-    *methods._above.values(),
-)
+HOSTS = ("simbench.detectors.__main__", "simbench.detectors.plugins.process")
 ROOT = Path(__file__).parents[1]
 
 
@@ -148,5 +142,6 @@ def test_no_room_has_more_than_twenty_files_but_those_of_plugins():
         for name in ("simbench", "detectors", "scenarios")
         for p in (ROOT / name).rglob("*.py")
     }
-    plugins = {ROOT / folder.replace(".", "/") for folder in PLUGINS}
+    # `simbench/detectors` is a link, whose files are met where they lie
+    plugins = {(ROOT / folder.replace(".", "/")).resolve() for folder in PLUGINS}
     assert {str(r): n for r in rooms - plugins if (n := len(list(r.glob("*.py")))) > 20} == {}

@@ -27,7 +27,7 @@ class PluginFolder:
 
     `package` holds the built-in ones, `group` is the entry-point group by which other distributions
     add theirs, `required` are the attributes each must have, `reserved` names that mean something
-    else where plug-ins are named.
+    else where plug-ins are named, `alone` those of the package that are in no set.
     """
 
     def __init__(
@@ -37,43 +37,36 @@ class PluginFolder:
         group: str,
         required: tuple[str, ...],
         reserved: tuple[str, ...] = (),
+        alone: tuple[str, ...] = (),
     ) -> None:
         self.kind = kind
         self.package = package
         self.group = group
         self.required = required
         self.reserved = reserved
+        self.alone = alone
         # (kind, file or published name) of plug-ins -> the attributes of each, asked in their
         # worker
         self.describe: Callable[[list[tuple[str, str]]], list[dict[str, Any]]] | None = None
         # whether what another distribution publishes lives in a worker; else it is imported here
         self.host_entries = False
         self._hosts: dict[str, tuple[tuple, Host]] = {}  # with the file they were made of
-        self._above: dict[str, str] = {}
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
 
     def names(self) -> list[str]:
+        """Return the names that a set may hold, sorted; nothing is imported."""
+        return sorted(set(self.every_name()) - set(self.alone))
+
+    def every_name(self) -> list[str]:
         """Return every known name, sorted; nothing is imported."""
         return sorted(self._built_in | set(self._entry_points) | set(self._files))
-
-    def lend(self, name: str, module: str) -> None:
-        """Make a plug-in of the house known that needs more than this package; it is asked for by
-        name alone, in no set.
-        """
-        if importlib.util.find_spec(module.partition(".")[0]) is not None:
-            self._above[name] = module
-
-    @property
-    def lent(self) -> list[str]:
-        """Plug-ins that are asked for by name alone."""
-        return sorted(self._above)
 
     def built_in(self, name: str) -> bool:
         """Return whether a plug-in, or the one of which this is a variant, comes with this
         project.
         """
-        return name.partition("@")[0] in {*self._built_in, *self._above}
+        return name.partition("@")[0] in self._built_in
 
     def load(self, name: str) -> ModuleType:
         """Import one plug-in by its id; UnknownName with the nearest known names, ParameterError
@@ -82,11 +75,10 @@ class PluginFolder:
         if name in self._files:
             return self._files[name]
         if name not in self._loaded:
-            if name not in self._above and name not in self.names():
-                raise UnknownName(self.kind, name, sorted({*self.names(), *self._above}))
-            module = self._above.get(name, f"{self.package}.{name}")
+            if name not in self.every_name():
+                raise UnknownName(self.kind, name, self.every_name())
             self._loaded[name] = self._checked(
-                self._outside(name) or importlib.import_module(module), name
+                self._outside(name) or importlib.import_module(f"{self.package}.{name}"), name
             )
         return self._loaded[name]
 
@@ -361,8 +353,11 @@ def _describe_detector(sources: list[tuple[str, str]]) -> list[dict[str, Any]]:
 
 
 methods = _Detectors(
-    "detector", "simbench.detectors.methods", "simbench.detectors", ("METHOD", "detect"), RESERVED
+    "detector",
+    "simbench.detectors.methods",
+    "simbench.detectors",
+    ("METHOD", "detect"),
+    RESERVED,
+    alone=("likelihood",),  # fits whole loops: seconds a record
 )
 methods.describe, methods.host_entries = _describe_detector, True
-# belongs to a higher package; this one may be used alone
-methods.lend("likelihood", "simbench.gap.stiction.method")

@@ -31,8 +31,7 @@ _RANKED = ("record", "conclusion", PROBABILITY, "cause", "event", "reason", "nex
 
 
 class ShownConclusion(Protocol):
-    """The conclusion of all evidence about one valve; whoever weighs it gives
-    `simbench.detectors.detection.judge_files` the function."""
+    """The conclusion of all evidence about one valve, as `simbench.detection` adds it."""
 
     def as_lines(self) -> list[str]:
         """Return verdict with probability and cause, reason, next step."""

@@ -57,14 +57,14 @@ def methods() -> list[str]:
     """Return the methods that are ranked: those that see OP and PV alone, without nonlinearity
     tests.
     """
-    about = {name: registry.load(name).METHOD for name in (*registry.names(), *registry.lent)}
+    about = {name: registry.load(name).METHOD for name in registry.every_name()}
     return [name for name, m in about.items() if not m.needs_mv and m.role != "nonlinearity"]
 
 
 def slow(names: list[str]) -> list[str]:
     """Return the methods that are too dear for every loop."""
     about = {name: registry.load(name).METHOD for name in names}
-    return [name for name in names if about[name].budget == "full" or name in registry.lent]
+    return [name for name in names if about[name].budget == "full" or name in registry.alone]
 
 
 def asked(home: str, number: int, names: list[str]) -> dict[str, Any]:

@@ -149,7 +149,7 @@ def _entry(authors: str, year: str, after: str) -> _Entry:
 def _sources(manifest: Mapping, valves: list[str]) -> Iterator[tuple[str, str]]:
     """Yield what a run used, in words, with the source that its file states."""
     for name, about in manifest["methods"].items():
-        if name in registry.names() or name in registry.lent:
+        if name in registry.every_name():
             yield f"method {name}", _stated(registry, name)
         elif name != ORACLE:  # of a plug-in the run keeps what its file states
             yield f"method {name}", about.get("source") or "plug-in, file not given"

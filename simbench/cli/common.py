@@ -278,7 +278,7 @@ def method_completion(incomplete: str) -> list[str]:
 
     return [
         name
-        for name in ("all", "fast", "full", *methods.names(), *methods.lent)
+        for name in ("all", "fast", "full", *methods.every_name())
         if name.startswith(incomplete)
     ]
 

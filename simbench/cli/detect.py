@@ -79,21 +79,19 @@ def detect(
     that share an oscillation have the same event number. A file that is no record is listed with
     its reason, and the exit code is 1.
     """
-    from simbench.detectors.detection import judge_files
+    from simbench.detection import judge_files
     from simbench.detectors.report.report import failed, table
     from simbench.files import refuse_kind, refuse_own_input
-    from simbench.verbs import concluded, weighs
 
     refuse_kind(csv or "")
     refuse_own_input([csv, html], [path, labels, *(plugin or [])])
-    asked = method or ["all"]
     report = judge_files(
         path,
-        asked,
+        method or ["all"],
         labels=labels,
         plugins=plugin or [],
         time_limit=time_limit,
-        conclude=concluded if weighs(asked) or html is not None else None,
+        concludes=True if html is not None else None,
         **about,
     )
     for name, sentence in report.refused.items():
@@ -126,7 +124,7 @@ def detect(
     if html is not None:
         say(f"page: {html.resolve()}", as_json)
     if power:
-        _print_power(path, asked, as_json, **about)
+        _print_power(path, method or ["all"], as_json, **about)
     if report.refused:
         raise Exit(1)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simbench.detectors.detection import detect
+from simbench.detection import detect
 from simbench.detectors.example_loop import example_record
 from simbench.detectors.record import LoopRecord
 

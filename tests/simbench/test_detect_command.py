@@ -131,7 +131,7 @@ def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
 
 def test_colour_is_for_terminals_alone(folder, capsys):
     assert "\x1b[" not in printed(capsys, "detect", folder / "sticky.csv", *FAST).out
-    from simbench.detectors.detection import judge_files
+    from simbench.detection import judge_files
 
     assert "\x1b[31mstiction" in judge_files(folder / "sticky.csv", ["he"]).as_text(colour=True)
 

@@ -98,7 +98,7 @@ def _likeness(method: str) -> str | None:
     >>> _likeness("HE"), _likeness("horch@mine"), _likeness("he"), _likeness("helen")
     ('he', 'horch', None, None)
     """
-    if method in registry.names() or method in registry.variants() or method in registry.lent:
+    if method in registry.every_name() or method in registry.variants():
         return None
     name = method.lower().replace("-", "_").partition("@")[0].strip("_.")
     return name if registry.built_in(name) else None

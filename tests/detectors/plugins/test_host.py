@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simbench.detection import detect
 from simbench.detectors.compiled import cache_folder
-from simbench.detectors.detection import detect
 from simbench.detectors.errors import AnswerError, ParameterError
 from simbench.detectors.judge import judge
 from simbench.detectors.plugins.host import STRIKES, cleaned

@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pytest
 
-from simbench.detectors.__main__ import main
+from simbench.cli import main
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records.io import read_record
 from simbench.detectors.signal.bicoherence import bicoherence
@@ -46,13 +46,13 @@ def test_the_command_proposed_for_a_clock_change_reads_every_sample(
     tmp_path, capsys, times, message
 ):
     file = write(tmp_path / "rec.csv", times)
-    words = [str(file), "--method", "horch"]
+    words = ["detect", str(file), "--method", "horch"]
     assert main(words) == 2
     error = capsys.readouterr().err
     assert message in error
     typed = error.strip().rpartition("; try: ")[2].split()
-    assert typed[:3] == ["python", "-m", "detectors"]
-    assert main(typed[3:]) == 0
+    assert typed[:2] == ["simbench", "detect"]
+    assert main(typed[1:]) == 0
     assert np.allclose(read_record(file, Ts=1.0).pv, PV, atol=1e-4)
 
 
@@ -107,10 +107,10 @@ def long_table(path, times):
 @pytest.mark.parametrize("form", [write, long_table])
 def test_a_gap_of_hours_names_the_option_that_takes_the_longest_segment(tmp_path, capsys, form):
     file = form(tmp_path / "rec.csv", stamps(datetime(2024, 5, 1, 8, 7, tzinfo=UTC), hours_after=3))
-    assert main([str(file), "--method", "horch"]) == 2
+    assert main(["detect", str(file), "--method", "horch"]) == 2
     typed = capsys.readouterr().err.strip().rpartition("; try: ")[2].split()
     assert typed[-1] == "--longest-segment"
-    assert main(typed[3:]) == 0
+    assert main(typed[1:]) == 0
     record = read_record(file, longest_segment=True)
     assert np.allclose(record.pv, PV[:400], atol=1e-4)
     assert any("judged samples 0 to 399" in note for note in record.notes)

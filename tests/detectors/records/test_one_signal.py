@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.detectors.detection import judge_files
+from simbench.detection import judge_files
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records.io import read_folder, read_record
 from simbench.detectors.records.one_signal import signal_files

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from simbench.detectors import __main__ as command
-from simbench.detectors.detection import judge_files
+from simbench.cli import main
+from simbench.detection import judge_files
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.report.report import Report, choose_methods, columns, score_units
 from simbench.detectors.report.summary import own_reason, sentence
@@ -203,8 +203,16 @@ def test_plugin_file_is_judged_next_to_the_others(folder, tmp_path):
 
 def test_command_prints_json_and_nothing_else(folder, capsys):
     assert (
-        command.main(
-            [str(folder), "--method", "he", "--labels", str(folder / "labels.csv"), "--json"]
+        main(
+            [
+                "detect",
+                str(folder),
+                "--method",
+                "he",
+                "--labels",
+                str(folder / "labels.csv"),
+                "--json",
+            ]
         )
         == 0
     )
@@ -215,8 +223,15 @@ def test_command_prints_json_and_nothing_else(folder, capsys):
 
 def test_command_prints_lines_for_people(folder, capsys):
     assert (
-        command.main(
-            [str(folder / "sticky.csv"), "--method", "hammerstein", "--process", "self-regulating"]
+        main(
+            [
+                "detect",
+                str(folder / "sticky.csv"),
+                "--method",
+                "hammerstein",
+                "--process",
+                "self-regulating",
+            ]
         )
         == 0
     )
@@ -236,7 +251,7 @@ def test_command_prints_lines_for_people(folder, capsys):
     ],
 )
 def test_user_errors_are_one_sentence_and_exit_code_2(folder, capsys, arguments, sentence):
-    assert command.main([a.format(folder) for a in arguments]) == 2
+    assert main(["detect", *(a.format(folder) for a in arguments)]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert sentence in err

@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 
 from simbench.contract import check_in_subprocess
-from simbench.detectors.detection import detect
+from simbench.detection import detect
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.plugins import host
 from simbench.detectors.plugins.registry import methods

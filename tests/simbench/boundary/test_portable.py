@@ -95,7 +95,7 @@ def test_every_module_imports(blocked):
 def test_nothing_of_a_plug_in_is_started_or_imported_before_one_is_named(blocked):
     names = "'fcntl', 'resource', 'simbench.detectors.plugins.process'"
     printed = blocked(
-        "import sys, simbench.cli, simbench.detectors.detection\n"
+        "import sys, simbench.cli, simbench.detection\n"
         f"print([m for m in ({names}) if m in sys.modules])",
         False,
     )
@@ -123,7 +123,7 @@ def test_a_plug_in_is_asked_in_a_process_of_its_own_and_says_what_is_lacking(blo
     (tmp_path / "mine.py").write_text(PLUGIN)
     printed = blocked(f"""
 import os, sys
-from simbench.detectors.detection import detect
+from simbench.detection import detect
 from simbench.detectors.record import LoopRecord
 sys.stderr = sys.stdout
 wave = [50 + k % 7 for k in range(600)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from recorded import LOADED_FAST
 
-from simbench.detectors.detection import detect
+from simbench.detection import detect
 from simbench.detectors.prepared import Prepared
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import candidate_loops

@@ -3,15 +3,17 @@ the command line call.
 
 The steps of `detect`: name the methods, start the plug-ins' processes, read the record
 (`as_record`, or `read_records` and `read_folder` for files), judge it by every method (`judge`),
-and collect the verdicts in a `Report`.
+weigh all evidence about it (`conclude`), and collect verdicts and conclusions in a `Report`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack, overload
+
+from numpy.typing import ArrayLike
 
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.faults import sentence_of
@@ -23,8 +25,10 @@ from simbench.detectors.records.io import read_folder, read_labels, read_records
 from simbench.detectors.records.isdb import read_loops
 from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.events import event_numbers
-from simbench.detectors.report.report import Report, ShownConclusion, choose_methods, score_units
+from simbench.detectors.report.report import Report, choose_methods, score_units
 from simbench.detectors.sources import (
+    About,
+    AboutFile,
     Methods,
     as_plugin,
     as_record,
@@ -33,19 +37,88 @@ from simbench.detectors.sources import (
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import Source
+    from simbench.gap.stiction.conclusion import Conclusion
+
+# sets of methods, and the method, with which all evidence is weighed; single methods are asked for
+# their verdicts alone, and answer at once
+_WEIGHED = {"all", "full", "likelihood"}
 
 
+@overload
+def detect(
+    source: Source,
+    methods: Methods = "all",
+    *,
+    Ts: float | None = None,
+    plugins: Iterable[str | Path] = (),
+    **about: Unpack[AboutFile],
+) -> Report: ...
+@overload
+def detect(
+    *,
+    op: ArrayLike,
+    pv: ArrayLike,
+    Ts: float,
+    sp: ArrayLike | None = None,
+    mv: ArrayLike | None = None,
+    methods: Methods = "all",
+    plugins: Iterable[str | Path] = (),
+    **about: Unpack[About],
+) -> Report: ...
 def detect(
     source: Source | None = None,
     methods: Methods = "all",
     *,
     plugins: Iterable[str | Path] = (),
-    conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
     **about: Any,
 ) -> Report:
-    """Ask one or all detectors, and whoever concludes; see `simbench.detect`."""
+    """Say whether a valve sticks: weigh all evidence, and ask one or all detectors.
+
+    Parameters
+    ----------
+    source : LoopRecord, run, DataFrame, mapping, str or Path
+        A record, a simulated run, a table or dict with columns op, pv and t, a record file, or a
+        folder of them.
+    methods : str, function, object with `detect`, or iterable of them
+        Method ids, "all", "fast", "full"; a function of a LoopRecord that returns true (stiction),
+        false, None, a verdict's word, one of these with a score, or a Verdict; an object whose
+        `detect` does, copied before every record. The conclusion is drawn with "all", "full" and
+        "likelihood"; other methods answer alone, and at once.
+    plugins : iterable of str or Path
+        Detector files outside the package; they are judged too.
+    **about
+        op, pv, sp, mv (shape (n,)) in place of a source: OP (%, or in `op_span` units), PV, SP (PV
+        units), valve position (%); Ts (s), which a source may have itself; what is known of the
+        record: process, kind, op_span, pv_span, tag; for tables columns; for files also loop and
+        labels.
+
+    Returns
+    -------
+    Report
+        `conclusion` says whether the valve sticks; the report iterates over verdicts,
+        `report["horch"]` is one of them, `to_frame()` all of them.
+
+    Raises
+    ------
+    UserError
+        For files and methods that do not exist or make no sense.
+
+    Examples
+    --------
+    >>> from random_case import random_case
+    >>> record = random_case(5, ("stiction",)).record
+    >>> detect(record, ["likelihood", "he"]).conclusion.verdict
+    'stiction'
+    >>> detect(record, "he").conclusion is None
+    True
+    >>> def half(record):
+    ...     return record.op.mean() < 50.0
+    >>> report = detect(op=record.op, pv=record.pv, Ts=1.0, methods=[half, "horch"])
+    >>> report["half"].verdict, len(report), report.to_frame().method.tolist()
+    ('no_stiction', 2, ['half', 'horch'])
+    """
     asked, custom = named_methods(methods)
-    settings = _JudgeSettings(conclude=conclude)
+    settings = _JudgeSettings(concludes=_weighs(asked))
     with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
@@ -56,7 +129,7 @@ def detect(
             names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
             verdicts = judge(record, names)
-        conclusions = {} if conclude is None else {None: conclude(record)}
+        conclusions = {None: _conclude(record)} if settings.concludes else {}
         return Report(
             [(None, v) for v in verdicts], records={None: record}, conclusions=conclusions
         )
@@ -68,7 +141,7 @@ def judge_files(
     *,
     plugins: Iterable[str | Path] = (),
     time_limit: float = SECONDS,
-    conclude: Callable[[LoopRecord], ShownConclusion] | None = None,
+    concludes: bool | None = None,
     **about: Any,
 ) -> Report:
     """Judge a record file, a folder of them, or an ISDB .mat file.
@@ -83,8 +156,9 @@ def judge_files(
         As in `detect`.
     time_limit : float
         Seconds that a plug-in may take for one record.
-    conclude : callable, optional
-        Weighs all evidence of one record.
+    concludes : bool, optional
+        Whether all evidence about each record is weighed as well; by default with "all", "full"
+        and "likelihood".
     **about
         What is known of the record: process, kind, op_span, pv_span, columns, Ts, longest_segment;
         tag or loop where a file has several; loops, a table with what is known of each; labels, by
@@ -108,8 +182,22 @@ def judge_files(
     >>> judge_files(file, ["horch"])["horch"].verdict
     'no_decision'
     """
-    settings = _JudgeSettings(time_limit, conclude)
-    return _judge_files(path, methods, settings, plugins, **about)
+    asked = list(methods)
+    weighed = _weighs(asked) if concludes is None else concludes
+    return _judge_files(path, asked, _JudgeSettings(time_limit, weighed), plugins, **about)
+
+
+def _weighs(methods: Iterable[str]) -> bool:
+    """Return whether all evidence about a record is weighed where these methods are asked."""
+    return bool(_WEIGHED & {one.strip() for text in methods for one in text.split(",")})
+
+
+def _conclude(record: LoopRecord) -> Conclusion:
+    """Weigh all evidence about one record."""
+    # its models take a second to load, and single methods need none
+    from simbench.gap.diagnosis import conclude
+
+    return conclude(record)
 
 
 @dataclass(frozen=True)
@@ -117,7 +205,7 @@ class _JudgeSettings:
     """How every record is judged."""
 
     time_limit: float = SECONDS
-    conclude: Callable[[LoopRecord], ShownConclusion] | None = None
+    concludes: bool = False  # whether all evidence about it is weighed as well
 
 
 def _judge_files(
@@ -142,8 +230,8 @@ def _judge_files(
             try:
                 record = records[name] = repair_record(record)
                 judged = judge(record, names)
-                if settings.conclude is not None:
-                    conclusions[name] = settings.conclude(record)
+                if settings.concludes:
+                    conclusions[name] = _conclude(record)
             except Exception as error:
                 if name is None:
                     raise
