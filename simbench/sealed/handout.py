@@ -1,5 +1,5 @@
-"""Hand out records without their truth: write the key elsewhere, bind it by a commitment
-(checksum), and ask for answers.
+"""Hand out records without their truth: write the key elsewhere, and bind it by a commitment
+(checksum).
 
 Whoever answers holds no key; whoever opens shows by the commitment that the key was fixed before
 anybody answered.
@@ -10,18 +10,11 @@ from __future__ import annotations
 import hashlib
 import hmac
 import json
-import multiprocessing
-import os
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
 from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder, plain_bytes, refuse_own_input, whole_file
-from simbench.safe_path import safe_path
 
 
 def commitment_of(content: bytes) -> str:
@@ -82,47 +75,3 @@ def read_key(what: str, key: Path, place: Path, commitment: str) -> dict[str, An
             " for it"
         )
     return table
-
-
-def ask_in_processes(
-    ask: Callable[..., Any],
-    questions: Mapping[str, tuple],
-    jobs: int,
-) -> Iterator[tuple[str, Any]]:
-    """Yield the name of each question with what `ask` returns, in the order in which answers come.
-
-    The processes are fresh and inherit nothing of this one, which may know more; one job is done in
-    this process.
-    """
-    if jobs == 1:
-        yield from ((name, ask(*question)) for name, question in questions.items())
-        return
-    workers = (os.cpu_count() or 1) if jobs < 0 else max(1, jobs)
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
-    with safe_path():
-        try:
-            asked = {pool.submit(ask, *question): name for name, question in questions.items()}
-            for done in as_completed(asked):
-                yield asked[done], done.result()
-        except BrokenProcessPool:
-            raise UserError(
-                "a worker process died; fewer jobs may leave each more memory: resume the same"
-                " command"
-            ) from None
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _begin() -> None:
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """End this process once the one that asks was killed: nobody else would tell it that no
-    question comes.
-    """
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

@@ -9,12 +9,14 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from results.studies.withheld.files import write_whole
 from results.studies.withheld.on_plant import run_test
 from results.studies.withheld.truth import read_any, rows_of
+from simbench.bench.execute.distribute import on_processes
 from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
@@ -22,7 +24,6 @@ from simbench.gap.command import diagnose_files
 from simbench.gap.plan.menu import Trial
 from simbench.progress import Progress
 from simbench.scenarios.spec import read_toml
-from simbench.sealed.handout import ask_in_processes
 
 # of a record, its baseline and tests: the answer in JSON types and the test that it asks for
 _Diagnose = Callable[[Path, Path, Sequence[str]], tuple[dict[str, Any], Trial | None]]
@@ -72,12 +73,13 @@ def answer(
     todo = [r for r in records if not all(_answered(p / f"{r.stem}.json") for p in places)]
     cost = folder / COST
     costs = cost.read_text(encoding="utf-8") if cost.exists() else "id,cpu_s\n"
-    questions = {r.stem: (diagnose, r, tests, plants.get(r.stem)) for r in todo}
+    questions = [(r, plants.get(r.stem)) for r in todo]
     bar = Progress(
         total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0
     )
-    with bar:
-        for name, (replies, cpu) in ask_in_processes(_one, questions, jobs):
+    with on_processes(jobs) as run, bar:
+        answered: Any = run(partial(_one, diagnose, tests), questions)  # pyright: ignore[reportArgumentType]
+        for name, replies, cpu in answered:
             for place, reply in zip(places, replies, strict=True):
                 write_whole(place / f"{name}.json", json.dumps(reply, indent=1))
             costs += f"{name},{cpu:.3f}\n"
@@ -99,10 +101,10 @@ def _answered(path: Path) -> bool:
 
 
 def _one(
-    diagnose: _Diagnose, record: Path, tests: int, plant: Mapping[str, Any] | None
-) -> tuple[list[dict[str, Any]], float]:
-    """Return the answers about one record alone and after each of its tests, and the CPU seconds of
-    the first.
+    diagnose: _Diagnose, tests: int, record: Path, plant: Mapping[str, Any] | None
+) -> tuple[str, list[dict[str, Any]], float]:
+    """Return the name of a record, the answers about it alone and after each of its tests, and the
+    CPU seconds of the first.
     """
     baseline, opened = record.with_suffix(".toml"), []
     start = time.process_time()
@@ -120,4 +122,4 @@ def _one(
             except UserError:
                 trial = None
         replies.append(reply)
-    return replies, cpu
+    return record.stem, replies, cpu

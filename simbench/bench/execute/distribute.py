@@ -5,6 +5,7 @@ and restart workers that die.
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import signal
 import socket
@@ -46,7 +47,8 @@ def on_processes(jobs: int) -> Iterator[Runner]:
 
     settings = {
         "max_workers": effective_n_jobs(jobs),
-        "initializer": _ignore_interrupt,
+        "initializer": _begin,
+        "initargs": (os.getpid(),),
         "env": _ONE_THREAD,
     }
     # a new one: loky's reusable one would be taken by joblib for one of joblib's
@@ -240,6 +242,16 @@ def _gone(client: Any) -> tuple[str, float] | None:
     return "the dask scheduler is gone", PATIENCE
 
 
-def _ignore_interrupt() -> None:
-    # Ctrl-C reaches the whole process group; the parent alone decides what becomes of it
+def _begin(parent: int) -> None:
+    """Set up a worker: Ctrl-C reaches the whole process group, and the parent alone decides what
+    becomes of it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    """End this worker once its parent was killed: nobody else would tell it that no piece comes."""
+    while os.getppid() == parent:
+        time.sleep(_LOOK)
+    os._exit(1)

@@ -6,10 +6,13 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from shutil import rmtree
+from typing import Any
 
 from simbench.bench.execute.compute_piece import judge_record
+from simbench.bench.execute.distribute import on_processes
 from simbench.bench.execute.lease import lease
 from simbench.bench.execute.run import choose_with_oracle
 from simbench.bench.scenario.oracle import ORACLE
@@ -23,13 +26,11 @@ from simbench.detectors.record import LoopRecord
 from simbench.files import folder as make_folder
 from simbench.files import refuse_own_input, remove_stale_temporaries, whole_file
 from simbench.progress import Progress
-from simbench.sealed.exam.answers import NEEDED, OPTIONAL, read_answers, rows_of
+from simbench.sealed.exam.answers import NEEDED, OPTIONAL, rows_of
 from simbench.sealed.exam.commitments import COMMITMENTS
 from simbench.sealed.exam.folder import EXAM, LOOPS, RECORDS, read_exam
-from simbench.sealed.handout import ask_in_processes
 
 _PIECE = 8  # records: what is asked again after a kill
-_SETTINGS = "settings.json"
 
 
 def answer_exam(
@@ -54,36 +55,48 @@ def answer_exam(
                 f"exam: method {ORACLE!r} needs the truth, which an exam does not hold; name other"
                 " methods"
             )
-        settings = {
-            "commitment": exam.about["commitment"],
+        asked = {
+            "exam": exam.about["commitment"],
             "methods": names,
             "plugins": {Path(file).name: file_digest(Path(file)) for file in files},
             "code": code_hash(),
         }
-        parts = out.with_name(f"{out.name}.partial")
-        if not resume and (out.exists() or parts.exists()):
-            there = out if out.exists() else parts
-            raise ParameterError(
-                f"exam: {there} exists already; continue it with --resume, or choose another file"
-            )
-        asked = out.with_name(f"{out.name}.{_SETTINGS}")
+        begun = out.with_name(f"{out.name}.json")  # what was asked, for whoever continues
+        if out.exists() or begun.exists():
+            _refuse_other_question(out, begun, asked, resume)
         if out.exists():
-            _refuse_other_answers(out, names, exam.records)
-            if files:
-                _refuse_other_settings(asked, settings)
-            rmtree(parts, ignore_errors=True)  # of a call that was killed as it ended
             return 0
+        parts = out.with_name(f"{out.name}.partial")
+        if not begun.exists():
+            rmtree(parts, ignore_errors=True)  # of another question
         with lease(make_folder(parts)):
-            if not (parts / _SETTINGS).exists():
-                with whole_file(parts / _SETTINGS) as f:
-                    f.write(json.dumps(settings, indent=1))
-            _refuse_other_settings(parts / _SETTINGS, settings)
+            with whole_file(begun) as f:
+                f.write(json.dumps(asked, indent=1))
             left = _ask(exam.records, names, files, out, parts, jobs)
         rmtree(parts, ignore_errors=True)
-        if files:  # a later --resume shows by it whether a plug-in was changed
-            with whole_file(asked) as f:
-                f.write(json.dumps(settings, indent=1))
         return left
+
+
+def _refuse_other_question(
+    out: Path, begun: Path, asked: Mapping[str, object], resume: bool
+) -> None:
+    """Raise ParameterError where answers are there that nobody wants continued, or that were asked
+    of other methods, plug-ins or code, or about another exam.
+    """
+    if not resume:
+        raise ParameterError(
+            f"exam: {out} was begun already; continue it with --resume, or choose another file"
+        )
+    try:
+        before = json.loads(begun.read_text(encoding="utf-8"))
+        differ = [name for name in asked if before[name] != asked[name]]
+    except (OSError, ValueError, KeyError, TypeError):
+        differ = ["settings"]
+    if differ:
+        raise ParameterError(
+            f"exam: the answers {out} were begun with other {differ[0]}, as {begun.name} says;"
+            " remove both, or choose another file"
+        )
 
 
 def _ask(
@@ -97,23 +110,23 @@ def _ask(
     """Ask for the pieces that do not lie in `parts` yet, and join all of them."""
     remove_stale_temporaries(parts)
     ids = list(records)
-    pieces = {
-        f"{i:06d}.csv": {name: records[name] for name in ids[i : i + _PIECE]}
+    pieces = [
+        (parts / f"{i:06d}.csv", {name: records[name] for name in ids[i : i + _PIECE]})
         for i in range(0, len(ids), _PIECE)
-    }
-    todo = {
-        name: (some, names, plugins) for name, some in pieces.items() if not (parts / name).exists()
-    }
-    left, failed = sum(len(some) for some, *_ in todo.values()), Counter()
-    with Progress(total=len(ids), initial=len(ids) - left, desc="answered", delay=1.0) as bar:
-        for name, (text, errors) in ask_in_processes(_answers, todo, jobs):
-            with whole_file(parts / name) as f:
+    ]
+    todo = [piece for piece in pieces if not piece[0].exists()]
+    left, failed = sum(len(some) for _, some in todo), Counter()
+    bar = Progress(total=len(ids), initial=len(ids) - left, desc="answered", delay=1.0)
+    with on_processes(jobs) as run, bar:
+        answered: Any = run(partial(_answers, names, plugins), todo)  # pyright: ignore[reportArgumentType]
+        for file, text, errors in answered:
+            with whole_file(file) as f:
                 f.write(text)
             failed.update(errors)
-            bar.update(len(pieces[name]))
+            bar.update(text.count("\n") // len(names))
     with whole_file(out) as f:
         f.write(",".join((*NEEDED, *OPTIONAL)) + "\n")
-        f.writelines((parts / name).read_text(encoding="utf-8") for name in pieces)
+        f.writelines(file.read_text(encoding="utf-8") for file, _ in pieces)
     for method, count in failed.items():
         print(
             f"method {method} failed on {count} of {left} records, which are answered no_decision",
@@ -122,37 +135,12 @@ def _ask(
     return left
 
 
-def _refuse_other_answers(
-    out: Path, names: Sequence[str], records: Mapping[str, LoopRecord]
-) -> None:
-    """Raise ParameterError unless a file holds every answer of these methods and no other."""
-    there = read_answers([out], records)
-    if set(there) != set(names) or any(len(of) < len(records) for of in there.values()):
-        raise ParameterError(
-            f"exam: {out} holds other answers than those of {', '.join(names)}; choose another file"
-        )
-
-
-def _refuse_other_settings(file: Path, settings: Mapping[str, object]) -> None:
-    """Raise ParameterError when what was asked was asked of other methods or plug-ins, or about
-    another exam.
-    """
-    try:
-        before = json.loads(file.read_text(encoding="utf-8"))
-        differ = [name for name in settings if before[name] != settings[name]]
-    except (OSError, ValueError, KeyError, TypeError):
-        differ = [_SETTINGS]
-    if differ:
-        raise ParameterError(
-            f"exam: the answers that {file} describes were begun with other {differ[0]}; remove"
-            " them, or choose another file"
-        )
-
-
 def _answers(
-    records: Mapping[str, LoopRecord], names: Sequence[str], plugins: Sequence[str]
-) -> tuple[str, dict[str, int]]:
-    """Return the lines of some records' answers, and on how many each method failed."""
+    names: Sequence[str], plugins: Sequence[str], file: Path, records: Mapping[str, LoopRecord]
+) -> tuple[Path, str, dict[str, int]]:
+    """Return the file of a piece, the lines of its answers, and on how many of its records each
+    method failed.
+    """
     registry.add_hosted(*plugins, seconds=SECONDS)
     chosen = {name: registry.load(name).METHOD.defaults() for name in names}
     lines, failed = [], Counter()
@@ -161,4 +149,4 @@ def _answers(
             answers = judge_record(record, chosen)[1]
             lines.append(rows_of(ident, (answer.verdict for answer in answers)))
             failed.update(said.method for said, error, _ in answers if error is not None)
-    return "".join(lines), dict(failed)
+    return file, "".join(lines), dict(failed)
