@@ -138,7 +138,8 @@ class Prepared:
             return turn * self.record.op
         travel = self.signal("travel")
         return self.share(
-            "searchable travel", lambda: snapped(travel if turn > 0.0 else 100.0 - travel, 2.0**-20)
+            "searchable travel",
+            lambda: snapped(travel if turn > 0.0 else 100.0 - travel, 2.0**-20),
         )
 
     def clear_harmonics(self, name: str) -> float:
@@ -207,7 +208,7 @@ class Prepared:
 
     def with_mv(self, record: LoopRecord) -> Prepared:
         """Return the same prepared record with MV; what was computed without MV is kept."""
-        record = thinned(record if self.part is None else record.window(*self.part), self.step)
+        record = thin_record(record if self.part is None else record.window(*self.part), self.step)
         other = Prepared(record, dict(self.shared), self.part, self.step)
         other.__dict__.update(oscillation=self.oscillation, flags=self.flags)
         return other
@@ -247,7 +248,7 @@ def _first_way(x: np.ndarray) -> float:
     return -1.0 if away[np.argmax(np.abs(away) > 0.25 * (high - low))] < 0.0 else 1.0
 
 
-def thinned(record: LoopRecord, step: int) -> LoopRecord:
+def thin_record(record: LoopRecord, step: int) -> LoopRecord:
     """Return the record with every n-th sample; averages would blur the jumps of a valve."""
     if step == 1:
         return record
@@ -273,7 +274,7 @@ def _at_density(
     oscillation, coarse = dense.oscillation, 1
     while not oscillation.sustained and pace > _COARSEST * coarse:
         coarse *= 2
-        oscillation = Prepared(thinned(record, coarse)).oscillation
+        oscillation = Prepared(thin_record(record, coarse)).oscillation
     if not oscillation.sustained:
         oscillation, coarse = dense.oscillation, 1
     step, last = 1, oscillation.period_s
@@ -281,12 +282,12 @@ def _at_density(
     while last > DENSEST * step * record.Ts and record.n >= 8 * step:
         step *= 2
         if step > coarse:
-            period = Prepared(thinned(record, step)).oscillation.period_s
+            period = Prepared(thin_record(record, step)).oscillation.period_s
             last = last if np.isnan(period) else period
     if step > 1 and part is not None:  # a start that every density has
         late = -part[0] % step
         record, part = record.window(late, record.n), (part[0] + late, part[1])
-    thin = dense if step == 1 else Prepared(thinned(record, step), part=part, step=step)
+    thin = dense if step == 1 else Prepared(thin_record(record, step), part=part, step=step)
     # else it is asked itself: a finer record may oscillate by chance, and this one is judged
     if coarse > step:
         thin.__dict__["oscillation"] = oscillation

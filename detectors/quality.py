@@ -14,7 +14,7 @@ from simbench.detectors.signal.holds import frozen, holds, still
 from simbench.detectors.signal.lattice import lattice, written_unit
 from simbench.detectors.signal.lines import straight
 from simbench.detectors.signal.oscillation import Oscillation, find_oscillation
-from simbench.detectors.signal.spikes import isolated, off_line
+from simbench.detectors.signal.spikes import find_spikes, off_line
 from simbench.detectors.signal.tails import heavy_tails
 
 _SATURATED = 0.05  # share of samples at a limit
@@ -129,7 +129,7 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
                 "off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only"
             )
     # the samples that an archive kept stand off the lines it drew
-    outliers = 0 if compressed else isolated(pv, step)[0].size
+    outliers = 0 if compressed else find_spikes(pv, step)[0].size
     if outliers > _SPIKES * n and not heavy_tails(off_line(pv)[0]):
         yield Flag("spikes", f"{outliers} isolated outliers in PV")
 

@@ -52,7 +52,9 @@ def _run(
     except (UserError, *known) as error:
         cure = getattr(error, "cure", "")
         return complain(
-            f"{error.sentence}; try: {cured(command, cure)}" if cure and command else str(error)
+            f"{error.sentence}; try: {add_options(command, cure)}"
+            if cure and command
+            else str(error)
         )
     except BrokenPipeError:
         _drop(sys.stdout)
@@ -108,7 +110,7 @@ def _terminable() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
-def cured(command: Sequence[str], cure: str) -> str:
+def add_options(command: Sequence[str], cure: str) -> str:
     """Return a command with further options, in place of those with the same names."""
     option, *values = shlex.split(cure)
     words, old, at = [], [], 0

@@ -28,7 +28,7 @@ from simbench.detectors.example_loop import CASES, example_record
 from simbench.detectors.judge import judge_one
 from simbench.detectors.method import Method, Threshold
 from simbench.detectors.plugins.registry import methods
-from simbench.detectors.prepared import Prepared, prepare, thinned
+from simbench.detectors.prepared import Prepared, prepare, thin_record
 from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.oscillation import Oscillation
 from simbench.detectors.verdict import NO_DECISION, STICTION, Verdict, wrong_types
@@ -201,7 +201,7 @@ def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
     dense = example_record("dense", process)
     asked = _word(_judged(name, module, dense))
     for step in THINNED:
-        moved = _word(_judged(name, module, thinned(dense, step)))
+        moved = _word(_judged(name, module, thin_record(dense, step)))
         if moved != asked:
             yield (
                 f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}),"

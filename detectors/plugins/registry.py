@@ -290,7 +290,7 @@ class PluginFolder:
         return module
 
 
-def imported(folder: PluginFolder, source: str) -> ModuleType:
+def import_hosted(folder: PluginFolder, source: str) -> ModuleType:
     """Import a plug-in where this runs, in its worker, by its file or its published name."""
     folder.host_entries = False
     return folder.load(folder.add_file(source) if os.sep in source else source)
@@ -344,7 +344,7 @@ def _describe_detector(sources: list[tuple[str, str]]) -> list[dict[str, Any]]:
     """Import a detector in its worker, and return its description; ParameterError where it
     describes no detector.
     """
-    module = imported(methods, sources[0][1])
+    module = import_hosted(methods, sources[0][1])
     method = module.METHOD
     for wrong in wrong_fields(method):
         raise ParameterError(wrong)

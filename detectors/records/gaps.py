@@ -19,7 +19,7 @@ SHORTEST = 3  # samples of a record
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
-def whole(
+def fill_gaps(
     t: np.ndarray,
     signals: dict[str, np.ndarray | None],
     Ts: float,

@@ -26,7 +26,7 @@ from simbench.detectors.record import (
 from simbench.detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
 from simbench.detectors.records.clock import CALENDAR, seconds
 from simbench.detectors.records.dialects import entries, words
-from simbench.detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, SHORTEST, whole
+from simbench.detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, SHORTEST, fill_gaps
 from simbench.detectors.records.historian import (
     apply_quality,
     is_head,
@@ -510,7 +510,7 @@ def _record(
         signals = {r: x for r, x in signals.items() if r not in late}
     else:
         Ts = float(np.median(np.diff(t))) if given is None else float(given)
-        t, signals, notes = whole(t, signals, Ts, where, longest)
+        t, signals, notes = fill_gaps(t, signals, Ts, where, longest)
     begins = float(t[0]) + (0.0 if t[0] >= began else began)
     if began > CALENDAR:  # events are shared by records of the same time only
         meta["start"] = begins

@@ -239,7 +239,7 @@ class Report:
         return -1.0 if known is None else known
 
 
-def failed(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[str]:
+def describe_failures(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[str]:
     """Return one clause per method that gave no verdict where it was asked for one: how often, and
     why first.
     """

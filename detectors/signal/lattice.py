@@ -130,7 +130,7 @@ class Written(NamedTuple):
         return 0.0 if self.step == self.digits else self.step
 
 
-def written(x: np.ndarray, *others: np.ndarray) -> Written:
+def read_lattice(x: np.ndarray, *others: np.ndarray) -> Written:
     """Return the digits and the lattice of a column, and which of the two only tells how the file
     was written.
     """

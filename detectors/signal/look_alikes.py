@@ -15,7 +15,7 @@ from simbench.detectors.compiled import LANES, lanes, wide
 MOST_NEIGHBOURS = 8  # neighbours, one list of `nearest` each
 
 
-def predicted(x, embedding, horizon, neighbours):
+def prediction_errors(x, embedding, horizon, neighbours):
     """Return the squared error of predicting `x` from what followed the nearest look-alikes of each
     piece.
 

@@ -12,7 +12,7 @@ _ROUNDING = 1e-14  # share of a signal's largest value that double numbers may b
 _ALONE = 2.0  # times the spread of its neighbours about their line; a corner has 1.5, a step 1.25
 
 
-def isolated(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def find_spikes(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return isolated one-sample spikes.
 
     A spike lies off the line through its four neighbours by far more than they lie off it

@@ -10,7 +10,7 @@ import numpy as np
 
 from simbench.detectors.compiled import compiled
 from simbench.detectors.errors import ParameterError
-from simbench.detectors.signal.look_alikes import MOST_NEIGHBOURS, predicted
+from simbench.detectors.signal.look_alikes import MOST_NEIGHBOURS, prediction_errors
 
 _ITERATIONS = 10
 _SAMPLES_PER_CYCLE = 10  # Thornhill 2005: 7 to 25
@@ -92,7 +92,9 @@ def prediction_error(
         raise ParameterError(
             f"prediction_error: neighbours = {neighbours}; 1 to {MOST_NEIGHBOURS} are possible"
         )
-    return float(compiled(predicted)(np.ascontiguousarray(x), embedding, horizon, neighbours))
+    return float(
+        compiled(prediction_errors)(np.ascontiguousarray(x), embedding, horizon, neighbours)
+    )
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from simbench.confirm.gain_change import (
     LONGEST,
     NUDGES,
     PERIODS,
-    resolved,
+    gain_factors,
+    resolve_lengthened,
     settled_parts,
     shift_of,
-    stepped,
 )
 from simbench.confirm.phase import Phase, measure
 from simbench.confirm.rig import run_rig
@@ -104,10 +104,10 @@ def _with_nudge(
     changed = max(loops[0].sampling.n, 300)
     while True:
         n = int((1 + 1 / min(factor, 1.0)) * changed)  # a slower cycle needs more time
-        step = stepped(n, changed, factor)
+        step = gain_factors(n, changed, factor)
         op = np.empty((count, count, n))
         for i in range(count):
-            setups = [resolved(loop, seed + j, n, nudge) for j, loop in enumerate(loops)]
+            setups = [resolve_lengthened(loop, seed + j, n, nudge) for j, loop in enumerate(loops)]
             traces = run_rig(
                 setups, gain=[step if j == i else None for j in range(count)], influence=influence
             )

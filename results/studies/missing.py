@@ -63,7 +63,7 @@ def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
         "kind": item.answer["kind"],
         "none": before[NONE],
         "unknown": before[UNKNOWN],
-        "apart": report.behind.loops.apart_as_given(found.load),
+        "apart": report.behind.loops.gap_as_given(found.load),
         "answer": 1.0 - next(r.probability for r in report.ranking if r.effect == NONE),
         "likelier": likelier[[r.effect in true for r in report.ranking]].min(),
         "size": int(np.sum(likelier < COVERED)),

@@ -25,7 +25,7 @@ from results.studies.worlds import recipes
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files
-from simbench.gap.plan.menu import Limits, sized
+from simbench.gap.plan.menu import Limits, size_test
 from simbench.gap.plan.order import ORDER
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import NONE, UNKNOWN
@@ -64,7 +64,7 @@ def asked(seed: int, i: int, entry: dict) -> list[dict[str, Any]]:
             return []
         situation = alone.behind.found.situation
         for kind in ORDER:
-            trial = sized(kind, situation, {}, 0.0, Limits())
+            trial = size_test(kind, situation, {}, 0.0, Limits())
             if isinstance(trial, str) or (kind == "mv" and situation.record.mv is not None):
                 continue
             test = run_test(plant, trial, item.baseline, place)

@@ -268,7 +268,7 @@ def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
     for record in read:
         whose = f"{record.tag}: " if len(read) > 1 else ""
         for note in record.notes:
-            line = wrapped(f"note: {whose}{note}")
+            line = wrap_lines(f"note: {whose}{note}")
             print(line, file=sys.stderr if as_json or whose else sys.stdout)
 
 
@@ -351,7 +351,7 @@ def show_result(result: Any, as_json: bool) -> None:
 
 def show(content: Any, as_json: bool, kept: str = "") -> None:
     """Print an answer, as JSON where asked; `kept` are characters that `say` would escape."""
-    text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrapped(str(content))
+    text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrap_lines(str(content))
     print(printable(masked(text), f"\n{kept}"))
     sys.stdout.flush()
 
@@ -361,12 +361,12 @@ def say(text: object, aside: bool = False) -> None:
     print(printable(masked(text), "\n"), file=sys.stderr if aside else sys.stdout)
 
 
-def wrapped(text: str) -> str:
+def wrap_lines(text: str) -> str:
     """Return a text whose lines are broken at blanks to `_COLUMNS`; what follows is indented.
 
     A row of a table, known by two blanks in a row, stays whole.
 
-    >>> wrapped("word " * 24).splitlines()[1]
+    >>> wrap_lines("word " * 24).splitlines()[1]
     '  word word word word'
     """
     lines = []

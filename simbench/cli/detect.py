@@ -80,7 +80,7 @@ def detect(
     its reason, and the exit code is 1.
     """
     from simbench.detection import judge_files
-    from simbench.detectors.report.report import failed, table
+    from simbench.detectors.report.report import describe_failures, table
     from simbench.files import refuse_kind, refuse_own_input
 
     refuse_kind(csv or "")
@@ -96,7 +96,7 @@ def detect(
     )
     for name, sentence in report.refused.items():
         print(f"left out {name}: {sentence}", file=sys.stderr)
-    for sentence in failed(report.verdicts):
+    for sentence in describe_failures(report.verdicts):
         print(sentence, file=sys.stderr)
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)

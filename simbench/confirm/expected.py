@@ -57,7 +57,7 @@ class Expected:
         return goes_on * (near + _SLIGHT)
 
 
-def expected(
+def expect_change(
     loops: Iterable[tuple[Loop, float, tuple[float, float]]],
     lengths: tuple[int, int],
     Ts: float,

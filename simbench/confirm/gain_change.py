@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbench.bench.scenario.truth import healthy_twin
-from simbench.confirm.expected import Expected, expected, odds_of_friction, with_friction
+from simbench.confirm.expected import Expected, expect_change, odds_of_friction, with_friction
 from simbench.confirm.phase import Phase, interval, measure, plain, ratio_error
-from simbench.confirm.rig import Trace, lengthened, run_rig
+from simbench.confirm.rig import Trace, lengthen_loop, run_rig
 from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
@@ -119,14 +119,14 @@ def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:
     return outcomes[0]
 
 
-def resolved(loop: Loop, seed: int, samples: int, nudge: float) -> Setup:
+def resolve_lengthened(loop: Loop, seed: int, samples: int, nudge: float) -> Setup:
     """Resolve a loop with another length and a load step of `nudge` % from the second sample on."""
-    setup = resolve_loop(lengthened(loop, samples), seed)
+    setup = resolve_loop(lengthen_loop(loop, samples), seed)
     setup.load_in[1:] += nudge
     return setup
 
 
-def stepped(samples: int, changed: int, factor: float) -> np.ndarray:
+def gain_factors(samples: int, changed: int, factor: float) -> np.ndarray:
     """Return the factor on Kc at every sample: 1, from `changed` on `factor`."""
     return np.where(np.arange(samples) < changed, 1.0, factor)
 
@@ -140,7 +140,9 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
     changed = max(loop.sampling.n, 300)
     while True:
         n = int((1 + 1 / min(factor, 1.0)) * changed)  # a slower cycle needs more time
-        [trace] = run_rig([resolved(loop, seed, n, nudge)], gain=[stepped(n, changed, factor)])
+        [trace] = run_rig(
+            [resolve_lengthened(loop, seed, n, nudge)], gain=[gain_factors(n, changed, factor)]
+        )
         parts = settled_parts(trace.op, changed)
         phases = [
             measure(op, loop.sampling.Ts, loop.controller.Kc * f)
@@ -151,23 +153,23 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
             break
         changed *= 2
     before, after = phases
-    what, shift = observed(before, after), shift_of(before, after)
+    what, shift = describe_change(before, after), shift_of(before, after)
     verdict, reason = "no_decision", unfit(before, after)
     if not reason:
         lengths = (changed - changed // 3, n - changed - (n - changed) // 3)
         gains = (1.0, factor)
         sticky = with_friction(loop, before.amplitude)
         Ts, starts = loop.sampling.Ts, [(healthy_twin(loop), 0.0, gains)]
-        sound = expected(starts, lengths, Ts, nudge)
-        stuck = expected([(one, kick, gains) for one, kick in sticky], lengths, Ts, nudge)
+        sound = expect_change(starts, lengths, Ts, nudge)
+        stuck = expect_change([(one, kick, gains) for one, kick in sticky], lengths, Ts, nudge)
         # what swings the loop from outside stands in its file
         odds = odds_of_friction(before, after, sound, stuck, outside=False)
-        verdict, reason = told(odds, what, sound, stuck)
+        verdict, reason = judge_change(odds, what, sound, stuck)
     Ts = loop.sampling.Ts
     return GainChange(verdict, reason, before, after, shift, nudge, Ts, changed, trace)
 
 
-def observed(before: Phase, after: Phase) -> str:
+def describe_change(before: Phase, after: Phase) -> str:
     """Return in words what the change of gain did."""
     change = f"Kc changed by {100 * (after.Kc / before.Kc - 1):+.0f} %"
     if not after.goes_on:
@@ -190,7 +192,7 @@ def unfit(before: Phase, after: Phase) -> str:
     return ""
 
 
-def told(odds: float, what: str, sound: Expected, stuck: Expected) -> tuple[str, str]:
+def judge_change(odds: float, what: str, sound: Expected, stuck: Expected) -> tuple[str, str]:
     """Return verdict and reason of the log-odds of friction that a change of gain shows."""
     words = [
         f"{who} {_of_period(one)}"

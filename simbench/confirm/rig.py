@@ -16,7 +16,7 @@ from simbench.loop.setup import Setup, control_start, parts_of, plant_start
 from simbench.scenarios.spec import MAX_SAMPLES, Loop
 
 
-def lengthened(loop: Loop, samples: int) -> Loop:
+def lengthen_loop(loop: Loop, samples: int) -> Loop:
     """Return a loop with another number of samples, or say that a test would need more than are
     run.
     """

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbench.confirm.rig import LiveLoop, Trace, lengthened
+from simbench.confirm.rig import LiveLoop, Trace, lengthen_loop
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.loop.resolve import resolve_loop
@@ -162,7 +162,7 @@ class _Manual:
             self.window *= 2
         self.wait = settle + self.window
         steps = int(200 / increment + 100 / big_step) + 4
-        self.live = LiveLoop(resolve_loop(lengthened(quiet, steps * self.wait), seed))
+        self.live = LiveLoop(resolve_loop(lengthen_loop(quiet, steps * self.wait), seed))
         self.phase: list[int] = []
         self.first_op, self.seen, self.least_answer = self.op, self._hold(0), 0.0
         self.rest = self.seen

@@ -50,7 +50,7 @@ def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
     raise NeedsRecord(f"needs ISDB loop {name}; {path} does not hold it")
 
 
-def filtered(record: LoopRecord) -> tuple[np.ndarray, np.ndarray, float]:
+def filter_record(record: LoopRecord) -> tuple[np.ndarray, np.ndarray, float]:
     """Return OP and PV filtered around the record's oscillation, as detectors see them, and its
     period in samples.
     """

@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._correlation import correlation, draw_correlation
-from simbench.figures._records import filtered, real_loop
+from simbench.figures._records import filter_record, real_loop
 from simbench.figures._style import note, panels, parts, styled
 
 SOURCE = "Jelali (2013), Fig. 11.15 and Example 11.2; data: ISDB loops CHEM1, PAP4"
@@ -19,7 +19,7 @@ def data(isdb: str) -> pd.DataFrame:
     rows = []
     for name in PRINTED:
         record = real_loop(isdb, name, process="self-regulating")
-        op, pv, period = filtered(record)
+        op, pv, period = filter_record(record)
         rows.append(correlation(op, pv, record.Ts, 2 * period * record.Ts).assign(loop=name))
     return pd.concat(rows, ignore_index=True)
 

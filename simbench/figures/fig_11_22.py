@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from simbench.detectors.signal.oscillation import regular_segment
 from simbench.figures._nonlinearity import draw_nonlinearity, nonlinearity
-from simbench.figures._records import filtered, real_loop
+from simbench.figures._records import filter_record, real_loop
 from simbench.figures._style import styled
 
 SOURCE = (
@@ -20,7 +20,7 @@ def data(isdb: str) -> pd.DataFrame:
     stretch.
     """
     record = real_loop(isdb, "CHEM30", kind="flow")
-    op, pv, period = filtered(record)
+    op, pv, period = filter_record(record)
     start, stop = regular_segment(op, period, min(1000, record.n))
     return nonlinearity(record.window(start, stop), op[start:stop], pv[start:stop])
 

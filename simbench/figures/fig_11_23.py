@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
-from simbench.figures._records import NeedsRecord, filtered, real_loop
+from simbench.figures._records import NeedsRecord, filter_record, real_loop
 from simbench.figures._style import note, panel, styled
 
 SOURCE = "Jelali (2013), Fig. 11.23 and Example 11.6 (fitness 93.5 %); data: ISDB loop POW2"
@@ -20,7 +20,7 @@ def data(isdb: str) -> pd.DataFrame:
     """
     record = real_loop(isdb, "POW2", kind="level")
     record = record.window(0, min(1000, record.n))
-    op, pv, _ = filtered(record)
+    op, pv, _ = filter_record(record)
     ellipse = fit_ellipse(op, pv)
     if ellipse is None:
         raise NeedsRecord("needs ISDB loop POW2; no ellipse can be fitted to the one given")

@@ -102,7 +102,7 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
     return out
 
 
-def beside_load(
+def fit_beside_load(
     engine: Engine, load: Candidate, candidates: Mapping[str, Candidate]
 ) -> dict[str, Candidate]:
     """Return candidates beside what an ordinary load does by itself, their gains over it: the
@@ -120,7 +120,9 @@ def beside_load(
     }
 
 
-def alike(effect: str, s: Situation, p: Mapping[str, float | str] | None = None) -> tuple[str, ...]:
+def find_look_alikes(
+    effect: str, s: Situation, p: Mapping[str, float | str] | None = None
+) -> tuple[str, ...]:
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here,
     itself included.
     """

@@ -20,7 +20,7 @@ from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repair_record
 from simbench.detectors.sources import RecordSignals, as_record
-from simbench.gap.candidates import alike, smallest_detectable
+from simbench.gap.candidates import find_look_alikes, smallest_detectable
 from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
@@ -29,10 +29,10 @@ from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.evidence import known_by
 from simbench.gap.decide.posterior import Posterior, posterior
 from simbench.gap.effects import is_friction
-from simbench.gap.intake.beside_record import contradiction, modelled, refuse_twice
+from simbench.gap.intake.beside_record import contradiction, model_test, refuse_twice
 from simbench.gap.intake.check import check
 from simbench.gap.intake.healthy import Healthy, check_healthy, learn
-from simbench.gap.intake.partial import Partial, completed, read_baseline
+from simbench.gap.intake.partial import Partial, complete_baseline, read_baseline
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.plan.order import plan
@@ -229,7 +229,7 @@ def _assess_one(
     """
     # 1. the record and the baseline: can they be compared, and what does the baseline not say?
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
-    loop, given, completions = completed(record, baseline)
+    loop, given, completions = complete_baseline(record, baseline)
     if ordinary is not None:
         completions = [*completions, ordinary.note(loop, record.duration)]
         loop = ordinary.stated_in(loop, record.Ts)
@@ -263,7 +263,7 @@ def assess_with_tests(
     kept, notes = [], []
     contrary = "test: {} contradicts the record and is not counted: {}"
     for test in tests:
-        one = modelled(test, situation)
+        one = model_test(test, situation)
         reason = contradiction(test, one, situation)
         if reason:
             notes.append(contrary.format(one.name, reason))
@@ -346,7 +346,7 @@ def weigh_evidence(found: Assessment) -> Posterior:
     return posterior(found.rows, found.first, found.on_top, found.worst_test, found.friction)
 
 
-def named_by(weights: Posterior, assessment: Assessment) -> list[str]:
+def name_effects(weights: Posterior, assessment: Assessment) -> list[str]:
     """Return the answer: the most probable, and the other effect that was chosen with it."""
     first, chosen = weights.first, assessment.chosen
     return [first, *(e for e in chosen if first in chosen and e != first)]
@@ -371,7 +371,7 @@ def report(
     if s.trusted and (stated or weights.first == UNKNOWN):
         # what is not known may be friction, and a valve whose friction is stated is not sound
         weights = weights.with_friction(max(weights.friction, DENIED_BELOW))
-    named = named_by(weights, assessment)
+    named = name_effects(weights, assessment)
     lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
     planned = plan(assessment, weights.probability, runs, most=1)
     if s.trusted and not loops:
@@ -421,12 +421,12 @@ def _beside_simulations(
 
     An effect that is likelier than not, or that law or samples show, is named however far they are.
     """
-    named = named_by(weights, assessment)
+    named = name_effects(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
     if not known_by(assessment.rows):
         if _near_without(assessment, weights, main):
             weights = weights.enough()
-            main = runs.shrink([e for e in named_by(weights, assessment) if e in EFFECTS])
+            main = runs.shrink([e for e in name_effects(weights, assessment) if e in EFFECTS])
         if _unexplained(weights, main):
             far = remaining(assessment.situation, main.features)
             block = far[0].block if far else "disturbance"
@@ -452,7 +452,7 @@ def _with_gap(assessment: Assessment, weights: Posterior, runs: ClosedLoops) -> 
     """Return the posterior in which the distance from a baseline that was given tells whether
     anything unknown is lacking.
     """
-    apart = runs.apart_as_given(assessment.load) if assessment.situation.trusted else None
+    apart = runs.gap_as_given(assessment.load) if assessment.situation.trusted else None
     return weights if apart is None else weights.parted(apart)
 
 
@@ -513,7 +513,7 @@ def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
         return NONE, *assessment.ordinary
     if answer == UNKNOWN:
         return (UNKNOWN,)
-    same = alike(answer, assessment.situation, assessment.parameters.get(answer))
+    same = find_look_alikes(answer, assessment.situation, assessment.parameters.get(answer))
     return (*same, NONE) if answer in assessment.ordinary else same
 
 

@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from simbench.confirm.expected import expected, odds_of_friction, with_friction
-from simbench.confirm.gain_change import TOLD_FROM, GainChange, observed, shift_of, told, unfit
+from simbench.confirm.expected import expect_change, odds_of_friction, with_friction
+from simbench.confirm.gain_change import (
+    TOLD_FROM,
+    GainChange,
+    describe_change,
+    judge_change,
+    shift_of,
+    unfit,
+)
 from simbench.confirm.phase import Phase, measure
 from simbench.confirm.recorded import controller_gain, travel_recorded
 from simbench.confirm.rig import Trace
@@ -71,7 +78,7 @@ def _compared(
     try:
         loops = [candidate_loops(record.without_mv()) for record in records]
     except UserError as error:
-        what = observed(*phases)
+        what = describe_change(*phases)
         return "no_decision", f"{what}; what a sound valve would do is unknown: {error}"
     # a loop identified after the change has the new gain already
     factors = ((1.0, ratio), (1.0 / ratio, 1.0))
@@ -82,10 +89,10 @@ def _compared(
         for stuck, kick in with_friction(one.alone, phase.amplitude / one.percent)
     ]
     lengths, Ts = (records[0].n, records[1].n), records[0].Ts
-    expectations = [expected(some, lengths, Ts) for some in (sound, sticky)]
+    expectations = [expect_change(some, lengths, Ts) for some in (sound, sticky)]
     odds = odds_of_friction(*phases, *expectations, outside=True)
     shown = pool_log_odds([one.log_odds for one in loops])
-    verdict, reason = told(odds, observed(*phases), *expectations)
+    verdict, reason = judge_change(odds, describe_change(*phases), *expectations)
     alone = f"by themselves the records show stiction with probability {probability(shown):.2f}"
     # the change may contradict what the records show, and take a side where they lean to it
     if shown > TOLD_FROM:

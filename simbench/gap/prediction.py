@@ -20,9 +20,9 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
-from simbench.gap.closed_loop.gap import apart
+from simbench.gap.closed_loop.gap import describe_gap
 from simbench.gap.closed_loop.level import WITHIN, run_with_seeds
-from simbench.gap.closed_loop.loop_from_fit import fixed_loop, ramped
+from simbench.gap.closed_loop.loop_from_fit import fixed_loop, shift_by_ramps
 from simbench.gap.closed_loop.runs import kick_of, load_may_jump
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.engine import Engine
@@ -249,7 +249,7 @@ def predict(report: GapReport, settings: Mapping[str, Any], seed: int = 0) -> Pr
         # of 29 such answers 23 were right, but some of the others by a factor of twenty
         why = [f"something in the {report.block} block is missing that no known effect explains"]
     elif not s.trusted and not report.gap.near:
-        distance = apart(report.gap.after, report.gap.plant_floor)
+        distance = describe_gap(report.gap.after, report.gap.plant_floor)
         why = [f"simulations of the identified loop are {distance}"]
     elif len(pairs) < (1.0 - _SHARE) * len(drawn):
         why = [f"{len(drawn) - len(pairs)} of {len(drawn)} draws of the model run away"]
@@ -296,7 +296,7 @@ def _draws(report: GapReport, seed: int) -> list[tuple[Loop, float]]:
             loop = fixed_loop(s, one, numbers, jumps=load_may_jump(effects))
             gain = np.inf if s.integrating else loop.plant.K
             # a ramp moves OP over the warm-up too
-            ahead = ramped(numbers, _warm_up(s) * s.record.Ts, gain)
+            ahead = shift_by_ramps(numbers, _warm_up(s) * s.record.Ts, gain)
             op0 = float(np.clip(loop.operating_point.op0 + raised + ahead, *WITHIN))
             loop = loop.with_all({"operating_point.op0": op0, "operating_point.pv0": corrected.pv0})
             kicks = [kick_of(p) for p in numbers.values()]

@@ -14,7 +14,7 @@ import numpy as np
 
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.plugins.host import SECONDS, Host, PluginError
-from simbench.detectors.plugins.registry import imported
+from simbench.detectors.plugins.registry import import_hosted
 from simbench.loop import echo
 from simbench.loop.effects import BLOCKS
 from simbench.loop.effects import PLUGINS as EFFECTS
@@ -101,7 +101,7 @@ def _describe_parts(sources: Iterable[tuple[str, str]]) -> list[dict[str, Any]]:
     """
     said = []
     for kind, source in sources:
-        module = imported(_FOLDERS[kind], source)
+        module = import_hosted(_FOLDERS[kind], source)
         rules = module.PARAMETERS
         if not isinstance(rules, dict) or not all(
             isinstance(rule, (Number, Choice)) for rule in rules.values()

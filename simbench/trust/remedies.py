@@ -11,7 +11,7 @@ import numpy as np
 
 from simbench.detectors.verdict import STICTION
 from simbench.gap.stiction.altered import without
-from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archived
+from simbench.gap.stiction.candidate_loops import ARCHIVE, CandidateLoops, archive_effects
 from simbench.trust.replicates import Change, draw_replicates, judged
 
 _REPLICATES = 24  # of each kind, per remedy
@@ -107,7 +107,7 @@ def _changes(a: CandidateLoops, S: float) -> list[tuple[str, Change]]:
     out.append((f"set-point steps of {high:.2g} (unit of PV)", Change(step=high)))
     if record.mv is None:
         out.append(("recording the valve position (MV)", Change(mv=True)))
-    if archived(loop):
+    if archive_effects(loop):
         out.append(
             (
                 "an archive without compression and rounding",

@@ -181,7 +181,7 @@ class Trust:
         seen = self._seen()
         lines, best = [f"{seen[0].upper()}{seen[1:]}."], self.best
         if best is not None:
-            agrees = best.verdict_here == likely(self.probability or 0.0)
+            agrees = best.verdict_here == likelier_verdict(self.probability or 0.0)
             why = (
                 "the highest of the methods that agree with the conclusion"
                 if agrees
@@ -205,7 +205,7 @@ class Trust:
         )
 
 
-def likely(probability: float) -> str:
+def likelier_verdict(probability: float) -> str:
     """Return the verdict that a probability of stiction makes the more probable one."""
     return STICTION if probability > LIKELIER else NO_STICTION
 

@@ -24,7 +24,7 @@ from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from simbench.detectors.verdict import STICTION, Verdict
-from simbench.gap.closed_loop.gap import apart, within_reach
+from simbench.gap.closed_loop.gap import describe_gap, within_reach
 from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops, loops_of
 from simbench.gap.stiction.conclusion import Conclusion, from_record
@@ -43,7 +43,7 @@ from simbench.trust.power import (
 )
 from simbench.trust.remedies import Remedy, remedies
 from simbench.trust.replicates import Replicate, draw_replicates, judged
-from simbench.trust.result import MethodTrust, Trust, likely
+from simbench.trust.result import MethodTrust, Trust, likelier_verdict
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import Source
@@ -216,7 +216,7 @@ def _weighed(
     keenest = max(range(len(names)), key=lambda i: (made[i], rules[i][0].right))
     shown = cells_of(S, J, np.array([rules[keenest][0].calls(v) for v in of[keenest]]))
     # nor is a reading that contradicts what is more probable here
-    wanted = likely(conclusion.probability or 0.0)
+    wanted = likelier_verdict(conclusion.probability or 0.0)
     read = [
         next((r for r in rules[i] if r.verdict_of(verdicts_here[i]) == wanted), rules[i][0])
         for i in range(len(names))
@@ -253,7 +253,7 @@ def _weighed(
             None if seen is None else (seen[0] * candidates.percent, seen[1] * candidates.percent)
         ),
         notes=(
-            *([f"simulations of this loop are {apart(*near)}"] if near and not far else []),
+            *([f"simulations of this loop are {describe_gap(*near)}"] if near and not far else []),
             *candidates.notes,
         ),
         far=far,
@@ -286,8 +286,8 @@ def _far(near: tuple[float, float] | None) -> str:
     if near is None or within_reach(*near):
         return ""
     return (
-        f"the replicates are another loop's: they are {apart(*near)}; what is said of methods and"
-        " of the smallest stiction holds for that loop"
+        f"the replicates are another loop's: they are {describe_gap(*near)}; what is said of"
+        " methods and of the smallest stiction holds for that loop"
     )
 
 

@@ -8,9 +8,9 @@ import pytest
 from simbench.detectors.signal.lattice import (
     hides_nothing,
     lattice,
+    read_lattice,
     resolution,
     root_lattice,
-    written,
     written_unit,
 )
 
@@ -129,16 +129,16 @@ def test_a_lattice_that_hides_nothing_is_a_way_to_write_and_a_coarser_one_is_the
 ):
     # white noise moves by a variance of 2, of which 0.005 are those of rounding by 0.35
     x = np.round(step * np.round(np.random.default_rng(5).standard_normal(5000) / step), 3)
-    result = written(x, np.array([1.234, 5.678]))
+    result = read_lattice(x, np.array([1.234, 5.678]))
     assert (result.digits, result.coarse) == pytest.approx((digits, coarse))
     assert result.step == pytest.approx(step)
 
 
 def test_decimals_are_digits_however_much_they_hide_and_full_precision_has_none():
     x = np.random.default_rng(5).standard_normal(5000)
-    assert written(x) == (0.0, 0.0, 0.0)
-    assert written(np.round(x, 1)) == (0.1, 0.0, 0.1)
-    assert written(np.round(x)).coarse == written(x).coarse == 0.0
+    assert read_lattice(x) == (0.0, 0.0, 0.0)
+    assert read_lattice(np.round(x, 1)) == (0.1, 0.0, 0.1)
+    assert read_lattice(np.round(x)).coarse == read_lattice(x).coarse == 0.0
 
 
 @pytest.mark.parametrize(("bridged", "step"), [(0, 0.7), (9, 0.7), (12, 0.0)])

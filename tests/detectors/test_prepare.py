@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.judge import judge
-from simbench.detectors.prepared import prepare, thinned
+from simbench.detectors.prepared import prepare, thin_record
 from simbench.detectors.procedure import diagnose
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import Oscillation
@@ -111,7 +111,7 @@ def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
     k = np.arange(12_000.0)
     op, pv = np.arcsin(np.sin(2 * np.pi * k / 600)), np.sign(np.cos(2 * np.pi * k / 600))
     dense = LoopRecord(op=op, pv=pv, Ts=0.5, process="self-regulating", sp=np.zeros(k.size))
-    prepared = [prepare(thinned(dense, step)) for step in (1, 2, 4)]
+    prepared = [prepare(thin_record(dense, step)) for step in (1, 2, 4)]
     assert [p.step for p in prepared] == [4, 2, 1]
     for p in prepared:
         assert (p.record.Ts, p.record.n) == (2.0, 3000)
@@ -138,7 +138,7 @@ def test_whether_a_dense_record_oscillates_is_asked_at_the_density_that_is_judge
     swing = np.sin(2 * np.pi * np.arange(40_000) / 2500)
     dense = LoopRecord(op=swing, pv=-swing, Ts=1.0)
     for k in (1, 2, 4, 8):
-        assert prepare(thinned(dense, k)).oscillation.sustained == sustained, k
+        assert prepare(thin_record(dense, k)).oscillation.sustained == sustained, k
 
 
 def test_what_does_not_oscillate_keeps_its_samples():

@@ -5,7 +5,7 @@ none.
 import numpy as np
 import pytest
 
-from simbench.detectors.signal.spikes import cleaned, isolated
+from simbench.detectors.signal.spikes import cleaned, find_spikes
 
 T = np.arange(1200.0)
 CORNERS = np.interp(T, [0, 300, 400, 800, 830, 1200], [0, 0, 30, 30, 5, 5])
@@ -14,9 +14,9 @@ CORNERS = np.interp(T, [0, 300, 400, 800, 830, 1200], [0, 0, 30, 30, 5, 5])
 def test_spikes_are_counted_with_their_heights_and_steps_are_not():
     pv = np.random.default_rng(2).normal(0, 0.1, 1000)
     pv[500:] += 5.0
-    assert isolated(pv)[0].size == 0
+    assert find_spikes(pv)[0].size == 0
     pv[[100, 300, 800]] += [2.0, -2.0, 3.0]
-    places, heights = isolated(pv)
+    places, heights = find_spikes(pv)
     assert places.tolist() == [100, 300, 800]
     assert heights == pytest.approx([2.0, -2.0, 3.0], abs=0.4)
 
@@ -24,33 +24,33 @@ def test_spikes_are_counted_with_their_heights_and_steps_are_not():
 def test_spikes_on_a_slope_and_in_pairs_are_detected_and_corners_are_not():
     rng = np.random.default_rng(3)
     pv = CORNERS + 0.02 * rng.standard_normal(T.size)
-    assert isolated(pv)[0].size == 0
+    assert find_spikes(pv)[0].size == 0
     places = np.array([100, 320, 350, 351, 600, 602, 815, 1000])
     pv[places] += 2.0 * rng.choice([-1.0, 1.0], places.size)
-    assert isolated(pv)[0].tolist() == places.tolist()
+    assert find_spikes(pv)[0].tolist() == places.tolist()
 
 
 def test_bursts_of_noise_are_no_spikes():
     noise = np.random.default_rng(6).standard_normal(3000)
     for k in range(100, 3000, 300):
         noise[k : k + 60] *= 6.0
-    assert isolated(noise)[0].size == 0
+    assert find_spikes(noise)[0].size == 0
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_noise_has_hardly_any(seed):
-    assert isolated(np.random.default_rng(seed).standard_normal(2000))[0].size == 0
+    assert find_spikes(np.random.default_rng(seed).standard_normal(2000))[0].size == 0
 
 
 def test_one_step_of_a_coarse_signal_is_no_spike():
     pv = np.round(np.random.default_rng(0).normal(0.0, 0.2, 2000))
     assert 5 < np.count_nonzero(pv) < 40
-    assert isolated(pv, 1.0)[0].size == 0
-    assert isolated(pv, 0.0)[0].size > 5
+    assert find_spikes(pv, 1.0)[0].size == 0
+    assert find_spikes(pv, 0.0)[0].size > 5
 
 
 def test_a_record_of_a_few_samples_has_none():
-    assert isolated(np.array([0.0] * 9 + [9.0] + [0.0] * 9))[0].size == 0
+    assert find_spikes(np.array([0.0] * 9 + [9.0] + [0.0] * 9))[0].size == 0
 
 
 def test_cleaning_puts_the_line_between_the_neighbours_in_their_place():

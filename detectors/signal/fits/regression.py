@@ -93,10 +93,10 @@ def _gain_of(data: _Data, valve: np.ndarray, beside: bool) -> float:
     """Return the nats that a valve (S, J, stops) explains beyond one that follows OP."""
     sticky, sound = data.left(np.vstack([valve, _FOLLOWS_OP]))
     sound = data.rest if beside else sound
-    return gained(_nats(sticky), _nats(sound)) - 0.5 * _NUMBERS * math.log(sound.size)
+    return friction_nats(_nats(sticky), _nats(sound)) - 0.5 * _NUMBERS * math.log(sound.size)
 
 
-def gained(sticky: np.ndarray, sound: np.ndarray) -> float:
+def friction_nats(sticky: np.ndarray, sound: np.ndarray) -> float:
     """Return the nats that friction gains over none, of each sample's log-likelihoods (n,), no
     sample counting more than one.
     """

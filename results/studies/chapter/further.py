@@ -21,7 +21,7 @@ from simbench.detectors.methods.horch import correlation_indices
 from simbench.detectors.methods.rossi_scali import relay_index
 from simbench.detectors.methods.srinivasan import SHAPES, cycles, label_shares
 from simbench.detectors.methods.yamashita import movement_indices
-from simbench.detectors.prepared import prepare, thinned
+from simbench.detectors.prepared import prepare, thin_record
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.bicoherence import error_bicoherence
 from simbench.detectors.signal.conditioning import smooth
@@ -737,7 +737,7 @@ def _filters() -> Iterator[Row]:
         "succeeds: a fitness of 60 %; sticky loops all",
     )
     dense = list(_biased(Ts=0.0625, n=24000))
-    counts = [_count("choudhury", [thinned(r, k) for r in dense]) for k in (8, 2, 1)]
+    counts = [_count("choudhury", [thin_record(r, k) for r in dense]) for k in (8, 2, 1)]
     spread = [find_oscillation(r.op, r.pv, 1.0).period_s for r in dense]
     ours = (
         f"found {counts[0]}, {counts[1]}, {counts[2]} of {len(dense)} at 1, 4 and 8 times the"

@@ -28,7 +28,7 @@ from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.stiction.altered import with_friction
 from simbench.gap.stiction.friction import Friction, friction
-from simbench.gap.stiction.measured import resampled
+from simbench.gap.stiction.measured import resample_record
 from simbench.gap.stiction.probability import log_odds, probability, verdict
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
@@ -56,7 +56,7 @@ def recorded(simulator: str, number: int, seed: int) -> tuple[LoopRecord, bool, 
         return record, sticky, 0.0
     pace = swing.period_s / record.Ts
     k = int(np.clip(round(pace / np.exp(rng.uniform(np.log(4), np.log(60)))), 1, record.n // 120))
-    return resampled(record, lambda x: x[::k], k), sticky, pace / k
+    return resample_record(record, lambda x: x[::k], k), sticky, pace / k
 
 
 def called(weighed: Friction) -> int:

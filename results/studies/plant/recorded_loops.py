@@ -23,7 +23,7 @@ from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import STICTION
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.measured import resampled
+from simbench.gap.stiction.measured import resample_record
 from simbench.gap.stiction.probability import pool_log_odds, probability
 from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.progress import Progress
@@ -32,12 +32,14 @@ from simbench.usage import exit_code
 
 def every(k: int) -> Callable[[LoopRecord], LoopRecord]:
     """Return what keeps every k-th sample."""
-    return lambda r: resampled(r, lambda x: x[::k], k)
+    return lambda r: resample_record(r, lambda x: x[::k], k)
 
 
 def mean_of(k: int) -> Callable[[LoopRecord], LoopRecord]:
     """Return what keeps the mean of k samples."""
-    return lambda r: resampled(r, lambda x: x[: x.size // k * k].reshape(-1, k).mean(axis=1), k)
+    return lambda r: resample_record(
+        r, lambda x: x[: x.size // k * k].reshape(-1, k).mean(axis=1), k
+    )
 
 
 def held(k: int) -> Callable[[LoopRecord], LoopRecord]:

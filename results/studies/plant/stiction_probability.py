@@ -34,7 +34,7 @@ from simbench.detectors.records.io import read_record
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.files import folder
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.measured import resampled
+from simbench.gap.stiction.measured import resample_record
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability, regressors
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
@@ -192,7 +192,7 @@ def _recorded(r: LoopRecord, form: str, rng: np.random.Generator) -> LoopRecord:
         return r.window(begin, begin + n)
     if form == "seldom":
         k = int(np.clip(period / rng.uniform(4.0, 10.0), 1, r.n // 150 or 1))
-        r = resampled(r, lambda x: x[::k], k) if k > 1 else r
+        r = resample_record(r, lambda x: x[::k], k) if k > 1 else r
     if form == "held":
         k = int(rng.integers(2, 6))
         r = replace(r, pv=np.repeat(r.pv[::k], k)[: r.n])

@@ -31,7 +31,7 @@ from simbench.bench.store.checksums import (
     RunError,
     check_tables,
     file_digest,
-    verified,
+    read_verified,
 )
 from simbench.bench.store.manifest import MANIFEST, describe, read_manifest
 from simbench.bench.store.place import Place, place_of
@@ -155,7 +155,9 @@ class _Verification:
         add_parts(*self.settings.parts, seconds=self.settings.time_limit)
         notes = Notes()
         files = [(partition_file(kind, number), self.marks[kind][number]) for kind in TABLE_KINDS]
-        stored_verdicts, stored_scenarios = (_rows(verified(self.place, *file)) for file in files)
+        stored_verdicts, stored_scenarios = (
+            _rows(read_verified(self.place, *file)) for file in files
+        )
         wide, deep = self.sampled
         rows = {
             g: [scenario_columns(s, g) for s, _ in settled(self.grid.group(g))]

@@ -109,7 +109,7 @@ class Check:
             lines += ["", f"{len(flips)} verdicts changed{_cut(self, most)}"]
             lines += _aligned(flips[kept].head(most))
             first = str(flips["scenario_id"].iloc[0])
-            lines += ["", "To simulate one of them again:", again(self, first)]
+            lines += ["", "To simulate one of them again:", command_again(self, first)]
         return lines
 
     def as_markdown(self) -> str:
@@ -122,7 +122,12 @@ class Check:
             shown = _worst_first(self).head(_SHOWN)
             title = f"{len(self.flips)} verdicts changed{_cut(self, _SHOWN)}"
             lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
-            lines += ["", f"`{again(self, str(shown['scenario_id'].iloc[0]))}`", "", "</details>"]
+            lines += [
+                "",
+                f"`{command_again(self, str(shown['scenario_id'].iloc[0]))}`",
+                "",
+                "</details>",
+            ]
         return "\n".join(lines) + "\n"
 
     def as_json(self) -> dict[str, Any]:
@@ -161,7 +166,7 @@ class Check:
         )
 
 
-def again(check: Check, scenario_id: str) -> str:
+def command_again(check: Check, scenario_id: str) -> str:
     """Return the command that simulates a flipped scenario again."""
     return f"simbench simulate --from {check.home} --id {scenario_id} -o record.csv"
 

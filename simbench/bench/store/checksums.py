@@ -97,7 +97,7 @@ def partition(number: int) -> str:
     return f"{number:08d}.parquet"
 
 
-def verified(place: Place, name: str, mark: str) -> bytes:
+def read_verified(place: Place, name: str, mark: str) -> bytes:
     """Return a file's content; raise RunError when it does not have its checksum."""
     try:
         content = place.read(name)
@@ -122,7 +122,7 @@ def check_tables(folder: str | Path | Place, manifest: Mapping[str, Any]) -> Non
     refuse_unfinished(place, manifest)
     for kind in TABLE_KINDS:
         for name, mark in table_files(place, manifest, kind):
-            verified(place, name, mark)
+            read_verified(place, name, mark)
 
 
 def _of(plain: Mapping[str, Any]) -> str:

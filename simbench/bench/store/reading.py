@@ -16,9 +16,9 @@ import pyarrow.parquet as pq
 from simbench.bench.store.checksums import (
     RunError,
     check_tables,
+    read_verified,
     refuse_unfinished,
     table_files,
-    verified,
 )
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import Place, place_of
@@ -83,7 +83,7 @@ def _parts(
             f"{place} is damaged: table {kind} has no file, which is needed; run it again"
         )
     for name, mark in files:
-        content = pa.BufferReader(verified(place, name, mark))
+        content = pa.BufferReader(read_verified(place, name, mark))
         source = pq.ParquetFile(content, read_dictionary=list(coded))
         # small parts: threads cost more than they save
         yield source.read(columns=None if columns is None else list(columns), use_threads=False)

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from simbench.detectors.signal.lattice import written
+from simbench.detectors.signal.lattice import read_lattice
 from simbench.gap.controller.recovered_pv import mean_like
 from simbench.gap.situation import Situation
 
@@ -66,6 +66,6 @@ def _digits_of(s: Situation) -> tuple[float, float]:
     """Return the steps in which OP and PV are written, or PV of an identified loop is measured;
     computed once per record because it is simulated many times.
     """
-    op, pv = written(s.op, s.record.pv).digits, written(s.record.pv, s.op).digits
+    op, pv = read_lattice(s.op, s.record.pv).digits, read_lattice(s.record.pv, s.op).digits
     lattice = s.archive.rounding
     return op, pv if lattice is None or s.trusted else lattice[0]

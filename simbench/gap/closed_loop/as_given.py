@@ -24,7 +24,7 @@ _FEWEST = 4  # of them, below which nothing is told
 _STREAM = 43  # of the random numbers that draw the plants
 
 
-def apart_as_given(situation: Situation, loop: Loop, seed: int = 0) -> float | None:
+def gap_as_given(situation: Situation, loop: Loop, seed: int = 0) -> float | None:
     """Return how many times as far the whole record is from simulations of a loop, whose gain and
     times are drawn within what a baseline may be off, as these are from each other; None where it
     cannot be simulated.

@@ -69,7 +69,7 @@ def within_reach(gap: float, floor: float) -> bool:
     return gap <= NEAR * floor
 
 
-def apart(gap: float, plant_floor: float) -> str:
+def describe_gap(gap: float, plant_floor: float) -> str:
     """Return in words how far simulations are from a record, and its parts from each other."""
     return f"{gap:.2f} from the record, whose parts are {plant_floor:.2f} apart"
 
@@ -144,8 +144,8 @@ def measure(
             np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP
         )[:, keep]
         before_d, after_d = (float(x.mean() + rng.choice(c)) for x, c in zip(far, chance))
-        draws.append(closed(before_d, after_d, f))
-    value = closed(b, a, f)
+        draws.append(closed_share(before_d, after_d, f))
+    value = closed_share(b, a, f)
     lo, hi = np.clip(value + GAP_WIDER * (np.quantile(draws, [0.05, 0.95]) - value), -1.0, 1.0)
     lo, hi = float(min(lo, value)), float(max(hi, value))
     return Shrinkage(b, r, a, f, True, value, lo, hi, per, at_plant)
@@ -183,6 +183,6 @@ def _ruler(runs: list[np.ndarray], least: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean([seed_spread(x, least) ** 2 for x in runs], axis=0))
 
 
-def closed(before: float, after: float, floor: float) -> float:
+def closed_share(before: float, after: float, floor: float) -> float:
     """Return the share of the gap above its floor that is gone, from -1 to 1."""
     return float(np.clip(1.0 - max(after - floor, 0.0) / max(before - floor, 1e-6), -1.0, 1.0))

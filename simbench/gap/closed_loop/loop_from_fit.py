@@ -89,7 +89,7 @@ def fixed_loop(
     half = 0.5 * n * Ts
     # on an integrating plant a ramp of the measurement is a load
     gain = Plant.model_validate(table["plant"]).K if d.T > 0 else np.inf
-    led = ramped(effects, half, gain)
+    led = shift_by_ramps(effects, half, gain)
     table["operating_point"] = {
         "op0": clip(_rest(situation, fit) + led, *WITHIN),
         "pv0": float(sp[0]),
@@ -101,7 +101,9 @@ def fixed_loop(
     return loop if situation.trusted else stable(loop)
 
 
-def ramped(effects: Mapping[str, Mapping[str, float | str]], half: float, K: float) -> float:
+def shift_by_ramps(
+    effects: Mapping[str, Mapping[str, float | str]], half: float, K: float
+) -> float:
     """Return how far (%) OP's mean over a record lies from where it began under ramps: half the
     record in s, K of the plant. The controller moves OP against a ramp that it takes for PV.
     """

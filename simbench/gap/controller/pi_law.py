@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from simbench.detectors.signal.lattice import written, written_unit
+from simbench.detectors.signal.lattice import read_lattice, written_unit
 from simbench.detectors.signal.lines import on_line
 from simbench.gap.controller.pid_law import Stated
 from simbench.gap.controller.recovered_pv import (
@@ -153,7 +153,9 @@ def best_aligned(
     return min(known, key=lambda t: (t.tuning is not None, t.averaged, t.strays.size))
 
 
-def retuned(Kc: float, Ti: float, Kc_stated: float, Ti_stated: float) -> tuple[float, float] | None:
+def find_retuning(
+    Kc: float, Ti: float, Kc_stated: float, Ti_stated: float
+) -> tuple[float, float] | None:
     """Return the factors of a tuning that differs from the stated one, None when it hardly does."""
     Ti_factor = Ti / Ti_stated if np.isfinite(Ti) and np.isfinite(Ti_stated) else 1.0
     factors = Kc / Kc_stated, Ti_factor
@@ -186,7 +188,7 @@ class _Examination:
         self.Ts, self.Kc, self.Ti, self.Ki = stated.Ts, stated.Kc, stated.Ti, stated.Ki
         self.noise, self.acts, self.e = noise, acts, acts.error(op, pv, self.level)
         Kc, per_pv = self.Kc, stated.per_pv
-        self.op_is, self.pv_is = op_is, pv_is = written(op, pv), written(pv, op)
+        self.op_is, self.pv_is = op_is, pv_is = read_lattice(op, pv), read_lattice(pv, op)
         # what an archive by exception repeats
         op_band = exception_band(op, max(op_is.unit, op_is.step))
         pv_band = exception_band(pv, max(pv_is.unit, pv_is.step))
@@ -393,7 +395,7 @@ class _Examination:
     def _tuned(self, law: Law, a: float, b: float) -> Law:
         """Return the law with the tuning of dOP = a e_k + b e_{k-1}."""
         Kc, Ti = self._nearest_form(a, b)
-        return replace(law, Kc=Kc, Ti=Ti, tuning=retuned(Kc, Ti, self.Kc, self.Ti or np.inf))
+        return replace(law, Kc=Kc, Ti=Ti, tuning=find_retuning(Kc, Ti, self.Kc, self.Ti or np.inf))
 
     def _nearest_form(self, a: float, b: float) -> tuple[float, float]:
         """Return Kc and Ti of the execution order that is nearest to the baseline; of the backward

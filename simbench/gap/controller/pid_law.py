@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from simbench.detectors.signal.filters import lfilter
-from simbench.gap.controller.regression import FORMS, about_zero, solved_by_most
+from simbench.gap.controller.regression import FORMS, about_zero, solve_by_majority
 from simbench.loop.controller import PID, pid_numbers
 from simbench.scenarios.spec import Controller
 
@@ -99,7 +99,7 @@ class Stated:
         du, moves = np.diff(op), np.diff(replace(self, Ti=None).error(op, pv, sp))
         free = du != 0.0
         X, y = np.column_stack([moves, self._adds(sp - pv)])[free], du[free]
-        Kc, Ki = solved_by_most(X, y) if y.size > 2 else (0.0, 0.0)
+        Kc, Ki = solve_by_majority(X, y) if y.size > 2 else (0.0, 0.0)
         if Kc * Ki <= 0.0 or about_zero(y - X @ [Kc, Ki]) > _EXPLAINS * about_zero(y):
             return None
         Ti = float(self.Ts * Kc / Ki)

@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.holds import runs_of
-from simbench.gap.controller.regression import about_zero, solved
+from simbench.gap.controller.regression import about_zero, solve_least_squares
 
 # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is
 # believed
@@ -91,7 +91,7 @@ def _around(x: np.ndarray, over: tuple[int, ...] = MEAN_OVER) -> np.ndarray:
 
 
 def _weights(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    return solved(_around(seen - seen.mean())[2:-2], (pv - pv.mean())[2:-2])
+    return solve_least_squares(_around(seen - seen.mean())[2:-2], (pv - pv.mean())[2:-2])
 
 
 def hidden_law(
@@ -118,7 +118,7 @@ def hidden_law(
 
     def misfit(log_wait: float) -> float:
         X = channels(expit(log_wait))
-        return float(np.std(y - X @ solved(X, y)))
+        return float(np.std(y - X @ solve_least_squares(X, y)))
 
     # of a wait of Ti/Ts samples; a controller without integral forgets no error
     stated = forget = Kc / (Kc + Ki)
@@ -134,9 +134,9 @@ def hidden_law(
             ).x
         )
     X, X0 = channels(forget), channels(stated)
-    beta = solved(X, y)
+    beta = solve_least_squares(X, y)
     total = float(beta[:many].sum())
     a = 1.0 / total if total != 0.0 else np.inf
     left, start = y - X0[:, :many].mean(axis=1) / (Kc + Ki), X0[:, many:]
-    left = left - start @ solved(start, left)
+    left = left - start @ solve_least_squares(start, left)
     return _Hidden(a, -forget * a, float(np.std(y - X @ beta)), float(np.std(left)))

@@ -28,21 +28,21 @@ class LawFit(NamedTuple):
     strays: np.ndarray
 
 
-def solved(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+def solve_least_squares(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the coefficients of least squares."""
     return np.linalg.lstsq(X, y, rcond=None)[0]
 
 
-def solved_by_most(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+def solve_by_majority(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the coefficients of least squares over the rows that they explain."""
-    beta, keep = solved(X, y), np.ones(y.size, dtype=bool)
+    beta, keep = solve_least_squares(X, y), np.ones(y.size, dtype=bool)
     for _ in range(8):
         off = np.abs(y - X @ beta)
         # trimming, not weighting: where the law holds it holds exactly
         keep, before = off <= max(float(np.quantile(off, 0.7)) * 2.0, 1e-12), keep
         if np.array_equal(keep, before):
             break
-        beta = solved(X[keep], y[keep])
+        beta = solve_least_squares(X[keep], y[keep])
     return beta
 
 
@@ -74,7 +74,7 @@ def by_steps(
     if with_sp_offset:
         bases = [b - np.median(b) for b in bases]
     base = min(bases, key=about_zero)
-    beta = solved_by_most(X, y)
+    beta = solve_by_majority(X, y)
     off = y - X @ beta
     left = about_zero(off) / size
     strays = np.flatnonzero(rows)[np.abs(off) > max(0.1, 20 * left) * size] + 1
@@ -95,7 +95,7 @@ def by_sums(
         for x in (e, np.cumsum(e), op)
     )
     X = np.column_stack([now, total])
-    beta = solved(X, out)
+    beta = solve_least_squares(X, out)
     bases = [out - X @ np.array([Kc - (1.0 - s) * Ki, Ki]) for s in FORMS]
     # rounding leaves +-step/2: what exceeds it is not explained
     rests = (out - X @ beta, min(bases, key=about_zero))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from simbench.gap.controller.regression import EXACT, about_zero, by_steps, solved_by_most
+from simbench.gap.controller.regression import EXACT, about_zero, by_steps, solve_by_majority
 
 # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else: without
 # it one of 11 limits in 164 records is overlooked
@@ -102,7 +102,7 @@ def skips_scans(
     rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
     every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)
     X, y = np.column_stack([now, before])[rows], du[rows]
-    off = np.abs(y - X @ solved_by_most(X, y)) / (about_zero(y) or 1.0)
+    off = np.abs(y - X @ solve_by_majority(X, y)) / (about_zero(y) or 1.0)
     # nearly every move obeys; over all samples the standstills stay unexplained
     unexplained = (
         np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()

@@ -15,7 +15,7 @@ import numpy as np
 from simbench.gap.candidates import (
     Candidate,
     Fitted,
-    beside_load,
+    fit_beside_load,
     fit_candidates,
     meaningful,
     possible_effects,
@@ -130,7 +130,7 @@ def assess(
     load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
     if load is not None and load.log_likelihood_gain > 0.0:
         # what an ordinary load does by itself is in every model
-        base, candidates = load.fit, beside_load(engine, load, candidates)
+        base, candidates = load.fit, fit_beside_load(engine, load, candidates)
         more = _plain(s, base, candidates)
         beside, candidates = _parted(candidates, more)
         plain, sizes = plain | beside, sizes | more

@@ -11,7 +11,7 @@ from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.likelihood.search import fit_likeliest
 
 
-def released(
+def release_number(
     name: str, trials: Callable[[Engine], list[float]]
 ) -> Callable[[Engine, Fit], tuple[Fit, float]]:
     """Return the fit in which one number of the plant is released, begun from several values of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from simbench.gap.effects._mismatch import dead_times, released
+from simbench.gap.effects._mismatch import dead_times, release_number
 from simbench.gap.effects._recogniser import Parameters, Recogniser
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.model import Fit, Spec
@@ -22,7 +22,7 @@ def smallest(probe: Probe) -> tuple[float, str]:
 
 
 RECOGNISER = Recogniser(
-    fit=released("Td", dead_times),
+    fit=release_number("Td", dead_times),
     numbers=numbers,
     needs=frozenset({"plant"}),
     smallest=smallest,

@@ -8,7 +8,7 @@ import numpy as np
 
 from simbench.gap.effects._recogniser import Recogniser
 from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.kernels import slewed
+from simbench.gap.likelihood.kernels import limit_rate
 from simbench.gap.likelihood.model import Data, Fit, Free, Moves, Spec
 from simbench.gap.likelihood.search import fit_likeliest, plants
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
@@ -23,7 +23,7 @@ _RATE = Free("rate", lambda d: 1e-3 * _moves(d), lambda d: 10.0 * _moves(d), log
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan the rate, then refine it with the nuisances."""
-    spec = base.spec.join(Spec(moves=Moves(lambda u, p: slewed(u, p["rate"]), (_RATE,))))
+    spec = base.spec.join(Spec(moves=Moves(lambda u, p: limit_rate(u, p["rate"]), (_RATE,))))
     rates = _moves(engine.data) * np.geomspace(0.02, 3.0, 14)
     points = [{**plant, "rate": float(rate)} for rate in rates for plant in plants(engine, base)]
     tries = engine.grid(spec, base.theta, points, keep=2)
@@ -35,7 +35,8 @@ def by_mv(search: MapSearch) -> MapFit:
     """Scan the rate finely."""
     rates = (float(np.std(np.diff(search.op))) or 1.0) * np.geomspace(0.01, 5.0, 80)
     level, best = min(
-        ((search.level(slewed(search.op, float(r))), float(r)) for r in rates), key=lambda t: t[0]
+        ((search.level(limit_rate(search.op, float(r))), float(r)) for r in rates),
+        key=lambda t: t[0],
     )
     return search.priced(level, {"slowness": search.Ts / best}, 1.0)
 

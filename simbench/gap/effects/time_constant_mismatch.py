@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from simbench.gap.effects._mismatch import released, times
+from simbench.gap.effects._mismatch import release_number, times
 from simbench.gap.effects._recogniser import Recogniser, clip
 
 RECOGNISER = Recogniser(
-    fit=released("T", times),
+    fit=release_number("T", times),
     numbers=lambda fit, s: {"factor": clip(fit.theta["T"] / s.data.T, 0.05, 20.0)},
     needs=frozenset({"plant", "time constant"}),
     smallest=lambda probe: None if probe.engine.data.T == 0 else probe.factor("T"),

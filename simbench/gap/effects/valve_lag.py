@@ -7,7 +7,7 @@ import scipy
 
 from simbench.gap.effects._pole import pole, tau
 from simbench.gap.effects._recogniser import NOT_IN_PLANT, Recogniser
-from simbench.gap.likelihood.valve_map import MapFit, MapSearch, lagged
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch, lag_signal
 
 
 def by_mv(search: MapSearch) -> MapFit:
@@ -15,7 +15,7 @@ def by_mv(search: MapSearch) -> MapFit:
     taus = np.geomspace(0.2, search.op.size / 10, 120)
 
     def level(tau: float) -> float:
-        return search.level(lagged(search.op, tau, search.mv[0]))
+        return search.level(lag_signal(search.op, tau, search.mv[0]))
 
     best = int(np.argmin([level(x) for x in taus]))
     around = (taus[max(best - 1, 0)], taus[min(best + 1, taus.size - 1)])

@@ -8,7 +8,7 @@ import numpy as np
 
 from simbench.detectors.signal.lattice import hides_nothing
 from simbench.detectors.signal.lines import on_line
-from simbench.detectors.signal.spikes import cleaned, isolated
+from simbench.detectors.signal.spikes import cleaned, find_spikes
 from simbench.gap.controller.regression import EXACT
 from simbench.gap.situation import Archive, Seen
 from simbench.loop.controller import derivative_filter
@@ -26,7 +26,7 @@ _FADED = 4.0  # time constants, after which 2 % are left
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 
-def unexplained(s: Seen, archive: Archive, mismatch: str) -> str:
+def why_no_law(s: Seen, archive: Archive, mismatch: str) -> str:
     """Return why no PI law explains the recorded OP; nothing if the archive explains the
     difference.
     """
@@ -90,7 +90,7 @@ def _spikes(
     pv, seen, mismatch = s.record.pv, law.recovered_pv, ""
     spikes, heights, place = samples.spikes, samples.heights, "loop"
     if seen is not None and not law.foreign and not thinned:
-        only, sizes = isolated(pv - seen, 0.0)
+        only, sizes = find_spikes(pv - seen, 0.0)
         # where the law is exact everywhere else, what is left of PV is the spikes alone
         strong = np.abs(sizes) > max(1e-3 * float(np.std(pv)), 5.0 * law.blur)
         only, sizes = only[strong], sizes[strong]

@@ -11,7 +11,7 @@ import numpy as np
 from simbench.detectors.errors import RecordError
 from simbench.detectors.signal.holds import runs_of
 from simbench.detectors.signal.spikes import cleaned
-from simbench.gap.controller.pi_law import retuned
+from simbench.gap.controller.pi_law import find_retuning
 from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import law_in_automatic, moving
 from simbench.gap.intake.recorded_test import SAME_TS, RecordedTest
@@ -26,7 +26,7 @@ _ELSEWHERE = 10.0  # ranges of the record's PV, beyond which PV is another signa
 _EDGE = 1  # samples at a change of mode that may be written down on either side of it
 
 
-def modelled(test: RecordedTest, s: Situation) -> ModelledTest:
+def model_test(test: RecordedTest, s: Situation) -> ModelledTest:
     """Return the settings and signals of a test that the fits need."""
     r, op = test.record, test.record.op_percent
     if r.mv is not None:
@@ -88,7 +88,7 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
     control, stated = s.baseline.controller, test.loop.controller
     Kc = s.law.Kc * stated.Kc / control.Kc
     Ti = s.law.Ti * (stated.Ti / control.Ti if stated.Ti and control.Ti else 1.0)
-    if retuned(law.Kc, law.Ti, Kc, Ti) is None:
+    if find_retuning(law.Kc, law.Ti, Kc, Ti) is None:
         return ""
     return (
         f"its controller has Kc = {law.Kc:.3g} and Ti = {law.Ti:.3g} s, the record's under the"

@@ -10,7 +10,7 @@ import numpy as np
 
 from simbench.detectors.record import LoopRecord
 from simbench.gap.candidates import proven
-from simbench.gap.intake.archive import find_archive, unexplained
+from simbench.gap.intake.archive import find_archive, why_no_law
 from simbench.gap.intake.observed import (
     data_of,
     is_frozen,
@@ -86,6 +86,6 @@ def check(
         data=data_of(seen, plant_pv, resolution),
         notes=notes,
         frozen=rests and is_frozen(record, op, samples, noise),
-        unexplained_law=unexplained(seen, archive, mismatch) if strange else "",
+        unexplained_law=why_no_law(seen, archive, mismatch) if strange else "",
     )
     return replace(s, proven=proven(s))

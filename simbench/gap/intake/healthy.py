@@ -15,7 +15,7 @@ from simbench.gap.candidates import fit_candidates
 from simbench.gap.effects import Parameters, load_drift, noise, oscillation, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import stated_noise
-from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.intake.partial import Partial, complete_baseline
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, load_std, size_penalty
 from simbench.gap.situation import Situation, load_memory
@@ -93,7 +93,7 @@ def check_healthy(record: LoopRecord, baseline: Loop | Partial | None) -> Situat
             "a loop file that states [plant] is needed for healthy records: beside a plant that is"
             " estimated from the same record nothing tells how large its load is"
         )
-    return check(record, completed(record, baseline)[0])
+    return check(record, complete_baseline(record, baseline)[0])
 
 
 def _of_one(s: Situation) -> Healthy:

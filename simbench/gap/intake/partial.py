@@ -57,15 +57,17 @@ def _stand_ins(table: dict) -> dict:
     }
 
 
-def completed(
+def complete_baseline(
     record: LoopRecord, baseline: Loop | Partial | None
 ) -> tuple[Loop, frozenset[str], list[str]]:
     """Return a whole baseline: what is known of it, and from the record what is not.
 
     >>> from random_case import random_case
     >>> case = random_case(3, ("detuning",))
-    >>> sorted(completed(case.record, case.baseline)[1]), sorted(completed(case.record, None)[1])
-    (['controller', 'plant'], [])
+    >>> sorted(complete_baseline(case.record, case.baseline)[1])
+    ['controller', 'plant']
+    >>> sorted(complete_baseline(case.record, None)[1])
+    []
     """
     both = frozenset({"plant", "controller"})
     if baseline is None:

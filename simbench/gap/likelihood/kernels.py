@@ -150,7 +150,7 @@ def valve(u, kind, p0, p1, p2):
 
 
 @njit_cached
-def slewed(u, rate):
+def limit_rate(u, rate):
     """Return u (n,) followed at no more than `rate` per sample."""
     v = np.empty(u.size)
     x = u[0]

@@ -50,13 +50,13 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
     tries = [(1.0, fitted), *((_QUIET, plant) for plant in (fitted, *others))]
     starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
     if not engine.data.trusted and kind in _SLIPPING:
-        starts = screened(engine, base, kind, coarse, starts)
-    found = [settle(engine, scanned(engine, base.spec, theta, kind, coarse)) for theta in starts]
+        starts = screen_starts(engine, base, kind, coarse, starts)
+    found = [settle(engine, scan_map(engine, base.spec, theta, kind, coarse)) for theta in starts]
     best = max(found, key=lambda f: f.loglik)
     return narrow(engine, best) if promising(best, base) else best
 
 
-def screened(
+def screen_starts(
     engine: Engine,
     base: Fit,
     kind: int,
@@ -86,7 +86,7 @@ def better(one: Fit | None, other: Fit) -> Fit:
     return other if one is None or other.loglik > one.loglik else one
 
 
-def scanned(
+def scan_map(
     engine: Engine, spec: Spec, theta: dict[str, float], kind: int, points: np.ndarray
 ) -> Fit:
     """Return the fit at the best point of a valve map, looked for around the best of a coarse
@@ -106,8 +106,8 @@ def scanned(
         best = refine_peaks(
             lambda children: engine.scan(spec, theta, kind, children), points, values
         )[0]
-        return mapped(engine, spec, theta, kind, best)
-    return mapped(engine, spec, theta, kind, near[int(np.argmax(high))])
+        return fit_with_map(engine, spec, theta, kind, best)
+    return fit_with_map(engine, spec, theta, kind, near[int(np.argmax(high))])
 
 
 def refine_peaks(
@@ -180,7 +180,7 @@ def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
     )
 
 
-def mapped(
+def fit_with_map(
     engine: Engine, spec: Spec, theta: dict[str, float], kind: int, point: np.ndarray
 ) -> Fit:
     """Return the fit with a valve map at a point."""
@@ -209,7 +209,7 @@ def narrow(engine: Engine, fit: Fit) -> Fit:
             th, before = best.theta, best.loglik
             points = around(kind, np.array([th[first], th.get(second, 0.0), 0.0]), share)
             point = points[int(np.argmax(engine.scan(bare, th, kind, points)))]
-            best = better(best, mapped(engine, bare, th, kind, point))
+            best = better(best, fit_with_map(engine, bare, th, kind, point))
             best = better(best, settle(engine, best))
             if best.loglik < before + 2.0:
                 break

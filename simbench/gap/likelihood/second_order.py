@@ -25,7 +25,9 @@ def second_order(search: MapSearch) -> MapFit:
     """
 
     def level(x: np.ndarray) -> float:
-        return search.level(followed(search.op, *np.exp(np.clip(x, -4.0, 6.0)), search.mv[0]))
+        return search.level(
+            lag_second_order(search.op, *np.exp(np.clip(x, -4.0, 6.0)), search.mv[0])
+        )
 
     tried = [np.log((tau, damping)) for tau, damping in product(_TIMES, _DAMPINGS)]
     best = min(tried, key=level)
@@ -45,7 +47,7 @@ def positioner(search: MapSearch) -> MapFit | None:
     return None if float(numbers["damping"]) > OVERSHOOTS or gain <= _CLEAR else (gain, numbers)
 
 
-def followed(op: np.ndarray, tau: float, damping: float, first: float) -> np.ndarray:
+def lag_second_order(op: np.ndarray, tau: float, damping: float, first: float) -> np.ndarray:
     """Return OP (n,) after a second-order lag under an input held over each sample, at rest at
     `first` before it.
     """

@@ -164,7 +164,7 @@ def share_of(left: np.ndarray, way: np.ndarray) -> float:
     return float(np.clip(left @ way / max(float(way @ way), 1e-300), 0.0, 1.0))
 
 
-def lagged(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
+def lag_signal(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
     """Return a signal after a first-order lag of `tau` samples, begun at `first` or at rest."""
     a, start = np.exp(-1.0 / tau), op[0] if first is None else first
     return start + lfilter([1.0 - a], [1.0, -a], op - start, (1.0 - a) * (start - op[0]))

@@ -164,7 +164,7 @@ class Trial:
         return record if float(np.abs(record.pv).max()) < RUNAWAY else None
 
 
-def sized(
+def size_test(
     id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits: Limits
 ) -> Trial | str:
     """Return a test within limits on the loops of the explanations, or why there is none.

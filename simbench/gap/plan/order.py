@@ -11,7 +11,7 @@ from typing import Any
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import recogniser
-from simbench.gap.plan.menu import Limits, Trial, sized
+from simbench.gap.plan.menu import Limits, Trial, size_test
 from simbench.gap.thresholds import NO_TEST_FROM
 from simbench.loop.effects import NONE, UNKNOWN
 
@@ -105,7 +105,7 @@ def plan(
     for id_ in (one for one in ORDER if one not in known):
         if len(tests) == most:
             break
-        trial = sized(id_, s, files, min(bands, default=0.0), limits or Limits())
+        trial = size_test(id_, s, files, min(bands, default=0.0), limits or Limits())
         if isinstance(trial, str):
             left_out.append(trial)
         else:

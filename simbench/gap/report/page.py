@@ -12,7 +12,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from simbench.gap.report import pictures
-from simbench.gap.report.parts import captioned, look, render, write
+from simbench.gap.report.parts import caption_pictures, look, render, write
 from simbench.gap.report.result import GapReport, numbers, words
 from simbench.gap.report.traces import compared, gap_sizes
 from simbench.html.svg import inline_svg
@@ -94,7 +94,7 @@ def _remaining(report: GapReport) -> Markup:
     if not report.remaining:
         return Markup()
     caption = "Recorded values beside the range of the simulations, the farthest on top"
-    drawn = captioned([(pictures.draw_remaining(report.remaining), "remaining", caption)])
+    drawn = caption_pictures([(pictures.draw_remaining(report.remaining), "remaining", caption)])
     table = pd.DataFrame([one.as_json() for one in report.remaining])
     formats = {"simulated": lambda ends: " to ".join(f"{end:.3g}" for end in ends)}
     return render("remaining.html", items=drawn, table=sortable(table, formats, long=("feature",)))

@@ -35,7 +35,7 @@ def write(
         f.write(text)
 
 
-def captioned(drawn: Iterable[tuple[Figure, str, str]]) -> list[dict[str, str]]:
+def caption_pictures(drawn: Iterable[tuple[Figure, str, str]]) -> list[dict[str, str]]:
     """Return pictures, each with its name and what it shows, as a template takes them."""
     return [
         {"svg": inline_svg(figure, name, caption), "caption": f"{caption}."}
@@ -54,4 +54,6 @@ def look(traces: Traces, situation: Situation) -> Markup:
     ]
     if all(trace.mv is not None for trace in traces.values()):
         drawn.append((draw_loops("MV", traces, part), "mv-op", f"MV over OP: {shown}"))
-    return render("look.html", items=captioned(drawn), names=list(traces), given=situation.trusted)
+    return render(
+        "look.html", items=caption_pictures(drawn), names=list(traces), given=situation.trusted
+    )

@@ -10,7 +10,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from simbench.gap.intake.recorded_test import RecordedTest
-from simbench.gap.report.parts import captioned, render
+from simbench.gap.report.parts import caption_pictures, render
 from simbench.gap.report.pictures import draw_shaded
 from simbench.gap.report.result import LEAST_SHOWN, GapReport, words
 from simbench.html.table import sortable
@@ -43,5 +43,5 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
         refused=[n for n in report.notes if n.startswith("test:")],
         now=report.sentence(),
         table=sortable(shown, dict.fromkeys(columns, "{:.3f}".format)),
-        items=captioned(drawn),
+        items=caption_pictures(drawn),
     )

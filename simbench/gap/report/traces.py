@@ -39,7 +39,7 @@ def gap_sizes(report: GapReport) -> dict[str, float]:
     return sizes | {"floor": g.floor, "plant floor": g.plant_floor}
 
 
-def recorded(situation: Situation) -> LoopRecord:
+def record_in_percent(situation: Situation) -> LoopRecord:
     """Return the record as the diagnosis saw it: OP in %, a set point that was not recorded too."""
     record = situation.record
     return LoopRecord(situation.op, record.pv, record.Ts, situation.sp, record.mv)
@@ -56,7 +56,7 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     if shown:
         loops[FIXED if report.named else NEAREST] = (runs.corrected(shown), runs.kick(shown))
     found = {name: run_with_seeds(loop, 0, 1, kick) for name, (loop, kick) in loops.items()}
-    return {RECORD: recorded(report.behind.found.situation)} | {
+    return {RECORD: record_in_percent(report.behind.found.situation)} | {
         name: records[0] for name, records in found.items() if records
     }
 

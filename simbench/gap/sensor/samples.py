@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbench.detectors.signal.holds import holds, stuck
-from simbench.detectors.signal.lattice import written
+from simbench.detectors.signal.lattice import read_lattice
 from simbench.detectors.signal.lines import share_on_lines
-from simbench.detectors.signal.spikes import isolated, off_line
+from simbench.detectors.signal.spikes import find_spikes, off_line
 from simbench.detectors.signal.tails import heavy_tails
 
 # An archive that reports by exception stores no move within its band: none is smaller, where moves
@@ -54,9 +54,9 @@ class Samples:
 
 def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> Samples:
     """Look at PV sample by sample."""
-    is_written = written(pv, *others)
+    is_written = read_lattice(pv, *others)
     unit, step, rounding = is_written.unit, is_written.step, max(is_written.unit, is_written.step)
-    spikes, heights = isolated(pv, rounding)
+    spikes, heights = find_spikes(pv, rounding)
     # a spike is off the line of its neighbours, and in the line of four: where more is wide, that
     # is not the spikes but the tails of the noise
     most = min(5.0 * spikes.size / len(pv), 0.5)

@@ -152,6 +152,6 @@ def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> Candidat
     )
 
 
-def archived(loop: Loop) -> list[Mapping[str, Any]]:
+def archive_effects(loop: Loop) -> list[Mapping[str, Any]]:
     """Return the effects of archive and transmitter on the loop's record."""
     return [e for e in loop.to_table().get("effect", []) if e["name"] in ARCHIVE]

@@ -15,7 +15,7 @@ from simbench.detectors.signal.phase import coherence
 from simbench.gap.stiction import regularity
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins
-from simbench.gap.stiction.sizes import stated
+from simbench.gap.stiction.sizes import describe_sizes
 from simbench.gap.stiction.stepping import least_step
 from simbench.gap.thresholds import (
     CLAIMED_FROM,
@@ -179,7 +179,7 @@ def _stiction(loops: CandidateLoops, unit: str) -> Cause:
         sides = ((better,), ()) if loops.gain > 0 else ((), (better,))
         return Cause(STICKING, p, *sides)
     if loops.sizes is not None:
-        better += f"; {stated(*loops.sizes, unit)}"
+        better += f"; {describe_sizes(*loops.sizes, unit)}"
     return Cause(STICKING, p, (better,))
 
 

@@ -28,7 +28,7 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loop
 from simbench.gap.stiction.cascade import slave_note
 from simbench.gap.stiction.causes import Causes, find_causes
 from simbench.gap.stiction.probability import verdict
-from simbench.gap.stiction.sizes import Size, sizes_of, stated
+from simbench.gap.stiction.sizes import Size, describe_sizes, sizes_of
 from simbench.gap.stiction.visible import Visible
 from simbench.gap.thresholds import LIKELIER
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
@@ -166,7 +166,7 @@ def from_posterior(
     sticks = [e for e in named if is_friction(e)]
     sizes = sizes_of(assessment, sticks[0]) if sticks else None
     if sizes is not None:
-        reasons.append(stated(*sizes, "% of travel"))
+        reasons.append(describe_sizes(*sizes, "% of travel"))
     if shown is not None:
         reasons.append(shown.sentence(1.0, "% of travel"))
     if answer == STICTION or (answer == NO_DECISION and test is None):

@@ -16,14 +16,14 @@ from simbench.detectors.judge import UNFIT
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.conditioning import snapped
-from simbench.detectors.signal.fits.regression import gained
+from simbench.detectors.signal.fits.regression import friction_nats
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.evidence import nats_of as nats_of_rows
 from simbench.gap.effects import is_friction, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify, law_of
-from simbench.gap.intake.partial import Partial, completed
+from simbench.gap.intake.partial import Partial, complete_baseline
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import SKIP
@@ -128,7 +128,7 @@ def _weighed(record: LoopRecord, known: Partial | None) -> Friction:
                 f"{where} unfit: {count} of {record.n} samples of PV were measured; {what}"
             )
         return _seen_in(_identified(record))
-    whole, given, _ = completed(record, known)
+    whole, given, _ = complete_baseline(record, known)
     s = check(record, whole, trusted=False, tuned="controller" in given)
     # MV is compared with OP by the whole diagnosis alone
     return _seen_in([_few(s)]) if record.mv is None else _seen_in_mv(assess(s))
@@ -209,7 +209,7 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     # the view in which each is likeliest
     at = {e: int(np.argmax([n[e].sum() for n in nats])) for e in nats[0]}
     none, sticky = (nats[at[e]][e] for e in (None, FRICTION))
-    gain = gained(sticky, none)
+    gain = friction_nats(sticky, none)
     known = [i for i, v in enumerate(views) if _is(v, v.situation.record.process)]
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
     data = views[first].situation.data

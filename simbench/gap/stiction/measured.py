@@ -25,7 +25,7 @@ def unheld(record: LoopRecord) -> LoopRecord:
     k = int(np.median(np.diff(changes)))
     phase = int(np.bincount(changes % k).argmax())
     regular = k > 1 and np.mean(changes % k == phase) >= _REGULAR
-    return resampled(record, lambda x: x[phase::k], k) if regular else record
+    return resample_record(record, lambda x: x[phase::k], k) if regular else record
 
 
 def measured_samples(record: LoopRecord) -> int:
@@ -37,7 +37,9 @@ def measured_samples(record: LoopRecord) -> int:
     return round(pv.size * max(1.0 - drawn, 0.0))
 
 
-def resampled(record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k: int) -> LoopRecord:
+def resample_record(
+    record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k: int
+) -> LoopRecord:
     """Return a record in which every signal but MV, which is left out, has one sample in place of
     k.
     """

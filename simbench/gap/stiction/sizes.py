@@ -40,7 +40,7 @@ class Size:
         return f"{self.value:.3g} ({self.lo:.3g} to {self.hi:.3g})"
 
 
-def stated(S: Size, J: Size, unit: str) -> str:
+def describe_sizes(S: Size, J: Size, unit: str) -> str:
     """Return sizes and their intervals in words."""
     both = f"S = {S.sentence()}, J = {J.sentence()}" if J.hi > 0.0 else f"S = {S.sentence()}"
     return f"{both} {unit}"

@@ -17,7 +17,7 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.judge import UNFIT
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.signal.fits.regression import gained
+from simbench.detectors.signal.fits.regression import friction_nats
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.runs import ClosedLoops
@@ -167,7 +167,11 @@ def _probability(views: Sequence[Assessment], op: np.ndarray, pv: np.ndarray, S:
         for fits in zip(*pairs)
     )
     regressed, cycles = valve_regressed(op, pv, S, _JUMP * S)
-    gain = gained(sticky, sound) - size_penalty(op.size, NUMBERS) + max(regressed, LEAST_REGRESSED)
+    gain = (
+        friction_nats(sticky, sound)
+        - size_penalty(op.size, NUMBERS)
+        + max(regressed, LEAST_REGRESSED)
+    )
     share = S / (op_range(op) or 1.0)
     return probability(log_odds(FrictionEvidence(gain, share, cycles)))
 

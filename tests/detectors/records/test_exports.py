@@ -20,7 +20,7 @@ from simbench.detectors.records import tables
 from simbench.detectors.records.archive import base_step, stored_on_change
 from simbench.detectors.records.io import read_folder, read_record, read_records
 from simbench.detectors.records.roles import column_pairs
-from simbench.detectors.usage import cured
+from simbench.detectors.usage import add_options
 
 N, TS = 300, 5.0
 START = datetime(2024, 3, 4, 22, 50, 0)
@@ -1047,11 +1047,13 @@ def test_every_sheet_of_a_workbook_is_a_loop_and_a_wrong_tag_is_none(tmp_path):
 
 def test_cure_takes_the_place_of_the_option_that_was_wrong():
     assert (
-        cured(["simbench", "detect", "a.csv", "--tag", "X", "--json"], "--tag Y")
+        add_options(["simbench", "detect", "a.csv", "--tag", "X", "--json"], "--tag Y")
         == "simbench detect a.csv --json --tag Y"
     )
     typed = ["simbench", "trust", "a.csv", "--columns", "pv=A"]
-    assert cured(typed, "--columns 'op=B C'") == "simbench trust a.csv --columns 'pv=A,op=B C'"
+    assert (
+        add_options(typed, "--columns 'op=B C'") == "simbench trust a.csv --columns 'pv=A,op=B C'"
+    )
 
 
 @pytest.mark.parametrize("suffix", ["csv", "xlsx"])

@@ -11,8 +11,8 @@ from recorded import FLOW, LOADED, recorded
 
 from results.studies.withheld.score import true_circumstances
 from simbench.gap.candidates import (
-    alike,
-    beside_load,
+    find_look_alikes,
+    fit_beside_load,
     fit_candidates,
     possible_effects,
     proven,
@@ -73,19 +73,19 @@ def test_the_diagnosis_sees_the_circumstances_that_its_judge_sees(base, mv, effe
     true = true_circumstances(
         {"effect": effect, "parameters": parameters}, s.baseline.to_table(), pd.DataFrame(columns)
     )
-    assert set(alike(effect, s, parameters)) == indistinguishable(effect, true)
+    assert set(find_look_alikes(effect, s, parameters)) == indistinguishable(effect, true)
 
 
 def test_what_is_out_of_the_library_is_like_nothing():
     s = situation(FLOW)
-    assert alike("extra_lag", s) == ("extra_lag", "valve_lag")
+    assert find_look_alikes("extra_lag", s) == ("extra_lag", "valve_lag")
     with left_out("valve_lag"):
-        assert alike("extra_lag", s) == ("extra_lag",)
+        assert find_look_alikes("extra_lag", s) == ("extra_lag",)
 
 
 def test_none_and_unknown_are_alone(plain):
-    assert alike("none", plain) == ("none",)
-    assert alike("unknown", plain) == ("unknown",)
+    assert find_look_alikes("none", plain) == ("none",)
+    assert find_look_alikes("unknown", plain) == ("unknown",)
 
 
 def test_every_effect_of_the_vocabulary_is_recognised_somehow():
@@ -175,7 +175,7 @@ def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other
     assert first["load_steps"].log_likelihood_gain > 40
     load = first.pop("load_steps")
     assert recogniser("load_steps").ordinary(load.fit, bare, s)
-    fitted = beside_load(engine, load, first)
+    fitted = fit_beside_load(engine, load, first)
     best = max(fitted, key=lambda e: fitted[e].log_likelihood_gain)
     if lagging:
         assert best in {"valve_lag", "extra_lag", "sensor_lag"}

@@ -16,7 +16,7 @@ from simbench.gap.closed_loop.gap import Compared, Shrinkage
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.evidence import PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.posterior import Posterior
-from simbench.gap.diagnosis import diagnose, named_by, report
+from simbench.gap.diagnosis import diagnose, name_effects, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pool_log_odds, probability
 from simbench.loop.effects import EFFECTS
@@ -92,7 +92,7 @@ class Loops:
         self.main, self.rivals, self.shrunk, self.built = main or gap(), dict(rivals), [], []
         self.apart = apart
 
-    def apart_as_given(self, load):
+    def gap_as_given(self, load):
         return self.apart
 
     def shrink(self, effects):
@@ -120,7 +120,7 @@ class Loops:
     ],
 )
 def test_the_most_probable_is_named_and_a_second_of_another_block(p, chosen, named):
-    assert named_by(weighed(**p), assessed(*chosen)) == named
+    assert name_effects(weighed(**p), assessed(*chosen)) == named
 
 
 @pytest.fixture
@@ -139,7 +139,7 @@ def stubs(monkeypatch):
     shown = SimpleNamespace(open="", again="", sentence=lambda percent, unit: "S would have shown")
     monkeypatch.setattr(diagnosis, "visible", lambda views: shown)
     monkeypatch.setattr(diagnosis.resolve, "friction", lambda loop: [])
-    monkeypatch.setattr(diagnosis, "alike", lambda e, s, p: (e, str(p)))
+    monkeypatch.setattr(diagnosis, "find_look_alikes", lambda e, s, p: (e, str(p)))
     return seen
 
 

@@ -130,7 +130,7 @@ def test_the_smallest_visible_is_that_of_the_method_most_often_right_whatever_it
     assert keenest.power[-1].S == trusted.power[-1].S
     if keenest.rule.cut is None:
         assert trusted.power == keenest.power
-    monkeypatch.setattr(MODULE, "likely", lambda probability: NO_STICTION)
+    monkeypatch.setattr(MODULE, "likelier_verdict", lambda probability: NO_STICTION)
     assert trust(sticky, **FEW, help_wanted=False).smallest_visible == trusted.smallest_visible
 
 

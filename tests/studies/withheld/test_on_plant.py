@@ -18,7 +18,7 @@ from results.studies.worlds import load_world
 from simbench.detectors.errors import UserError
 from simbench.detectors.records.io import read_record
 from simbench.gap.intake.check import check
-from simbench.gap.plan.menu import LEAD, Limits, Trial, sized
+from simbench.gap.plan.menu import LEAD, Limits, Trial, size_test
 from simbench.gap.plan.order import ORDER
 from simbench.scenarios.spec import load_loop
 
@@ -31,7 +31,7 @@ def shown(request, tmp_path_factory):
     item = world.draw(7, 3, {"kind": "none", "mv": False})
     record, loop = write_item(item, tmp_path_factory.mktemp("shown"), "record")
     situation = check(read_record(record, automatic=False), load_loop(loop))
-    trials = {id_: sized(id_, situation, {}, 0.0, Limits()) for id_ in ORDER}
+    trials = {id_: size_test(id_, situation, {}, 0.0, Limits()) for id_ in ORDER}
     plans = {id_: planned(trial, item.baseline["noise"]["std"]) for id_, trial in trials.items()}
     # a log that no test asks for, and that a user may have
     n = plans["raw"].n // 4 * 4

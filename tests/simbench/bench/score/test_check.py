@@ -15,7 +15,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.score.check import Shaken, check_run, compare_books, update_baseline
 from simbench.bench.store.reading import RunError, read_book
 from simbench.cli import app
-from simbench.cli.common import wrapped
+from simbench.cli.common import wrap_lines
 from simbench.detectors.judge import judge
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.records.io import read_record
@@ -449,7 +449,7 @@ def test_a_failure_fits_a_screen_and_begins_with_what_fell(base, with_answers, b
     for method in many.methods:
         now = with_answers(now, method, np.zeros(N, dtype=np.int8))
     check = compare_books(now, many, exact=True)
-    text = wrapped(check.as_text())
+    text = wrap_lines(check.as_text())
     lines = text.splitlines()
     assert lines[0].startswith("worse: m0 is right in 50.0 % of the loops, before ")
     assert " answers lost, " in " ".join(lines[:2])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.closed_loop import as_given as module
-from simbench.gap.closed_loop.as_given import apart_as_given
+from simbench.gap.closed_loop.as_given import gap_as_given
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
 from simbench.loop.simulate import simulate
@@ -28,7 +28,7 @@ def loop(**changed):
 
 def apart(record, baseline):
     """Return the distance of a record from a baseline that states its load as well."""
-    return apart_as_given(check(record, baseline), baseline)
+    return gap_as_given(check(record, baseline), baseline)
 
 
 def test_a_twin_is_as_far_as_twins_are_from_each_other():
@@ -58,13 +58,13 @@ def test_a_valve_that_sticks_moves_the_record_away():
 def test_a_plant_of_polynomials_is_drawn_too():
     two = loop(plant={"type": "tf", "num": [1.2], "den": [100.0, 25.0, 1.0], "Td": 2.0})
     record = simulate(two, 1).record
-    assert apart_as_given(check(record, two), two) < 1.5
+    assert gap_as_given(check(record, two), two) < 1.5
 
 
 def test_a_loop_that_cannot_be_simulated_tells_nothing(monkeypatch):
     situation = check(simulate(loop(), 1).record, loop())
     monkeypatch.setattr(module, "run_with_seeds", lambda *given: None)
-    assert apart_as_given(situation, loop()) is None
+    assert gap_as_given(situation, loop()) is None
 
 
 def test_what_healthy_records_show_of_the_load_is_in_the_simulations():
@@ -75,11 +75,11 @@ def test_what_healthy_records_show_of_the_load_is_in_the_simulations():
     report = diagnose(records[0], loop(), healthy=records[1:])
     loops, load = report.behind.loops, report.behind.found.load
     assert load == ("oscillation",)
-    assert loops.apart_as_given(load) < 1.5 < loops.apart_as_given(())
+    assert loops.gap_as_given(load) < 1.5 < loops.gap_as_given(())
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_same_seed_gives_the_same_number(seed):
     record = simulate(loop(), 4).record
     situation = check(record, loop())
-    assert apart_as_given(situation, loop(), seed) == apart_as_given(situation, loop(), seed)
+    assert gap_as_given(situation, loop(), seed) == gap_as_given(situation, loop(), seed)

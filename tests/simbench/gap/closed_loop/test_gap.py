@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.closed_loop import gap
-from simbench.gap.closed_loop.gap import closed, held_out, measure
+from simbench.gap.closed_loop.gap import closed_share, held_out, measure
 from simbench.gap.closed_loop.summary_features import features
 
 N = 4000
@@ -23,7 +23,7 @@ WHITE = np.random.default_rng(0).standard_normal((2, N))
     ],
 )
 def test_the_share_that_closes_is_of_what_lies_above_the_floor(before, after, share):
-    assert closed(before, after, 1.0) == pytest.approx(share)
+    assert closed_share(before, after, 1.0) == pytest.approx(share)
 
 
 @pytest.mark.parametrize(("n", "count"), [(1000, 64), (8000, 32), (10**6, 8)])

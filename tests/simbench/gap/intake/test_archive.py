@@ -14,7 +14,7 @@ from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake.archive import (
     _spikes,
     find_archive,
-    unexplained,
+    why_no_law,
 )
 from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import op_in_percent
@@ -115,16 +115,16 @@ def test_why_no_law_holds_is_given_unless_what_lies_between_is_known(
 ):
     law = replace(LAW, reason="no law", gap=gap, foreign=foreign)
     s = SimpleNamespace(law=law, baseline=controlled())
-    assert unexplained(s, archive, mismatch) == reason
+    assert why_no_law(s, archive, mismatch) == reason
 
 
 @pytest.mark.parametrize(("residual", "reason"), [(0.02, "no law"), (0.5, ""), (0.8, "no law")])
 def test_an_archive_cannot_tell_a_derivative_that_is_computed_within_a_sample(residual, reason):
     law = replace(LAW, reason="no law", residual=residual)
     s = SimpleNamespace(law=law, baseline=controlled(Td=3.0))
-    assert unexplained(s, Archive(), "") == reason
+    assert why_no_law(s, Archive(), "") == reason
     s.baseline = controlled()
-    assert unexplained(s, Archive(), "") == "no law"
+    assert why_no_law(s, Archive(), "") == "no law"
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(
     law = replace(LAW, strays=np.array(strays), **more)
     it = seen_in(law, PLAIN, pv=drawn)
     it.op, it.sp = OP, moved
-    said = unexplained(it, Archive(), "")
+    said = why_no_law(it, Archive(), "")
     assert (reason in said) if reason else said == ""
 
 

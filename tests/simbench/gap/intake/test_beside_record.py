@@ -11,10 +11,10 @@ import pytest
 from simbench.gap.decide import beside_tests
 from simbench.gap.decide.assess import assess
 from simbench.gap.diagnosis import assess_with_tests
-from simbench.gap.intake.beside_record import contradiction, modelled
+from simbench.gap.intake.beside_record import contradiction, model_test
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import RecordedTest
-from simbench.gap.plan.menu import LEAD, Limits, sized
+from simbench.gap.plan.menu import LEAD, Limits, size_test
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -35,7 +35,7 @@ def situation():
 
 
 def made(id_, situation, loop=LOOP, stated=LOOP):
-    trial = sized(id_, situation, {"none": LOOP}, 0.0, Limits())
+    trial = size_test(id_, situation, {"none": LOOP}, 0.0, Limits())
     record = trial.run(loop, 5)
     manual = trial.manual & (np.arange(trial.n) >= LEAD)
     if manual.any():
@@ -53,7 +53,7 @@ def made(id_, situation, loop=LOOP, stated=LOOP):
 
 
 def refusal(test, situation):
-    return contradiction(test, modelled(test, situation), situation)
+    return contradiction(test, model_test(test, situation), situation)
 
 
 @pytest.mark.parametrize("id_", ["sp_steps", "bump", "stairs", "still"])
@@ -73,7 +73,7 @@ def test_a_plant_is_only_compared_where_somebody_moved_sp_or_op(id_, moved, situ
     # load and plant of a loop that nobody moves are one thing, and a load of steps looks like
     # another plant
     monkeypatch.setattr(beside_tests, "_other_plant", lambda *_: "another")
-    test = modelled(made(id_, situation), situation)
+    test = model_test(made(id_, situation), situation)
     assert beside_tests.other_plants(assess(situation), situation, [test]) == (
         ["another"] if moved else [""]
     )
@@ -86,7 +86,7 @@ def test_nothing_speaks_against_a_sound_test_under_a_pid(id_):
     )
     of_pid = check(simulate(loop, 1).record, loop)
     test = made(id_, of_pid, loop, loop)
-    fitted = modelled(test, of_pid)
+    fitted = model_test(test, of_pid)
     assert fitted.law is not None
     assert fitted.law.known
     assert contradiction(test, fitted, of_pid) == ""
@@ -123,7 +123,7 @@ def test_another_loops_signals_are_refused(situation):
 
 
 def test_in_manual_no_law_is_asked(situation):
-    fitted = modelled(made("bump", situation), situation)
+    fitted = model_test(made("bump", situation), situation)
     assert fitted.proven == {}
     assert fitted.law is not None
     assert fitted.law.gap == 0.0
@@ -139,7 +139,7 @@ def test_a_log_without_the_archive_settles_whether_the_controller_is_another(
         op = raw.record.op.copy()
         op[100:400:20] += 0.5
         raw = replace(raw, record=replace(raw.record, op=op))
-    assert modelled(raw, strays).explained is settled
+    assert model_test(raw, strays).explained is settled
     left = assess_with_tests(strays, [raw]).situation.unexplained_law
     assert (left == "") is settled
     # any other test is made with the archive
@@ -156,6 +156,6 @@ def test_wild_readings_of_a_test_are_chance_where_the_record_has_none(situation)
     test = made("sp_steps", situation)
     test = replace(test, record=with_wild_readings(test.record, [30, 55, 80]))
     assert set(check(test.record, LOOP).proven) == {"outliers"}
-    assert modelled(test, situation).proven == {}
+    assert model_test(test, situation).proven == {}
     wild = check(with_wild_readings(simulate(LOOP, 1).record, [100, 200, 300, 400]), LOOP)
-    assert set(modelled(test, wild).proven) == {"outliers"}
+    assert set(model_test(test, wild).proven) == {"outliers"}

@@ -9,12 +9,12 @@ import pytest
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.search import (
-    mapped,
+    fit_with_map,
     narrow,
     plants,
     promising,
-    scanned,
-    screened,
+    scan_map,
+    screen_starts,
     search_map,
 )  # fmt: skip
 
@@ -90,7 +90,7 @@ BASE = Fit(Spec(), 0.0, THETA, np.ones(3), np.zeros(3))
     ],
 )
 def test_a_point_becomes_a_valve_that_begins_there(kind, point, numbers, start):
-    fit = mapped(Peaks(kind, (0.0, 8.0, 1.0)), Spec(), THETA, kind, np.array(point))
+    fit = fit_with_map(Peaks(kind, (0.0, 8.0, 1.0)), Spec(), THETA, kind, np.array(point))
     assert fit.theta == THETA | numbers
     assert (fit.spec.valve, fit.spec.start) == (kind, pytest.approx(start))
 
@@ -107,7 +107,9 @@ def test_a_point_becomes_a_valve_that_begins_there(kind, point, numbers, start):
 @pytest.mark.parametrize("off", [0.93, 1.0, 1.08])
 def test_a_peak_is_followed_to_a_thousandth(kind, peak, off):
     engine = Peaks(kind, (0.0, *peak))
-    first = mapped(engine, Spec(), THETA, kind, np.array([off * peak[0], *peak[1:], 0.0, 0.0])[:3])
+    first = fit_with_map(
+        engine, Spec(), THETA, kind, np.array([off * peak[0], *peak[1:], 0.0, 0.0])[:3]
+    )
     best = narrow(engine, first)
     assert [best.theta[m] for m in NAMES[kind]] == pytest.approx(peak, rel=1e-3)
 
@@ -116,7 +118,7 @@ def test_the_higher_of_two_peaks_wins_though_a_coarse_scan_puts_it_second():
     # 2 % off a low broad looking one, 3 % off a high one
     engine = Peaks(kernels.PLAY, (0.0, 4.0), (300.0, 9.0))
     points = np.array([(4.08, 0.0, 0.0), (9.27, 0.0, 0.0), (9.3, 0.0, 0.0)])
-    best = scanned(engine, Spec(), THETA, kernels.PLAY, points)
+    best = scan_map(engine, Spec(), THETA, kernels.PLAY, points)
     assert best.theta["S"] == pytest.approx(9.0, rel=0.011)
     # points nearer than the width of a peak count as one
     near = engine.scans[1][2][:, 0]
@@ -141,7 +143,7 @@ def test_a_narrow_peak_wins_though_wider_hills_are_higher_on_the_coarse_set(kind
     points = np.array([(s, 0.67 * s, 0.0) for s in np.geomspace(0.5, 20.0, 60)])
     values = engine.scan(Spec(), THETA, kind, points)
     assert not 4.7 < points[np.argmax(values), 0] < 5.7
-    best = scanned(engine, Spec(), THETA, kind, points)
+    best = scan_map(engine, Spec(), THETA, kind, points)
     assert best.theta["S"] == pytest.approx(5.2, rel=0.02)
     assert best.theta["J"] == pytest.approx(3.12, rel=0.1)
 
@@ -198,14 +200,14 @@ def test_friction_is_looked_for_far_from_a_plant_that_was_identified(plant):
     engine = Feedback(*plant)
     coarse = np.array([(s, 0.6 * s, 0.0) for s in (2.0, 3.3, 5.1, 9.0)])
     starts = [{**THETA, "load": 2.0}, {**THETA, "load": 0.6}]
-    first, *_ = screened(engine, BASE, kernels.STICK, coarse, starts)
+    first, *_ = screen_starts(engine, BASE, kernels.STICK, coarse, starts)
     assert (first["T"], first["Td"], first["load"]) == (*plant, pytest.approx(0.6))
-    near = screened(Feedback(20.0, 4.0), BASE, kernels.STICK, coarse, starts)
+    near = screen_starts(Feedback(20.0, 4.0), BASE, kernels.STICK, coarse, starts)
     assert near[:2] == starts
 
 
 def test_an_integrating_plant_is_looked_for_among_integrating_ones():
     engine = Peaks(kernels.STICK, (50.0, 5.0, 3.0), d=data(T=0.0, trusted=False))
     base = replace(BASE, theta={**THETA, "T": 0.0})
-    every = screened(engine, base, kernels.STICK, np.array([(5.0, 3.0, 0.0)]), [])
+    every = screen_starts(engine, base, kernels.STICK, np.array([(5.0, 3.0, 0.0)]), [])
     assert {theta["T"] for theta in every} == {0.0}

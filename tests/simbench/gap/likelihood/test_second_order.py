@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.likelihood.second_order import followed, positioner, second_order
-from simbench.gap.likelihood.valve_map import MapSearch, lagged
+from simbench.gap.likelihood.second_order import lag_second_order, positioner, second_order
+from simbench.gap.likelihood.valve_map import MapSearch, lag_signal
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.conclusion import judged
 from simbench.loop.response import valve_response
@@ -27,12 +27,12 @@ def test_the_response_is_that_of_the_differential_equation():
     fine = np.arange(0.0, 60.0, 0.01)
     _, exact, _ = lsim(([1.0], [4.0, 0.8, 1.0]), (fine >= 5.0) * 1.0, fine)
     ends = exact[99::100]
-    assert followed(step, 2.0, 0.2, 0.0)[: ends.size] == pytest.approx(ends, abs=0.01)
+    assert lag_second_order(step, 2.0, 0.2, 0.0)[: ends.size] == pytest.approx(ends, abs=0.01)
 
 
 @pytest.mark.parametrize("digits", [0.1, 0.0])
 def test_time_constant_and_damping_are_found_in_coarse_digits_too(digits):
-    mv = followed(OP, 0.8, 0.15, OP[0])
+    mv = lag_second_order(OP, 0.8, 0.15, OP[0])
     mv = np.round(mv / digits) * digits if digits else mv
     gain, numbers = second_order(search(mv))
     assert gain > 100.0
@@ -41,14 +41,14 @@ def test_time_constant_and_damping_are_found_in_coarse_digits_too(digits):
 
 
 @pytest.mark.parametrize(
-    "mv", [OP, lagged(OP, 3.0), valve_response("choudhury", OP, {"S": 3.0, "J": 1.0})]
+    "mv", [OP, lag_signal(OP, 3.0), valve_response("choudhury", OP, {"S": 3.0, "J": 1.0})]
 )
 def test_what_does_not_overshoot_is_no_such_positioner(mv):
     assert positioner(search(np.round(mv, 1))) is None
 
 
 def test_a_positioner_that_overshoots_is_the_cause_and_not_stiction():
-    mv = followed(OP, 0.8, 0.15, OP[0])
+    mv = lag_second_order(OP, 0.8, 0.15, OP[0])
     pv = 20.0 + lfilter([0.0, 0.1], [1.0, -0.9], mv - 50.0) + 0.05 * RNG.standard_normal(OP.size)
     found = judged(LoopRecord(OP, pv, 1.0, mv=np.round(mv, 1), op_span=(0.0, 100.0)))[0]
     assert found.verdict != "stiction"

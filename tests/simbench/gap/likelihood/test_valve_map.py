@@ -7,7 +7,7 @@ import pytest
 
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.valve_map import MapSearch, lagged
+from simbench.gap.likelihood.valve_map import MapSearch, lag_signal
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -28,8 +28,8 @@ def search(mv, **more):
     ("deadzone", kernels.valve(OP, kernels.ZONE, 3.17, 49.3, 0.0), {"D": 3.17, "c": 49.3}),
     ("valve_characteristic", kernels.valve(OP, kernels.CURVE, 3.17, 0.0, 0.0), {"R": 3.17}),
     ("valve_characteristic", kernels.valve(OP, kernels.CURVE, 0.31, 0.0, 0.0), {"R": 0.31}),
-    ("valve_lag", lagged(OP, 3.17), {"tau": 6.34}),
-    ("valve_lag", lagged(OP, 45.0), {"tau": 90.0}),
+    ("valve_lag", lag_signal(OP, 3.17), {"tau": 6.34}),
+    ("valve_lag", lag_signal(OP, 45.0), {"tau": 90.0}),
 ])  # fmt: skip
 def test_the_map_of_a_valve_is_identified_and_explains_mv(effect, mv, numbers):
     gain, identified = recogniser(effect).by_mv(search(mv + NOISE))
@@ -61,7 +61,7 @@ def test_mv_may_be_logged_at_any_time_within_the_sample(share):
     for effect in ("stiction", "deadband", "valve_lag"):
         assert recogniser(effect).by_mv(search(logged(OP)))[0] < 0.0
     # and a lag that is over within the sample looks like that
-    assert recogniser("valve_lag").by_mv(search(lagged(OP, 0.4) + NOISE))[0] < 5.0
+    assert recogniser("valve_lag").by_mv(search(lag_signal(OP, 0.4) + NOISE))[0] < 5.0
     sticky = kernels.valve(OP, kernels.STICK, 3.17, 1.3, 0.4)
     gain, identified = recogniser("stiction").by_mv(search(logged(sticky)))
     assert gain > 300.0
@@ -97,17 +97,17 @@ def test_a_band_that_the_baseline_has_is_no_effect_wherever_mv_began_in_it():
 def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
     step = np.where(np.arange(60) >= 10, 53.0, 50.0)
     k = np.arange(60) - 9
-    assert lagged(step, tau) == pytest.approx(
+    assert lag_signal(step, tau) == pytest.approx(
         50.0 + 3.0 * np.where(k > 0, 1.0 - np.exp(-k / tau), 0.0)
     )
-    assert lagged(np.full(60, 50.0), tau, 54.0) == pytest.approx(
+    assert lag_signal(np.full(60, 50.0), tau, 54.0) == pytest.approx(
         50.0 + 4.0 * np.exp(-np.arange(60) / tau)
     )
 
 
 def test_a_slow_valve_is_identified_wherever_mv_was_when_the_record_began():
-    nats, identified = recogniser("valve_lag").by_mv(search(lagged(OP, 45.0, OP[0] + SPAN)))
-    assert nats > recogniser("slew_limit").by_mv(search(lagged(OP, 45.0, OP[0] + SPAN)))[0]
+    nats, identified = recogniser("valve_lag").by_mv(search(lag_signal(OP, 45.0, OP[0] + SPAN)))
+    assert nats > recogniser("slew_limit").by_mv(search(lag_signal(OP, 45.0, OP[0] + SPAN)))[0]
     assert identified["tau"] == pytest.approx(90.0, rel=0.1)
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.plan.menu import LEAD, Limits, sized
+from simbench.gap.plan.menu import LEAD, Limits, size_test
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, checked
 
@@ -29,7 +29,7 @@ def situation():
 
 @pytest.mark.parametrize("id_", ["bump", "stairs"])
 def test_in_manual_op_is_the_operators_and_pv_answers_through_the_plant(id_):
-    trial = sized(id_, situation(), {"none": LOOP}, 0.0, Limits())
+    trial = size_test(id_, situation(), {"none": LOOP}, 0.0, Limits())
     record = trial.run(LOOP, 0)
     np.testing.assert_allclose(record.op[LEAD:], 50.0 + trial.moves[LEAD:], atol=1e-6)
     # held until settled, PV has moved by K d
@@ -38,22 +38,24 @@ def test_in_manual_op_is_the_operators_and_pv_answers_through_the_plant(id_):
 
 
 def test_a_set_point_step_moves_pv_by_its_size_and_half_the_gain_is_half():
-    trial = sized("sp_steps", situation(), {"none": LOOP}, 0.0, Limits())
+    trial = size_test("sp_steps", situation(), {"none": LOOP}, 0.0, Limits())
     assert trial.pv_excursion == pytest.approx(trial.size, rel=0.3)
     assert trial.settings["test"] == {"id": "sp_steps", "size": trial.size, "hold_s": trial.hold_s}
-    half = sized("kc_half", situation(), {"none": LOOP}, 0.0, Limits())
+    half = size_test("kc_half", situation(), {"none": LOOP}, 0.0, Limits())
     assert half.settings["controller"] == {"Kc_ratio": 0.5}
 
 
 def test_stairs_are_finer_than_the_friction_they_look_for():
-    trial = sized("stairs", situation(), {"none": LOOP}, 1.0, Limits())
+    trial = size_test("stairs", situation(), {"none": LOOP}, 1.0, Limits())
     assert trial.size == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("id_", ["bump", "sp_steps", "stairs"])
 @pytest.mark.parametrize("most", [0.5, 2.0, 5.0])
 def test_no_test_leaves_its_limits(id_, most):
-    trial = sized(id_, situation(), {"none": LOOP}, 0.0, Limits(pv_excursion=most, op_travel=3.0))
+    trial = size_test(
+        id_, situation(), {"none": LOOP}, 0.0, Limits(pv_excursion=most, op_travel=3.0)
+    )
     if isinstance(trial, str):
         assert id_ in trial
     else:
@@ -66,7 +68,7 @@ def test_another_load_takes_no_test_out_of_its_limits(id_):
     load = {"type": "coloured", "amplitude": 1.0, "period": 30.0}
     loop = Loop.from_table(LOOP.to_table() | {"disturbance": [load], "noise": {"std": 0.2}})
     limits = Limits(pv=(0.0, 60.0), op=(20.0, 80.0), pv_excursion=15.0, op_travel=10.0)
-    trial = sized(id_, situation(), {"none": loop}, 0.0, limits)
+    trial = size_test(id_, situation(), {"none": loop}, 0.0, limits)
     runs = [trial.run(loop, 100 + seed) for seed in range(20)]
     assert max(np.abs(r.pv - 30.0).max() for r in runs) <= limits.pv_excursion
     assert all(limits.op[0] <= r.op.min() and r.op.max() <= limits.op[1] for r in runs)
@@ -74,8 +76,10 @@ def test_another_load_takes_no_test_out_of_its_limits(id_):
 
 def test_a_test_that_would_last_too_long_is_left_out_and_a_passive_one_is_cut():
     limits = Limits(minutes=5.0)
-    assert "more than the 5 allowed" in sized("stairs", situation(), {"none": LOOP}, 0.0, limits)
-    trial = sized("mv", situation(), {"none": LOOP}, 0.0, limits)
+    assert "more than the 5 allowed" in size_test(
+        "stairs", situation(), {"none": LOOP}, 0.0, limits
+    )
+    trial = size_test("mv", situation(), {"none": LOOP}, 0.0, limits)
     assert trial.minutes == pytest.approx(5.0)
 
 

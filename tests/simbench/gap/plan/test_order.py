@@ -25,7 +25,7 @@ def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, str
         seen.update(loops=loops, band=band)
         return f"{id_}: no" if id_ in left_out else trial(id_)
 
-    monkeypatch.setattr(order, "sized", sized)
+    monkeypatch.setattr(order, "size_test", sized)
     situation = SimpleNamespace(
         proven={},
         law=SimpleNamespace(known=known),

@@ -17,7 +17,7 @@ from simbench.gap.report.traces import (
     compared,
     end_of,
     nearest,
-    recorded,
+    record_in_percent,
 )
 from simbench.scenarios.spec import Loop
 
@@ -90,7 +90,7 @@ def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect
     monkeypatch.setattr(level, "simulate", noted)
     runs = compared(report(effect, named))
     assert list(runs) == [RECORD, *shown]
-    part = recorded(report(mv=False).behind.found.situation).window(10, 13)
+    part = record_in_percent(report(mv=False).behind.found.situation).window(10, 13)
     # OP in percent, not as recorded
     assert [part.op.tolist(), part.sp.tolist(), part.mv] == [[10, 11, 12], [12, 13, 14], None]
     expected = [
