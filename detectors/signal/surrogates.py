@@ -10,7 +10,7 @@ import numpy as np
 
 from simbench.detectors.compiled import compiled
 from simbench.detectors.errors import ParameterError
-from simbench.detectors.signal.look_alikes import MOST_NEIGHBOURS, prediction_errors
+from simbench.detectors.signal.look_alikes import prediction_errors
 
 _ITERATIONS = 10
 _SAMPLES_PER_CYCLE = 10  # Thornhill 2005: 7 to 25
@@ -88,10 +88,8 @@ def prediction_error(
 
     Source: Thornhill (2005), IEEE Trans. Control Systems Technology 13, 434-443.
     """
-    if not 1 <= neighbours <= MOST_NEIGHBOURS:
-        raise ParameterError(
-            f"prediction_error: neighbours = {neighbours}; 1 to {MOST_NEIGHBOURS} are possible"
-        )
+    if neighbours < 1:
+        raise ParameterError(f"prediction_error: neighbours = {neighbours}; at least 1 is needed")
     return float(
         compiled(prediction_errors)(np.ascontiguousarray(x), embedding, horizon, neighbours)
     )
