@@ -204,7 +204,6 @@ def _respond(v, T, Td, out, weight):
                 old = new
 
 
-@njit_cached
 def plants(v, T, Td, tau):
     """Return the unit plant's answer to each row of MV `v` (m, n) as deviation from its start
     (`tau` > 0: one more pole).
@@ -223,10 +222,30 @@ def plants(v, T, Td, tau):
     return out
 
 
-@njit_cached
 def plant(v, T, Td, tau):
     """Return the unit plant's answer to MV `v` (n,) as `plants` does."""
-    return plants(v.reshape(1, v.size), T, Td, tau)[0]
+    return plants(v[None, :], T, Td, tau)[0]
+
+
+def scan(u, kind, points, Td, model, rest, basis, jumps):
+    """Return, of many valve maps (points, 3) at one noise model, the plant's answer times PV and
+    times itself, whitened.
+
+    `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less
+    its part along them, both 0 in the first SKIP samples; only the plant's answer is filtered anew
+    for each point.
+    """
+    gy, gg = np.empty((2, len(points)))
+    together = _MANY if u.size <= _CACHED_SAMPLES else _FEW
+    for first in range(0, len(points), together):
+        some = slice(first, first + together)
+        moved = np.array([valve(u, kind, *point) for point in points[some]])
+        white = whiten(plants(moved, model.T, Td, model.tau), model, jumps)[0]
+        white[:, :SKIP] = 0.0
+        along = white @ basis.T
+        gy[some] = white @ rest
+        gg[some] = (white * white).sum(axis=1) - (along * along).sum(axis=1)
+    return gy, gg
 
 
 @njit_cached
@@ -443,35 +462,3 @@ def whiten(channels, model, jumps):
             out[c, k] = nu[c] * scale
         x, x_new = x_new, x
     return out, sum_log
-
-
-@njit_cached
-def scan(u, kind, points, Td, model, rest, basis, jumps):
-    """Return, of many valve maps (points, 3) at one noise model, the plant's answer times PV and
-    times itself, whitened.
-
-    `basis` (m, n) holds the whitened other channels, orthonormal, and `rest` the whitened PV less
-    its part along them, both 0 in the first SKIP samples; only the plant's answer is filtered anew
-    for each point.
-    """
-    total, n = points.shape[0], u.size
-    out = np.empty((2, total))
-    together = _MANY if n <= _CACHED_SAMPLES else _FEW
-    batch = np.empty((together, n))
-    for first in range(0, total, together):
-        many = min(together, total - first)
-        for i in range(many):
-            p = points[first + i]
-            copied(valve(u, kind, p[0], p[1], p[2]), batch[i])
-        now = plants(batch[:many], model.T, Td, model.tau)
-        white = whiten(now, model, jumps)[0]
-        for i in range(many):
-            for k in range(SKIP):
-                white[i, k] = 0.0
-        along, gy = np.dot(white, basis.T), np.dot(white, rest)
-        for i in range(many):
-            gg = np.dot(white[i], white[i])
-            for j in range(basis.shape[0]):
-                gg -= along[i, j] * along[i, j]
-            out[0, first + i], out[1, first + i] = gy[i], gg
-    return out
