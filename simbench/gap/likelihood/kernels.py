@@ -301,24 +301,20 @@ def follow(kalman, level, size, gains, variances, covariances):
 
 
 @njit_cached
-def whiten(channels, model, jumps):
-    """Return innovations over their standard deviation (m, n) of all channels, and the sum of log
-    variances.
+def _state_space(model, jumps):
+    """Return what moves PV as a linear model x(k + 1) = F x(k) + w(k), PV(k) = h' x(k) + v(k): F,
+    the covariance Q of w, that of x(0), h, the variance of v, and the state that jumps.
 
-    `model` is a `NoiseModel`, `jumps` the `Jumps` of its load. One steady-state gain serves all
-    channels.
+    The states, each where the model has it: the load, a first-order process of variance `load`^2
+    (Q = (1 - phi^2) load^2 keeps it so); the plant, a lag of time constant T under the load, held
+    over each sample (T = 0: its sum); the load's second stage between the two; two more loads that
+    make 1/f noise with the first; the plant's second pole; random walks of the load and of PV; a
+    load that jumps; noise that remembers its last value.
     """
     T, tau, load_time, load_lag, load, noise, colour, spread, load_walk, walk = model
-    m, n = channels.shape
     smooth, parts = load_lag > 0.1, 3 if load_lag == PINK_LOAD else 1
-    has_tau, has_load_walk, has_walk, coloured = (
-        tau > 1e-3,
-        load_walk > 0.0,
-        walk > 0.0,
-        abs(colour) > 0.01,
-    )
-    count, jump = jumps.places.size, jumps.size
-    s = 1 + parts + smooth + has_tau + has_load_walk + has_walk + coloured + (count > 0)
+    has_tau, coloured, jumping = tau > 1e-3, abs(colour) > 0.01, jumps.places.size > 0
+    s = 1 + parts + smooth + has_tau + (load_walk > 0.0) + (walk > 0.0) + coloured + jumping
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)
     a = math.exp(-1.0 / T) if T > 0.0 else 1.0
@@ -337,12 +333,8 @@ def whiten(channels, model, jumps):
     P[0, 0], P[1, 1] = share, spread * spread
     for i in range(1, parts):
         phi = math.exp(-(FRACTION**i) / load_time)
-        F[top, top], F[1, top], Q[top, top], P[top, top] = (
-            phi,
-            enters,
-            share * (1.0 - phi * phi),
-            share,
-        )
+        F[top, top], F[1, top] = phi, enters
+        Q[top, top], P[top, top] = share * (1.0 - phi * phi), share
         top += 1
     seen = 1
     if has_tau:
@@ -352,14 +344,14 @@ def whiten(channels, model, jumps):
         P[top, top] = spread * spread
         top += 1
     h[seen] = 1.0
-    if has_load_walk:
+    if load_walk > 0.0:
         F[top, top], F[1, top], Q[top, top] = 1.0, enters, load_walk * load_walk
         top += 1
-    if has_walk:
+    if walk > 0.0:
         F[top, top], Q[top, top], h[top] = 1.0, walk * walk, 1.0
         top += 1
     level = 0
-    if count > 0:
+    if jumping:
         level = top
         F[top, top], F[1, top] = 1.0, enters
         top += 1
@@ -367,43 +359,31 @@ def whiten(channels, model, jumps):
     if coloured:
         F[top, top], Q[top, top], P[top, top], h[top] = colour, r * (1.0 - colour * colour), r, 1.0
         r = 1e-6 * r
-    out = np.empty((m, n))
-    x, x_new, nu = np.zeros((s, m)), np.zeros((s, m)), np.zeros(m)
-    shows, shown = np.zeros(s, np.int64), 0
-    to, come, weight, couplings = (
-        np.zeros(s * s, np.int64),
-        np.zeros(s * s, np.int64),
-        np.zeros(s * s),
-        0,
-    )
-    for i in range(s):
-        if h[i] != 0.0:
-            shows[shown] = i
-            shown += 1
-        for j in range(s):
-            if i != j and F[i, j] != 0.0:
-                to[couplings], come[couplings], weight[couplings] = i, j, F[i, j]
-                couplings += 1
-    gain = np.zeros(s)
-    kalman = _Filter(F, Q, P, h, r, gain, np.zeros(s), np.zeros((s, s)), np.zeros((s, s)))
-    log_var, S, sum_log, scale = 0.0, 1.0, 0.0, 1.0
-    # a jump is followed by the same gains as the one before, unless they are close together
+    return F, Q, P, h, r, level
+
+
+@njit_cached
+def _gains(kalman, level, late, jumps, n):
+    """Return the filter's gain (n, s) and innovation variance (n,) at each sample, and the sum of
+    the variances' logarithms; nothing of this depends on what is measured.
+
+    The covariance is followed until it is as good as steady, and again from each of the `jumps` of
+    the state `level` on, which PV shows `late` samples later. A jump is followed by the same gains
+    as the one before, unless they are close together.
+    """
+    s, count, jump = kalman.h.size, jumps.places.size, jumps.size
+    P, gain = kalman.P, kalman.gain
+    gains, variances = np.empty((n, s)), np.empty(n)
     room = _REACH if count > 0 else 0
-    gains, variances, covariances = (
-        np.zeros((room, s)),
-        np.zeros(room),
-        np.zeros((min(room, _NEAR), s, s)),
-    )
-    scales, logs = np.zeros(room), np.zeros(room)
+    after, their_variances = np.zeros((room, s)), np.zeros(room)
+    covariances = np.zeros((min(room, _NEAR), s, s))
+    S, sum_log, log_var = 1.0, 0.0, 0.0
     live, start, last, since, upcoming = True, 0, -1, -1, 0
     for k in range(n):
-        # one more pole is one more sample on the way
-        if upcoming < count and k >= jumps.places[upcoming] - has_tau:
+        if upcoming < count and k >= jumps.places[upcoming] - late:
             upcoming += 1
             if not live and last < 0:
-                last = follow(kalman, level, jump, gains, variances, covariances)
-                for i in range(last + 1):
-                    scales[i], logs[i] = 1.0 / math.sqrt(variances[i]), math.log(variances[i])
+                last = follow(kalman, level, jump, after, their_variances, covariances)
                 since = 0
             elif not live and since >= min(_NEAR, last):
                 since = 0
@@ -417,18 +397,48 @@ def whiten(channels, model, jumps):
                 # a jump between two samples is part of one at each
                 P[level, level] += jump * jump
             S_old, S = S, _riccati(kalman)
-            scale, log_var = 1.0 / math.sqrt(S), math.log(S)
             if last >= 0 and k - start >= _NEAR:
                 live, since = False, min(_NEAR, last)
             elif k - start > 20 and abs(S - S_old) < (1e-7 if start == 0 else _SETTLED) * S:
                 live = False
         elif since >= 0:
-            for i in range(s):
-                gain[i] = gains[since, i]
-            scale, log_var = scales[since], logs[since]
+            copied(after[since], gain)
+            S = their_variances[since]
             since = min(since + 1, last)
+        copied(gain, gains[k])
+        variances[k] = S
+        if k <= SKIP or S != variances[k - 1]:
+            log_var = math.log(S)
         if k >= SKIP:
             sum_log += log_var
+    return gains, variances, sum_log
+
+
+@njit_cached
+def _innovations(channels, F, h, gains, variances):
+    """Return what the filter does not foresee of each channel (m, n), over its standard
+    deviation.
+    """
+    (m, n), s = channels.shape, h.size
+    out = np.empty((m, n))
+    x, x_new, nu = np.zeros((s, m)), np.zeros((s, m)), np.zeros(m)
+    # F is a diagonal with a few couplings, and h is mostly zeros
+    shows, shown = np.zeros(s, np.int64), 0
+    to, come = np.zeros(s * s, np.int64), np.zeros(s * s, np.int64)
+    weight, couplings = np.zeros(s * s), 0
+    for i in range(s):
+        if h[i] != 0.0:
+            shows[shown] = i
+            shown += 1
+        for j in range(s):
+            if i != j and F[i, j] != 0.0:
+                to[couplings], come[couplings], weight[couplings] = i, j, F[i, j]
+                couplings += 1
+    scale = 0.0
+    for k in range(n):
+        gain = gains[k]
+        if k == 0 or variances[k] != variances[k - 1]:
+            scale = 1.0 / math.sqrt(variances[k])
         if m == 1:
             # loops over a single channel cost more than what they do
             alone = channels[0, k]
@@ -449,7 +459,6 @@ def whiten(channels, model, jumps):
             i = shows[q]
             for c in range(m):
                 nu[c] -= x[i, c]
-        # F is a diagonal with a few couplings
         for i in range(s):
             own, g = F[i, i], gain[i]
             for c in range(m):
@@ -461,4 +470,26 @@ def whiten(channels, model, jumps):
         for c in range(m):
             out[c, k] = nu[c] * scale
         x, x_new = x_new, x
-    return out, sum_log
+    return out
+
+
+def whiten(channels, model, jumps):
+    """Return innovations over their standard deviation (m, n) of all channels, and the sum of log
+    variances.
+
+    `model` is a `NoiseModel`, `jumps` the `Jumps` of its load. The gain of one Kalman filter serves
+    all channels.
+    """
+    *matrices, level = _state_space(model, jumps)
+    # one more pole is one more sample on the way
+    late = int(model.tau > 1e-3)
+    gains, variances, log_var = _gains(_filter_of(*matrices), level, late, jumps, channels.shape[1])
+    return _innovations(channels, matrices[0], matrices[3], gains, variances), log_var
+
+
+def _filter_of(F, Q, P, h, r):
+    """Return the Kalman filter of a model, with room for its next step."""
+    s = h.size
+    return _Filter(F, Q, P, h, r, np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s)))
+
+
