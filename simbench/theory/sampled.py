@@ -19,6 +19,7 @@ from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import stages_response
 from simbench.loop.setup import Setup
 from simbench.scenarios.spec import Loop
+from simbench.valve.maps import creep
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,9 +292,7 @@ def _sticking(wave, S, J, out):
     """Fill `out` with the position of a valve that sticks again after every sample."""
     v = 50.0
     for k in range(wave.size):
-        if abs(wave[k] - v) > 0.5 * (S + J):
-            v = wave[k] - (1.0 if wave[k] > v else -1.0) * 0.5 * (S - J)
-        out[k] = v
+        v = out[k] = creep(wave[k], v, S, J)
 
 
 def ultimate_gain(loop: SampledLoop) -> float | None:

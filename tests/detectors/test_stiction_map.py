@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simbench.detectors.errors import ParameterError
-from simbench.detectors.signal.stiction_map import start, step, valve_position
+from simbench.detectors.signal.stiction_map import valve_position
+from simbench.valve.maps import at_rest as start
+from simbench.valve.maps import stick as step
 
 U = np.concatenate(
     [np.arange(50, 61, 2), np.arange(59, 49, -1), np.arange(50, 59), [58, 58], np.arange(59, 64)]

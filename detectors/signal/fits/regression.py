@@ -15,6 +15,7 @@ import numpy as np
 
 from simbench.detectors.compiled import LANES, compiled, lanes, rows, wide
 from simbench.detectors.signal.fits.hammerstein_kernels import Stretch, Valves, moves
+from simbench.valve.search import distinct_valves
 
 _SAMPLES = 30  # per period, after averaging
 _PAST = 36  # averages of PV before one that is predicted
@@ -28,7 +29,6 @@ _JUMPS = np.array([0.02, 0.2, 0.4, 0.6, 0.8, 1.0])  # of S
 _NEAR = (0.08, 0.03, 0.01)  # shares of S by which the best points are varied, ever closer
 _AROUND = np.array([(a, b) for a in (-1.0, -0.5, 0.0, 0.5, 1.0) for b in (-1.5, 0.0, 1.5)])
 _KEPT = 3  # points that are followed
-_APART = (0.08, 0.2)  # differences of log S and of J/S from which on points are different
 _VALVES = 6  # different ones of each map that are returned
 _FOLLOWS_OP = np.zeros(3)  # a valve without friction
 _NUMBERS = 3  # S, J and the map that were searched
@@ -283,7 +283,8 @@ def _searched(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
         of_more = np.split(data.errors(np.vstack(more)), 2)
         valves = [np.vstack(both) for both in zip(valves, more, strict=True)]
         errors = [np.concatenate(both) for both in zip(errors, of_more, strict=True)]
-    return [_different(*found) for found in zip(valves, errors, strict=True)]
+    kept = [distinct_valves(v, e, _VALVES) for v, e in zip(valves, errors, strict=True)]
+    return [(v[k], e[k]) for v, e, k in zip(valves, errors, kept, strict=True)]
 
 
 def _about(valves: np.ndarray, errors: np.ndarray, near: float) -> np.ndarray:
@@ -294,15 +295,6 @@ def _about(valves: np.ndarray, errors: np.ndarray, near: float) -> np.ndarray:
     S = best[:, 0] * (1.0 + about[:, 0])
     J = S * np.clip(best[:, 1] / best[:, 0] + about[:, 1], _JUMPS[0], _JUMPS[-1])
     return np.column_stack([S, J, best[:, 2]])
-
-
-def _different(valves: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best valves that differ, and their errors."""
-    order = np.argsort(errors, kind="stable")
-    size, share = np.log(valves[order, 0]), valves[order, 1] / valves[order, 0]
-    cells = np.column_stack([size, share]) // np.array(_APART)
-    first = np.sort(np.unique(cells, axis=0, return_index=True)[1])[:_VALVES]
-    return valves[order[first]], errors[order[first]]
 
 
 def _nats(left: np.ndarray) -> np.ndarray:

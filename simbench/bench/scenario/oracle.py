@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from simbench.detectors.signal.stiction_map import start, valve_position
+from simbench.detectors.signal.stiction_map import valve_position
 from simbench.detectors.verdict import NO_STICTION, STICTION, Verdict
 from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
@@ -17,6 +17,7 @@ from simbench.loop.run import Run
 from simbench.loop.setup import Setup
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Sampling, Scenario
+from simbench.valve.maps import at_rest
 
 ORACLE = "oracle"
 SOURCE = (
@@ -59,7 +60,7 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
         return float(residual @ residual) / (2.0 * variance)
 
     ideal = misfit(np.clip(op, 0.0, 100.0))
-    S, J, best = _best_valve(lambda s, j: misfit(valve_position(op, s, j, start(setup.op0))))
+    S, J, best = _best_valve(lambda s, j: misfit(valve_position(op, s, j, at_rest(setup.op0))))
     ratio = ideal - best
     score = ratio - float(np.log(n))
     likelier = "sticky" if score > 0 else "ideal"

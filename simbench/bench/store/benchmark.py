@@ -28,6 +28,7 @@ PARTS = {"scenarios": "the scenarios", "evaluator": "the evaluator's rules"}
 # how a grid becomes a table is none of it: the table is the other part
 _PACKAGES = ("loop", "theory", "bench/scenario", "bench/score")
 _FILES = (
+    "valve/maps.py",
     "bench/statistics.py",
     "detectors/signal/oscillation.py",
     "scenarios/spec.py",

@@ -1,8 +1,8 @@
 """Compiled kernels of the diagnosis: valve models, the response of the plant, and the Kalman
 filter.
 
-Self-contained, because numba's disk cache only watches this file. Time unit is one sample
-throughout.
+Time unit is one sample throughout. What `njit_cached` compiles calls nothing of other files,
+because numba's disk cache only watches this one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.detectors.compiled import njit_cached
+from simbench.detectors.compiled import compiled, njit_cached
+from simbench.valve.maps import creep, play, stick, zone
 
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
 PINK_LOAD = -1.0  # as `load_lag`: a load of power 1/f
@@ -90,63 +91,44 @@ def copied(source, target):
         target[k] = source[k]
 
 
-@njit_cached
 def valve(u, kind, p0, p1, p2):
-    """Return MV (n,) for OP `u` (n,) through one valve map.
+    """Return MV (n,) for OP `u` (n,) through one valve map, which has no ends of travel.
 
     Parameters: PLAY S, start; ZONE D, c; STICK (Choudhury) and CREEP (He) S, J, start; CURVE R.
     `start` is the offset of MV from OP before the first sample.
     """
-    n = u.size
-    v = np.empty(n)
-    if kind == IDEAL:
-        copied(u, v)
-    elif kind == PLAY:
-        half = 0.5 * p0
-        x = u[0] + p1
-        for k in range(n):
-            x = max(u[k] - half, min(u[k] + half, x))
-            v[k] = x
-    elif kind == ZONE:
-        half = 0.5 * p0
-        for k in range(n):
-            v[k] = u[k] - half if u[k] > p1 + half else (u[k] + half if u[k] < p1 - half else p1)
-    elif kind == STICK:
-        fs, fd = 0.5 * (p0 + p1), 0.5 * (p0 - p1)
-        x, d, moving, last = u[0] + p2, 0.0, False, u[0]
-        for k in range(n):
-            if moving and (u[k] - last) * d <= 0.0:
-                moving = False
-            if moving:
-                x = u[k] - d * fd
-            elif u[k] - x > fs:
-                d, moving, x = 1.0, True, u[k] - fd
-            elif u[k] - x < -fs:
-                d, moving, x = -1.0, True, u[k] + fd
-            last = u[k]
-            v[k] = x
-    elif kind == CREEP:
-        fs, fd = 0.5 * (p0 + p1), 0.5 * (p0 - p1)
-        x = u[0] + p2
-        for k in range(n):
-            r = u[k] - x
-            if r > fs:
-                x = u[k] - fd
-            elif r < -fs:
-                x = u[k] + fd
-            v[k] = x
-    else:
-        log_r = math.log(p0)
-        if abs(log_r) < 1e-6:
-            copied(u, v)
-        else:
-            for k in range(n):
-                v[k] = (
-                    100.0
-                    * math.expm1(log_r * min(max(u[k], 0.0), 100.0) / 100.0)
-                    / math.expm1(log_r)
-                )
+    v = np.empty(u.size)
+    compiled(_through)(u, kind, float(p0), float(p1), float(p2), v)
     return v
+
+
+def _through(u, kind, p0, p1, p2, v):
+    """Fill `v` as `valve` returns it."""
+    lo, hi = -np.inf, np.inf
+    if kind == PLAY:
+        x = u[0] + p1
+        for k in range(u.size):
+            x = v[k] = play(u[k], x, p0, lo, hi)
+    elif kind == ZONE:
+        for k in range(u.size):
+            v[k] = zone(u[k], p0, p1, lo, hi)
+    elif kind == STICK:
+        state = (u[0] + p2, 0.0, 0.0, u[0])
+        for k in range(u.size):
+            state = stick(u[k], state, p0, p1, lo, hi)
+            v[k] = state[0]
+    elif kind == CREEP:
+        x = u[0] + p2
+        for k in range(u.size):
+            x = v[k] = creep(u[k], x, p0, p1, 1.0, lo, hi)
+    elif kind == CURVE and abs(math.log(p0)) >= 1e-6:
+        log_r = math.log(p0)
+        for k in range(u.size):
+            x = min(max(u[k], 0.0), 100.0)
+            v[k] = 100.0 * math.expm1(log_r * x / 100.0) / math.expm1(log_r)
+    else:
+        for k in range(u.size):
+            v[k] = u[k]
 
 
 @njit_cached
@@ -491,5 +473,3 @@ def _filter_of(F, Q, P, h, r):
     """Return the Kalman filter of a model, with room for its next step."""
     s = h.size
     return _Filter(F, Q, P, h, r, np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s)))
-
-

@@ -12,6 +12,7 @@ import numpy as np
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec
+from simbench.valve.search import distinct_valves
 
 SMOOTH = (
     "load_time",
@@ -23,10 +24,7 @@ SMOOTH = (
 )  # searched together with a valve
 MV_STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
 _JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied with S, whose peak is narrower
-_APART, _UNLIKE = (
-    0.08,
-    0.2,
-)  # differences of log S and of J/S from which on two points count as different peaks
+_APART = 0.08  # difference of log S from which on two points of a coarse set are different peaks
 _SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
 KEPT, _CHILDREN = 30, 6  # different peaks followed, and points tried around each
 _SPREADS = (0.03, 0.012)  # of log S around them, ever closer
@@ -121,7 +119,7 @@ def refine_peaks(
     """
     rng = np.random.default_rng(0)
     for turn, spread in enumerate(_SPREADS):
-        kept = distinct_peaks(points, values, 0.5**turn)
+        kept = distinct_valves(points, -values, KEPT, 0.5**turn)
         parents = np.repeat(points[kept], _CHILDREN, axis=0)
         S = parents[:, 0] * np.exp(spread * rng.standard_normal(len(parents)))
         share = np.clip(
@@ -139,19 +137,6 @@ def refine_peaks(
         points = np.vstack([points[kept], children])
         values = np.concatenate([values[kept], scan(children)])
     return points[np.argsort(-values, kind="stable")]
-
-
-def distinct_peaks(points: np.ndarray, values: np.ndarray, share: float) -> list[int]:
-    """Return the best points of a map with a jump that differ in S or J/S, by a share of what sets
-    peaks apart.
-    """
-    cells = (
-        np.column_stack([np.log(points[:, 0]) / _APART, points[:, 1] / points[:, 0] / _UNLIKE])
-        // share
-    )
-    order = np.argsort(-values)
-    _, first = np.unique(cells[order], axis=0, return_index=True)
-    return [int(i) for i in order[np.sort(first)[:KEPT]]]
 
 
 def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:

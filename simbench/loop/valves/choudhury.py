@@ -12,8 +12,8 @@ Where the published flowchart is silent: a band starts where a *moving* valve st
 threshold knows the direction. `choudhury_literal` takes the other reading.
 """
 
-from simbench.detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import Number
+from simbench.valve.maps import at_rest, stick
 
 SOURCE = (
     "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, data-driven"
@@ -28,13 +28,12 @@ PARAMETERS = {
 
 def start(u0, p):
     """Return the state (v, d, moving, u_prev) at rest in mid-band under OP `u0` (%)."""
-    x = min(max(u0, 0.0), 100.0)
-    return x, 0.0, 0.0, x
+    return at_rest(u0)
 
 
 def step(u, state, p):
     """One sample: OP `u` (%) in, state (v, d, moving, u_prev) out, v = MV (%)."""
-    return stiction_step(u, state, p.S, p.J)
+    return stick(u, state, p.S, p.J)
 
 
 def mapped_SJ(p):

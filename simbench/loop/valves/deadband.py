@@ -8,6 +8,7 @@ the band is S.
 """
 
 from simbench.loop.parameters import Number
+from simbench.valve.maps import play
 
 SOURCE = "ISA-51.1 (1979), dead band; play operator: Krasnosel'skii and Pokrovskii (1989)"
 FRICTION = True
@@ -21,9 +22,7 @@ def start(u0, p):
 
 def step(u, state, p):
     """One sample: OP `u` (%) in, state (v,) out, v = MV (%)."""
-    x = min(max(u, 0.0), 100.0)
-    half = 0.5 * p.S
-    return (max(x - half, min(x + half, state[0])),)
+    return (play(u, state[0], p.S),)
 
 
 def mapped_SJ(p):

@@ -9,6 +9,7 @@ The travel lost in the zone is lost at the ends: MV stays within D/2 of them.
 """
 
 from simbench.loop.parameters import Number
+from simbench.valve.maps import zone
 
 SOURCE = "ISA-51.1 (1979), dead zone; v = c + sign(u - c) max(|u - c| - D/2, 0)"
 FRICTION = False
@@ -25,10 +26,4 @@ def start(u0, p):
 
 def step(u, state, p):
     """One sample: OP `u` (%) in, state (v,) out, v = MV (%)."""
-    x = min(max(u, 0.0), 100.0)
-    half = 0.5 * p.D
-    if x > p.c + half:
-        return (x - half,)
-    if x < p.c - half:
-        return (x + half,)
-    return (p.c,)
+    return (zone(u, p.D, p.c),)

@@ -15,6 +15,7 @@ does (K = 1 + its overshoot ratio). The published form has no limits; here OP an
 
 from simbench.loop.parameters import FOLLOWS, Number
 from simbench.loop.physical.mapping import complete_band
+from simbench.valve.maps import creep
 
 SOURCE = (
     "He, Wang, Pottmann and Qin (2007), Ind. Eng. Chem. Res. 46, 4549-4560; K: He and Wang"
@@ -56,15 +57,7 @@ def start(u0, p):
 
 def step(u, state, p):
     """One sample: OP `u` (%) in, state (v,) out, v = MV (%)."""
-    x = min(max(u, 0.0), 100.0)
-    c = x - state[0]
-    fd = 0.5 * (p.S - p.J)
-    # v + K (c - fd) with v + c = x put in first: without rounding where K = 1
-    if c > 0.5 * (p.S + p.J):
-        return (min(max((x - fd) + (p.K - 1.0) * (c - fd), 0.0), 100.0),)
-    if c < -0.5 * (p.S + p.J):
-        return (min(max((x + fd) + (p.K - 1.0) * (c + fd), 0.0), 100.0),)
-    return state
+    return (creep(u, state[0], p.S, p.J, p.K),)
 
 
 def mapped_SJ(p):

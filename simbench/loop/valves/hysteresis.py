@@ -13,6 +13,7 @@ widths S, S + 2H/7, ... S + 2H.
 
 from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import Number
+from simbench.valve.maps import play
 
 SOURCE = (
     "ISA-51.1 (1979), hysteresis; Prandtl-Ishlinskii operator: Krasnosel'skii and Pokrovskii (1989)"
@@ -43,26 +44,18 @@ def start(u0, p):
 def step(u, state, p):
     """One sample: OP `u` (%) in, state (v, eight play positions) out, v = MV (%)."""
     x = min(max(u, 0.0), 100.0)
-    half = 0.5 * p.S
     more = p.H / 7.0
-    p1 = play(x, half, state[1])
-    p2 = play(x, half + more, state[2])
-    p3 = play(x, half + 2.0 * more, state[3])
-    p4 = play(x, half + 3.0 * more, state[4])
-    p5 = play(x, half + 4.0 * more, state[5])
-    p6 = play(x, half + 5.0 * more, state[6])
-    p7 = play(x, half + 6.0 * more, state[7])
-    p8 = play(x, half + 7.0 * more, state[8])
+    p1 = play(x, state[1], p.S)
+    p2 = play(x, state[2], p.S + 2.0 * more)
+    p3 = play(x, state[3], p.S + 4.0 * more)
+    p4 = play(x, state[4], p.S + 6.0 * more)
+    p5 = play(x, state[5], p.S + 8.0 * more)
+    p6 = play(x, state[6], p.S + 10.0 * more)
+    p7 = play(x, state[7], p.S + 12.0 * more)
+    p8 = play(x, state[8], p.S + 14.0 * more)
     # summed in pairs: equal plays then give their common value without rounding
     v = 0.125 * (((p1 + p2) + (p3 + p4)) + ((p5 + p6) + (p7 + p8)))
     return v, p1, p2, p3, p4, p5, p6, p7, p8
-
-
-def play(x, half, v):
-    """Return the position of a play of width 2 `half` (%) that stood at `v` (%), under OP `x`
-    (%).
-    """
-    return max(x - half, min(x + half, v))
 
 
 def mapped_SJ(p):

@@ -8,8 +8,8 @@ under a moving valve, the valve waits in place.
 """
 
 from simbench.detectors.errors import ParameterError
-from simbench.detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import Number
+from simbench.valve.maps import stick
 
 SOURCE = (
     "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, switched in"
@@ -62,7 +62,7 @@ def step(u, state, p):
     if t >= 0.0 and t % p.period < p.on:
         S = p.S
         J = p.J
-    new, d, moving, u_prev = stiction_step(u, (v, d, moving, u_prev), S, J)
+    new, d, moving, u_prev = stick(u, (v, d, moving, u_prev), S, J)
     if (new - v) * d > 0.0:
         v = new
     return v, d, moving, u_prev, k + 1.0

@@ -8,8 +8,8 @@ valve waits in place.
 """
 
 from simbench.detectors.errors import ParameterError
-from simbench.detectors.signal.stiction_map import step as stiction_step
 from simbench.loop.parameters import FOLLOWS, Number
+from simbench.valve.maps import stick
 
 SOURCE = (
     "Choudhury, Thornhill and Shah (2005), Control Engineering Practice 13, 641-658, with S and J"
@@ -65,7 +65,7 @@ def step(u, state, p):
     share = min(max((k * p.Ts - p.t_begin) / (p.t_end - p.t_begin), 0.0), 1.0)
     S = p.S + share * (p.S_end - p.S)
     J = p.J + share * (p.J_end - p.J)
-    new, d, moving, u_prev = stiction_step(u, (v, d, moving, u_prev), S, J)
+    new, d, moving, u_prev = stick(u, (v, d, moving, u_prev), S, J)
     if (new - v) * d > 0.0:
         v = new
     return v, d, moving, u_prev, k + 1.0
