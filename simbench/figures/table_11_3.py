@@ -16,6 +16,7 @@ from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import styled, table
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, Part
+from simbench.theory.sampled import phase_crossings
 from simbench.theory.table_check import check_table_11_3
 from simbench.theory.tables import DEAD_BAND, STICK_SLIP, TABLE_11_3
 
@@ -41,8 +42,7 @@ def ultimate_gain(K: float, T: float | None, Td: float, Ti: float | None) -> flo
     s = 1j * w
     lag = s if T is None else T * s + 1
     L = K * np.exp(-Td * s) / lag * (1.0 if Ti is None else 1 + 1 / (Ti * s))
-    phase = np.unwrap(np.angle(L))
-    past = np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))
+    past = phase_crossings(L)
     return float(1 / np.abs(L[past[-1]])) if past.size else np.nan
 
 

@@ -301,6 +301,13 @@ def ultimate_gain(loop: SampledLoop) -> float | None:
     """
     w = np.geomspace(1e-4 / max(loop.times), np.pi / loop.Ts, 20_000)
     L = loop.sampled_response(w)
+    crossings = phase_crossings(L)
+    return float(1 / abs(L[crossings[0]])) if crossings.size else None
+
+
+def phase_crossings(L: np.ndarray) -> np.ndarray:
+    """Return the places before which the phase of a frequency response (n,) goes down through -180
+    degrees.
+    """
     phase = np.unwrap(np.angle(L))
-    crossing = np.nonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))[0]
-    return float(1 / abs(L[crossing[0]])) if crossing.size else None
+    return np.flatnonzero((phase[:-1] > -np.pi) & (phase[1:] <= -np.pi))

@@ -25,7 +25,7 @@ from simbench.scenarios.cell import Draft, Echo, Scaled, overridden
 from simbench.scenarios.grid import Group
 from simbench.scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
 from simbench.theory.cycle import cycle_start
-from simbench.theory.sampled import sampled_loop, ultimate_gain
+from simbench.theory.sampled import phase_crossings, sampled_loop, ultimate_gain
 
 _FIRST = 40  # samples per period of the run that measures the cycle
 _PERIODS = 10  # its length
@@ -218,11 +218,8 @@ def sampled_ultimate_gain(loop: Loop) -> float:
     G = (g.B_old[0] / z + g.B_new[0]) / (z - g.A[0, 0]) * g.C[0] * z ** -float(g.delay)
     Ti = loop.controller.Ti
     L = loop.controller.sign * G * (1.0 if Ti is None else 1.0 + Ts / Ti * z / (z - 1.0))
-    phase = np.unwrap(np.angle(L))
-    # an integrating plant under PI starts at -180 degrees from above or below: look for the last
-    # way down through it
-    beyond = np.flatnonzero((phase[:-1] > -math.pi) & (phase[1:] <= -math.pi))
-    at = beyond[0] + 1 if beyond.size else w.size - 1
+    crossings = phase_crossings(L)
+    at = crossings[0] + 1 if crossings.size else w.size - 1
     return float(1.0 / np.abs(L[at]))
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbench.scenarios.spec import Loop
+from simbench.theory.sampled import phase_crossings
 
 _POINTS = 1500  # frequencies of the response
 
@@ -48,7 +49,6 @@ def margins(loop: Loop) -> Margins | None:
     size = 1.0 / np.abs(1.0 + open_loop)
     k = int(np.argmax(size))
     # infinite where the phase never crosses -180 degrees
-    phase = np.unwrap(np.angle(open_loop))
-    crossed = open_loop[:-1][(phase[:-1] > -np.pi) & (phase[1:] <= -np.pi)]
+    crossed = open_loop[phase_crossings(open_loop)]
     gain = float(1.0 / np.abs(crossed).max()) if crossed.size else np.inf
     return Margins(gain, float(size[k]), float(2.0 * np.pi / w[k]))
