@@ -24,6 +24,7 @@ from simbench.gap.thresholds import (
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 TESTED = (1e-3, 1.0 - 1e-3)  # no residual test is surer than that
+_DIGITS = 14  # of a sum of probabilities, which floats round in the 16th
 _SMALLEST = 1e-300  # stands for a probability that is too small for a number
 
 
@@ -42,7 +43,8 @@ class Posterior:
     @property
     def friction(self) -> float:
         """Probability of stiction: the share of the effects with friction."""
-        return sum(v for e, v in self.probability.items() if is_friction(e))
+        # a share that friction was given comes out as it was: what rounds below it denies nothing
+        return round(sum(v for e, v in self.probability.items() if is_friction(e)), _DIGITS)
 
     @property
     def shares(self) -> dict[str, float]:

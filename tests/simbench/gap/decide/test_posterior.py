@@ -9,7 +9,15 @@ from scipy.special import expit
 from simbench.gap.decide.evidence import LAB, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.posterior import Posterior, chance_of_unknown, posterior
 from simbench.gap.effects import is_friction
-from simbench.gap.thresholds import DOUBT, LEAST_NATS, OF_TWO, SECOND_NATS, TEMPERATURE, TERM_NATS
+from simbench.gap.thresholds import (
+    DENIED_BELOW,
+    DOUBT,
+    LEAST_NATS,
+    OF_TWO,
+    SECOND_NATS,
+    TEMPERATURE,
+    TERM_NATS,
+)
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
 SOUND = (0.0, "disturbance")
@@ -161,6 +169,13 @@ def test_friction_keeps_its_probability_where_its_gains_are_too_low_for_numbers(
     seen = weighed(stiction=nats, deadband=nats + 3.0, noise=9.0).with_friction(0.2)
     assert seen.friction == pytest.approx(0.2)
     assert sum(seen.probability.values()) == pytest.approx(1.0)
+
+
+def test_friction_that_cannot_be_denied_is_never_denied_by_rounding():
+    rng = np.random.default_rng(7)
+    for nats in rng.uniform(-8.0, 3.0, (300, 3)):
+        w = weighed(stiction=nats[0], deadband=nats[1], deadzone=nats[2], noise=9.0)
+        assert w.with_friction(DENIED_BELOW).friction >= DENIED_BELOW
 
 
 def test_a_share_of_friction_leaves_the_others_their_odds():
