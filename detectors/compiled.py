@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-# that a kernel may take in plain Python before it is compiled, which takes about as long
-_PLAIN_SECONDS = 0.5
+# that a kernel may take in plain Python before it is compiled; most take as long to compile
+_PLAIN_SECONDS = 0.2
 _FIRST_USE = (
     "first use: the numerical kernels are compiled for this computer, once; it takes 10 to 45"
     " seconds, and later commands start at once"
