@@ -2,14 +2,15 @@
 no two scenarios are equal.
 """
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from simbench.bench.execute.grid_check import refuse_wrong_parts
 from simbench.bench.scenario.resolve import resolve
 from simbench.detectors.contract.engine import Contract, each_once
 from simbench.detectors.contract.watch import call_guarded
+from simbench.detectors.errors import UserError
 from simbench.loop.resolve import resolve_loop
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import Grid, Group, load_grid
@@ -24,7 +25,7 @@ def check_grid(path: str | Path) -> Contract:
 
     Notes
     -----
-    Every group is built; at most `MOST` and one of every block are settled as a run would. Not
+    Every group is built; some, and one of every block, are settled as a run would. Not
     checked, as it needs the whole run: that 45 to 55 % of the scenarios cycle, and that settings
     alone do not predict the label (`make leak`).
 
@@ -38,24 +39,16 @@ def check_grid(path: str | Path) -> Contract:
     read_toml(path)
     try:
         grid = load_grid(path)
+        refuse_wrong_parts(grid)  # as a run does
         groups = list(grid.groups())
-    except SpecError as error:
+    except (SpecError, UserError) as error:
         return Contract("grid", path.stem, (str(error),))
-    return Contract(
-        "grid", path.stem, each_once([*_words(grid, groups), *_scenarios(grid, groups)])
-    )
-
-
-def _words(grid: Grid, groups: list[Group]) -> Iterator[str]:
+    broken: list[str | tuple[str, str]] = []
     if not grid.title.strip():
-        yield "title is empty"
-    for name, times in Counter(block.name for block in grid.content.block).items():
-        if times > 1:
-            yield f"{times} blocks are called {name!r}"
-    if not len(grid):
-        yield "holds no scenario"
-    if groups and groups[-1] != grid.group(len(groups) - 1):
-        yield "is not deterministic: a group built twice is two groups"
+        broken.append("title is empty")
+    if groups[-1] != grid.group(len(groups) - 1):
+        broken.append("is not deterministic: a group built twice is two groups")
+    return Contract("grid", path.stem, each_once([*broken, *_scenarios(grid, groups)]))
 
 
 def _scenarios(grid: Grid, groups: list[Group]) -> Iterator[str | tuple[str, str]]:

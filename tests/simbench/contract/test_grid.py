@@ -49,7 +49,7 @@ BROKEN = [
         'name = "sticky"\nvalve = "choudhury"',
         "is the same scenario as",
     ),
-    (RULED, 'valve = "choudhury"', 'valve = "chudhury"', "unknown valve 'chudhury'"),
+    (RULED, 'valve = "choudhury"', 'valve = "chudhury"', "valve 'chudhury' is unknown"),
     (RULED, "T = [5, 50], ", "", "T"),
 ]
 
@@ -94,4 +94,3 @@ def test_one_mistake_of_many_groups_is_told_once(tmp_path):
     )
     (sentence,) = check_grid(path).broken
     assert "did you mean 'choudhury'" in sentence
-    assert "in 23 other cases" in sentence
