@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,6 +21,7 @@ from scipy.stats import binomtest
 
 from results.studies.withheld.files import write_item
 from results.studies.withheld.making import Plan
+from results.studies.withheld.world import right_names
 from results.studies.worlds import NAMES, load_world, recipes
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files
@@ -29,13 +30,6 @@ from simbench.usage import exit_code
 SITES = "recipes"
 LEAST, SURE = 0.01, 0.05  # share of answers that a rule changes, and p of the test
 ALL = "all rules"
-# kinds that a world calls foreign and the library knows by another name
-KNOWN_AS = {
-    "derivative": "derivative_action",
-    "hidden_derivative": "derivative_action",
-    "missed_scans": "missed_executions",
-    "stroke_speed_limit": "slew_limit",
-}
 
 
 # each rule, and what stands in its place when it is off
@@ -94,13 +88,6 @@ def asked(
             except UserError as error:
                 row[rule] = f"refused: {error}"
     return row
-
-
-def right_names(answer: Mapping[str, Any]) -> set[str]:
-    """Return the effects of which each is a right answer: one or two, or a foreign one."""
-    foreign = answer.get("foreign")
-    names = (answer["effect"], answer.get("effect2"), KNOWN_AS.get(foreign, foreign))
-    return {name for name in names if name}
 
 
 def table(rows: list[dict[str, Any]]) -> pd.DataFrame:

@@ -23,6 +23,7 @@ from scipy.special import expit, logit
 
 from results.studies.withheld.files import write_item
 from results.studies.withheld.sites import ask_sites
+from results.studies.withheld.world import right_names
 from results.studies.worlds import recipes
 from simbench.bench.statistics import auc, rate
 from simbench.detectors.compiled import one_thread
@@ -39,7 +40,6 @@ OPEN = 0.3  # probability of none and unknown together, from which a record teac
 ACCUSED = 1.0 / 40.0  # share of records without an effect, at which it is counted what is found
 _PULL = 0.5  # towards 0, of a weight in log-odds
 NAMES = ("constant", "tested", "distance")
-_EFFECTS = ("effect", "effect2")  # of a record's true answer
 
 
 def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
@@ -55,7 +55,7 @@ def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
             return {}
     found = report.behind.found
     before = weigh_evidence(found).probability
-    true = {UNKNOWN} if item.answer["kind"] == "foreign" else {*map(item.answer.get, _EFFECTS)}
+    true = right_names(item.answer)
     ranked = np.array([r.probability for r in report.ranking])
     likelier = np.cumsum(ranked) - ranked
     return {

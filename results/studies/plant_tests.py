@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from results.studies.admission import right_names
 from results.studies.withheld.files import write_item
 from results.studies.withheld.on_plant import run_test
 from results.studies.withheld.sites import ask_sites
+from results.studies.withheld.world import right_names
 from results.studies.worlds import recipes
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError

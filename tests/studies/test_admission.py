@@ -4,7 +4,8 @@ from importlib import import_module
 
 import pytest
 
-from results.studies.admission import ALL, RULES, SITES, drawn, right_names, table, without
+from results.studies.admission import ALL, RULES, SITES, drawn, table, without
+from results.studies.withheld.world import right_names
 from results.studies.worlds import NAMES, recipes
 
 

@@ -119,7 +119,7 @@ def levels(table: pd.DataFrame) -> list[Share | Figure]:
         share("two effects: exactly these two named", two.both_named),
         share("two effects: the first named is one of them", two.one_of_two),
         share(
-            "foreign: unknown, of the resolvable", foreign["first"], 0.75
+            "foreign: unknown or the library's name, of the resolvable", foreign["first"], 0.75
         ),  # or called by its name
         share("foreign: block right, of the resolvable", foreign.block_right),
         share("known effect called unknown", single.called_unknown, 0.03, at_most=True),

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from results.studies.withheld.distance import RESOLVABLE
+from results.studies.withheld.world import KNOWN_AS
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, Number
 from simbench.loop.effects._alike import Circumstances, circumstances, indistinguishable
 
@@ -31,7 +32,8 @@ def judge_record(
     # right as `unknown`
     if foreign:
         # where the diagnosis is asked without an effect, one that looks the same is as right
-        alike = indistinguishable(strange, here) if strange in EFFECTS else frozenset({strange})
+        known = KNOWN_AS.get(strange, strange)
+        alike = indistinguishable(known, here) if known in EFFECTS else frozenset({known})
         group = alike | {UNKNOWN}
     else:
         group = indistinguishable(effect, here)

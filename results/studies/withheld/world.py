@@ -4,6 +4,7 @@ simulate their loops again and run tests on them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -38,6 +39,23 @@ PLANNED = (
     "op_quantisation",
 )
 WORLD_EFFECTS = Vocabulary(PLANNED)
+# foreign kinds of a world that the library knows, each by the library's name
+KNOWN_AS = {
+    "derivative": "derivative_action",
+    "hidden_derivative": "derivative_action",
+    "missed_scans": "missed_executions",
+    "plugged_line_freeze": "frozen_sensor",
+    "stroke_speed_limit": "slew_limit",
+}
+
+
+def right_names(answer: Mapping[str, Any]) -> set[str]:
+    """Return the effects of which each is a right answer: one or two; of a foreign one `unknown`,
+    or its name where the library knows it after all.
+    """
+    foreign = answer.get("foreign")
+    names = (answer["effect"], answer.get("effect2"), KNOWN_AS.get(foreign, foreign))
+    return {name for name in names if name}
 
 
 class Item(NamedTuple):
