@@ -9,7 +9,6 @@ weigh all evidence about it (`conclude`), and collect verdicts and conclusions i
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
@@ -118,18 +117,17 @@ def detect(
     ('no_stiction', 2, ['half', 'horch'])
     """
     asked, custom = named_methods(methods)
-    settings = _JudgeSettings(concludes=_weighs(asked))
     with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
             known = {k: v for k, v in about.items() if k not in ("op", "pv", "sp", "mv")}
-            return _judge_files(source, asked, settings, plugins, **known)
+            return judge_files(source, asked, plugins=plugins, **known)
         record = repair_record(as_record(source, **about))
         with registry.hosted(plugins) as added:
             names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
             verdicts = judge(record, names)
-        conclusions = {None: _conclude(record)} if settings.concludes else {}
+        conclusions = {None: _conclude(record)} if _weighs(asked) else {}
         return Report(
             [(None, v) for v in verdicts], records={None: record}, conclusions=conclusions
         )
@@ -142,6 +140,7 @@ def judge_files(
     plugins: Iterable[str | Path] = (),
     time_limit: float = SECONDS,
     concludes: bool | None = None,
+    labels: str | Path | None = None,
     **about: Any,
 ) -> Report:
     """Judge a record file, a folder of them, or an ISDB .mat file.
@@ -159,10 +158,11 @@ def judge_files(
     concludes : bool, optional
         Whether all evidence about each record is weighed as well; by default with "all", "full"
         and "likelihood".
+    labels : str or Path, optional
+        Table of labels (CSV) by which a folder is scored.
     **about
         What is known of the record: process, kind, op_span, pv_span, columns, Ts, longest_segment;
-        tag or loop where a file has several; loops, a table with what is known of each; labels, by
-        which a folder is scored.
+        tag or loop where a file has several; loops, a table with what is known of each.
 
     Returns
     -------
@@ -183,8 +183,33 @@ def judge_files(
     'no_decision'
     """
     asked = list(methods)
-    weighed = _weighs(asked) if concludes is None else concludes
-    return _judge_files(path, asked, _JudgeSettings(time_limit, weighed), plugins, **about)
+    concludes = _weighs(asked) if concludes is None else concludes
+    # 1. choose the methods; plug-ins answer in separate processes
+    with registry.hosted(plugins, time_limit) as added:
+        names = choose_methods([*asked, *added])
+        # 2. read the records
+        known = {} if labels is None else read_labels(labels)
+        refuse_wrong_forms(names)
+        records, refused, alone = _read(Path(path), known, labels, **about)
+        # 3. judge each by every method, and weigh all evidence where that is asked for
+        verdicts, conclusions = [], {}
+        for name, record in records.items():
+            try:
+                record = records[name] = repair_record(record)
+                judged = judge(record, names)
+                if concludes:
+                    conclusions[name] = _conclude(record)
+            except Exception as error:
+                if name is None:
+                    raise
+                refused[name] = sentence_of(error)  # the other records are answered
+            else:
+                verdicts += [(name, verdict) for verdict in judged]
+        records = {name: record for name, record in records.items() if name not in refused}
+        # 4. score against the labels
+        scores = score_units(verdicts, known) if known else []
+        events = {} if alone else event_numbers(records)
+        return Report(verdicts, refused, scores, records, conclusions, events)
 
 
 def _weighs(methods: Iterable[str]) -> bool:
@@ -198,51 +223,6 @@ def _conclude(record: LoopRecord) -> Conclusion:
     from simbench.gap.diagnosis import conclude
 
     return conclude(record)
-
-
-@dataclass(frozen=True)
-class _JudgeSettings:
-    """How every record is judged."""
-
-    time_limit: float = SECONDS
-    concludes: bool = False  # whether all evidence about it is weighed as well
-
-
-def _judge_files(
-    path: str | Path,
-    methods: Iterable[str],
-    settings: _JudgeSettings,
-    plugins: Iterable[str | Path],
-    *,
-    labels: str | Path | None = None,
-    **about: Any,
-) -> Report:
-    # 1. choose the methods; plug-ins answer in separate processes
-    with registry.hosted(plugins, settings.time_limit) as added:
-        names = choose_methods([*methods, *added])
-        # 2. read the records
-        known = {} if labels is None else read_labels(labels)
-        refuse_wrong_forms(names)
-        records, refused, alone = _read(Path(path), known, labels, **about)
-        # 3. judge each by every method, and weigh all evidence where that is asked for
-        verdicts, conclusions = [], {}
-        for name, record in records.items():
-            try:
-                record = records[name] = repair_record(record)
-                judged = judge(record, names)
-                if settings.concludes:
-                    conclusions[name] = _conclude(record)
-            except Exception as error:
-                if name is None:
-                    raise
-                refused[name] = sentence_of(error)  # the other records are answered
-            else:
-                verdicts += [(name, verdict) for verdict in judged]
-        records = {name: record for name, record in records.items() if name not in refused}
-        # 4. score against the labels
-        scores = score_units(verdicts, known) if known else []
-        events = {} if alone else event_numbers(records)
-        return Report(verdicts, refused, scores, records, conclusions, events)
 
 
 def _read(
