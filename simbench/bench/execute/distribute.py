@@ -48,7 +48,6 @@ def on_processes(jobs: int) -> Iterator[Runner]:
     settings = {
         "max_workers": effective_n_jobs(jobs),
         "initializer": _begin,
-        "initargs": (os.getpid(),),
         "env": _ONE_THREAD,
     }
     # a new one: loky's reusable one would be taken by joblib for one of joblib's
@@ -242,12 +241,12 @@ def _gone(client: Any) -> tuple[str, float] | None:
     return "the dask scheduler is gone", PATIENCE
 
 
-def _begin(parent: int) -> None:
+def _begin() -> None:
     """Set up a worker: Ctrl-C reaches the whole process group, and the parent alone decides what
     becomes of it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
 
 
 def _end_with(parent: int) -> None:

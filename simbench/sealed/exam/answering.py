@@ -46,7 +46,9 @@ def answer_exam(
     Each detector sees what `run` shows it of the same loop, but for MV.
     """
     exam, out = read_exam(folder), Path(out)
-    refuse_own_input([out], [exam.file(name) for name in (EXAM, LOOPS, RECORDS, COMMITMENTS)])
+    begun, parts = (out.with_name(f"{out.name}.{end}") for end in ("json", "partial"))
+    own = [exam.file(name) for name in (EXAM, LOOPS, RECORDS, COMMITMENTS)]
+    refuse_own_input([out, begun], own)
     files = [str(Path(p).resolve()) for p in plugins]
     with registry.hosted(files) as added:
         names = choose_with_oracle(methods, added)
@@ -61,18 +63,18 @@ def answer_exam(
             "plugins": {Path(file).name: file_digest(Path(file)) for file in files},
             "code": code_hash(),
         }
-        begun = out.with_name(f"{out.name}.json")  # what was asked, for whoever continues
-        if out.exists() or begun.exists():
-            _refuse_other_question(out, begun, asked, resume)
-        if out.exists():
-            return 0
-        parts = out.with_name(f"{out.name}.partial")
-        if not begun.exists():
-            rmtree(parts, ignore_errors=True)  # of another question
-        with lease(make_folder(parts)):
-            with whole_file(begun) as f:
-                f.write(json.dumps(asked, indent=1))
-            left = _ask(exam.records, names, files, out, parts, jobs)
+        _refuse_other_question(out, begun, asked, resume)
+        left = 0
+        if not out.exists():
+            with lease(make_folder(parts)):
+                # once more: another call may have begun while this one waited
+                _refuse_other_question(out, begun, asked, resume)
+                if not begun.exists():
+                    for piece in parts.glob("*.csv"):
+                        piece.unlink()  # of another question
+                    with whole_file(begun) as f:  # for whoever continues
+                        f.write(json.dumps(asked, indent=1))
+                left = _ask(exam.records, names, files, out, parts, jobs)
         rmtree(parts, ignore_errors=True)
         return left
 
@@ -83,6 +85,8 @@ def _refuse_other_question(
     """Raise ParameterError where answers are there that nobody wants continued, or that were asked
     of other methods, plug-ins or code, or about another exam.
     """
+    if not (out.exists() or begun.exists()):
+        return
     if not resume:
         raise ParameterError(
             f"exam: {out} was begun already; continue it with --resume, or choose another file"
@@ -110,11 +114,11 @@ def _ask(
     """Ask for the pieces that do not lie in `parts` yet, and join all of them."""
     remove_stale_temporaries(parts)
     ids = list(records)
-    pieces = [
-        (parts / f"{i:06d}.csv", {name: records[name] for name in ids[i : i + _PIECE]})
+    pieces = {
+        parts / f"{i:06d}.csv": {name: records[name] for name in ids[i : i + _PIECE]}
         for i in range(0, len(ids), _PIECE)
-    ]
-    todo = [piece for piece in pieces if not piece[0].exists()]
+    }
+    todo = [(file, some) for file, some in pieces.items() if not file.exists()]
     left, failed = sum(len(some) for _, some in todo), Counter()
     bar = Progress(total=len(ids), initial=len(ids) - left, desc="answered", delay=1.0)
     with on_processes(jobs) as run, bar:
@@ -123,10 +127,10 @@ def _ask(
             with whole_file(file) as f:
                 f.write(text)
             failed.update(errors)
-            bar.update(text.count("\n") // len(names))
+            bar.update(len(pieces[file]))
     with whole_file(out) as f:
         f.write(",".join((*NEEDED, *OPTIONAL)) + "\n")
-        f.writelines(file.read_text(encoding="utf-8") for file, _ in pieces)
+        f.writelines(file.read_text(encoding="utf-8") for file in pieces)
     for method, count in failed.items():
         print(
             f"method {method} failed on {count} of {left} records, which are answered no_decision",

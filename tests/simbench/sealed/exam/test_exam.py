@@ -23,6 +23,7 @@ import pytest
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
+from simbench.detectors.errors import ParameterError
 from simbench.scenarios.grid import load_grid
 from simbench.sealed.exam import answering, opening, simulating
 from simbench.sealed.exam.answering import answer_exam
@@ -471,6 +472,22 @@ def test_answers_of_a_plugin_that_was_changed_are_not_passed_for_its_own(tmp_pat
     capsys.readouterr()
     assert main([*words, "--resume"]) == 2
     assert "other plugins" in capsys.readouterr().err
+
+
+def test_who_waited_for_another_call_does_not_take_its_pieces(tiny, tmp_path, monkeypatch):
+    out, held = tmp_path / "answers.csv", answering.lease
+
+    @contextlib.contextmanager
+    def late(folder):
+        with held(folder):  # while this call waited, another one began with other methods
+            (tmp_path / "answers.csv.json").write_text(json.dumps({"methods": ["horch"]}))
+            (folder / "000000.csv").write_text("horch,000,stiction,1,,\n")
+            yield
+
+    monkeypatch.setattr(answering, "lease", late)
+    with pytest.raises(ParameterError, match="was begun already"):
+        answer_exam(tiny / "exam", out, ["he"])
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("what", ["exam.json", "loops.csv", "records.parquet", "key", "answers"])
