@@ -1,6 +1,6 @@
 """Judge from the signals of a control loop whether its valve sticks.
 
-This package works alone, for an engineer who has plant data and needs no simulator.
+Its methods need records and no simulator, but for `likelihood`, which fits whole loops.
 """
 
 from simbench.detectors.errors import ParameterError, RecordError, UnknownName, UserError

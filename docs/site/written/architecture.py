@@ -27,7 +27,11 @@ FLOW = (
     ("simbench", "score it, draw it,\ncompare with a plant"),
     ("results", "what a command\nprinted"),
 )
-ALONE = (("scenarios", "what to try"), ("detectors", "usable alone with records"))
+GROUND = (
+    ("scenarios", "what to try"),
+    ("detectors", "judge a record"),
+    ("valve", "move a valve by one sample"),
+)
 COLOUR = {
     "scenarios": "#F6E7C1",
     "simbench": "#D6E6F2",
@@ -51,8 +55,9 @@ def layers() -> list[list[str]]:
 def purposes() -> dict[str, str]:
     """Return the first sentence of the docstring of every part that the picture shows."""
     sentences = {}
-    # the last are small helpers, and what stands in a row of its own
-    for part in (part for layer in layers()[:-4] for part in layer):
+    # the others are small helpers, or stand in a row of their own
+    apart = 2 + len(GROUND)
+    for part in (part for layer in layers()[:-apart] for part in layer):
         text = (importlib.import_module(f"simbench.{part}").__doc__ or "").split("\n\n")[0]
         sentences[part] = " ".join(text.split()).partition(". ")[0].rstrip(".")
     return sentences
@@ -60,7 +65,7 @@ def purposes() -> dict[str, str]:
 
 def words() -> str:
     """Return the texts of the picture, as the description in its file."""
-    return json.dumps([FLOW, ALONE, purposes()])
+    return json.dumps([FLOW, GROUND, purposes()])
 
 
 def draw() -> Figure:
@@ -93,11 +98,12 @@ def draw() -> Figure:
                 linespacing=1.1,
             )
         y -= 0.62
-        for k, (name, role) in enumerate(ALONE):
-            left = 0.1 + k * (WIDE - 0.1) / 2
-            _box(axes, (left, y, (WIDE - 0.3) / 2, 0.5), COLOUR[name])
+        each = (WIDE - 0.1) / len(GROUND)
+        for k, (name, role) in enumerate(GROUND):
+            left = 0.1 + k * each
+            _box(axes, (left, y, each - 0.1, 0.5), COLOUR.get(name, COLOUR["simbench"]))
             axes.text(left + 0.15, y + 0.32, name, va="center", weight="bold")
-            axes.text(left + 0.15, y + 0.14, f"{role}; imports no other part", va="center")
+            axes.text(left + 0.15, y + 0.14, role, va="center")
         return figure
 
 

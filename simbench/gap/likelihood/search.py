@@ -12,7 +12,7 @@ import numpy as np
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec
-from simbench.valve.search import distinct_valves
+from simbench.valve.search import SIZES_APART, distinct_valves
 
 SMOOTH = (
     "load_time",
@@ -24,7 +24,6 @@ SMOOTH = (
 )  # searched together with a valve
 MV_STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
 _JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied with S, whose peak is narrower
-_APART = 0.08  # difference of log S from which on two points of a coarse set are different peaks
 _SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
 KEPT, _CHILDREN = 30, 6  # different peaks followed, and points tried around each
 _SPREADS = (0.03, 0.012)  # of log S around them, ever closer
@@ -93,11 +92,11 @@ def scan_map(
     values = engine.scan(spec, theta, kind, points)
     tops: list[int] = []
     for i in np.argsort(-values):
-        if all(abs(np.log(points[i, 0] / points[j, 0])) > _APART for j in tops):
+        if all(abs(np.log(points[i, 0] / points[j, 0])) > SIZES_APART for j in tops):
             tops.append(int(i))
         if len(tops) == (3 if kind in _SLIPPING else 2):
             break
-    near = np.vstack([around(kind, points[i], 0.5 * _APART) for i in tops])
+    near = np.vstack([around(kind, points[i], 0.5 * SIZES_APART) for i in tops])
     high = engine.scan(spec, theta, kind, near)
     if kind in _SLIPPING:
         points, values = np.vstack([points, near]), np.concatenate([values, high])
