@@ -4,14 +4,140 @@ without a traceback.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+import io
+import os
+import shlex
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import TextIO
 
-from simbench.detectors.usage import exit_code as of_detectors
+from simbench.detectors.errors import UserError, masked, printable
+from simbench.detectors.faults import sentence_of
+from simbench.detectors.records.roles import column_pairs
 from simbench.scenarios.errors import SpecError
+
+STOPPED = b"stopped by SIGTERM; no output is half-written\n"
+TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
+_LONGEST = 950  # characters of a sentence; a longer one is cut in its middle
 
 
 def exit_code(work: Callable[[], int | None], command: Sequence[str] = ()) -> int:
-    """Run a command and return its exit code, as `simbench.detectors.usage.exit_code`; the errors
-    of loop files are known too.
+    """Run a command and return its exit code; a refusal that options would help ends with the
+    command that has them.
     """
-    return of_detectors(work, SpecError, command=command)
+    _open_closed_streams()
+    code = _run(work, command)
+    # what is printed while the interpreter ends is nobody's answer
+    if code == 0 and isinstance(sys.stdout, _ClosedOutput) and sys.stdout.lost:
+        return complain(
+            "stdout is closed, so what this command prints is lost; open it, or write it to a file"
+            " with >"
+        )
+    return code
+
+
+def _run(work: Callable[[], int | None], command: Sequence[str]) -> int:
+    """Run a command and return its exit code, whatever it raises."""
+    if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        with _terminable():
+            return int(work() or 0)
+    except (UserError, SpecError) as error:
+        cure = getattr(error, "cure", "")
+        return complain(
+            f"{error.sentence}; try: {add_options(command, cure)}"
+            if cure and command
+            else str(error)
+        )
+    except BrokenPipeError:
+        _drop(sys.stdout)
+        return 0
+    except KeyboardInterrupt as error:
+        print(masked(error) or "interrupted", file=sys.stderr)
+        return 130
+    except SystemExit as stop:
+        # argparse has printed its help or its complaint by then, click lost its reader (1)
+        return int(stop.code or 0) if stop.code in (None, 0, 1, TERMINATED) else 2
+    except Exception as error:
+        return complain(sentence_of(error, command))
+
+
+def _open_closed_streams() -> None:
+    """Give standard streams that a daemon has closed to nobody: else the next file that is opened
+    has the number of one, and what is written to that ends up in the file.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+        if getattr(sys, name) is None and number:
+            setattr(sys, name, _ClosedOutput(open(number, "wb", closefd=False), "utf-8"))  # noqa: SIM115
+
+
+class _ClosedOutput(io.TextIOWrapper):
+    """A stream that nobody reads, which knows whether anything was written to it."""
+
+    lost = False
+
+    def write(self, text: str, /) -> int:
+        self.lost = self.lost or bool(text.strip())
+        return super().write(text)
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end a command with a word, and with what cleans up after it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        os.write(2, STOPPED)  # print may have been what was interrupted
+        raise SystemExit(TERMINATED)
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
+def add_options(command: Sequence[str], cure: str) -> str:
+    """Return a command with further options, in place of those with the same names."""
+    option, *values = shlex.split(cure)
+    words, old, at = [], [], 0
+    while at < len(command):
+        name, equals, value = command[at].partition("=")
+        if name != option:
+            words.append(command[at])
+            at += 1
+            continue
+        old += [value] if equals else command[at + 1 : at + 1 + len(values)]
+        at += 1 if equals else 1 + len(values)
+    if option == "--columns":
+        both = (column_pairs(old) or {}) | (column_pairs(values) or {})
+        values = [",".join(f"{role}={name}" for role, name in both.items())]
+    return shlex.join([*words, option, *values])
+
+
+def complain(sentence: str) -> int:
+    """Print one sentence to stderr and return the exit code of wrong usage, 2."""
+    text = printable(masked(" ".join(sentence.split())))
+    short = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 300]} [...] {text[-290:]}"
+    try:
+        print(f"error: {short}", file=sys.stderr, flush=True)
+    except OSError:  # nobody reads it, or its disk is full; the exit code still tells
+        _drop(sys.stderr)
+    return 2
+
+
+def _drop(stream: TextIO) -> None:
+    """Send a stream to nobody: what it still holds would raise once more when the interpreter
+    ends.
+    """
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from simbench.detectors.errors import ParameterError, masked, naming, nearest
-from simbench.detectors.usage import complain, exit_code
+from simbench.usage import complain, exit_code
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ def test_work_shorter_than_a_minute_writes_nothing_to_a_log(capsys):
 def test_a_command_stopped_by_sigterm_prints_that():
     # in many naps: a signal between the print and one long sleep would wait for its end
     code = "import time\ndef nap():\n for _ in range(600): time.sleep(0.1)\n"
-    code += "from simbench.detectors.usage import exit_code\n"
+    code += "from simbench.usage import exit_code\n"
     code += "exit(exit_code(lambda: print('on', flush=True) or nap()))"
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -58,14 +58,14 @@ def test_one_mistake_in_many_blocks_of_a_grid_is_named_once(tmp_path, capsys):
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_no_file_takes_the_number_of_a_closed_stream(tmp_path, closed):
     work = f"lambda: (f := open({str(tmp_path / 'rec.csv')!r}, 'w')).write(str(f.fileno())) and 0"
-    code = f"from simbench.detectors.usage import exit_code; exit(exit_code({work}))"
+    code = f"from simbench.usage import exit_code; exit(exit_code({work}))"
     shell = ["sh", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, code]
     assert subprocess.run(shell).returncode == 0
     assert int((tmp_path / "rec.csv").read_text()) > 2
 
 
 def test_a_full_stderr_keeps_the_exit_code():
-    code = "from simbench.detectors.usage import complain, exit_code; "
+    code = "from simbench.usage import complain, exit_code; "
     code += "exit(exit_code(lambda: complain('x')))"
     shell = ["sh", "-c", 'exec "$0" -c "$1" 2>/dev/full', sys.executable, code]
     assert subprocess.run(shell).returncode == 2
@@ -73,9 +73,7 @@ def test_a_full_stderr_keeps_the_exit_code():
 
 @pytest.mark.parametrize(("printed", "code"), [("to nobody", 2), ("", 0)])
 def test_what_is_printed_to_a_closed_stdout_is_no_success(printed, code):
-    text = (
-        f"from simbench.detectors.usage import exit_code as e; exit(e(lambda: print('{printed}')))"
-    )
+    text = f"from simbench.usage import exit_code as e; exit(e(lambda: print('{printed}')))"
     shell = ["sh", "-c", f'exec "{sys.executable}" -c "{text}" >&-']
     done = subprocess.run(shell, stderr=subprocess.PIPE, text=True)
     assert (done.returncode, done.stderr.count("\n")) == (code, code // 2)

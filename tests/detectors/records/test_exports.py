@@ -20,7 +20,7 @@ from simbench.detectors.records import tables
 from simbench.detectors.records.archive import base_step, stored_on_change
 from simbench.detectors.records.io import read_folder, read_record, read_records
 from simbench.detectors.records.roles import column_pairs
-from simbench.detectors.usage import add_options
+from simbench.usage import add_options
 
 N, TS = 300, 5.0
 START = datetime(2024, 3, 4, 22, 50, 0)

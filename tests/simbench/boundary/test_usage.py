@@ -17,7 +17,7 @@ import typer
 
 from simbench.cli import app
 from simbench.detectors import faults
-from simbench.detectors.usage import exit_code
+from simbench.usage import exit_code
 from tests.simbench.boundary.conftest import answer_to, refused, sampled
 from tests.simbench.boundary.test_loops import text
 
