@@ -32,7 +32,7 @@ _FIRST_USE = (
 )
 SILENCE = 1.0  # s of compiling before anything is said
 _PAUSE = 0.4  # s without a function being compiled, after which none is expected
-_FUNCTIONS = 70  # that `detect` compiles at its first use: the length of the bar
+_FUNCTIONS = 54  # that `detect` compiles at its first use: the length of the bar
 # of a function that other kernels alone call: no entry for Python or C is compiled
 _UNCALLED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 LANES = 32
@@ -291,15 +291,14 @@ def _watch() -> Any:
             """Speak while functions are compiled; what was drawn is wiped once none is."""
             at_terminal, drawn = shown_on.isatty(), False
             while self.running or time.monotonic() - self.ended < _PAUSE:
+                if time.monotonic() - self.began >= SILENCE:
+                    self.say()
+                    if at_terminal:
+                        full = min(self.done, _FUNCTIONS) * 30 // _FUNCTIONS
+                        bar = f"[{'#' * full}{'.' * (30 - full)}] {self.done} functions compiled"
+                        print(f"\r{bar}", end="", file=shown_on, flush=True)
+                        drawn = True
                 time.sleep(0.05)
-                if time.monotonic() - self.began < SILENCE:
-                    continue
-                self.say()
-                if at_terminal:
-                    full = min(self.done, _FUNCTIONS) * 30 // _FUNCTIONS
-                    bar = f"[{'#' * full}{'.' * (30 - full)}] {self.done} functions compiled"
-                    print(f"\r{bar}", end="", file=shown_on, flush=True)
-                    drawn = True
             if drawn:
                 print("\r\x1b[K", end="", file=shown_on, flush=True)
 
