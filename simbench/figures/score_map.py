@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from simbench.bench.score.answers import answers_of
 from simbench.bench.score.names import HOME_MARKS, LEAST
 from simbench.bench.score.shipped import read_joined
-from simbench.bench.statistics import wilson
-from simbench.bench.store.reading import CODES, RunArrays
+from simbench.bench.score.tally import counted, long_table, tallied
+from simbench.bench.store.reading import RunArrays
 from simbench.figures._score import SHARE_COLOURS, share_map
 from simbench.figures._style import label, panel, panels, styled
 
@@ -25,6 +25,14 @@ SOURCE = "own; the grids of Choudhury et al. (2008), Fig. 9, and Jelali (2013), 
 PLANTS = {
     "self-regulating": ("foptd", "Td_over_T", "Td/T"),
     "integrating": ("integrating", "Td_over_Ti", "Td/Ti"),
+}
+_CELL = ["ratio", "S_over_2J"]
+# what is shown of the shares that are counted
+_SHARES = {
+    "accuracy": "right",
+    "no_decision": "no_decision",
+    "accuracy_lo": "lo",
+    "accuracy_hi": "hi",
 }
 PER_ROW = 2  # methods side by side
 MOST_LEVELS = 8  # levels of an axis; more are put into so many groups of like size
@@ -43,31 +51,28 @@ def data(run: str | Path) -> pd.DataFrame:
 
 def cells(book: RunArrays) -> pd.DataFrame:
     """Count right answers of a run in memory; see `data`."""
-    known, positive = book.truth["cycled"] >= 0, book.truth["cycled"] == 1
+    label = book.truth["cycled"]
     everyone = [a for a in answers_of(book) if a.method in book.methods]
-    rows = []
+    answers, parts = long_table(everyone), []
     for plant, (process, axis, _) in PLANTS.items():
-        ratio_of, shape_of = book.axes[axis], book.axes["S_over_2J"]
-        here = known & (book.axes["process"] == process) & ~np.isnan(ratio_of) & ~np.isnan(shape_of)
-        ratios, shapes = np.full((2, here.size), np.nan)
-        if here.any():
-            ratios[here], shapes[here] = levels(ratio_of[here]), levels(shape_of[here])
-        for ratio in np.unique(ratios[here]):
-            for shape in np.unique(shapes[here]):
-                cell = here & (ratios == ratio) & (shapes == shape)
-                for a in everyone if cell.any() else ():
-                    answers, wanted = a.said[cell & a.applies], positive[cell & a.applies]
-                    right, undecided = answers == wanted, answers == CODES["no_decision"]
-                    shares = [
-                        float(x.mean()) if answers.size else np.nan for x in (right, undecided)
-                    ]
-                    ends = map(float, wilson(int(right.sum()), answers.size))
-                    place = a.method, plant, ratio, shape, int(cell.sum()), answers.size
-                    rows.append((*place, *shares, *ends, a.home))
-    columns = "method plant ratio S_over_2J n applicable right no_decision lo hi home"
-    return pd.DataFrame(rows, columns=columns.split()).sort_values(
-        "method", kind="stable", ignore_index=True
-    )
+        values = [book.axes[axis], book.axes["S_over_2J"]]
+        here = (label >= 0) & (book.axes["process"] == process) & ~np.isnan(values).any(axis=0)
+        places = np.full((2, here.size), -1)  # in no cell
+        texts = []
+        for place, x in zip(places, values, strict=True):
+            text, place[here] = np.unique(levels(x[here]), return_inverse=True)
+            texts.append(text)
+        counts = counted(answers, label=label, ratio=places[0], S_over_2J=places[1])
+        part = tallied(counts[counts["ratio"] >= 0], [*_CELL, "method"]).reset_index()
+        for name, text in zip(_CELL, texts, strict=True):
+            part[name] = text[part[name]]
+        parts.append(part.assign(plant=plant))
+    table = pd.concat(parts, ignore_index=True)
+    asked = [everyone[k] for k in table["method"]]
+    table["method"], table["home"] = [a.method for a in asked], [a.home for a in asked]
+    table = table.sort_values("method", kind="stable", ignore_index=True)
+    shown = table[["method", "plant", *_CELL, "n", "applicable", *_SHARES, "home"]]
+    return shown.rename(columns=_SHARES)
 
 
 def levels(values: np.ndarray) -> np.ndarray:

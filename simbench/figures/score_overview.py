@@ -6,6 +6,7 @@ the answer no stiction, under "cycling" the share of the answer stiction; below 
 its 95 % interval; pale: fewer than 20 loops.
 """
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,9 @@ from simbench.bench.score.names import ALL, CONSTANTS, HOME_MARKS
 from simbench.bench.score.result import Scores
 from simbench.bench.score.scoring import score_book
 from simbench.bench.score.shipped import read_joined
+from simbench.bench.score.tally import counted, long_table, tallied
 from simbench.bench.statistics import wilson
-from simbench.bench.store.reading import CODES, RunArrays
-from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.bench.store.reading import RunArrays
 from simbench.figures._score import share_map
 from simbench.figures._style import panels, styled
 
@@ -57,23 +58,24 @@ def overview(book: RunArrays, scores: Scores | None = None) -> pd.DataFrame:
         cycles & ~band,
         cycles & band,
     )
-    answers = {a.method: a for a in (*answers_of(book), *reference_answers(book))}
+    everyone = [*answers_of(book), *reference_answers(book)]
+    label = np.where(book.apart, -1, book.truth["cycled"])
+    part = np.select(parts, range(len(parts)), -1)
+    process = np.select([book.axes["process"] == x for x in PROCESSES.values()], [0, 1], -1)
+    counts = counted(long_table(everyone), label=label, part=part, process=process)
+    number = {a.method: k for k, a in enumerate(everyone)}
+    whole = tallied(counts, ["method"])["accuracy"]
+    cells = tallied(counts, ["method", "process", "part"])[["n", "applicable", "accuracy"]]
     rows = []
     ranking = (scores or score_book(book)).rows("cycled", population=ALL)
     # what always says the same is a row of the table, and no news in a picture
     for r in ranking[~ranking.method.isin(list(CONSTANTS))].itertuples():
-        a = answers[str(r.method)]
-        judged = (cycles | rests) & a.applies
-        accuracy = float((a.said == cycles)[judged].mean()) if judged.any() else np.nan
-        for process, name in PROCESSES.items():
-            for loops, part in zip(LOOP_KINDS, parts, strict=True):
-                here = part & (book.axes["process"] == name)
-                given = a.said[here & a.applies]
-                wanted = CODES[STICTION if loops.startswith("cycling") else NO_STICTION]
-                share = float((given == wanted).mean()) if given.size else np.nan
-                rank = np.nan if r.partial else r.rank  # one on other loops would mislead here
-                place = r.method, r.home, ROW_GROUPS[int(r.kind)], rank, accuracy
-                rows.append((*place, process, loops, int(here.sum()), given.size, share))
+        k = number[str(r.method)]
+        for (i, shown), (j, loops) in product(enumerate(PROCESSES), enumerate(LOOP_KINDS)):
+            rank = np.nan if r.partial else r.rank  # one on other loops would mislead here
+            place = r.method, r.home, ROW_GROUPS[int(r.kind)], rank, whole[k]
+            n, given, right = cells.loc[k, i, j] if (k, i, j) in cells.index else (0, 0, np.nan)
+            rows.append((*place, shown, loops, int(n), int(given), right))
     columns = "method home kind rank accuracy process loops n applicable right"
     return pd.DataFrame(rows, columns=columns.split())
 

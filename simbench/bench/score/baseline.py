@@ -10,8 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from simbench.bench.score.names import OF_NOT_OSCILLATING
-from simbench.bench.score.rates import RATES
 from simbench.bench.score.scoring import score_run
+from simbench.bench.score.tally import RATES
 from simbench.bench.store.checksums import digest
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import read_table

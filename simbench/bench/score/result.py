@@ -14,10 +14,10 @@ from simbench.bench.score.along import along
 from simbench.bench.score.compare import Comparison, compare_books
 from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
-from simbench.bench.score.rates import RATES
 from simbench.bench.score.show import picture
 from simbench.bench.score.show.table import full_text, headline
 from simbench.bench.score.stability import RankStability
+from simbench.bench.score.tally import RATES
 from simbench.bench.score.tradeoff import as_rows
 from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.place import Place, place_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -27,28 +27,32 @@ from simbench.bench.score.names import (
 )
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
-from simbench.bench.score.rates import coded, counted, rates_of
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import read_joined, with_shipped
 from simbench.bench.score.stability import RankStability, stability
-from simbench.bench.statistics import area, auc, dense_ranks, rate, wilson
+from simbench.bench.score.tally import RATES, counted, long_table, share_frame, share_of, tallied
+from simbench.bench.statistics import area, auc, dense_ranks, rate
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.detectors.signal.conditioning import median
-from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.cell import ULTIMATE
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
-# where each stands among the counts of answers
-_PROCESSES = {ALL: slice(None), "self-regulating": slice(1), "integrating": slice(1, 2)}
-_POPULATIONS = {
-    ALL: slice(None),
-    OF_OSCILLATING: slice(1, 2),
-    OF_NOT_OSCILLATING: slice(1),
-}
+# numbers of the processes, and of whether a loop oscillates, that each holds
+_PROCESSES = {ALL: (0, 1, 2), "self-regulating": (0,), "integrating": (1,)}
+_RESTING = (0,)
+_KEY = ("truth", "process", "population")  # of a block of the table
+_POPULATIONS = {ALL: (0, 1, 2), OF_OSCILLATING: (1,), OF_NOT_OSCILLATING: _RESTING}
 _LEFT_OUT = ("entrained", "unclear")
 _EACH = ("said", "applies", "failed", "runtime")
+# columns of a row: what its method is, and what is counted
+_ABOUT = ("role", "sees_mv", "home", "division", "name", "verified", "answered", "own")
+_COUNTED = [
+    *("n", "n_all", "positives", "applicable"),
+    *(f"{rate}{end}" for rate in RATES for end in ("", "_lo", "_hi")),
+]
 _COVERED = 0.9  # of a block's loops: a method that answers fewer has no rank there
 
 
@@ -64,84 +68,104 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
 
     A method that raised an error on more than `allow_failed` of its records has no rank.
     """
+    import pandas as pd
+
     book = with_shipped(book)
-    rows, by_axis = [], []
-    standing, stable = {}, {}
     reference, failing = reference_answers(book), failing_methods(book, allow_failed)
-    blind = reference[0]
-    some = np.flatnonzero(blind.applies)
+    everyone = [*answers_of(book), *reference]
+    answers = long_table(everyone)
+    sample = _Sample.of(book, everyone, reference[0])
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
     # 0 does not oscillate, 1 does, 2 is not ranked
     going_on = np.where(book.apart, 2, book.oscillating)
-    axes = {axis: axis_codes(book, axis) for axis in book.along}
-    whole = [*answers_of(book), *reference]
-    codes = [coded(a) for a in whole]
-    # the order of the scores is all that counts, and found once
-    everyone = [
-        a._replace(score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH})
-        for a in whole
+    labels = {truth: book.truth[truth] for truth in TRUTHS}
+    blocks = list(product(TRUTHS, _PROCESSES, _POPULATIONS))
+    cube = counted(answers, process=process, going_on=going_on, **labels)
+    counts = tallied(pd.concat(_chosen(cube, *key) for key in blocks), [*_KEY, "method"])
+    rows, standing, stable = [], {}, {}
+    for key in blocks:
+        truth, kind, population = key
+        of, going = _PROCESSES[kind], _POPULATIONS[population]
+        block = sample.block(np.isin(process, of) & np.isin(going_on, going), labels[truth])
+        # where nothing oscillates no score tells loops apart
+        each = _of_each(counts, key, len(everyone))
+        found = _rows(block, sample, each, zip(_KEY, key), undecided, going != _RESTING)
+        standing[key], ranked = _rank(block, sample.answers, found, undecided, failing)
+        rows += found
+        if (kind, population) == (ALL, OF_OSCILLATING):
+            stable[truth] = _stability(book, truth, [everyone[k] for k in ranked], undecided)
+    by_axis = [*_by_axis(book, answers, sample, undecided)] or [
+        {"axis": "", "value": "", **rows[0]}
     ]
-    for truth in TRUTHS:
-        known = book.truth[truth].astype(int) + 1
-        counts = counted(9 * known + 3 * process + going_on, (3, 3, 3), codes)
-        for (kind, of), (population, going) in product(_PROCESSES.items(), _POPULATIONS.items()):
-            place = {"truth": truth, "process": kind, "population": population}
-            here = _chosen(process[some], of) & _chosen(going_on[some], going)
-            block = _block(book, truth, here, place, blind)
-            # where nothing oscillates no score tells loops apart
-            found = [
-                _row(block, a, c[:, of, going].sum((1, 2)), undecided, going != slice(1))
-                for a, c in zip(everyone, counts, strict=True)
-            ]
-            ranks, ranked = _rank(block, everyone, found, undecided, failing)
-            standing[truth, kind, population] = ranks
-            rows += found
-            if (kind, population) == (ALL, OF_OSCILLATING):
-                stable[truth] = _stability(book, truth, [whole[k] for k in ranked], undecided)
-    known = book.truth["cycled"].astype(int) + 1
-    for axis, (values, code) in axes.items():
-        size = len(values) + 1
-        counts = counted(size * known + code, (3, size), codes)
-        for k, value in enumerate(values):
-            place = {"axis": axis, "value": value, "truth": "cycled"}
-            block = _block(book, "cycled", code[some] == k, place, blind)
-            by_axis += [
-                _row(block, a, c[:, k], undecided, interval=False)
-                for a, c in zip(everyone, counts, strict=True)
-            ]
-    left_out = _left_out(book, whole, codes)
-    frames = [_frame(part, {"axis": "", "value": "", **rows[0]}) for part in (rows, by_axis)]
-    by_cause = _frame([*_by_cause(book, whole, codes)], {})
-    other = _disagreement(book), _frame(left_out, {}), by_cause, quantification(book)
+    frames = [_known(rows), _known(by_axis)]
+    other = (
+        _disagreement(book),
+        _left_out(book, answers, everyone),
+        _by_cause(book, answers, everyone),
+        quantification(book),
+    )
     sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int((going_on == 1).sum())}
-    if some.size < book.ids.size:
-        sizes[SAMPLED] = some.size
+    if sample.some.size < book.ids.size:
+        sizes[SAMPLED] = sample.some.size
     return Scores(*frames, *other, standing, book.manifest, sizes, stable, failing, undecided, book)
 
 
-def _chosen(numbers: np.ndarray, of: slice) -> np.ndarray:
-    """Return which of some small numbers lie in a slice."""
-    return np.isin(numbers, np.arange(3)[of])
+def _chosen(cube: pd.DataFrame, truth: str, kind: str, population: str) -> pd.DataFrame:
+    """Return the counts of one block of the table, by the label asked for."""
+    there = cube["process"].isin(_PROCESSES[kind])
+    there &= cube["going_on"].isin(_POPULATIONS[population])
+    about = {"truth": truth, "process": kind, "population": population}
+    return cube.assign(label=cube[truth])[there].assign(**about)
 
 
-def _frame(rows: list[dict[str, Any]], example: dict[str, Any]) -> pd.DataFrame:
+def _of_each(counts: pd.DataFrame, key: Any, methods: int) -> list[dict[str, Any]]:
+    """Return what `tallied` says of every method of one group; zeros of one without loops."""
+    if key in counts.index:
+        return counts.loc[key].to_dict("records")
+    return [dict.fromkeys(counts.columns, 0)] * methods
+
+
+def _known(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return rows as a table, without those of no loop."""
     import pandas as pd
 
-    there = [r for r in rows if r["n"]]
-    # where no loop has a truth, the table has its columns all the same
-    return (
-        pd.DataFrame(there) if there else pd.DataFrame(columns=list(rows[0] if rows else example))
-    )
+    table = pd.DataFrame(rows)
+    return table[table["n"] > 0].reset_index(drop=True)
+
+
+class _Sample(NamedTuple):
+    """The loops on which orders and spreads are worked out, of a large run a part of all, and what
+    every method said of them; `blind` is the classifier that knows no waveform.
+    """
+
+    some: np.ndarray
+    groups: np.ndarray
+    answers: list[Answers]
+    blind: np.ndarray
+
+    @classmethod
+    def of(cls, book: RunArrays, everyone: Sequence[Answers], blind: Answers) -> _Sample:
+        some = np.flatnonzero(blind.applies)
+        # the order of the scores is all that counts, and found once
+        answers = [
+            a._replace(score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH})
+            for a in everyone
+        ]
+        return cls(some, book.groups[some], answers, blind.said[some])
+
+    def block(self, chosen: np.ndarray, label: np.ndarray) -> _Block:
+        """Return the chosen loops of a run that have a label."""
+        chosen, label = chosen[self.some], label[self.some]
+        use = np.flatnonzero(chosen & (label >= 0))
+        groups = np.unique(self.groups[use], return_inverse=True)[1]
+        return _Block(use, label[use] == 1, groups, folds_of(groups), self.blind[use])
 
 
 class _Block(NamedTuple):
-    """The loops of one row that have the truth asked for, of a large run those of its sample: which
-    are positive, in what group and fold.
-
-    `blind` is what the classifier that knows no waveform says of these.
+    """The loops of one block of a table that have the truth asked for: which are positive, in what
+    group and fold, and what the classifier that knows no waveform says of them.
     """
 
-    place: dict[str, Any]
     use: np.ndarray
     positive: np.ndarray
     groups: np.ndarray
@@ -149,56 +173,48 @@ class _Block(NamedTuple):
     blind: np.ndarray
 
 
-def _block(
-    book: RunArrays, truth: str, chosen: np.ndarray, place: dict[str, Any], blind: Answers
-) -> _Block:
-    some = np.flatnonzero(blind.applies)
-    label = book.truth[truth][some]
-    use = np.flatnonzero(chosen & (label >= 0))
-    groups = np.unique(book.groups[some][use], return_inverse=True)[1]
-    return _Block(place, use, label[use] == 1, groups, folds_of(groups), blind.said[some][use])
-
-
-def _row(
-    block: _Block, a: Answers, counts: np.ndarray, cost: float, interval: bool = True
-) -> dict[str, Any]:
-    """Return a row: what is a count, of all loops; orders and spreads of those in the block.
-
-    `counts` are answers by truth (unknown, no, yes), by what was said, whether the method applies,
-    and whether it failed.
+def _rows(
+    block: _Block,
+    sample: _Sample,
+    counts: Sequence[dict[str, Any]],
+    place: Iterable[tuple[str, str]],
+    cost: float,
+    interval: bool = True,
+) -> list[dict[str, Any]]:
+    """Return a row for every method: what is a count, of all loops (`counts` are `tallied`); orders
+    and spreads, of those in the block.
     """
-    use, applies, positive = block.use, a.applies[block.use], block.positive
-    here, groups, folds, blind = use, block.groups, block.folds, block.blind
-    if not applies.all():
-        here, positive, groups, folds, blind = (
-            x[applies] for x in (use, positive, groups, folds, blind)
-        )
-    said = a.said[here]
-    no, yes = counts[1:, :, 1].sum(-1).tolist()
-    n, m, p = int(counts[1:].sum()), sum(no) + sum(yes), sum(yes)
-    right, undecided = no[0] + yes[1], no[2] + yes[2]
-    row: dict[str, Any] = {
-        "method": a.method,
-        **block.place,
-        "role": a.role,
-        "sees_mv": a.sees_mv,
-        "home": a.home,
-        "division": a.division,
-        "name": a.name,
-        "verified": a.verified,
-        "answered": a.answered,
-        "own": a.own,
-    }
-    row.update(n=n, n_all=int(counts.sum()), positives=int(counts[2].sum()), applicable=m)
-    row |= rates_of(counts)
-    row |= {
-        "missed": yes[0] / p if p else math.nan,
-        "no_decision_positives": yes[2] / p if p else math.nan,
-        "no_decision_negatives": no[2] / (m - p) if m > p else math.nan,
-    }
-    earned = _earned(said, positive, cost)
-    mean = (m - right - (1.0 - cost) * undecided) / m if m else math.nan
-    ranges = {"cost": _mean_of_groups(1.0 - earned, groups, 0.0, mean, m)}
+    where, rows = dict(place), []
+    for a, c in zip(sample.answers, counts, strict=True):
+        row: dict[str, Any] = {"method": a.method, **where}
+        row |= {key: getattr(a, key) for key in _ABOUT} | {key: c[key] for key in _COUNTED}
+        row["missed"] = _share(c["missed"], c["sticky"])
+        row["no_decision_positives"] = _share(c["open_sticky"], c["sticky"])
+        row["no_decision_negatives"] = _share(c["open_other"], c["applicable"] - c["sticky"])
+        wrong = c["applicable"] - c["right"] - (1.0 - cost) * c["open"]
+        of_all = _share(wrong, c["applicable"]), c["applicable"]
+        row |= _orders(block, a, cost, of_all, interval)
+        row["errors"] = c["errors"]
+        times = a.runtime[block.use]
+        row["median_ms"] = round(1e3 * median(times), 4) if times.size else math.nan
+        rows.append(row)
+    return rows
+
+
+def _share(part: float, whole: int) -> float:
+    return part / whole if whole else math.nan
+
+
+def _orders(
+    block: _Block, a: Answers, cost: float, of_all: tuple[float, int], interval: bool
+) -> dict[str, float]:
+    """Return what needs an order of the loops or their spread; `of_all` are the mean cost of all
+    loops, and how many the method covers.
+    """
+    applies = a.applies[block.use]
+    here, positive, groups, folds, blind = block if applies.all() else (x[applies] for x in block)
+    earned = _earned(a.said[here], positive, cost)
+    ranges = {"cost": _mean_of_groups(1.0 - earned, groups, 0.0, *of_all)}
     score = a.score[here]
     if interval:
         sticky = int(positive.sum())
@@ -212,18 +228,15 @@ def _row(
             "sensitivity_at_5": found,
             "risk_coverage": _mean_of_groups(sure, groups),
         }
-    for name, ends in ranges.items():
-        row[name], row[f"{name}_lo"], row[f"{name}_hi"] = ends
     if not (known := score >= 0).all():
         score, positive = score[known], positive[known]
+    row: dict[str, float] = {}
+    for name, ends in ranges.items():
+        row[name], row[f"{name}_lo"], row[f"{name}_hi"] = ends
     row["scored"] = score.size
-    if interval:
-        row["auc"], row["auc_lo"], row["auc_hi"] = auc(score, positive)
-    else:
-        row["auc"] = area(score, positive)
-    row["errors"] = int(counts[1:, ..., 1].sum())
-    row["median_ms"] = round(1e3 * median(a.runtime[use]), 4) if use.size else math.nan
-    return row
+    if not interval:
+        return row | {"auc": area(score, positive)}
+    return row | dict(zip(("auc", "auc_lo", "auc_hi"), auc(score, positive), strict=True))
 
 
 def _earned(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
@@ -257,38 +270,53 @@ def _mean_of_groups(
     return mean, max(mean - half, least), min(mean + half, 1.0)
 
 
-def _left_out(
-    book: RunArrays, everyone: list[Answers], codes: list[np.ndarray]
-) -> list[dict[str, Any]]:
+def _by_axis(
+    book: RunArrays, answers: pa.Table, sample: _Sample, cost: float
+) -> Iterator[dict[str, Any]]:
+    """Yield rows against `cycled` for every value of every axis of a run."""
+    label = book.truth["cycled"]
+    for axis in book.along:
+        values, codes = axis_codes(book, axis)
+        counts = tallied(counted(answers, code=codes, label=label), ["code", "method"])
+        for k, value in enumerate(values):
+            place = {"axis": axis, "value": value, "truth": "cycled"}.items()
+            block = sample.block(codes == k, label)
+            each = _of_each(counts, k, len(sample.answers))
+            yield from _rows(block, sample, each, place, cost, interval=False)
+
+
+def _left_out(book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]) -> pd.DataFrame:
     """Count what every method says of loops that no score against `cycled` holds, and of those it
     does not apply to.
     """
+    import pandas as pd
+
     words = [book.truth["cycled_word"] == word for word in _LEFT_OUT]
     kind = np.select([*words, book.truth["cycled"] >= 0], [0, 1, 2], 3)
-    rows = []
-    for a, c in zip(everyone, counted(kind, (4,), codes), strict=True):
-        by_kind = zip((*_LEFT_OUT, "does not apply"), c.sum(-1), (1, 1, 0), strict=False)
-        for of, answers, applies in by_kind:
-            n = int(answers[:, applies].sum())
-            row: dict[str, Any] = {"method": a.method, "role": a.role, "of": of, "n": n}
-            for word, code in CODES.items():
-                said = int(answers[code, applies])
-                row[word] = said / n if n else math.nan
-                row[f"{word}_lo"], row[f"{word}_hi"] = map(float, wilson(said, n))
-            rows.append(row)
-    return rows
+    counts = counted(answers, of=kind)
+    # the last of the three: with a truth, and not covered
+    counts = counts[(counts["of"] < 3) & (counts["applies"] == (counts["of"] < 2))]
+    by = counts.pivot_table("count", ["method", "of"], "said", "sum", fill_value=0)
+    by = by.reindex(columns=CODES.values(), fill_value=0)
+    n = by.sum(axis=1)
+    shares = [share_frame(word, by[code], n) for word, code in CODES.items()]
+    table = pd.concat([n.rename("n"), *shares], axis=1).reset_index()
+    table["of"] = np.array([*_LEFT_OUT, "does not apply"], dtype=object)[table["of"]]
+    return _named(table, everyone)
 
 
-def _by_cause(
-    book: RunArrays, everyone: list[Answers], codes: list[np.ndarray]
-) -> Iterator[dict[str, Any]]:
-    """Yield how often every method calls loops sticky that the valve does not make cycle, by what
+def _by_cause(book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]) -> pd.DataFrame:
+    """Count how often every method calls loops sticky that the valve does not make cycle, by what
     makes them oscillate.
     """
+    import pandas as pd
+
     texts, places = axis_codes(book, "echo")
     kinds = np.array([*texts, ""])[places]
     echoes = [kind for kind in dict.fromkeys(kinds) if kind not in ("", "none")]
-    causes = (*(f"echo, {kind}" for kind in echoes), "own tuning", "no oscillation", "other")
+    causes = np.array(
+        [*(f"echo, {kind}" for kind in echoes), "own tuning", "no oscillation", "other"], object
+    )
     place = np.select(
         [
             # echoes of several cuts have a table of their own
@@ -300,14 +328,28 @@ def _by_cause(
         [len(causes), *range(len(causes) - 1)],
         len(causes) - 1,
     )
-    for a, c in zip(everyone, counted(place, (len(causes) + 1,), codes), strict=True):
-        for cause, answers in zip(causes, c.sum(-1), strict=False):
-            n = int(answers[:, 1].sum())
-            said, undecided = (int(answers[CODES[w], 1]) for w in (STICTION, NO_DECISION))
-            share, lo, hi = rate(said, n)
-            row: dict[str, Any] = {"method": a.method, "role": a.role, "cause": cause, "n": n}
-            row |= {"false_positives": share, "false_positives_lo": lo, "false_positives_hi": hi}
-            yield row | {"no_decision": undecided / n if n else math.nan}
+    counts = counted(answers, cause=place, label=book.truth["cycled"])
+    of = tallied(counts[(counts["cause"] < len(causes)) & counts["applies"]], ["method", "cause"])
+    parts = (
+        of["applicable"].rename("n"),
+        share_frame("false_positives", of["alarms"], of["applicable"]),
+        share_of(of["open_other"], of["applicable"]).rename("no_decision"),
+    )
+    table = pd.concat(parts, axis=1).reset_index()
+    table["cause"] = causes[table["cause"]]
+    return _named(table, everyone)
+
+
+def _named(table: pd.DataFrame, everyone: Sequence[Answers]) -> pd.DataFrame:
+    """Return a table with names and roles in place of the methods' numbers."""
+    number = table["method"].to_numpy()
+    names, roles = (
+        np.array([getattr(a, key) for a in everyone], dtype=object)[number]
+        for key in ("method", "role")
+    )
+    table["method"] = names
+    table.insert(1, "role", roles)
+    return table
 
 
 def _rank(
