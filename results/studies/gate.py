@@ -19,7 +19,7 @@ import numpy as np
 from simbench.bench.execute.again import differing
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.score.check import compare_books
+from simbench.bench.score.check import check_books
 from simbench.bench.score.check_result import NO_LOSS
 from simbench.bench.store.reading import CODES, RunArrays, RunError, read_table
 from simbench.detectors.judge import judge_one
@@ -236,7 +236,7 @@ def few(base: RunArrays, method: str) -> RunArrays:
 def caught(now: RunArrays, base: RunArrays, exact: bool = False) -> bool:
     """Whether the gate does not let a run pass, with or without `--exact`."""
     try:
-        return compare_books(now, base, exact=exact).result != NO_LOSS
+        return check_books(now, base, exact=exact).result != NO_LOSS
     except RunError:
         return True
 

@@ -115,7 +115,16 @@ def make_book(verdict, truth, score=None, methods=None, ids=None, hashes=None, *
     )
     about = {"front_end": True, "needs_mv": False, "role": "stiction", "budget": "fast"}
     return RunArrays(
-        manifest={"grid": grid, "grid_hash": grid_hash, "methods": dict.fromkeys(methods, about)},
+        manifest={
+            "grid": grid,
+            "grid_hash": grid_hash,
+            "methods": dict.fromkeys(methods, about),
+            "benchmark": {
+                "name": f"{grid}-1",
+                "hash": "h",
+                "parts": {"scenarios": "s", "evaluator": "e"},
+            },
+        },
         ids=ids,
         hashes=ids if hashes is None else np.asarray(hashes, dtype="S16"),
         digests=ids if digests is None else np.asarray(digests, dtype="S16"),

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.statistics import wilson
+from simbench.bench.score.tally import share_frame
 from simbench.detectors.sources import Methods, named_methods
-from simbench.detectors.verdict import STICTION
+from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.grid import Grid, make_grid
 from simbench.scenarios.spec import Loop, load_loop
 
@@ -95,32 +94,21 @@ class Sweep:
 
         With `out` the tables stay in that folder, and a sweep that was interrupted goes on there.
         """
-        import pandas as pd
-
         axes = list(self.grid.content.axes)
-        rows = []
         read = {"scenarios": ["cell", "cycled", "tags"], "verdicts": ["method", "verdict", "score"]}
         frame = self._run(detectors, jobs, out, settings, read)
-        for (_, method), part in frame.groupby(["cell", "method"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
-            clear = part.cycled.isin(["yes", "no"])
-            right = (part.verdict == STICTION) == (part.cycled == "yes")
-            right &= (part.verdict != "no_decision") & clear
-            lo, hi = wilson(int(right.sum()), int(clear.sum()))
-            rows.append(
-                {
-                    **{axis: part[axis].iloc[0] for axis in axes},
-                    "method": method,
-                    "n": len(part),
-                    "cycling": float((part.cycled == "yes").mean()),
-                    "stiction": float((part.verdict == STICTION).mean()),
-                    "no_decision": float((part.verdict == "no_decision").mean()),
-                    "accuracy": float(right.sum() / clear.sum()) if clear.any() else math.nan,
-                    "accuracy_lo": float(lo),
-                    "accuracy_hi": float(hi),
-                    "score": float(part.score.median()),
-                }
-            )
-        return pd.DataFrame(rows)
+        frame["clear"] = frame.cycled.isin(["yes", "no"])
+        frame["cycling"] = frame.cycled == "yes"
+        frame["stiction"] = frame.verdict == STICTION
+        frame["no_decision"] = frame.verdict == NO_DECISION
+        frame["right"] = frame.clear & ~frame.no_decision & (frame.stiction == frame.cycling)
+        groups = frame.groupby(["cell", "method"], sort=False)
+        table = groups[axes].first().assign(n=groups.size())
+        for name in ("cycling", "stiction", "no_decision"):
+            table[name] = groups[name].mean()
+        shares = share_frame("accuracy", groups.right.sum(), groups.clear.sum())
+        table = table.join(shares).assign(score=groups.score.median()).reset_index()
+        return table.loc[:, [*axes, "method", *table.columns.drop([*axes, "cell", "method"])]]
 
 
 @contextlib.contextmanager

@@ -49,4 +49,4 @@ def along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") -> 
         table[name] = text[table[name]]
     table = table[table[columns].notna().all(axis=1)]
     table["method"] = [everyone[k].method for k in table["method"]]
-    return table[["method", *columns, "n", *_SHOWN]].reset_index(drop=True)
+    return table.loc[:, ["method", *columns, "n", *_SHOWN]].reset_index(drop=True)

@@ -14,9 +14,9 @@ from scipy import stats
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check_result import Check, sentence
 from simbench.bench.score.names import ALL
-from simbench.bench.score.pairing import Pairs, pair
+from simbench.bench.score.pairing import Paired, Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
-from simbench.bench.statistics import auc, auc_drop, holm, mcnemar
+from simbench.bench.statistics import auc, auc_drop, holm
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.checksums import NoRun
 from simbench.bench.store.manifest import own_methods
@@ -90,10 +90,10 @@ def check_run(
     pairs = pair(now, before)
     refuse_other_benchmark(now.manifest, before.manifest, pairs.now.size)
     shaken = shake(now, pairs) if shake is not None and not pairs.same.all() else None
-    return replace(compare_books(now, before, margin, exact, shaken), home=str(against))
+    return replace(check_books(now, before, margin, exact, shaken), home=str(against))
 
 
-def compare_books(
+def check_books(
     now: RunArrays,
     before: RunArrays,
     margin: float = MARGIN,
@@ -215,7 +215,7 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
             before = read_book(baseline)
             refuse_other_benchmark(now.manifest, before.manifest, pair(now, before).now.size)
             lines += [f"+ method {m}" for m in now.methods if m not in before.methods]
-            check = compare_books(now, before)
+            check = check_books(now, before)
             changes = [*(f"- {reason}" for reason in check.reasons), *check.changes()]
             lines += changes or ["nothing moved"]
         except UserError as error:  # an unreadable baseline is replaced, and that is said
@@ -378,10 +378,10 @@ def _tests(before: tuple, now: tuple, other: np.ndarray) -> Iterator[dict[str, A
     old, new = _good(positive, said_a), _good(positive, said_b)
     for what, (among, _) in _COUNTED.items():
         a, b = old[what], new[what]
-        lost, won = int((a & ~b).sum()), int((~a & b).sum())
-        row = {"what": what, "n": a.size, "before": _share(a), "now": _share(b)}
+        paired = Paired.of(a, b)
+        row = {"what": what, "n": paired.n, "before": _share(a), "now": _share(b)}
         row["other"] = int(other.sum() if among is None else other[positive == among].sum())
-        yield {**row, "lost": lost, "won": won, "p": mcnemar(lost, won, worse=True)}
+        yield {**row, "lost": paired.win, "won": paired.loss, "p": paired.p_worse}
     yield {
         "what": "AUC",
         "n": truth.size,

@@ -9,15 +9,15 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from simbench.bench.score.answers import failing_methods, failures, home_of
-from simbench.bench.score.pairing import pair
+from simbench.bench.score.pairing import Paired, pair
 from simbench.bench.score.shipped import with_shipped
-from simbench.bench.statistics import holm, mcnemar, mean_ranks, rate
+from simbench.bench.statistics import holm, mean_ranks, rate
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import TRUTHS, RunArrays, RunError, read_book
 from simbench.detectors.errors import UserError, nearest
@@ -242,7 +242,7 @@ def compare(
 
 def compare_books(
     book: RunArrays,
-    other: RunArrays | None,
+    other: RunArrays | None = None,
     truth: str = "cycled",
     failing: Collection[str] | None = None,
 ) -> Comparison:
@@ -252,54 +252,64 @@ def compare_books(
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
     if other is None:
-        return between_methods(book, truth, failing)
-    refuse_other_benchmark(book.manifest, other.manifest, pair(book, other).now.size)
-    return between_runs(book, other, truth)
+        use = np.flatnonzero(book.truth[truth] >= 0)
+        mine = theirs = _Side.of(book, truth, use)
+        couples = [(a, b, b) for a, b in combinations(book.methods, 2)]
+        ranks, cd = _mean_ranks(book, mine, use, failing)
+    else:
+        both = pair(book, other)
+        refuse_other_benchmark(book.manifest, other.manifest, both.now.size)
+        couples = [(m, m, f"{m} (other run)") for m in book.methods if m in other.methods]
+        if not couples:
+            raise RunError("the two runs have no method in common; one is needed")
+        known = (book.truth[truth][both.now] >= 0) & (other.truth[truth][both.before] >= 0)
+        mine = _Side.of(book, truth, both.now[known])
+        theirs = _Side.of(other, truth, both.before[known])
+        ranks, cd = np.full(len(book.methods), np.nan), float("nan")
+    found = []
+    for first, second, _ in couples:
+        i, j = book.methods.index(first), theirs.methods.index(second)
+        at = mine.applies[i] & theirs.applies[j]
+        found.append(Paired.of(mine.right[i, at], theirs.right[j, at]))
+    rows = [(a, name, *paired) for (a, _, name), paired in zip(couples, found, strict=True)]
+    pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))
+    pairs["p"] = holm([paired.p for paired in found])
+    pairs["differ"] = pairs["p"] < _LEVEL
+    return Comparison(truth, mine.right.shape[1], _ranking(book, mine, ranks), cd, pairs)
 
 
-def between_methods(
-    book: RunArrays, truth: str = "cycled", failing: Collection[str] | None = None
-) -> Comparison:
-    """Compare all methods of a run pairwise; see `compare`."""
-    use = book.truth[truth] >= 0
-    right, applies = _right(book, truth)[:, use], _applies(book)[:, use]
-    names = np.array(book.methods)
-    rows = []
-    for i, j in combinations(range(len(names)), 2):
-        rows.append((names[i], names[j], *_counted(*right[[i, j]][:, applies[i] & applies[j]])))
+class _Side(NamedTuple):
+    """What one run's methods say of the loops that are compared: (m, n) whether they are right, and
+    whether they apply.
+    """
+
+    methods: tuple[str, ...]
+    right: np.ndarray
+    applies: np.ndarray
+
+    @classmethod
+    def of(cls, book: RunArrays, truth: str, at: np.ndarray) -> _Side:
+        # what the record does not tell counts as applying
+        right = book.verdict[:, at] == book.truth[truth][at]
+        return cls(book.methods, right, book.applicable[:, at] != 0)
+
+
+def _mean_ranks(
+    book: RunArrays, side: _Side, at: np.ndarray, failing: Collection[str] | None
+) -> tuple[np.ndarray, float]:
+    """Return the mean rank of every method, NaN of those that are not ranked, and the critical
+    difference.
+    """
     about = [book.manifest["methods"][m] for m in book.methods]
     alike = np.array([a["role"] not in _ALONE and not a["needs_mv"] for a in about])
     failed = failing_methods(book, 0.0) if failing is None else failing
-    ranked = applies.all(axis=1) & alike & ~np.isin(names, list(failed))
-    ranks, cd = np.full(len(names), np.nan), float("nan")
-    if ranked.sum() >= 3 and right.shape[1] >= 2:
-        found = mean_ranks(right[ranked].T, groups=book.groups[use])
-        ranks[ranked], cd = found.mean_rank, found.critical_difference
-    return _comparison(book, truth, right, applies, ranks, cd, rows)
-
-
-def between_runs(book: RunArrays, other: RunArrays, truth: str = "cycled") -> Comparison:
-    """Compare every method with itself in another run; see `compare`. `first` is this run, `second`
-    the other.
-    """
-    at, other_at, *_ = pair(book, other)
-    common = [m for m in book.methods if m in other.methods]
-    if not common:
-        raise RunError("the two runs have no method in common; one is needed")
-    use = (book.truth[truth][at] >= 0) & (other.truth[truth][other_at] >= 0)
-    right, theirs = (
-        _right(book, truth)[:, at][:, use],
-        _right(other, truth)[:, other_at][:, use],
-    )
-    applies, apply = _applies(book)[:, at][:, use], _applies(other)[:, other_at][:, use]
-    rows = []
-    for method in common:
-        i, j = book.methods.index(method), other.methods.index(method)
-        mine, its = (found[k, applies[i] & apply[j]] for found, k in ((right, i), (theirs, j)))
-        rows.append((method, f"{method} (other run)", *_counted(mine, its)))
-    return _comparison(
-        book, truth, right, applies, np.full(len(book.methods), np.nan), float("nan"), rows
-    )
+    ranked = side.applies.all(axis=1) & alike & ~np.isin(book.methods, list(failed))
+    ranks = np.full(len(book.methods), np.nan)
+    if ranked.sum() < 3 or at.size < 2:
+        return ranks, float("nan")
+    found = mean_ranks(side.right[ranked].T, groups=book.groups[at])
+    ranks[ranked] = found.mean_rank
+    return ranks, found.critical_difference
 
 
 def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
@@ -307,43 +317,15 @@ def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return frame.astype(object).where(frame.notna(), None).to_dict("records")
 
 
-def _right(book: RunArrays, truth: str) -> np.ndarray:
-    return book.verdict == book.truth[truth]
-
-
-def _applies(book: RunArrays) -> np.ndarray:
-    return book.applicable != 0  # what the record does not tell counts as applying
-
-
-def _comparison(
-    book: RunArrays,
-    truth: str,
-    right: np.ndarray,
-    applies: np.ndarray,
-    ranks: np.ndarray,
-    cd: float,
-    rows: list[tuple],
-) -> Comparison:
-    accuracy = [
-        (int(a.sum()), *rate(int(r[a].sum()), int(a.sum()))) for r, a in zip(right, applies)
-    ]
-    share = ["accuracy", "accuracy_lo", "accuracy_hi"]
-    ranking = pd.DataFrame(accuracy, columns=["n", *share])
-    ranking.insert(0, "method", book.methods)
+def _ranking(book: RunArrays, side: _Side, ranks: np.ndarray) -> pd.DataFrame:
     failed = failures(book)
-    ranking["failed"] = [failed[method] for method in book.methods]
-    ranking["mean_rank"] = ranks
-    ranking["home"] = [home_of(method, book) for method in book.methods]
-    pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))
-    pairs["p"] = holm([mcnemar(loss, win) for *_, win, _, loss in rows])
-    pairs["differ"] = pairs["p"] < _LEVEL
-    ranking = ranking.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)
-    return Comparison(truth, right.shape[1], ranking, cd, pairs)
-
-
-def _counted(one: np.ndarray, other: np.ndarray) -> tuple[int, int, int, int]:
-    """Return how many scenarios there are, and on how many only the first was right, both or
-    neither, only the second.
-    """
-    win, loss = int((one & ~other).sum()), int((~one & other).sum())
-    return one.size, win, one.size - win - loss, loss
+    rows = []
+    for method, right, applies in zip(book.methods, side.right, side.applies, strict=True):
+        n = int(applies.sum())
+        share = rate(int(right[applies].sum()), n)
+        rows.append((method, n, *share, failed[method]))
+    columns = ["method", "n", "accuracy", "accuracy_lo", "accuracy_hi", "failed"]
+    table = pd.DataFrame(rows, columns=columns)
+    table["mean_rank"] = ranks
+    table["home"] = [home_of(method, book) for method in book.methods]
+    return table.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbench.bench.score.pairing import Pairs
-from simbench.bench.statistics import mcnemar
+from simbench.bench.score.pairing import Paired, Pairs
 from simbench.bench.store.reading import RunArrays
 
 if TYPE_CHECKING:
@@ -119,6 +118,6 @@ def _test(what: str, before: np.ndarray, now: np.ndarray) -> dict[str, Any]:
     row: dict[str, Any] = {"n": before.size, "allowed": _ALLOWED[what]}
     middle = np.median if what == MEDIAN_ERROR else np.mean
     row.update(before=float(middle(before)), now=float(middle(now)))
-    up, down = int((now > before).sum()), int((now < before).sum())
-    row["lost"], row["won"] = (up, down) if what == MEDIAN_ERROR else (down, up)
-    return {**row, "p": mcnemar(row["lost"], row["won"], worse=True)}
+    less, more = before < now, now < before
+    paired = Paired.of(less, more) if what == MEDIAN_ERROR else Paired.of(more, less)
+    return {**row, "lost": paired.win, "won": paired.loss, "p": paired.p_worse}

@@ -130,7 +130,7 @@ def _known(rows: list[dict[str, Any]]) -> pd.DataFrame:
     import pandas as pd
 
     table = pd.DataFrame(rows)
-    return table[table["n"] > 0].reset_index(drop=True)
+    return table.loc[table["n"] > 0].reset_index(drop=True)
 
 
 class _Sample(NamedTuple):

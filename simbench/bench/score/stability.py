@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from simbench.bench.statistics import holm, mcnemar
+from simbench.bench.score.pairing import Paired
+from simbench.bench.statistics import holm
 
 HALVES = 50
 _LEVEL = 0.05
@@ -57,14 +58,13 @@ def stability(
         total = sums @ half
         # sums of the same loops: equal but for rounding
         wins += bool(total[0] >= total.max() - 1e-9)
-    rows = []
-    for first, second in pairwise(order):
-        one, other = right[first], right[second]
-        rows.append((first, second, int((one & ~other).sum()), int((~one & other).sum())))
-    p = holm([mcnemar(a, b) for *_, a, b in rows])
-    names = ("first", "second", "only_first", "only_second")
-    pairs = (
-        {**dict(zip(names, row, strict=True)), "p": float(q), "separated": bool(q < _LEVEL)}
-        for row, q in zip(rows, p)
+    neighbours = list(pairwise(order))
+    found = [Paired.of(right[first], right[second]) for first, second in neighbours]
+    p = holm([paired.p for paired in found])
+    names = ("first", "second", "only_first", "only_second", "p", "separated")
+    rows = (
+        (*names_of, paired.win, paired.loss, float(q), bool(q < _LEVEL))
+        for names_of, paired, q in zip(neighbours, found, p, strict=True)
     )
+    pairs = (dict(zip(names, row, strict=True)) for row in rows)
     return RankStability(order[0], wins, tuple(pairs))

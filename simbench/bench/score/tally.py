@@ -81,10 +81,10 @@ def tallied(counts: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         "open_other": other & says[NO_DECISION],
         "errors": known & counts["failed"],
     }
+    kinds["right"] = kinds["found"] | kinds["rejected"]
+    kinds["open"] = kinds["open_sticky"] | kinds["open_other"]
     parts = pd.DataFrame({name: counts[_COUNT].where(kind, 0) for name, kind in kinds.items()})
-    table = parts.groupby([counts[name] for name in by]).sum()
-    table["right"] = table["found"] + table["rejected"]
-    table["open"] = table["open_sticky"] + table["open_other"]
+    table = pd.DataFrame(parts.groupby([counts[name] for name in by]).sum())
     return pd.concat([table, *_rates(table)], axis=1)
 
 

@@ -12,7 +12,7 @@ from bench_fixtures import change_answers
 from typer.testing import CliRunner
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.check import Shaken, check_run, compare_books, update_baseline
+from simbench.bench.score.check import Shaken, check_books, check_run, update_baseline
 from simbench.bench.store.reading import RunError, read_book
 from simbench.cli import app
 from simbench.cli.common import wrap_lines
@@ -35,7 +35,7 @@ def worse(check):
 
 
 def test_the_same_answers_pass_and_are_paired(base):
-    check = compare_books(base, base)
+    check = check_books(base, base)
     assert not check.failed
     assert check.flips.empty
     assert "may fall by 1 percentage point (" in check.basis
@@ -56,7 +56,7 @@ def test_order_of_scenarios_and_methods_does_not_matter(base):
         axes={k: v[turn] for k, v in base.axes.items()},
         **arrays,
     )
-    check = compare_books(other, base)
+    check = check_books(other, base)
     assert check.flips.empty
 
 
@@ -72,14 +72,14 @@ BROKEN = {
 def test_a_broken_detector_fails_and_only_it(base, how, with_answers):
     broken, what = BROKEN[how]
     now = with_answers(base, "m1", broken(base.verdict[1]))
-    check = compare_books(now, base)
+    check = check_books(now, base)
     assert ("m1", what) in worse(check)
     assert {m for m, _ in worse(check)} == {"m1"}
 
 
 def test_a_score_that_lost_its_sense_fails_though_verdicts_stand(base, with_answers):
     now = with_answers(base, "m2", base.verdict[2], -base.score[2])
-    assert worse(compare_books(now, base)) == {("m2", "AUC")}
+    assert worse(check_books(now, base)) == {("m2", "AUC")}
 
 
 def test_narrowing_the_grey_zone_fails_when_it_buys_false_alarms(book, with_answers):
@@ -87,7 +87,7 @@ def test_narrowing_the_grey_zone_fails_when_it_buys_false_alarms(book, with_answ
     undecided = np.where(np.arange(N) % 10 < 3, 2, TRUTH)
     base = book([undecided], TRUTH)
     now = with_answers(base, "m0", np.where(undecided == 2, 1, undecided))
-    check = compare_books(now, base)
+    check = check_books(now, base)
     assert ("m0", "no false alarm") in worse(check)
     assert not check.tests["what"].isin(["detection", "rejection"])[check.tests["worse"]].any()
 
@@ -99,7 +99,7 @@ def test_a_threshold_that_trades_misses_for_false_alarms_fails_at_equal_accuracy
     gain = np.flatnonzero((TRUTH == 1) & (verdict == 0))[:30]
     loss = np.flatnonzero((TRUTH == 0) & (verdict == 0))[:30]
     verdict[gain], verdict[loss] = 1, 1
-    check = compare_books(with_answers(base, "m0", verdict), base)
+    check = check_books(with_answers(base, "m0", verdict), base)
     assert ("m0", "rejection") in worse(check)
     assert ("m0", "detection") not in worse(check)
 
@@ -115,7 +115,7 @@ def test_a_loss_on_the_loops_that_a_method_covers_is_not_thinned_by_the_rest(boo
     for _ in range(24):
         lost = covered & (verdict == truth) & (rng.random(n) < loss / 0.7)
         now = with_verdicts(base, np.where(lost, 1 - verdict, verdict))
-        failures += compare_books(now, base).failed
+        failures += check_books(now, base).failed
     assert failures >= 19  # power .8
 
 
@@ -131,26 +131,24 @@ def test_where_a_loss_would_not_be_detected_the_check_cannot_tell(book, tmp_path
     truth = np.arange(48) % 2
     base = book([truth], truth)
     now = with_verdicts(base, np.where(np.arange(48) < 3, 1 - truth, truth))
-    check = compare_books(now, base)
+    check = check_books(now, base)
     assert check.result == "cannot tell"
     assert "cannot tell on the 48 loops" in check.as_text()
     assert 'failures="1"' in check.as_junit()
-    assert compare_books(base, base).result == "same", (
-        "the same answers leave nothing to be detected"
-    )
+    assert check_books(base, base).result == "same", "the same answers leave nothing to be detected"
 
 
 def test_a_few_loops_of_a_grid_do_not_pass_for_the_grid(book):
     truth = np.arange(48) % 2
     base = book([truth], truth)
     two = book([[0, 0]], [1, 0], ids=base.ids[:2])
-    assert compare_books(two, base).result != "same"
+    assert check_books(two, base).result != "same"
 
 
 def test_flips_are_named_with_what_they_were(base, with_answers):
     verdict = base.verdict[0].copy()
     verdict[7] = 2
-    check = compare_books(with_answers(base, "m0", verdict), base)
+    check = check_books(with_answers(base, "m0", verdict), base)
     (flip,) = check.flips.to_dict("records")
     assert (flip["scenario_id"], flip["method"], flip["now"]) == (
         base.ids[7].decode(),
@@ -187,7 +185,7 @@ def on_another_processor(base, share, rng, noisy, accuracy=0.8):
 
 def test_loops_of_another_processor_are_paired_by_id_and_counted(base, noisy):
     now = on_another_processor(base, 0.27, np.random.default_rng(3), noisy)
-    check = compare_books(now, base)
+    check = check_books(now, base)
     differ = int((now.hashes != base.hashes).sum())
     assert f"the bits of {differ} of 600 records differ" in check.basis
     assert f"{differ} were settled as other loops" in check.basis
@@ -201,11 +199,11 @@ def test_loops_of_another_processor_are_paired_by_id_and_counted(base, noisy):
 def test_another_processor_seldom_alarms_and_hides_no_fault(base, noisy, with_answers):
     rng = np.random.default_rng(8)
     runs = [on_another_processor(base, 0.27, rng, noisy) for _ in range(12)]
-    assert sum(compare_books(now, base).failed for now in runs) <= 1
+    assert sum(check_books(now, base).failed for now in runs) <= 1
     broken = with_answers(
         runs[0], "m1", np.where(rng.random(N) < 0.1, 1 - runs[0].verdict[1], runs[0].verdict[1])
     )
-    assert {m for m, _ in worse(compare_books(broken, base))} == {"m1"}
+    assert {m for m, _ in worse(check_books(broken, base))} == {"m1"}
 
 
 def shaken_by(now, rng, at, flips, methods=("m0",)):
@@ -231,7 +229,7 @@ def test_answers_that_other_bits_explain_are_no_loss_and_more_are(base, with_ans
         verdict[right[:lost]] = 1 - verdict[right[:lost]]
         now = with_answers(elsewhere, "m0", verdict, base.score[0])
         shaken = shaken_by(now, rng, np.flatnonzero(other)[:100], flips)
-        check = compare_books(now, base, shaken=shaken)
+        check = check_books(now, base, shaken=shaken)
         assert check.result == result
         row = check.tests.query("method == 'm0' and truth == 'cycled' and what == 'right'").iloc[0]
         assert (row.lost > row.explained) == (result == "worse")
@@ -241,14 +239,14 @@ def test_answers_that_other_bits_explain_are_no_loss_and_more_are(base, with_ans
         assert "100 of them simulated 2 times" in check.basis
         assert "m1, m2 not asked: --plugin FILE" in check.basis
         built_in = replace(now, manifest=base.manifest)
-        assert "not asked" not in compare_books(built_in, base, shaken=shaken).basis
+        assert "not asked" not in check_books(built_in, base, shaken=shaken).basis
 
 
 def test_where_all_bits_are_equal_nothing_is_explained(base, with_answers):
     verdict = np.where(np.arange(N) < 60, 2, base.verdict[0])
     now = with_answers(base, "m0", verdict, base.score[0])
     shaken = shaken_by(now, np.random.default_rng(4), np.arange(100), 0.5)
-    check = compare_books(now, base, shaken=shaken)
+    check = check_books(now, base, shaken=shaken)
     assert check.result == "worse"
     assert check.tests["explained"].fillna(0).eq(0).all()
 
@@ -259,13 +257,13 @@ def test_a_fall_within_the_margin_is_no_regression_and_beyond_it_is(book, with_a
     for lost, failed in ((60, False), (140, True)):  # of 10 000 positives: 0.6 and 1.4 points
         verdict = truth.copy()
         verdict[np.flatnonzero(truth)[:lost]] = 0
-        check = compare_books(with_answers(base, "m0", verdict), base)
+        check = check_books(with_answers(base, "m0", verdict), base)
         detection = check.tests[
             (check.tests["what"] == "detection") & (check.tests["truth"] == "cycled")
         ].iloc[0]
         assert detection.p < 1e-6
         assert check.failed == failed
-        assert not compare_books(with_answers(base, "m0", verdict), base, margin=0.02).failed
+        assert not check_books(with_answers(base, "m0", verdict), base, margin=0.02).failed
 
 
 def test_an_improvement_never_fails(book, with_answers):
@@ -280,7 +278,7 @@ def test_an_improvement_never_fails(book, with_answers):
         ]
         better = np.where(better == verdict, verdict, TRUTH)
         score = np.where(better == verdict, base.score[0], 3.0 * TRUTH - 1.0)
-        assert not compare_books(with_answers(base, "m0", better, score), base).failed
+        assert not check_books(with_answers(base, "m0", better, score), base).failed
 
 
 def test_missing_methods_scenarios_new_errors_and_a_changed_truth_fail(base, book):
@@ -291,19 +289,18 @@ def test_missing_methods_scenarios_new_errors_and_a_changed_truth_fail(base, boo
         score=base.score[:2],
         failed=base.failed[:2],
     )
-    assert "method m2 is in the baseline, not in the run" in compare_books(without, base).problems
+    assert "method m2 is in the baseline, not in the run" in check_books(without, base).problems
     part = book(base.verdict[:, :500], TRUTH[:500], base.score[:, :500])
     assert (
-        "100 of the baseline's 600 scenarios are not in the run"
-        in compare_books(part, base).problems
+        "100 of the baseline's 600 scenarios are not in the run" in check_books(part, base).problems
     )
     failing = replace(base, failed=base.failed | (np.arange(N) == 5))
     assert (
         "method m0 raised an error on 1 scenarios where it had none"
-        in compare_books(failing, base).problems
+        in check_books(failing, base).problems
     )
     turned = replace(base, truth={**base.truth, "cycled": np.where(np.arange(N) == 5, 0, TRUTH)})
-    assert compare_books(turned, base).problems == (
+    assert check_books(turned, base).problems == (
         "the truth 'cycled' of 1 scenarios with the same records has changed",
     )
 
@@ -311,11 +308,11 @@ def test_missing_methods_scenarios_new_errors_and_a_changed_truth_fail(base, boo
 def test_loops_that_nobody_has_in_common_are_refused(base):
     strangers = np.char.add(b"x", base.ids).astype("S16")
     with pytest.raises(RunError, match="no scenario in common; run the baseline's own"):
-        compare_books(base, replace(base, ids=strangers))
+        check_books(base, replace(base, ids=strangers))
 
 
 def test_texts_carry_the_verdict(base, with_answers):
-    check = compare_books(with_answers(base, "m1", 1 - base.verdict[1]), base)
+    check = check_books(with_answers(base, "m1", 1 - base.verdict[1]), base)
     assert check.as_text().startswith("worse: m1 is right in ")
     assert "m1: detection" in check.as_markdown()
     assert check.as_junit().startswith('<?xml version="1.0" encoding="utf-8"?>')
@@ -406,27 +403,27 @@ def test_exact_fails_on_one_changed_verdict_and_lists_it(base, with_answers):
     verdict = base.verdict[0].copy()
     verdict[7] = 1 - verdict[7]
     now = with_answers(base, "m0", verdict, base.score[0])
-    assert not compare_books(now, base).failed
-    check = compare_books(now, base, exact=True)
+    assert not check_books(now, base).failed
+    check = check_books(now, base, exact=True)
     assert check.failed
     assert check.reasons == ["exact: 1 of 600 verdicts of m0 changed"]
     assert base.ids[7].decode() in check.as_text()
-    assert compare_books(base, base, exact=True).result == "same"
+    assert check_books(base, base, exact=True).result == "same"
 
 
 def test_exact_fails_on_changed_scores_but_not_on_last_bits(base, with_answers):
     said, score = base.verdict[0], base.score[0].copy()
     finer = with_answers(base, "m0", said, score * (1.0 + 1e-5))
-    assert compare_books(finer, base, exact=True).result == "same"
+    assert check_books(finer, base, exact=True).result == "same"
     score[:3] += 1.0
-    check = compare_books(with_answers(base, "m0", said, score), base, exact=True)
+    check = check_books(with_answers(base, "m0", said, score), base, exact=True)
     assert check.reasons == ["exact: 3 of 600 scores of m0 changed"]
 
 
 def test_exact_lists_ten_changes_and_counts_all(base, with_answers):
     verdict = np.where(np.arange(N) < 50, 2, base.verdict[1])
     changed = int((verdict != base.verdict[1]).sum())
-    check = compare_books(with_answers(base, "m1", verdict), base, exact=True)
+    check = check_books(with_answers(base, "m1", verdict), base, exact=True)
     text = check.as_text()
     assert f"{changed} verdicts changed, the first 10:" in text
     assert sum(f"{k:016d}" in text[: text.index("To simulate")] for k in range(N)) == 10
@@ -435,12 +432,12 @@ def test_exact_lists_ten_changes_and_counts_all(base, with_answers):
 
 def test_exact_asks_for_the_same_records_and_lets_plug_ins_change(base, with_answers):
     other = replace(base, hashes=np.where(np.arange(N) < 3, b"other", base.hashes).astype("S16"))
-    assert "exact: 3 of 600 records differ" in compare_books(other, base, exact=True).reasons[0]
+    assert "exact: 3 of 600 records differ" in check_books(other, base, exact=True).reasons[0]
     verdict = base.verdict[0].copy()
     verdict[7] = 1 - verdict[7]
     run = with_answers(base, "m0", verdict, base.score[0])
     stranger = replace(run, manifest={**run.manifest, "plugins": {"m0": "digest"}})
-    assert compare_books(stranger, base, exact=True).result == "same"
+    assert check_books(stranger, base, exact=True).result == "same"
 
 
 def test_a_failure_fits_a_screen_and_begins_with_what_fell(base, with_answers, book):
@@ -448,7 +445,7 @@ def test_a_failure_fits_a_screen_and_begins_with_what_fell(base, with_answers, b
     now = many
     for method in many.methods:
         now = with_answers(now, method, np.zeros(N, dtype=np.int8))
-    check = compare_books(now, many, exact=True)
+    check = check_books(now, many, exact=True)
     text = wrap_lines(check.as_text())
     lines = text.splitlines()
     assert lines[0].startswith("worse: m0 is right in 50.0 % of the loops, before ")

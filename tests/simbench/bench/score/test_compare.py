@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.compare import between_methods, between_runs, compare
+from simbench.bench.score.compare import compare, compare_books
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.statistics import mcnemar
 from simbench.detectors.errors import UserError
@@ -24,7 +24,7 @@ def run(book, noisy):
 
 
 def test_pairs_are_counted_by_scenario(run):
-    comparison = between_methods(run)
+    comparison = compare_books(run)
     (pair,) = comparison.pairs[
         (comparison.pairs["first"] == "good") & (comparison.pairs["second"] == "fair")
     ].to_dict("records")
@@ -36,7 +36,7 @@ def test_pairs_are_counted_by_scenario(run):
 
 
 def test_equals_are_not_separated_and_the_best_comes_first(run):
-    comparison = between_methods(run)
+    comparison = compare_books(run)
     assert comparison.ranking["method"].iloc[0] == "good"
     assert not comparison.pairs.set_index(["first", "second"]).loc[("fair", "also_fair"), "differ"]
     good, fair = comparison.ranking.set_index("method").loc[["good", "fair"], "mean_rank"]
@@ -46,11 +46,11 @@ def test_equals_are_not_separated_and_the_best_comes_first(run):
 def test_scenarios_without_a_label_are_left_out(run, book):
     truth = TRUTH.copy()
     truth[:100] = -1
-    assert between_methods(book(run.verdict, truth)).cases == 300
+    assert compare_books(book(run.verdict, truth)).cases == 300
 
 
 def test_no_decision_is_never_right(book):
-    comparison = between_methods(book([np.full(N, 2), TRUTH, TRUTH], TRUTH))
+    comparison = compare_books(book([np.full(N, 2), TRUTH, TRUTH], TRUTH))
     assert comparison.ranking.set_index("method").loc["m0", "accuracy"] == 0.0
 
 
@@ -59,10 +59,10 @@ def test_two_runs_are_compared_method_by_method_in_any_order(run, book):
     other = book(
         run.verdict[:2, turned], TRUTH[turned], methods=("good", "fair"), ids=run.ids[turned]
     )
-    same = between_runs(run, other)
+    same = compare_books(run, other)
     assert same.pairs["p"].eq(1).all()
     assert list(same.pairs["first"]) == ["good", "fair"]
-    worse = between_runs(
+    worse = compare_books(
         run, book(np.array([run.verdict[1], run.verdict[1]]), TRUTH, methods=("good", "fair"))
     )
     assert worse.pairs.set_index("first")["differ"].to_dict() == {"good": True, "fair": False}
@@ -70,7 +70,7 @@ def test_two_runs_are_compared_method_by_method_in_any_order(run, book):
 
 def test_runs_without_a_common_method_are_refused(run, book):
     with pytest.raises(UserError, match="no method in common"):
-        between_runs(run, book(run.verdict[:1], TRUTH, methods=("another",)))
+        compare_books(run, book(run.verdict[:1], TRUTH, methods=("another",)))
 
 
 def test_from_folders_with_texts_that_hold_the_numbers(tmp_path):
@@ -93,7 +93,7 @@ def test_what_does_not_apply_is_not_compared(run):
     applies = np.ones((3, N), np.int8)
     applies[1, :150] = 0
     part = replace(run, applicable=applies)
-    comparison = between_methods(part)
+    comparison = compare_books(part)
     of = comparison.ranking.set_index("method")
     assert of.n.to_dict() == {"good": N, "fair": N - 150, "also_fair": N}
     assert of.accuracy["fair"] == pytest.approx(np.mean(run.verdict[1, 150:] == TRUTH[150:]))
@@ -106,7 +106,7 @@ def test_what_does_not_apply_is_not_compared(run):
         int((~good & fair).sum()),
     )
     assert of.mean_rank.isna().all()  # two are left to rank
-    against = between_runs(part, run)
+    against = compare_books(part, run)
     assert against.ranking.set_index("method").n["fair"] == N - 150
     assert against.pairs[["win", "loss"]].to_numpy().sum() == 0
 
@@ -115,12 +115,12 @@ def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
     about = {m: dict(run.manifest["methods"][m]) for m in run.methods}
     about["good"]["needs_mv"] = True
     blind = replace(run, manifest={**run.manifest, "methods": about})
-    assert between_methods(run).ranking.mean_rank.notna().all()
-    assert between_methods(blind).ranking.mean_rank.isna().all()
+    assert compare_books(run).ranking.mean_rank.notna().all()
+    assert compare_books(blind).ranking.mean_rank.isna().all()
 
 
 def test_every_pair_stands_in_the_matrix(run):
-    comparison = between_methods(run)
+    comparison = compare_books(run)
     wins, ties, losses, n = (comparison.matrix(x) for x in ("win", "tie", "loss", "n"))
     names = list(comparison.ranking.method)
     for first in names:
@@ -142,7 +142,7 @@ def test_the_text_shows_every_pair_within_a_line_of_a_terminal(book, noisy):
     rng = np.random.default_rng(3)
     names = [f"a_method_named_{k}" for k in range(14)]
     parts = [noisy(rng, TRUTH, 0.95 - 0.03 * k, methods=1)[0][0] for k in range(14)]
-    comparison = between_methods(book(parts, TRUTH, methods=names))
+    comparison = compare_books(book(parts, TRUTH, methods=names))
     lines = comparison.as_text().splitlines()
     assert max(map(len, lines)) <= 100
     shown = [
@@ -158,7 +158,7 @@ def test_the_text_shows_every_pair_within_a_line_of_a_terminal(book, noisy):
 def test_a_method_that_failed_is_marked(run):
     failed = np.zeros((3, N), dtype=bool)
     failed[1, :38] = True
-    comparison = between_methods(replace(run, failed=failed))
+    comparison = compare_books(replace(run, failed=failed))
     assert comparison.ranking.set_index("method").failed.to_dict() == {
         "good": 0,
         "fair": 38,
@@ -172,6 +172,6 @@ def test_a_method_that_failed_is_marked(run):
 
 def test_scores_compare_their_methods(run):
     scores = score_book(run)
-    assert scores.compare().pairs.equals(between_methods(run).pairs)
+    assert scores.compare().pairs.equals(compare_books(run).pairs)
     assert "\n" not in repr(scores.compare())
     assert "<table" in scores.compare()._repr_html_()

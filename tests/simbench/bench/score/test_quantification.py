@@ -10,7 +10,7 @@ import pytest
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.baseline import write_baseline
-from simbench.bench.score.check import compare_books
+from simbench.bench.score.check import check_books
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.reading import read_book
@@ -64,28 +64,28 @@ def test_healthy_loops_and_methods_without_s_have_no_row(sized, book):
 
 
 def test_the_gate_passes_what_did_not_change(sized):
-    check = compare_books(sized(*held(0.9)), sized(*held(0.9)))
+    check = check_books(sized(*held(0.9)), sized(*held(0.9)))
     assert check.result == "same"
     assert set(check.tests.what) >= {"coverage", "median error"}
 
 
 def test_a_fall_of_coverage_fails(sized):
-    check = compare_books(sized(*held(0.7)), sized(*held(0.9)))
+    check = check_books(sized(*held(0.7)), sized(*held(0.9)))
     assert check.result == "worse"
     assert "coverage of S of kano fell from 0.900 to 0.700" in " ".join(check.reasons)
 
 
 def test_a_rise_of_the_median_error_fails(sized):
-    check = compare_books(sized(*held(0.9), j=J + 1.0), sized(*held(0.9), j=J))
+    check = check_books(sized(*held(0.9), j=J + 1.0), sized(*held(0.9), j=J))
     assert check.result == "worse"
     assert "median error of J of kano rose from 0.000 to 0.250" in " ".join(check.reasons)
 
 
 def test_a_fall_within_the_margin_passes_and_one_that_may_be_chance_is_left_open(sized):
-    assert compare_books(sized(*held(0.88)), sized(*held(0.9))).result == "same"
+    assert check_books(sized(*held(0.88)), sized(*held(0.9))).result == "same"
     other = np.random.default_rng(0).permutation(N)
     lo, hi = held(0.86)
-    check = compare_books(sized(lo[other], hi[other]), sized(*held(0.9)))
+    check = check_books(sized(lo[other], hi[other]), sized(*held(0.9)))
     assert check.result == "cannot tell"
 
 
@@ -93,7 +93,7 @@ def test_a_method_that_gives_no_size_any_more_cannot_be_compared(sized):
     run = sized(*held(0.9))
     fewer = run.sizes.copy()
     fewer[:, :, N // 2 :] = np.nan
-    check = compare_books(replace(run, sizes=fewer), run)
+    check = check_books(replace(run, sizes=fewer), run)
     assert check.result == "cannot tell"
     assert "given 100 times, before 200" in " ".join(check.reasons)
 
@@ -101,7 +101,7 @@ def test_a_method_that_gives_no_size_any_more_cannot_be_compared(sized):
 def test_a_baseline_without_sizes_asks_nothing(sized):
     run = sized(*held(0.9))
     nothing = np.full_like(run.sizes, np.nan)
-    assert compare_books(run, replace(run, sizes=nothing)).result == "same"
+    assert check_books(run, replace(run, sizes=nothing)).result == "same"
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_a_run_is_scored_printed_and_kept_as_baseline(finished, tmp_path):
     assert rows["kano_a", "choudhury", "S"]["coverage"] is None
     assert "S and J of sticky loops" in score_run(finished).as_text(full=True)
     write_baseline(finished, tmp_path / "base")
-    again = compare_books(read_book(finished), read_book(tmp_path / "base"))
+    again = check_books(read_book(finished), read_book(tmp_path / "base"))
     assert again.result == "same"
     assert (
         again.tests.query("what == 'median error'")[["before", "now"]].diff(axis=1)["now"] == 0

@@ -12,7 +12,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.sweep import sweep
 from simbench.bench.score import folds, tradeoff
 from simbench.bench.score.answers import home_of
-from simbench.bench.score.compare import between_methods
+from simbench.bench.score.compare import compare_books
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import score_book, score_run
@@ -568,7 +568,7 @@ def test_a_method_fitted_on_this_grid_is_marked_in_the_tables(book):
     assert any("m1*" in line for line in lines)
     assert any("m0" in line for line in lines)
     assert not any("m0*" in line for line in lines)
-    assert dict(between_methods(run).ranking[["method", "home"]].to_numpy()) == {
+    assert dict(compare_books(run).ranking[["method", "home"]].to_numpy()) == {
         "m0": "no",
         "m1": "fitted here",
     }
