@@ -4,14 +4,14 @@ function without hidden state.
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import repeat
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from simbench.contract.rules import both_ways, head_faults, inside, schema_faults, shown
+from simbench.contract.rules import both_ways, head_faults, inside, schema_faults, shown, walked
 from simbench.detectors.contract.engine import ContractRules
-from simbench.detectors.contract.watch import call_guarded
 from simbench.detectors.errors import UserError
 from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop import kernel
@@ -71,34 +71,18 @@ def _description(kind: str, name: str, module: ModuleType) -> Iterator[str]:
             )
 
 
-def _walked(
+def _firsts(
     what: str, start: Callable[[], Any], step: Callable[[float, Any], Any], size: float, count: int
 ) -> tuple[np.ndarray, list[str]]:
     """Return the first number of every state from `start` over some steps under a constant input,
     and what is wrong with them.
     """
     what = what.format(size)
-
-    def walk() -> list[tuple]:
-        states = [start()]
-        while len(states) <= count and _is_state(states[-1], states[0]):
-            states.append(step(size, states[-1]))
-        return states
-
-    answer = call_guarded(walk)
-    if answer.faults or answer.refusal:
-        return np.empty(0), [f"{fault}, {what}" for fault in answer.unanswered()]
-    last = answer.value[-1]
-    if not _is_state(last, answer.value[0]):
-        fault = f"gives the state {last!r}; a tuple of one length throughout is needed, {what}"
-        return np.empty(0), [fault]
-    first = np.array([s[0] for s in answer.value], dtype=float)
-    faults = [] if np.isfinite(first).all() else [f"gives values that are not finite, {what}"]
+    states, faults = walked(start, step, repeat(size, count), what)
+    first = np.array([s[0] for s in states], dtype=float)
+    if not np.isfinite(first).all():
+        faults = [f"gives values that are not finite, {what}"]
     return first, faults
-
-
-def _is_state(state: Any, first: Any) -> bool:
-    return isinstance(state, tuple) and 0 < len(state) == len(first)
 
 
 def _plant_faults(name: str, module: ModuleType, case: object) -> Iterator[str]:
@@ -107,7 +91,7 @@ def _plant_faults(name: str, module: ModuleType, case: object) -> Iterator[str]:
     p = setup.plant_plugin[1]
 
     under = partial(
-        _walked,
+        _firsts,
         "with MV {:g} % off rest",
         lambda: module.start(p),
         lambda w, s: module.step(w, w, s, p),
@@ -142,7 +126,7 @@ def _controller_faults(name: str, module: ModuleType, case: object) -> Iterator[
     p = setup.control_plugin[1]
 
     under = partial(
-        _walked,
+        _firsts,
         "under an error of {:g}",
         lambda: module.start(p),
         lambda e, s: module.step(e, setup.pv0, s, p),

@@ -3,7 +3,7 @@ parameters, and the same answer compiled as in plain Python.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from types import ModuleType
 from typing import Any
@@ -64,3 +64,32 @@ def both_ways(run: Callable[[bool], Any]) -> tuple[list[Any], list[str]]:
             return [], [f"{' '.join(fault.split())[:300]}, {how}" for fault in faults]
         answers.append(answer.value)
     return answers, []
+
+
+def walked(
+    start: Callable[[], Any], step: Callable[[float, Any], Any], inputs: Iterable[float], where: str
+) -> tuple[list[tuple], list[str]]:
+    """Return the states of a step function from `start` under some inputs, or what is wrong with
+    them, `where` it is.
+    """
+
+    def walk() -> list[Any]:
+        states = [start()]
+        for x in inputs:
+            if not _is_state(states[-1], states[0]):
+                break
+            states.append(step(x, states[-1]))
+        return states
+
+    answer = call_guarded(walk)
+    if faults := answer.unanswered():
+        return [], [f"{fault}, {where}" for fault in faults]
+    last = answer.value[-1]
+    if not _is_state(last, answer.value[0]):
+        fault = f"gives the state {last!r}; a tuple of one length throughout is needed, {where}"
+        return [], [fault]
+    return answer.value, []
+
+
+def _is_state(state: Any, first: Any) -> bool:
+    return isinstance(state, tuple) and 0 < len(state) == len(first)

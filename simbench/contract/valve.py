@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from simbench.contract.band import band_fault
-from simbench.contract.rules import both_ways, head_faults, inside, schema_faults, shown
+from simbench.contract.rules import both_ways, head_faults, inside, schema_faults, shown, walked
 from simbench.detectors.contract.engine import ContractRules
 from simbench.detectors.contract.watch import call_guarded
 from simbench.detectors.errors import UserError
@@ -66,35 +66,23 @@ def _step_faults(name: str, module: ModuleType, table: dict[str, Any]) -> Iterat
     what is given.
     """
     p = valve_parameters(module, table, 1.0)
-
-    def walk() -> list[tuple]:
-        states = [module.start(40.0, p)]
-        for u in (40.0, 60.0, 55.0, 120.0, -5.0):
-            if not isinstance(states[-1], tuple):
-                break
-            states.append(module.step(u, states[-1], p))
-        return states
-
-    first, second = call_guarded(walk), call_guarded(walk)
-    if first.faults or first.refusal:
-        yield from (f"{fault}, in start or step" for fault in first.unanswered())
-        return
-    wrong = [
-        s for s in first.value if not isinstance(s, tuple) or not s or len(s) != len(first.value[0])
-    ]
-    numbers = [x for s in first.value[1:] if isinstance(s, tuple) for x in s]
-    if wrong:
-        yield (
-            f"gives the state {wrong[0]!r} after {first.value[0]!r}; a tuple of one length"
-            " throughout is needed"
+    (first, faults), (second, _) = (
+        walked(
+            lambda: module.start(40.0, p),
+            lambda u, v: module.step(u, v, p),
+            (40.0, 60.0, 55.0, 120.0, -5.0),
+            "in start or step",
         )
-    elif not all(type(x) is float for x in numbers):
-        odd = next(x for x in numbers if type(x) is not float)
+        for _ in range(2)
+    )
+    yield from faults
+    odd = [x for state in first[1:] for x in state if type(x) is not float]
+    if odd:
         yield (
-            f"gives the state {odd!r} ({type(odd).__name__}); floats are needed, compiled states"
-            " hold nothing else"
+            f"gives the state {odd[0]!r} ({type(odd[0]).__name__}); floats are needed, compiled"
+            " states hold nothing else"
         )
-    elif first.value != second.value:
+    elif first != second:
         yield "is not deterministic: the same OP gives another MV the second time"
 
 
