@@ -129,7 +129,7 @@ def diagnose_files(
             from simbench.gap.report.page import write_page
             from simbench.gap.report.story import story
 
-            told = None
+            told = []
             if recorded_tests:
                 alone = diagnose(source, loop, healthy=ordinary, jobs=jobs)
                 told = story(report, alone, recorded_tests)

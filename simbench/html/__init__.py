@@ -1,1 +1,1 @@
-"""Build HTML pages: templates, sortable tables, and pictures as inline SVG."""
+"""Build HTML pages: documents of text, tiles, sortable tables, and pictures as inline SVG."""

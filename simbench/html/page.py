@@ -1,25 +1,20 @@
-"""Load the templates of HTML pages: those of one package, and those that all pages share."""
+"""Fill the templates of HTML pages."""
 
 from functools import cache
 from pathlib import PurePath
 from typing import Any
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from simbench.detectors.errors import printable
 
 
 @cache
-def _environment(room: str) -> Environment:
-    """Return the templates of a package and the shared ones; texts are escaped, a missing value
-    is an error.
-    """
-    loader = ChoiceLoader(
-        [PackageLoader(room, "templates"), PackageLoader("simbench.html", "templates")]
-    )
+def _environment() -> Environment:
+    """Return the templates; texts are escaped, a missing value is an error."""
     return Environment(
-        loader=loader,
+        loader=PackageLoader("simbench.html", "templates"),
         autoescape=True,
         finalize=_shown,
         undefined=StrictUndefined,
@@ -34,6 +29,6 @@ def _shown(value: Any) -> Any:
     return printable(value, "\n\t") if plain and not str(value).isprintable() else value
 
 
-def render(room: str, template: str, **values: Any) -> Markup:
+def render(template: str, **values: Any) -> Markup:
     """Fill one template."""
-    return Markup(_environment(room).get_template(template).render(**values))
+    return Markup(_environment().get_template(template).render(**values))

@@ -1,7 +1,7 @@
 """Turn data frames into HTML tables that the reader can sort."""
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -11,11 +11,11 @@ _Format = Callable[[Any], str]
 
 def sortable(
     frame: pd.DataFrame,
-    formats: dict[str, _Format] | None = None,
+    formats: Mapping[str, _Format] | None = None,
     long: Collection[str] = (),
-    beside: dict[str, Sequence[str]] | None = None,
+    beside: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, Any]:
-    """Return what the `sortable` macro of parts.html draws."""
+    """Return columns and rows of a table as part.html draws them."""
     formats = formats or {}
     numbers = {
         c

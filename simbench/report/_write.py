@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from simbench.bench.score.names import benchmark_text
-from simbench.files import whole_file
+from simbench.html.document import Section, write
 from simbench.report import (
     axes,
     disagreement,
@@ -18,7 +18,6 @@ from simbench.report import (
     tradeoff,
 )
 from simbench.report.data import RunData
-from simbench.report.page import render
 
 _SECTIONS = (
     summary,
@@ -53,16 +52,6 @@ def write_report(run_folder: str | Path, path: str | Path, run: RunData | None =
     commit = str(manifest.get("commit") or "unknown")[:12]
     grid = f"grid {manifest['grid']} ({manifest['grid_hash']}){benchmark_text(manifest)}"
     origin = f"commit {commit}, {grid}, records {manifest.get('records_hash', '-')}"
-    sections = [
-        {"id": s.__name__.rpartition(".")[2], "title": s.TITLE, "body": s.section(run)}
-        for s in _SECTIONS
-    ]
-    text = render(
-        "page.html",
-        title=f"Stiction detectors on {manifest['grid']}",
-        subtitle=origin,
-        sections=sections,
-        footer=f"Every number: {origin}.",
-    )
-    with whole_file(path) as f:
-        f.write(text)
+    sections = [Section(s.__name__.rpartition(".")[2], s.TITLE, s.section(run)) for s in _SECTIONS]
+    title = f"Stiction detectors on {manifest['grid']}"
+    write(path, title, origin, sections, footer=f"Every number: {origin}.")

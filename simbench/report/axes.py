@@ -1,16 +1,13 @@
 """Section of the report: accuracy of every detector along every axis of the grid."""
 
-from markupsafe import Markup
-
 from simbench.bench.score.names import LEAST
-from simbench.html.table import sortable
+from simbench.html.document import Part, Table, Text
 from simbench.report.data import RunData
-from simbench.report.page import render
 
 TITLE = "By axis"
 
 
-def section(run: RunData) -> Markup:
+def section(run: RunData) -> list[Part]:
     """List the scores by grid axis, one sortable table."""
     every = run.scores.by_axis
     here = every[every["role"] != "yardstick"]
@@ -36,6 +33,11 @@ def section(run: RunData) -> Markup:
     digits = dict.fromkeys(
         ["accuracy", "from", "to", "sensitivity", "false positives", "no decision"], "{:.3f}".format
     )
-    return render(
-        "axes.html", table=sortable(here[list(names)].rename(columns=names), formats=digits)
-    )
+    return [
+        Text(
+            "Accuracy at each value of each axis where the detector applies, against whether the"
+            " loop cycled, with its 95 % interval. S_over_2J: 0 is a healthy valve, inf a pure"
+            " dead-band."
+        ),
+        Table(here[list(names)].rename(columns=names), digits),
+    ]

@@ -4,28 +4,26 @@ and why methods gave no decision.
 
 import re
 
-from markupsafe import Markup
-
-from simbench.html.table import sortable
+from simbench.html.document import Part, Table, Text
 from simbench.report.data import RunData
-from simbench.report.page import render
 
 TITLE = "Failures and abstentions"
 _ROWS_SHOWN = 50  # rows shown
 
 
-def section(run: RunData) -> Markup:
+def section(run: RunData) -> list[Part]:
     """List errors, and count the reasons of "no decision" with their numbers taken out."""
     errors = run.errors
     reasons = run.abstentions.assign(why=run.abstentions["reason"].map(_pattern))
     why = reasons.groupby(["method", "why"]).size().rename("verdicts").reset_index()
     why = why.sort_values("verdicts", ascending=False).head(_ROWS_SHOWN)
-    return render(
-        "failures.html",
-        count=len(errors),
-        errors=sortable(errors.head(_ROWS_SHOWN), long=["error"]),
-        why=sortable(why, long=["why"]),
-    )
+    parts: list[Part] = [Text("No detector raised, every scenario ran.", "good")]
+    if len(errors):
+        shown = Table(errors.head(_ROWS_SHOWN), long=["error"])
+        parts = [Text(f"{len(errors)} failures.", "bad"), shown]
+    if len(why):
+        parts += [Text("Why methods abstained", "heading"), Table(why, long=["why"])]
+    return parts
 
 
 def _pattern(reason: str) -> str:

@@ -6,11 +6,9 @@ import shlex
 from typing import Any
 
 import pandas as pd
-from markupsafe import Markup
 
-from simbench.html.table import sortable
+from simbench.html.document import Commands, Part, Table, Text
 from simbench.report.data import RunData
-from simbench.report.page import render
 
 TITLE = "Provenance"
 _SHOWN = {
@@ -26,7 +24,7 @@ _SHOWN = {
 }
 
 
-def section(run: RunData) -> Markup:
+def section(run: RunData) -> list[Part]:
     """Return the manifest of the run and the commands that repeat it."""
     manifest = run.book.manifest
     rows = [(title, manifest.get(key)) for key, title in _SHOWN.items()]
@@ -35,13 +33,24 @@ def section(run: RunData) -> Markup:
         [(name, "" if value is None else str(value)) for name, value in rows],
         columns=["what", "value"],
     )
-    return render(
-        "provenance.html",
-        table=sortable(frame, long=["value"]),
-        commands=reproduce(manifest),
-        folder=run.folder,
-        exam=manifest.get("exam"),
-    )
+    exam = manifest.get("exam")
+    parts: list[Part] = [
+        Text(
+            "All numbers on this page come from"
+            + (
+                f" answers to the exam with commitment {exam}:"
+                if exam
+                else f" the tables in {run.folder}, and these from:"
+            )
+        ),
+        Table(frame, long=["value"]),
+        Text("How to reproduce", "heading"),
+        Commands(reproduce(manifest)),
+    ]
+    if exam:
+        return parts
+    one = [f"simbench simulate --from {run.folder} --id SCENARIO -o record.csv"]
+    return [*parts, Text("One scenario:"), Commands([*one, "simbench detect record.csv"])]
 
 
 def reproduce(manifest: dict[str, Any]) -> list[str]:

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import pandas as pd
-from markupsafe import Markup
 from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
 from simbench.bench.statistics import auc
 from simbench.figures._style import GREY, label, panel, series, styled
-from simbench.html.svg import inline_svg
+from simbench.html.document import Part, Pictures, Text
 from simbench.report.data import RunData
-from simbench.report.page import render
 
 TITLE = "ROC"
 
@@ -30,7 +28,7 @@ class _Curve(NamedTuple):
     published: tuple[float, ...]
 
 
-def section(run: RunData) -> Markup:
+def section(run: RunData) -> list[Part]:
     """Draw one curve per detector, the largest area first, with the point its published threshold
     sits on.
     """
@@ -45,8 +43,16 @@ def section(run: RunData) -> Markup:
             text = f"{area.value:.2f} ({area.lo:.2f}-{area.hi:.2f})"
             ranked.append((area.value, _Curve(method, text, roc_curve(mine), point)))
     curves = [curve for _, curve in sorted(ranked, key=lambda pair: -pair[0])]
-    caption = "ROC curves; areas: " + ", ".join(f"{c.method} {c.area}" for c in curves)
-    return render("roc.html", picture=inline_svg(_draw(curves), "roc", caption) if curves else None)
+    if not curves:
+        says = "No curve can be drawn: the run holds cycling or healthy loops only."
+        return [Text(says)]
+    says = (
+        "Every threshold on the score at once, the largest area first; a dot is the published"
+        " threshold. Scores are those after the oscillation front end, records without a score"
+        " left out. An area of 0.5 is guessing."
+    )
+    caption = "Areas: " + ", ".join(f"{c.method} {c.area}" for c in curves)
+    return [Text(says), Pictures([(_draw(curves), caption)], wide=True)]
 
 
 def roc_curve(judged: pd.DataFrame) -> pd.DataFrame:

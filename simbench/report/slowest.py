@@ -1,16 +1,15 @@
 """Section of the report: the computing time of each detector."""
 
 import pandas as pd
-from markupsafe import Markup
 
-from simbench.html.table import percent, sortable
+from simbench.html.document import Part, Table, Text
+from simbench.html.table import percent
 from simbench.report.data import RunData
-from simbench.report.page import render
 
 TITLE = "Slowest detectors"
 
 
-def section(run: RunData) -> Markup:
+def section(run: RunData) -> list[Part]:
     """List time per record and share of the whole, and the ten slowest single records."""
     ms = run.times
     cost = pd.DataFrame(
@@ -29,6 +28,12 @@ def section(run: RunData) -> Markup:
         .rename("time (ms)")
         .reset_index()
     )
-    return render(
-        "slowest.html", cost=sortable(cost, formats={"share of all": percent}), ten=sortable(ten)
-    )
+    return [
+        Text(
+            "Time per record, measured while the run went on; the only numbers here that change"
+            " from run to run."
+        ),
+        Table(cost, {"share of all": percent}),
+        Text("Ten slowest records", "heading"),
+        Table(ten),
+    ]

@@ -1,19 +1,32 @@
 """Section of the report: the run in a few numbers, and the score table."""
 
 import math
-from typing import Any
 
 import pandas as pd
-from markupsafe import Markup
 
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.result import Scores
 from simbench.bench.score.stability import HALVES
-from simbench.html.table import percent, sortable
+from simbench.html.document import Part, Table, Text, Tiles, texts
+from simbench.html.table import percent
 from simbench.report.data import RunData
-from simbench.report.page import render
 
 TITLE = "Summary"
+_SAYS = (
+    "The first table ranks the detectors on the loops that oscillate. Cost is the mean loss: a"
+    " wrong answer costs 1, no decision 0.5, a right answer 0. Accuracy is the share of right"
+    " answers; no decision counts as not right. Sensitivity is the share of the cycling loops"
+    " called stiction, false positives the share of the other loops. Applies: share of the loops"
+    " that the publication of the method covers; the other columns count these loops only. Small"
+    " figures are 95 % intervals.",
+    "Rank 1: no method costs less by a difference that these loops resolve between the two. Rank"
+    " 2: only methods of rank 1 do, and so on. Methods that need the valve position (MV) are ranked"
+    " among themselves. A method that answers fewer than nine tenths of the loops has no rank; one"
+    " of your own is then ranked on the loops that it answers. Reference rows are no detectors: the"
+    " oracle answers the label, and no_waveform is a classifier that sees period, amplitude and"
+    " noise, but no waveform. A useful detector costs less than no_waveform. Each column can be"
+    " sorted.",
+)
 _HEADLINE = {
     "cost": "cost",
     "accuracy": "accuracy",
@@ -36,7 +49,7 @@ _USES = {
 }
 
 
-def section(run: RunData) -> Markup:
+def section(run: RunData) -> list[Part]:
     """Give size, balance, the best detector with its interval, failures, and all scores."""
     book = run.book
     cycle = book.truth["cycled"][book.truth["cycled"] >= 0] == 1
@@ -88,15 +101,14 @@ def section(run: RunData) -> Markup:
         ),
         ("All loops", ("cycled", ALL, ALL)),
     ]
-    tables = [(title, _readable(run.scores, place)) for title, place in places]
-    return render(
-        "summary.html",
-        tiles=tiles,
-        tables=[(title, table) for title, table in tables if table is not None],
-    )
+    parts: list[Part] = [Tiles(tiles), *texts(_SAYS)]
+    for title, place in places:
+        if (table := _readable(run.scores, place)) is not None:
+            parts += [Text(title, "heading"), table]
+    return parts
 
 
-def _readable(scores: Scores, place: tuple[str, str, str]) -> dict[str, Any] | None:
+def _readable(scores: Scores, place: tuple[str, str, str]) -> Table | None:
     """Return one row per detector with the columns a reader compares; None when there are no such
     loops.
     """
@@ -133,4 +145,4 @@ def _readable(scores: Scores, place: tuple[str, str, str]) -> dict[str, Any] | N
         .map({"fitted here": "on this grid", "siblings": "on loops like these"})
         .fillna("")
     )
-    return sortable(table, formats=_FORMATS, beside=beside)
+    return Table(table, _FORMATS, beside=beside)

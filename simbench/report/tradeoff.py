@@ -4,20 +4,18 @@ how much of a corner each detector needs.
 
 import numpy as np
 import pandas as pd
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from simbench.bench.score import tradeoff
 from simbench.bench.score.names import LEAST, ROLE_YARDSTICK
 from simbench.figures._style import GREY, label, panels, series, styled
-from simbench.html.svg import inline_svg
+from simbench.html.document import Part, Pictures, Text
 from simbench.report.data import RunData
-from simbench.report.page import render
 
 TITLE = "What the order rests on"
 
 
-def section(run: RunData) -> Markup:
+def section(run: RunData) -> list[Part]:
     """Draw the two costs of every ranked detector, and its resolution where the grid has echoes of
     several cuts.
     """
@@ -28,16 +26,22 @@ def section(run: RunData) -> Markup:
         caption = (
             "Cost over the weight of no decision (half of the loops stick) and over prevalence"
         )
-        pictures.append(
-            (inline_svg(_draw_costs(rows, run.scores.undecided), "costs", caption), caption)
-        )
+        pictures.append((_draw_costs(rows, run.scores.undecided), caption))
     cuts = run.scores.by_axis
     cuts = cuts[(cuts["axis"] == "cut") & (cuts["role"] != ROLE_YARDSTICK)]
     cuts = cuts[cuts["applicable"] >= LEAST]
     if len(cuts):
         caption = "Share of echoes called sticky over the frequency at which they end"
-        pictures.append((inline_svg(_draw_cuts(cuts), "cuts", caption), caption))
-    return render("tradeoff.html", pictures=pictures)
+        pictures.append((_draw_cuts(cuts), caption))
+    few = Text("Too few loops oscillate for costs over weight and prevalence.")
+    says = (
+        "No detector is best for everyone: what no decision costs, and how many loops stick, decide"
+        " the order. Where a detector lies above the dotted line, never to claim stiction costs"
+        " less. An echo that ends high holds nearly all of the valve's corners and moves like a"
+        " sticky loop; the lower the frequency at which a detector still calls it sticky, the less"
+        " it needs the corner."
+    )
+    return [Pictures(pictures, wide=True) if pictures else few, Text(says)]
 
 
 @styled

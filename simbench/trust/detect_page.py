@@ -5,14 +5,13 @@ method with its reason.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from simbench.detectors.report import summary
 from simbench.detectors.report.report import Report
 from simbench.detectors.verdict import PROBABILITY
-from simbench.html.sections import SectionTable, section, write
+from simbench.html.document import Part, Pictures, Points, Section, Table, texts, two_digits, write
 from simbench.trust.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
@@ -36,7 +35,7 @@ def write_page(report: Report, path: str | Path) -> None:
         (name, verdicts, _) = groups[0]
         lines = report.conclusions[name].as_lines() if name in report.conclusions else []
         answer = [*lines, f"Methods: {summary.sentence(verdicts)}."]
-        parts = [section("answer", "The answer", answer)]
+        parts = [Section("answer", "The answer", texts(answer))]
     for number, (name, verdicts, record) in enumerate(groups[:_SHOWN]):
         if record is not None:
             title = name or record.tag or "The record"
@@ -44,22 +43,12 @@ def write_page(report: Report, path: str | Path) -> None:
                 (draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"),
                 (draw_pv_op(record), "PV against OP"),
             ]
-            parts.append(
-                section(
-                    f"record-{number}",
-                    title,
-                    pictures=seen,
-                    points=summary.notes_of(verdicts, record),
-                )
-            )
-    parts.append(
-        section(
-            "methods",
-            "Every method",
-            table=SectionTable(_table(report), ["reason"], shares=["score"]),
-            points=_COLUMNS,
-        )
-    )
+            shown: list[Part] = [Pictures(seen)]
+            if notes := summary.notes_of(verdicts, record):
+                shown.append(Points(notes))
+            parts.append(Section(f"record-{number}", title, shown))
+    table = Table(_table(report), two_digits("score"), ["reason"])
+    parts.append(Section("methods", "Every method", [table, Points(_COLUMNS)]))
     write(
         path,
         "Does the valve stick?",
@@ -68,18 +57,16 @@ def write_page(report: Report, path: str | Path) -> None:
     )
 
 
-def _ranking(report: Report) -> dict[str, Any]:
+def _ranking(report: Report) -> Section:
     frame = report.loops()
     frame["conclusion"] = frame["conclusion"].replace(summary.CONCLUDED)
     shown = ["record", "conclusion", PROBABILITY, "cause", "event", "reason", "next"]
     frame = frame[shown].rename(columns=lambda name: name.replace("_", " "))
-    long, shares = ["cause", "reason", "next"], [PROBABILITY.replace("_", " ")]
-    return section(
-        "loops",
-        "The loops",
-        table=SectionTable(frame, long, shares=shares),
-        points=["Event: loops with the same number share one oscillation."],
+    table = Table(
+        frame, two_digits(PROBABILITY.replace("_", " ")), long=["cause", "reason", "next"]
     )
+    says = Points(["Event: loops with the same number share one oscillation."])
+    return Section("loops", "The loops", [table, says])
 
 
 def _table(report: Report) -> pd.DataFrame:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from simbench.detectors.report import summary
-from simbench.html.sections import SectionTable, section, write
+from simbench.html.document import Pictures, Points, Section, Table, Tiles, texts, two_digits, write
 from simbench.trust.pictures import draw_power, draw_pv_op, draw_trend
 from simbench.trust.result import Trust
 
@@ -49,12 +49,13 @@ def write_page(trust: Trust, path: str | Path) -> None:
                 f"smallest S ({record.S_unit}) detected in 4 of 5 replicates",
             )
         )
-    parts = [section("answer", "The answer", trust.first_lines(), tiles=tiles)]
+    answer = [*texts(trust.first_lines()), *([Tiles(tiles)] if tiles else [])]
+    parts = [Section("answer", "The answer", answer)]
     seen = [
         (draw_trend(record), "PV (red), SP (grey), OP (blue)"),
         (draw_pv_op(record), "PV against OP"),
     ]
-    parts.append(section("record", "The record", pictures=seen))
+    parts.append(Section("record", "The record", [Pictures(seen)]))
     if trust.power:
         best = [m for m in trust.methods if m.verdict.applicable is not False][:_SHOWN]
         curves = {"most accurate": trust.power} | {m.verdict.method: m.power for m in best}
@@ -68,20 +69,16 @@ def write_page(trust: Trust, path: str | Path) -> None:
             (draw_power(curves, ratio, record.S_unit), f"{caption}; J = {ratio:.3g} S")
             for ratio in ratios
         ]
-        parts.append(section("power", "What this record could have shown", pictures=pictures))
-    parts.append(
-        section(
-            "methods",
-            "Which method to trust on this loop",
-            table=SectionTable(_table(trust), ["reason"], shares=_SHARES),
-            points=_COLUMNS if trust.twins else (),
-        )
-    )
+        shown = [Pictures(pictures)]
+        parts.append(Section("power", "What this record could have shown", shown))
+    table = Table(_table(trust), two_digits(*_SHARES), ["reason"])
+    methods = [table, *([Points(_COLUMNS)] if trust.twins else [])]
+    parts.append(Section("methods", "Which method to trust on this loop", methods))
     points = [*(r.sentence() for r in trust.helps), *trust.notes]
     # they include what reading the record assumed
     points += summary.notes_of([m.verdict for m in trust.methods], record)
     if points:
-        parts.append(section("next", "What would help, and what to know", points=points))
+        parts.append(Section("next", "What would help, and what to know", [Points(points)]))
     write(
         path,
         f"Stiction in {record.tag or 'this loop'}: which method to trust",

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from simbench.figures._style import BLUE, GREY, label, panel, styled
 from simbench.gap.report.result import words
 from simbench.gap.stiction.conclusion import WORDS
-from simbench.html.sections import SectionTable, section, write
+from simbench.html.document import Pictures, Points, Section, Table, texts, two_digits, write
 
 _MOST = 60  # records drawn
 _SHARES = (
@@ -34,15 +34,15 @@ def write_folder_page(
     path: str | Path,
 ) -> None:
     """Write the answers about every record as one self-contained HTML page."""
-    parts = [section("answer", "The answer", sentences)]
+    parts = [Section("answer", "The answer", texts(sentences))]
     if answers:
         caption = "Distance of simulation and record as given (grey) and corrected (blue)"
-        parts.append(section("gaps", "How near", pictures=[(_draw(answers), caption)]))
-        table = SectionTable(_table(answers), ["reason"], shares=_SHARES)
-        parts.append(section("records", "Every record", table=table))
+        parts.append(Section("gaps", "How near", [Pictures([(_draw(answers), caption)])]))
+        table = Table(_table(answers), two_digits(*_SHARES), ["reason"])
+        parts.append(Section("records", "Every record", [table]))
     if refused:
-        points = [f"{name}: {why}" for name, why in refused.items()]
-        parts.append(section("refused", "Not diagnosed", points=points))
+        points = Points(f"{name}: {why}" for name, why in refused.items())
+        parts.append(Section("refused", "Not diagnosed", [points]))
     title = "What do the simulations lack?"
     write(path, title, f"{len(answers)} record{'s' * (len(answers) != 1)} diagnosed", parts)
 

@@ -5,18 +5,30 @@ the next step.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
-from markupsafe import Markup
 
 from simbench.gap.report import pictures
-from simbench.gap.report.parts import caption_pictures, look, render, write
+from simbench.gap.report.parts import look
 from simbench.gap.report.result import GapReport, numbers, words
 from simbench.gap.report.traces import compared, gap_sizes
-from simbench.html.svg import inline_svg
-from simbench.html.table import sortable
+from simbench.html.document import (
+    Commands,
+    Details,
+    Part,
+    Pictures,
+    Points,
+    Section,
+    Table,
+    Text,
+    Tiles,
+    texts,
+    two_digits,
+    write,
+)
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 _MEANING = {
@@ -26,29 +38,37 @@ _MEANING = {
 
 
 def write_page(
-    report: GapReport, path: str | Path, command: Sequence[str] = (), account: str = ""
+    report: GapReport,
+    path: str | Path,
+    command: Sequence[str] = (),
+    account: Sequence[Part] = (),
 ) -> None:
     """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone;
     `account`: its story.
     """
     situation = report.behind.found.situation
     loop = report.fixed_loop().to_toml().strip()
-    parts = [
-        ("answer", "The answer", _answer(report)),
-        ("story", "What the tests changed", account),
-        ("where", "Where the gap lies", _where(report)),
-        ("look", "Record and simulation", look(compared(report), situation)),
-        ("remaining", "What remains", _remaining(report)),
-        ("which", "Which effect", _which(report)),
-        ("shrinkage", "How far the gap shrinks", _shrinkage(report)),
-        ("next", "What is open, and what to do next", _open(report)),
-        ("reproduce", "How to reproduce", render("reproduce.html", command=command, loop=loop)),
+    written = Details("The loop file that --write-loop writes", [Commands([loop])])
+    sections = [
+        Section("answer", "The answer", _answer(report)),
+        Section("story", "What the tests changed", account),
+        Section("where", "Where the gap lies", _where(report)),
+        Section("look", "Record and simulation", look(compared(report), situation)),
+        Section("remaining", "What remains", _remaining(report)),
+        Section("which", "Which effect", _which(report)),
+        Section("shrinkage", "How far the gap shrinks", _shrinkage(report)),
+        Section("next", "What is open, and what to do next", _open(report)),
+        Section(
+            "reproduce",
+            "How to reproduce",
+            [*([Commands(command)] if command else []), written],
+        ),
     ]
     title = f"{situation.record.tag or 'Record'} against its simulation"
-    write(path, title, "Sim-to-real gap of one control loop", parts)
+    write(path, title, "Sim-to-real gap of one control loop", sections)
 
 
-def _answer(report: GapReport) -> Markup:
+def _answer(report: GapReport) -> list[Part]:
     g, s = report.gap, report.shrinkage
     what = {NONE: "that nothing is lacking", UNKNOWN: "of an effect not on the list"}.get(
         report.effect, f"of {words(report.effect)}"
@@ -63,71 +83,92 @@ def _answer(report: GapReport) -> Markup:
         value, lo, hi = (round(100 * s[k]) for k in ("value", "lo", "hi"))
         removed = f"of the gap above the floor is removed (90 % interval {lo} to {hi} %)"
         tiles.append((f"{value} %", removed))
-    named = [
-        {
-            "effect": words(e["effect"]),
-            "block": e["block"],
-            "fitted": numbers(e["effect"], e["parameters"], "", report.op_unit),
-            "says": EFFECTS[e["effect"]].says,
-        }
-        for e in report.effects
-        if e["effect"] in report.named
+    named = [_named(report, e) for e in report.effects if e["effect"] in report.named]
+    return [
+        *texts([report.answer(), report.nearness()], "strong"),
+        Tiles(tiles),
+        *([Points(named)] if named else []),
+        Text("The valve", "heading"),
+        *texts(report.conclusion.as_lines()),
     ]
-    return render(
-        "answer.html",
-        sentences=[report.answer(), report.nearness()],
-        tiles=tiles,
-        named=named,
-        valve=report.conclusion.as_lines(),
-    )
 
 
-def _where(report: GapReport) -> Markup:
+def _named(report: GapReport, e: Mapping[str, Any]) -> str:
+    """Return what an effect that the report names is, and with which parameters it was fitted."""
+    name = e["effect"]
+    fitted = numbers(name, e["parameters"], "", report.op_unit)
+    says = f"{words(name)} ({e['block']}): {EFFECTS[name].says}."
+    return f"{says} Fitted: {fitted}." if fitted else says
+
+
+def _where(report: GapReport) -> list[Part]:
     shares = report.blocks
-    each = ", ".join(f"{b} {p:.2f}" for b, p in shares.items())
-    svg = inline_svg(pictures.draw_blocks(shares), "blocks", f"probability of each block: {each}")
-    return render("where.html", svg=svg, any=any(shares.values()))
+    says = (
+        "The probability that the missing effect lies in a block is the sum over the effects of"
+        " that block."
+        if any(shares.values())
+        else "No effect is missing, so no block has a share."
+    )
+    return [Text(says), Pictures([(pictures.draw_blocks(shares), "Probability of each block")])]
 
 
-def _remaining(report: GapReport) -> Markup:
+def _remaining(report: GapReport) -> list[Part]:
     """Return in which features the record differs from its simulations, the answer in them."""
     if not report.remaining:
-        return Markup()
+        return []
     caption = "Recorded values beside the range of the simulations, the farthest on top"
-    drawn = caption_pictures([(pictures.draw_remaining(report.remaining), "remaining", caption)])
     table = pd.DataFrame([one.as_json() for one in report.remaining])
     formats = {"simulated": lambda ends: " to ".join(f"{end:.3g}" for end in ends)}
-    return render("remaining.html", items=drawn, table=sortable(table, formats, long=("feature",)))
+    return [
+        Text(
+            "What the record has and the simulations with the answer in them have not. Each grey"
+            " bar is the range of the simulations, the dot is the record. The block is where such"
+            " a difference is looked for first."
+        ),
+        Pictures([(pictures.draw_remaining(report.remaining), caption)]),
+        Table(table, formats, long=["feature"]),
+    ]
 
 
-def _which(report: GapReport) -> Markup:
+def _which(report: GapReport) -> list[Part]:
     frame = report.to_frame()
     frame["effect"] = frame["effect"].map(words)
-    table = sortable(
-        frame.rename(columns=words), {"probability": "{:.3f}".format}, long=("parameters",)
-    )
-    meaning = {
-        words(r.effect): _MEANING.get(r.effect) or EFFECTS[r.effect].says for r in report.ranking
-    }
-    return render("which.html", says=report.which_lines(), table=table, meaning=meaning)
+    meaning = [
+        f"{words(r.effect)}: {_MEANING.get(r.effect) or EFFECTS[r.effect].says}"
+        for r in report.ranking
+    ]
+    return [
+        *texts(report.which_lines()),
+        Text(
+            'Every effect that the record can show beside this baseline was fitted; "none" means'
+            ' that no effect is missing, "unknown" that the missing effect is not on the list. The'
+            " gap is given for the candidates that were simulated."
+        ),
+        Table(frame.rename(columns=words), {"probability": "{:.3f}".format}, ["parameters"]),
+        Details("What the effects mean", [Points(meaning)]),
+    ]
 
 
-def _shrinkage(report: GapReport) -> Markup:
+def _shrinkage(report: GapReport) -> list[Part]:
     sizes = gap_sizes(report)
-    caption = "gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
+    caption = "Gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
     columns = ["feature", "before", "after" if report.named else "recalibrated"]
     compared = report.behind.shrinkage.features.items()
     rows = [(name, one.before, one.distance) for name, one in compared]
     features = pd.DataFrame(rows, columns=columns).sort_values("before", ascending=False)
-    return render(
-        "shrinkage.html",
-        svg=inline_svg(pictures.draw_gap(sizes), "gap", caption),
-        says=report.gap_lines(),
-        features=sortable(features, dict.fromkeys(columns[1:], "{:.2f}".format)),
-    )
+    return [
+        *texts(report.gap_lines()),
+        Text(
+            "All distances are measured on the last part of the record, on which nothing was"
+            " fitted, in features that do not depend on the phase."
+        ),
+        Pictures([(pictures.draw_gap(sizes), caption)]),
+        Text("Gap by feature", "heading"),
+        Table(features, two_digits(*columns[1:])),
+    ]
 
 
-def _open(report: GapReport) -> Markup:
+def _open(report: GapReport) -> list[Part]:
     columns = ["effect", "block", "smallest size", "unit"]
     sizes = report.behind.detectable.items()
     rows = [
@@ -135,10 +176,15 @@ def _open(report: GapReport) -> Markup:
         for e, (size, unit) in sizes
         if math.isfinite(size)
     ]
-    return render(
-        "open.html",
-        next_test=report.next_line(),
-        notes=report.notes,
-        table=sortable(pd.DataFrame(rows, columns=columns)) if rows else None,
-        hidden=[words(e) for e, (size, _) in sizes if not math.isfinite(size)],
-    )
+    hidden = [words(e) for e, (size, _) in sizes if not math.isfinite(size)]
+    parts = texts(report.next_line(), "strong")
+    if report.notes:
+        parts.append(Points(report.notes))
+    if rows:
+        unseen = f" At no size up to the largest tried: {', '.join(hidden)}." if hidden else ""
+        parts += [
+            Text("Smallest effect this record would have shown", "heading"),
+            Text(f"A smaller effect may be there and stay unseen.{unseen}"),
+            Table(pd.DataFrame(rows, columns=columns)),
+        ]
+    return parts

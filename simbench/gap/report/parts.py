@@ -1,59 +1,31 @@
-"""What the pages of a diagnosis, a plan and a discovery share."""
+"""What the pages of a diagnosis and of a discovery share: the record beside its simulations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import partial
-from importlib.metadata import version
-from pathlib import Path
-
-from markupsafe import Markup
-from matplotlib.figure import Figure
-
-from simbench.files import whole_file
 from simbench.gap.report.pictures import Traces, draw_loops, draw_spectra, draw_traces
 from simbench.gap.report.traces import end_of
 from simbench.gap.situation import Situation
-from simbench.html.page import render as render_in
-from simbench.html.svg import inline_svg
-
-render = partial(render_in, "simbench.gap.report")
+from simbench.html.document import Part, Pictures, Text
 
 
-def write(
-    path: str | Path, title: str, subtitle: str, sections: Iterable[tuple[str, str, str]]
-) -> None:
-    """Write sections (id, title, body), those that are not empty, as one self-contained page."""
-    text = render(
-        "page.html",
-        title=title,
-        subtitle=subtitle,
-        sections=[{"id": i, "title": name, "body": body} for i, name, body in sections if body],
-        footer=f"simbench {version('stiction-simbench')}",
-    )
-    with whole_file(path) as f:
-        f.write(text)
-
-
-def caption_pictures(drawn: Iterable[tuple[Figure, str, str]]) -> list[dict[str, str]]:
-    """Return pictures, each with its name and what it shows, as a template takes them."""
-    return [
-        {"svg": inline_svg(figure, name, caption), "caption": f"{caption}."}
-        for figure, name, caption in drawn
-    ]
-
-
-def look(traces: Traces, situation: Situation) -> Markup:
+def look(traces: Traces, situation: Situation) -> list[Part]:
     """Return the record and its simulations in pictures: over time, over OP, and their spectra."""
     part, shown = end_of(situation), "record and simulations"
     drawn = [
-        (draw_traces("PV", traces, part), "pv", f"PV over time, set point dotted: {shown}"),
-        (draw_traces("OP", traces, part), "op", f"OP over time: {shown}"),
-        (draw_loops("PV", traces, part), "pv-op", f"PV over OP: {shown}"),
-        (draw_spectra(traces), "spectra", "Power spectra of PV and OP, whole record"),
+        (draw_traces("PV", traces, part), f"PV over time, set point dotted: {shown}"),
+        (draw_traces("OP", traces, part), f"OP over time: {shown}"),
+        (draw_loops("PV", traces, part), f"PV over OP: {shown}"),
+        (draw_spectra(traces), "Power spectra of PV and OP, whole record"),
     ]
     if all(trace.mv is not None for trace in traces.values()):
-        drawn.append((draw_loops("MV", traces, part), "mv-op", f"MV over OP: {shown}"))
-    return render(
-        "look.html", items=caption_pictures(drawn), names=list(traces), given=situation.trusted
+        drawn.append((draw_loops("MV", traces, part), f"MV over OP: {shown}"))
+    given = "given" if situation.trusted else "identified from the record"
+    added = "".join(f", and {name} added" for name in traces if name.startswith("with "))
+    lost = "" if "baseline" in traces else " The baseline runs away and is not drawn."
+    says = (
+        "The record beside simulations of the same length under its set point: the baseline as"
+        f" {given}, the baseline with K, T and Td recalibrated{added}. Same axes; time plots show"
+        " the end of the part on which nothing was fitted. Loads and noise are drawn at random, so"
+        f" shape, size and period should agree, not the phase.{lost}"
     )
+    return [Text(says), Pictures(drawn)]

@@ -9,9 +9,8 @@ from pathlib import Path
 import pandas as pd
 
 from simbench.gap.plan.order import PlannedTests
-from simbench.gap.report.parts import render, write
 from simbench.gap.report.result import GapReport
-from simbench.html.table import sortable
+from simbench.html.document import Part, Points, Section, Table, Text, write
 
 
 def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> None:
@@ -25,13 +24,22 @@ def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> 
             "OP moves by (%)": [x.op_travel for x in plan.tests],
         }
     )
-    body = render(
-        "plan.html",
-        answer=report.sentence(),
-        sentence=plan.sentence(),
-        tests=sortable(frame) if len(frame) else None,
-        left_out=plan.left_out,
-    )
+    parts: list[Part] = [
+        Text(f"The diagnosis so far: {report.sentence()}"),
+        Text(plan.sentence(), "strong"),
+    ]
+    if len(frame):
+        parts += [
+            Text(
+                "The tests that are left, in the order in which they are recommended. Each was"
+                " simulated on the loops of the likeliest explanations, to keep PV and OP within"
+                " the limits."
+            ),
+            Table(frame),
+        ]
+    if plan.left_out:
+        parts.append(Points(f"left out: {why}" for why in plan.left_out))
     tag = report.behind.found.situation.record.tag
     title = f"Which test next: {tag or 'record'}"
-    write(path, title, "Sim-to-real gap of one control loop", [("plan", "The plan", body)])
+    section = Section("plan", "The plan", parts)
+    write(path, title, "Sim-to-real gap of one control loop", [section])

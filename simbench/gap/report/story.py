@@ -7,16 +7,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import pandas as pd
-from markupsafe import Markup
 
 from simbench.gap.intake.recorded_test import RecordedTest
-from simbench.gap.report.parts import caption_pictures, render
 from simbench.gap.report.pictures import draw_shaded
 from simbench.gap.report.result import LEAST_SHOWN, GapReport, words
-from simbench.html.table import sortable
+from simbench.html.document import Part, Pictures, Points, Table, Text
 
 
-def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -> Markup:
+def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -> list[Part]:
     """Return what was believed without the tests, what was asked and why, and what it changed; the
     records drawn.
     """
@@ -31,17 +29,17 @@ def story(report: GapReport, before: GapReport, tests: Sequence[RecordedTest]) -
     shown.insert(0, "explanation", shown.index.map(words))
     asked = before.next_test
     shown_of_test = "PV with its set point, and OP; the operator's part is shaded"
-    drawn = (
-        (draw_shaded(test.record, test.manual), f"test-{i}", f"{test.name}: {shown_of_test}")
-        for i, test in enumerate(tests)
-    )
-    return render(
-        "story.html",
-        believed=before.sentence(),
-        asked="" if asked is None else asked["says"],
-        run=[f"{t.name}{f' ({t.id})' if t.id else ''}" for t in tests],
-        refused=[n for n in report.notes if n.startswith("test:")],
-        now=report.sentence(),
-        table=sortable(shown, dict.fromkeys(columns, "{:.3f}".format)),
-        items=caption_pictures(drawn),
-    )
+    drawn = [
+        (draw_shaded(test.record, test.manual), f"{test.name}: {shown_of_test}") for test in tests
+    ]
+    refused = [n for n in report.notes if n.startswith("test:")]
+    run = [f"{t.name}{f' ({t.id})' if t.id else ''}" for t in tests]
+    return [
+        Text(f"Believed from the record alone: {before.sentence()}"),
+        *([] if asked is None else [Text(f"Asked for: {asked['says']}.")]),
+        Text(f"Run: {', '.join(run)}."),
+        *([Points(refused)] if refused else []),
+        Text(f"With it: {report.sentence()}"),
+        Table(shown, dict.fromkeys(columns, "{:.3f}".format)),
+        Pictures(drawn),
+    ]

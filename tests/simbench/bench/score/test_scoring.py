@@ -20,6 +20,7 @@ from simbench.bench.store.reading import RunArrays, _own_axes
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.verdict import NO_DECISION, STICTION
+from simbench.html.document import as_html
 from simbench.report import summary
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import make_grid
@@ -743,6 +744,7 @@ def test_a_rank_on_a_part_of_the_loops_says_so_wherever_it_stands(book):
     scores = score_book(run)
     row = scores.rows().set_index("method").loc["m0"]
     assert (row["rank"], row.rank_loops, row.n) == (1, 150, 400)
-    page = summary.section(SimpleNamespace(book=run, scores=scores, errors=()))
+    parts = summary.section(SimpleNamespace(book=run, scores=scores, errors=()))
+    page = as_html(parts, "summary")
     assert "m0 (ranked on the 150 loops that it answers)" in page
     assert "accuracy of m1, the first method without MV" in page

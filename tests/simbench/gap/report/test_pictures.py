@@ -22,6 +22,7 @@ from simbench.gap.report.pictures import (
     spectrum,
 )
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED
+from simbench.html.document import Points, Text, Tiles
 
 SHARES = {"controller": 0.12, "valve": 0.62, "process": 0.0, "disturbance": 0.2, "sensor": 0.06}
 RNG = np.random.default_rng(0)
@@ -72,16 +73,14 @@ def test_bars_are_as_long_as_their_numbers_from_the_top_down():
     assert 4.0 < gap.get_xlim()[1] < 5.0
 
 
-def test_the_answer_has_its_probability_that_of_stiction_and_whether_it_is_near(monkeypatch):
-    seen = {}
-    monkeypatch.setattr(page, "render", lambda template, **parts: seen.update(parts))
+def test_the_answer_has_its_probability_that_of_stiction_and_whether_it_is_near():
     first = {
         "effect": "stiction",
         "block": "valve",
         "probability": 0.912,
         "parameters": {"S": 5.0, "J": 2.0},
     }
-    page._answer(
+    parts = page._answer(
         SimpleNamespace(
             gap=SimpleNamespace(near=False),
             shrinkage={"value": -0.08, "lo": -0.25, "hi": 0.0},
@@ -95,14 +94,19 @@ def test_the_answer_has_its_probability_that_of_stiction_and_whether_it_is_near(
             op_unit="% of travel",
         )
     )
-    assert seen["tiles"] == [
+    (tiles,) = (part for part in parts if isinstance(part, Tiles))
+    assert tiles.items == [
         ("0.91", "probability of stiction"),
         ("0.95", "probability of stiction, all effects with friction"),
         ("no", "near the record"),
         ("-8 %", "of the gap above the floor is removed (90 % interval -25 to 0 %)"),
     ]
-    assert seen["sentences"] == ["It sticks.", "It is far."]
-    assert seen["valve"] == ["Stiction."]
+    said = [part.text for part in parts if isinstance(part, Text)]
+    assert said == ["It sticks.", "It is far.", "The valve", "Stiction."]
+    (points,) = (part for part in parts if isinstance(part, Points))
+    assert list(points.items) == [
+        "stiction (valve): MV sticks, then slips. Fitted: S = 5, J = 2 % of travel."
+    ]
 
 
 DRAWN = {

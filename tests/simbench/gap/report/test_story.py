@@ -12,6 +12,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.plan.order import PlannedTests
 from simbench.gap.report.plan_page import write_plan_page
 from simbench.gap.report.story import story
+from simbench.html.document import as_html
 
 
 def report(sentence, asked=None, notes=(), **p):
@@ -40,7 +41,7 @@ def test_the_story_shows_what_was_believed_asked_run_and_changed(bump):
     before = report("It may be drift.", asked, drift=0.4, valve_lag=0.35)
     notes = ("test: bump.csv is said", "other")
     after = report("It is valve lag.", notes=notes, drift=0.02, valve_lag=0.95, noise=0.001)
-    text = unescape(str(story(after, before, [bump])))
+    text = unescape(as_html(story(after, before, [bump]), "story"))
     for words in (
         "It may be drift.",
         "bump OP by 2 %",
