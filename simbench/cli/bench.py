@@ -132,7 +132,8 @@ def run(
         Option(
             "--with-reference",
             help="Add the methods whose verdicts on this grid are shipped with simbench to the"
-            " ranking, without asking them again; shipped are those of grid ci.",
+            " ranking, without asking them again; shipped are those of chapter, ci, families,"
+            " plant and table-11-3.",
         ),
     ] = False,
     full: Full = False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,14 @@ from simbench.bench.store.reading import read_table
 from simbench.files import folder as make_folder
 from simbench.files import whole_file, write_table
 
+# columns that no check needs; and those that stand in the table of the grid, or in the run that
+# shipped verdicts are joined to
 _EMPTY = {
     "scenarios": ("flags",),
     "verdicts": ("reason", "indices", "S_unit", "runtime_s"),
 }
+_EMPTY_SHIPPED = {**_EMPTY, "scenarios": ("flags", "loop", "no_waveform")}
+_ROUNDED = ("score", "S_lo", "S_hi", "J_lo", "J_hi")  # to 24 bits
 _KEPT = (
     "format",
     "grid",
@@ -68,42 +73,48 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
     bits. The loops stay: every flip can be simulated again. scores.csv is there for the eye: its
     difference in version control reads as accuracy gained and lost.
     """
-    baseline = make_folder(baseline)
+    baseline = write_verdicts(run, baseline, _EMPTY)
+    table = score_run(baseline).table
+    shown = table["population"] != OF_NOT_OSCILLATING
+    write_table(
+        table.loc[shown, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f"
+    )
+
+
+def write_shipped(run: str | Path, folder: str | Path) -> None:
+    """Write a run's verdicts as the package ships them: as a baseline, without its loops, which the
+    table of the grid holds, and without scores.
+    """
+    write_verdicts(run, folder, _EMPTY_SHIPPED)
+
+
+def write_verdicts(
+    run: str | Path, folder: str | Path, emptied: Mapping[str, Sequence[str]]
+) -> Path:
+    """Write the tables of a run with some columns empty, and the manifest, which comes last."""
+    folder = make_folder(folder)
     whole = read_manifest(run)
     manifest = {k: v for k, v in whole.items() if k in _KEPT}
     digests = {}
-    for kind, empty in _EMPTY.items():
+    for kind, names in emptied.items():
         table = read_table(run, kind)
-        for name in empty:
-            column = table.schema.get_field_index(name)
-            table = table.set_column(
-                column,
-                table.schema.field(name),
-                pa.nulls(table.num_rows, table.schema.field(name).type),
-            )
+        for name in names:
+            place = table.schema.get_field_index(name)
+            field = table.schema.field(place)
+            table = table.set_column(place, field, pa.nulls(table.num_rows, field.type))
         if kind == "verdicts":
-            for name in ("score", "S_lo", "S_hi", "J_lo", "J_hi"):
-                at = table.schema.get_field_index(name)
-                rounded = (
-                    table.column(name)
-                    .to_numpy(zero_copy_only=False)
-                    .astype(np.float32)
-                    .astype(float)
-                )
-                table = table.set_column(
-                    at, table.schema.field(at), pa.array(rounded, from_pandas=True)
-                )
+            for name in _ROUNDED:
+                place = table.schema.get_field_index(name)
+                values = table.column(name).to_numpy(zero_copy_only=False)
+                short = pa.array(values.astype(np.float32).astype(float), from_pandas=True)
+                table = table.set_column(place, table.schema.field(place), short)
         out = io.BytesIO()
         # whole scenarios in every row group
         pq.write_table(
             table, out, compression="zstd", row_group_size=500 * max(len(manifest["methods"]), 1)
         )
         digests[kind] = digest(out.getvalue())
-        with whole_file(baseline / f"{kind}.parquet", "wb") as f:
+        with whole_file(folder / f"{kind}.parquet", "wb") as f:
             f.write(out.getvalue())
-    write_manifest(baseline, {**manifest, "tables": digests})
-    table = score_run(baseline).table
-    shown = table["population"] != OF_NOT_OSCILLATING
-    write_table(
-        table.loc[shown, list(_BASELINE_COLUMNS)], baseline / "scores.csv", float_format="%.4f"
-    )
+    write_manifest(folder, {**manifest, "tables": digests})
+    return folder

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 REFERENCE = "reference"  # key of a manifest: whether the run is scored with the shipped verdicts
 UNLIKE = "unlike_reference"  # and how many of its records have other bits than the shipped ones
-_FOLDER = Path(__file__).parents[2] / "shipped"
+# one folder for each grid; `python -m results.studies.shipped` prints them
+FOLDER = Path(__file__).parents[2] / "shipped"
 _COLUMNS = ["scenario_id", "method", "verdict", "score", "applicable", "S_lo", "S_hi"]
 
 
@@ -31,7 +32,7 @@ def results(name: str) -> pd.DataFrame:
     Parameters
     ----------
     name : str
-        Name of a grid: ci.
+        Name of a grid: chapter, ci, families, plant or table-11-3.
 
     Returns
     -------
@@ -47,8 +48,9 @@ def results(name: str) -> pd.DataFrame:
 
     Notes
     -----
-    They are of the version of the benchmark that `simbench.run` of the same installation states.
-    Not for records of another grid or seed, which have other scenario ids.
+    All methods of the package, the likelihood too. They are of the version of the benchmark that
+    `simbench.run` of the same installation states. Not for records of another grid or seed, which
+    have other scenario ids.
 
     Examples
     --------
@@ -64,12 +66,12 @@ def results(name: str) -> pd.DataFrame:
 
 def shipped(name: str) -> Path:
     """Return the folder of a grid's shipped verdicts; ParameterError where there are none."""
-    names = sorted(path.name for path in _FOLDER.iterdir() if path.is_dir())
+    names = sorted(path.name for path in FOLDER.iterdir() if path.is_dir())
     if name not in names:
         raise ParameterError(
             f"no verdicts on grid {name!r} are shipped with the package: {nearest(name, names)}"
         )
-    return _FOLDER / name
+    return FOLDER / name
 
 
 def read_joined(folder: str | Path) -> RunArrays:

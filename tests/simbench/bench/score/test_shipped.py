@@ -2,13 +2,14 @@
 again.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 import simbench as sb
+from results.studies import shipped as study
+from results.studies.shipped import GRIDS, ask_again
 from simbench.bench.execute.run import run_grid
 from simbench.bench.execute.verify import verify_run
 from simbench.bench.score import shipped
@@ -20,9 +21,10 @@ from simbench.bench.store.checksums import RunError
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.reading import RunArrays
 from simbench.cli import main
-from simbench.detectors.errors import ParameterError
+from simbench.detectors.plugins.registry import methods
 from simbench.figures import score_map, score_overview
 from simbench.report.data import RunData
+from simbench.scenarios.settled import table_file
 
 SHIPPED = ["horch", "he"]
 
@@ -33,7 +35,7 @@ def runs(tmp_path_factory):
     place = tmp_path_factory.mktemp("shipped")
     write_baseline(run_grid("smoke", place / "theirs", SHIPPED), place / "shipped" / "smoke")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(shipped, "_FOLDER", place / "shipped")
+        patch.setattr(shipped, "FOLDER", place / "shipped")
         run_grid("smoke", place / "mine", ["yamashita"], with_reference=True)
         run_grid("smoke", place / "all", ["yamashita", *SHIPPED])
     return place
@@ -42,7 +44,7 @@ def runs(tmp_path_factory):
 @pytest.fixture
 def place(runs, monkeypatch):
     """Return the folder of the runs, whose verdicts are those that the package ships."""
-    monkeypatch.setattr(shipped, "_FOLDER", runs / "shipped")
+    monkeypatch.setattr(shipped, "FOLDER", runs / "shipped")
     return runs
 
 
@@ -132,12 +134,29 @@ def test_a_grid_without_shipped_verdicts_is_refused_before_anything_is_simulated
     assert not (tmp_path / "run").exists()
 
 
-def test_what_the_package_ships_is_of_its_own_version():
-    manifest = read_manifest(Path(sb.__file__).parent / "shipped" / "ci")
+@pytest.mark.parametrize("grid", GRIDS)
+def test_what_the_package_ships_is_of_its_own_version_and_complete(grid):
+    manifest = read_manifest(shipped.shipped(grid))
     assert manifest["benchmark"]["parts"]["evaluator"] == evaluator_hash()
-    table = sb.results("ci")
+    assert set(manifest["methods"]) == {*methods.every_name(), "oracle"}
+    table = sb.results(grid)
     assert set(table.method) == set(manifest["methods"])
     assert len(table) == manifest["counts"]["verdicts"]
-    assert {"verdict", "score", "cycled", "record_hash"} <= set(table)
-    with pytest.raises(ParameterError, match="no verdicts on grid 'cI' are shipped"):
-        sb.results("cI")
+    frozen = pq.read_table(table_file(grid), columns=["scenario_id"]).column(0).to_pylist()
+    assert set(table.scenario_id) == set(frozen)
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_a_share_of_what_is_shipped_comes_out_the_same_when_it_is_asked_again(grid):
+    found = ask_again(grid, 0.01, seed=3, but=["likelihood"])
+    assert found.loops > 8
+    assert found.differ == ()
+
+
+def test_what_is_asked_again_and_differs_is_named(place, monkeypatch):
+    given = shipped.results("smoke")
+    given["verdict"] = given["verdict"].replace("stiction", "no_decision")
+    monkeypatch.setattr(study, "results", lambda name: given)
+    found = ask_again("smoke", 0.5)
+    assert found.loops >= 20
+    assert {text.split(": ")[1] for text in found.differ} == {"verdict"}
