@@ -1,5 +1,5 @@
-"""Section of the report: cost over the weight of no decision, over the share of sticky loops, and
-how much of a corner each detector needs.
+"""Section of the report: cost over the weight of no decision, and over the share of sticky
+loops.
 """
 
 import numpy as np
@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.bench.score import tradeoff
-from simbench.bench.score.names import LEAST, ROLE_YARDSTICK
+from simbench.bench.score.names import LEAST
 from simbench.figures._style import GREY, label, panels, series, styled
 from simbench.html.document import Part, Pictures, Text
 from simbench.report.data import RunData
@@ -16,32 +16,19 @@ TITLE = "What the order rests on"
 
 
 def section(run: RunData) -> list[Part]:
-    """Draw the two costs of every ranked detector, and its resolution where the grid has echoes of
-    several cuts.
-    """
+    """Draw the two costs of every ranked detector."""
     rows = run.scores.ranked_methods()
     rows = rows[rows["applicable"] >= LEAST] if len(rows) else rows
-    pictures = []
-    if len(rows):
-        caption = (
-            "Cost over the weight of no decision (half of the loops stick) and over prevalence"
-        )
-        pictures.append((_draw_costs(rows, run.scores.undecided), caption))
-    cuts = run.scores.by_axis
-    cuts = cuts[(cuts["axis"] == "cut") & (cuts["role"] != ROLE_YARDSTICK)]
-    cuts = cuts[cuts["applicable"] >= LEAST]
-    if len(cuts):
-        caption = "Share of echoes called sticky over the frequency at which they end"
-        pictures.append((_draw_cuts(cuts), caption))
-    few = Text("Too few loops oscillate for costs over weight and prevalence.")
     says = (
         "No detector is best for everyone: what no decision costs, and how many loops stick, decide"
         " the order. Where a detector lies above the dotted line, never to claim stiction costs"
-        " less. An echo that ends high holds nearly all of the valve's corners and moves like a"
-        " sticky loop; the lower the frequency at which a detector still calls it sticky, the less"
-        " it needs the corner."
+        " less."
     )
-    return [Pictures(pictures, wide=True) if pictures else few, Text(says)]
+    if not len(rows):
+        return [Text("Too few loops oscillate for costs over weight and prevalence."), Text(says)]
+    caption = "Cost over the weight of no decision (half of the loops stick) and over prevalence"
+    drawn = _draw_costs(rows, run.scores.undecided)
+    return [Pictures([(drawn, caption)], wide=True), Text(says)]
 
 
 @styled
@@ -62,23 +49,4 @@ def _draw_costs(rows: pd.DataFrame, weight: float) -> Figure:
     label(axes[0, 1], "prevalence: share of loops that stick", "cost per loop")
     lines = [axes[0, 1].lines[-1], *axes[0, 0].lines]
     axes[0, 1].legend(handles=lines, loc="upper left", bbox_to_anchor=(1.02, 1.0))
-    return figure
-
-
-@styled
-def _draw_cuts(cuts: pd.DataFrame) -> Figure:
-    figure, axes = panels(1, 1, 7.6, 4.0)
-    for i, (method, mine) in enumerate(cuts.groupby("method", sort=False)):
-        colour, line = series(i)
-        axes[0, 0].plot(
-            mine["value"].astype(float), mine["false_positives"], line, color=colour, marker="o",
-            markersize=3, linewidth=1.3, label=method,
-        )  # fmt: skip
-    axes[0, 0].set_xscale("log")
-    ticks = sorted(set(cuts["value"].astype(float)))
-    axes[0, 0].set_xticks(ticks, [f"{x:g}" for x in ticks])
-    axes[0, 0].minorticks_off()
-    axes[0, 0].set_ylim(-0.02, 1.02)
-    label(axes[0, 0], "echo ends at (multiple of the cycle's frequency)", "called sticky (share)")
-    axes[0, 0].legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
     return figure

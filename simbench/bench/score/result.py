@@ -15,6 +15,7 @@ from simbench.bench.score.compare import Comparison, compare_books
 from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.show import picture
+from simbench.bench.score.show.resolution_curve import resolution_curve
 from simbench.bench.score.show.table import full_text, headline
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.tally import RATES
@@ -254,6 +255,7 @@ class Scores:
             "disagreement": _records(self.disagreement),
             "left_out": _records(self.left_out),
             "by_cause": _records(self.by_cause),
+            "resolution_curve": [] if self.book is None else _records(self.resolution_curve()),
             "tradeoff": as_rows(self.ranked_methods(), self.undecided),
             "quantification": _records(self.quantification),
         }
@@ -292,6 +294,22 @@ class Scores:
             For what is no axis of this run, or more than two.
         """
         return along(self._answers(), axis, truth)
+
+    def resolution_curve(self) -> pd.DataFrame:
+        """Return how much of a valve's corner each method needs, on a grid whose echoes of sticky
+        loops end at several frequencies (chapter; others with `--axis cut=1.5,2,3,4,6,8`).
+
+        Returns
+        -------
+        DataFrame
+            A row for every method and cut (the multiple of the cycle's frequency above which
+            nothing of the valve's error is left in an echo): n echoes, the share of them called
+            sticky (called), n siblings (the sticky loops of the same blocks) and their share
+            (called_siblings), and told_apart, the difference of the two shares, the mean over all
+            cuts; each with its 95 % interval (_lo, _hi). The method that tells them apart best
+            comes first; no row without such echoes.
+        """
+        return resolution_curve(self._answers())
 
     def compare(
         self, other: Scores | str | Path | None = None, truth: str = "cycled"

@@ -46,6 +46,7 @@ _LEFT_OUT = (
     "pairing",
     "paper",
     "picture",
+    "resolution_curve",
     "result",
     "shipped",
     "table",

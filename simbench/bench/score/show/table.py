@@ -387,19 +387,25 @@ def _tradeoffs(scores: Any, truth: str) -> list[str]:
 
 
 def _resolved_corners(scores: Any) -> list[str]:
-    """Return which share of the echoes is called sticky, over the frequency at which they end."""
-    rows, names = scores.by_axis, _marked(scores)
-    rows = rows[(rows.axis == "cut") & (rows.role != ROLE_YARDSTICK)] if len(rows) else rows
-    cuts = list(dict.fromkeys(rows.value)) if len(rows) else []
-    if not cuts:
+    """Return which share of the echoes is called sticky, over the frequency at which they end, and
+    which of their sticky siblings.
+    """
+    rows, names = scores.resolution_curve(), _marked(scores)
+    if rows.empty:
         return ["no block has echoes of several cuts"]
-    lines = [("method", *cuts)]
+    cuts = sorted(rows["cut"].unique())
+    lines = [("method", *(f"{cut:g}" for cut in cuts), "sticky", "told apart")]
     for method, of in rows.groupby("method", sort=False):
-        known = {r.value: _rate(r.false_positives, r.applicable < LEAST) for r in of.itertuples()}
-        lines.append((names.get(method, method), *(known.get(c, "") for c in cuts)))
+        known = {r.cut: _rate(r.called, r.n < LEAST) for r in of.itertuples()}
+        one = of.iloc[0]
+        sticky = _rate(one.called_siblings, one.siblings < LEAST)
+        apart = f"{one.told_apart:.2f} ({one.told_apart_lo:.2f} to {one.told_apart_hi:.2f})"
+        shares = (known.get(cut, "") for cut in cuts)
+        lines.append((names.get(method, method), *shares, sticky, apart))
     title = _wrapped(
         "resolution: share of echoes called sticky, over the multiple of the cycle's frequency"
-        " above which nothing of the valve's error is left"
+        " above which nothing of the valve's error is left; of their sticky siblings; and the"
+        " difference, its mean over these, with a 95 % interval"
     )
     return [*title, *columns(lines)]
 
