@@ -15,7 +15,7 @@ from typing import Any
 from simbench.bench.store.checksums import RunError, refuse_unfinished
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.place import Place, place_of
-from simbench.bench.store.reading import read_table
+from simbench.bench.store.reading import read_table, without_loops
 from simbench.scenarios.grid import Grid, GridFile, grid_names
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.settled import COLUMNS, SettledGrid, settled_grid, table_of
@@ -163,7 +163,10 @@ def stored_grid(folder: str | Path | Place) -> SettledGrid:
     manifest = read_manifest(place)
     refuse_unfinished(place, manifest)
     grid = grid_of({k: v for k, v in manifest.items() if k != "points"})
-    table = table_of(read_table(place, "scenarios", COLUMNS).to_pylist())
+    stored = read_table(place, "scenarios", COLUMNS)
+    if stored.column("loop").null_count:
+        raise without_loops(str(place))
+    table = table_of(stored.to_pylist())
     return SettledGrid(grid.name, grid.content, grid.overrides, table, int(manifest["scenarios"]))
 
 

@@ -113,10 +113,20 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
     return scenario_of(rows[0], str(path))
 
 
+def without_loops(where: str) -> RunError:
+    """Return the error of who asks a folder of shipped verdicts for a loop."""
+    return RunError(
+        f"{where} holds verdicts that simbench ships, without the loops, which are those of its"
+        f" grid; simulate them with `simbench run {Path(where).name}`"
+    )
+
+
 def scenario_of(row: Mapping[str, Any], where: str) -> Scenario:
     """Return the scenario of a row of the scenarios table; RunError where its loop is not the one
     that was run.
     """
+    if row["loop"] is None:
+        raise without_loops(where)
     scenario = Scenario(
         loop=Loop.from_table(json.loads(row["loop"])),
         seed=row["seed"],

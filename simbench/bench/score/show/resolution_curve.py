@@ -66,7 +66,7 @@ def _told_apart(rows: pd.DataFrame) -> pd.DataFrame:
     first = of[["called_siblings", "siblings"]].first()
     mean = first["called_siblings"] - of["called"].mean()
     spread = _variance(first["called_siblings"], first["siblings"])
-    half = _Z * np.sqrt(spread + of["variance"].sum() / of.size() ** 2)
+    half = _Z * (spread + of["variance"].sum() / of.size() ** 2) ** 0.5
     ends = {
         _TOLD: mean,
         f"{_TOLD}_lo": (mean - half).clip(lower=-1.0),

@@ -160,3 +160,12 @@ def test_what_is_asked_again_and_differs_is_named(place, monkeypatch):
     found = ask_again("smoke", 0.5)
     assert found.loops >= 20
     assert {text.split(": ")[1] for text in found.differ} == {"verdict"}
+
+
+@pytest.mark.parametrize("verb", ["run", "simulate"])
+def test_shipped_verdicts_hold_no_loops_and_say_which_grid_has_them(tmp_path, capsys, verb):
+    folder, ident = str(shipped.shipped("plant")), sb.results("plant").scenario_id[0]
+    words = {"run": [folder], "simulate": ["--from", folder, "--id", ident]}[verb]
+    assert main([verb, *words, "-o", str(tmp_path / "out")]) == 2
+    assert "`simbench run plant`" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
