@@ -62,6 +62,8 @@ def _told_apart(rows: pd.DataFrame) -> pd.DataFrame:
     """Return by how much more often each method calls sticky loops sticky than their echoes, the
     mean over the cuts, with its 95 % interval.
     """
+    import pandas as pd
+
     of = rows.assign(variance=_variance(rows["called"], rows["n"])).groupby("method")
     first = of[["called_siblings", "siblings"]].first()
     mean = first["called_siblings"] - of["called"].mean()
@@ -72,7 +74,7 @@ def _told_apart(rows: pd.DataFrame) -> pd.DataFrame:
         f"{_TOLD}_lo": (mean - half).clip(lower=-1.0),
         f"{_TOLD}_hi": (mean + half).clip(upper=1.0),
     }
-    return type(rows)(ends)
+    return pd.DataFrame(ends)
 
 
 def _variance(share: pd.Series, n: pd.Series) -> pd.Series:

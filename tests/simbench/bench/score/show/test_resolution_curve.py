@@ -76,6 +76,8 @@ def test_an_interval_holds_the_difference_nineteen_times_in_twenty(book):
 def test_a_run_without_echoes_of_several_cuts_has_no_curve(run, book, finished):
     one = replace(run, axes={**run.axes, "cut": np.where(run.axes["cut"] > 0, 2.0, np.nan)})
     assert resolution_curve(one).empty
+    alone = replace(run, truth={**run.truth, "cycled": np.zeros(N, dtype=np.int8)})
+    assert resolution_curve(alone).empty
     with pytest.raises(ParameterError, match="grid chapter has"):
         figure.data(finished)
 
