@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from simbench.bench.score.answers import answers_of
 from simbench.bench.score.names import HOME_MARKS, LEAST
 from simbench.bench.score.shipped import read_joined
-from simbench.bench.score.tally import counted, long_table, tallied
+from simbench.bench.score.tally import counted, long_table, tallied, with_names
 from simbench.bench.store.reading import RunArrays
 from simbench.figures._score import SHARE_COLOURS, share_map
 from simbench.figures._style import label, panel, panels, styled
@@ -67,9 +67,7 @@ def cells(book: RunArrays) -> pd.DataFrame:
         for name, text in zip(_CELL, texts, strict=True):
             part[name] = text[part[name]]
         parts.append(part.assign(plant=plant))
-    table = pd.concat(parts, ignore_index=True)
-    asked = [everyone[k] for k in table["method"]]
-    table["method"], table["home"] = [a.method for a in asked], [a.home for a in asked]
+    table = with_names(pd.concat(parts, ignore_index=True), everyone, "home")
     table = table.sort_values("method", kind="stable", ignore_index=True)
     shown = table[["method", "plant", *_CELL, "n", "applicable", *_SHARES, "home"]]
     return shown.rename(columns=_SHARES)

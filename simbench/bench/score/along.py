@@ -9,7 +9,7 @@ import numpy as np
 
 from simbench.bench.score.answers import answers_of, axis_codes
 from simbench.bench.score.names import ROLE_YARDSTICK
-from simbench.bench.score.tally import counted, long_table, tallied
+from simbench.bench.score.tally import counted, long_table, tallied, with_names
 from simbench.bench.store.reading import TRUTHS, RunArrays
 from simbench.detectors.errors import ParameterError, nearest
 
@@ -48,5 +48,5 @@ def along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") -> 
     for name, text in zip(columns, texts, strict=True):
         table[name] = text[table[name]]
     table = table[table[columns].notna().all(axis=1)]
-    table["method"] = [everyone[k].method for k in table["method"]]
+    table = with_names(table, everyone)
     return table.loc[:, ["method", *columns, "n", *_SHOWN]].reset_index(drop=True)

@@ -73,7 +73,7 @@ def write_baseline(run: str | Path, baseline: str | Path) -> None:
     bits. The loops stay: every flip can be simulated again. scores.csv is there for the eye: its
     difference in version control reads as accuracy gained and lost.
     """
-    baseline = write_verdicts(run, baseline, _EMPTY)
+    baseline = _write_verdicts(run, baseline, _EMPTY)
     table = score_run(baseline).table
     shown = table["population"] != OF_NOT_OSCILLATING
     write_table(
@@ -85,10 +85,10 @@ def write_shipped(run: str | Path, folder: str | Path) -> None:
     """Write a run's verdicts as the package ships them: as a baseline, without its loops, which the
     table of the grid holds, and without scores.
     """
-    write_verdicts(run, folder, _EMPTY_SHIPPED)
+    _write_verdicts(run, folder, _EMPTY_SHIPPED)
 
 
-def write_verdicts(
+def _write_verdicts(
     run: str | Path, folder: str | Path, emptied: Mapping[str, Sequence[str]]
 ) -> Path:
     """Write the tables of a run with some columns empty, and the manifest, which comes last."""

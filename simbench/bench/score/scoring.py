@@ -30,7 +30,15 @@ from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_meth
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import read_joined, with_shipped
 from simbench.bench.score.stability import RankStability, stability
-from simbench.bench.score.tally import RATES, counted, long_table, share_frame, share_of, tallied
+from simbench.bench.score.tally import (
+    RATES,
+    counted,
+    long_table,
+    share_frame,
+    share_of,
+    tallied,
+    with_names,
+)
 from simbench.bench.statistics import area, auc, dense_ranks, rate
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.detectors.signal.conditioning import median
@@ -302,7 +310,7 @@ def _left_out(book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]) -
     shares = [share_frame(word, by[code], n) for word, code in CODES.items()]
     table = pd.concat([n.rename("n"), *shares], axis=1).reset_index()
     table["of"] = np.array([*_LEFT_OUT, "does not apply"], dtype=object)[table["of"]]
-    return _named(table, everyone)
+    return with_names(table, everyone, "role")
 
 
 def _by_cause(book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]) -> pd.DataFrame:
@@ -337,19 +345,7 @@ def _by_cause(book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]) -
     )
     table = pd.concat(parts, axis=1).reset_index()
     table["cause"] = causes[table["cause"]]
-    return _named(table, everyone)
-
-
-def _named(table: pd.DataFrame, everyone: Sequence[Answers]) -> pd.DataFrame:
-    """Return a table with names and roles in place of the methods' numbers."""
-    number = table["method"].to_numpy()
-    names, roles = (
-        np.array([getattr(a, key) for a in everyone], dtype=object)[number]
-        for key in ("method", "role")
-    )
-    table["method"] = names
-    table.insert(1, "role", roles)
-    return table
+    return with_names(table, everyone, "role")
 
 
 def _rank(

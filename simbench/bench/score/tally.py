@@ -116,3 +116,15 @@ def share_frame(name: str, hits: pd.Series, trials: pd.Series) -> pd.DataFrame:
 def share_of(hits: pd.Series, trials: pd.Series) -> pd.Series:
     """Return a share, NaN without trials."""
     return hits / trials.where(trials > 0)
+
+
+def with_names(table: pd.DataFrame, everyone: Sequence[Answers], *about: str) -> pd.DataFrame:
+    """Return a table with names in place of the methods' numbers, and what else is asked `about`
+    each behind them.
+    """
+    asked = [everyone[k] for k in table["method"]]
+    place = list(table.columns).index("method")
+    table = table.assign(method=[a.method for a in asked])
+    for i, what in enumerate(about, 1):
+        table.insert(place + i, what, [getattr(a, what) for a in asked])
+    return table

@@ -12,9 +12,9 @@ from typing import Any
 import pandas as pd
 
 from simbench.gap.report import pictures
-from simbench.gap.report.parts import look
 from simbench.gap.report.result import GapReport, numbers, words
-from simbench.gap.report.traces import compared, gap_sizes
+from simbench.gap.report.traces import compared, end_of, gap_sizes
+from simbench.gap.situation import Situation
 from simbench.html.document import (
     Commands,
     Details,
@@ -53,7 +53,7 @@ def write_page(
         Section("answer", "The answer", _answer(report)),
         Section("story", "What the tests changed", account),
         Section("where", "Where the gap lies", _where(report)),
-        Section("look", "Record and simulation", look(compared(report), situation)),
+        Section("look", "Record and simulation", _look(compared(report), situation)),
         Section("remaining", "What remains", _remaining(report)),
         Section("which", "Which effect", _which(report)),
         Section("shrinkage", "How far the gap shrinks", _shrinkage(report)),
@@ -110,6 +110,29 @@ def _where(report: GapReport) -> list[Part]:
         else "No effect is missing, so no block has a share."
     )
     return [Text(says), Pictures([(pictures.draw_blocks(shares), "Probability of each block")])]
+
+
+def _look(traces: pictures.Traces, situation: Situation) -> list[Part]:
+    """Return the record and its simulations in pictures: over time, over OP, and their spectra."""
+    part, shown = end_of(situation), "record and simulations"
+    drawn = [
+        (pictures.draw_traces("PV", traces, part), f"PV over time, set point dotted: {shown}"),
+        (pictures.draw_traces("OP", traces, part), f"OP over time: {shown}"),
+        (pictures.draw_loops("PV", traces, part), f"PV over OP: {shown}"),
+        (pictures.draw_spectra(traces), "Power spectra of PV and OP, whole record"),
+    ]
+    if all(trace.mv is not None for trace in traces.values()):
+        drawn.append((pictures.draw_loops("MV", traces, part), f"MV over OP: {shown}"))
+    given = "given" if situation.trusted else "identified from the record"
+    added = "".join(f", and {name} added" for name in traces if name.startswith("with "))
+    lost = "" if "baseline" in traces else " The baseline runs away and is not drawn."
+    says = (
+        "The record beside simulations of the same length under its set point: the baseline as"
+        f" {given}, the baseline with K, T and Td recalibrated{added}. Same axes; time plots show"
+        " the end of the part on which nothing was fitted. Loads and noise are drawn at random, so"
+        f" shape, size and period should agree, not the phase.{lost}"
+    )
+    return [Text(says), Pictures(drawn)]
 
 
 def _remaining(report: GapReport) -> list[Part]:

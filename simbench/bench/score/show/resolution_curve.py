@@ -13,7 +13,7 @@ import numpy as np
 
 from simbench.bench.score.answers import answers_of
 from simbench.bench.score.names import ROLE_YARDSTICK
-from simbench.bench.score.tally import counted, long_table, share_frame, tallied
+from simbench.bench.score.tally import counted, long_table, share_frame, tallied, with_names
 from simbench.bench.store.reading import RunArrays
 
 if TYPE_CHECKING:
@@ -52,8 +52,7 @@ def resolution_curve(book: RunArrays) -> pd.DataFrame:
     rows = rows[(rows["place"] < cuts.size) & (rows["n"] > 0)].merge(ends, on="method")
     rows["cut"] = cuts[rows["place"]]
     rows = rows.join(_told_apart(rows), on="method")
-    asked = [everyone[k] for k in rows["method"]]
-    rows["method"], rows["home"] = [a.method for a in asked], [a.home for a in asked]
+    rows = with_names(rows, everyone, "home")
     best_first = rows.sort_values([_TOLD, "cut"], ascending=[False, True], kind="stable")
     return best_first.reset_index(drop=True).loc[:, list(_COLUMNS)]
 

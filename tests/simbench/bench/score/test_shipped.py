@@ -18,7 +18,7 @@ from simbench.bench.score.compare import compare
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.benchmark import evaluator_hash
 from simbench.bench.store.checksums import RunError
-from simbench.bench.store.manifest import read_manifest
+from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import RunArrays
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
@@ -169,3 +169,20 @@ def test_shipped_verdicts_hold_no_loops_and_say_which_grid_has_them(tmp_path, ca
     assert main([verb, *words, "-o", str(tmp_path / "out")]) == 2
     assert "`simbench run plant`" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "out").exists()
+
+
+def test_the_command_prints_verdicts_and_states_a_new_version_where_a_share_agrees(
+    tmp_path, monkeypatch, capsys
+):
+    for module in (shipped, study):
+        monkeypatch.setattr(module, "FOLDER", tmp_path / "shipped")
+    monkeypatch.setattr(study, "METHODS", ("he",))
+    assert study.main(["smoke", "-o", str(tmp_path / "runs")]) == 0
+    assert "smoke: 48 loops, 1 methods" in capsys.readouterr().out
+    folder = tmp_path / "shipped" / "smoke"
+    given = read_manifest(folder)
+    other = {**given["benchmark"], "parts": {**given["benchmark"]["parts"], "evaluator": "old"}}
+    write_manifest(folder, {**given, "benchmark": other})
+    assert study.main(["smoke", "--again", "0.1"]) == 0
+    assert "0 answers or labels differ" in capsys.readouterr().out
+    assert read_manifest(folder)["benchmark"] == given["benchmark"]
