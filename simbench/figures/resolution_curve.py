@@ -3,8 +3,8 @@ echo.
 
 Over the multiple of the cycle's frequency at which an echo ends: the share of the echoes called
 sticky, in the band its 95 % interval; dashed: the share of the sticky siblings. The wider the room
-between the two, and the farther right it reaches, the less of the corner the detector needs. *:
-fitted on this grid, +: fitted on loops like these.
+between the two, and the farther right it reaches, the less of the corner the detector needs; its
+mean stands behind the name. *: fitted on this grid, +: fitted on loops like these.
 """
 
 from pathlib import Path
@@ -64,13 +64,14 @@ def draw(data: pd.DataFrame) -> Figure:
     for place in axes[:, 0]:
         label(place, "", "called sticky")
     for k in range(side):
-        below = axes[(len(methods) - 1 - k) // side, k]
-        below.tick_params(labelbottom=True)
-        label(below, "echo ends at", "called sticky" if k == 0 else "")
+        axes[(len(methods) - 1 - k) // side, k].tick_params(labelbottom=True)
+    figure.supxlabel(
+        "frequency at which the echo ends (multiple of the cycle's)", fontsize="medium"
+    )
     figure.legend(
         handles=[axes[0, 0].lines[1], axes[0, 0].lines[0]],
         labels=["echoes", "sticky loops"],
-        loc="outside lower center",
+        loc="outside upper center",
         ncols=2,
         labelcolor=[BLUE, ORANGE],
     )
