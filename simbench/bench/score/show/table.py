@@ -351,12 +351,13 @@ def _causes(scores: Any) -> list[str]:
     rows, names = scores.by_cause, _marked(scores)
     rows = rows[rows.role != ROLE_YARDSTICK] if len(rows) else rows
     causes = list(dict.fromkeys(rows.cause)) if len(rows) else []
-    lines = [("method", *(f"{c} ({rows[rows.cause == c].n.max()})" for c in causes))]
+    lines = [("method", *causes)]
     for method, of in rows.groupby("method", sort=False) if causes else ():
         known = {r.cause: _rate(r.false_positives, r.n < LEAST) for r in of.itertuples()}
         lines.append((names.get(method, method), *(known.get(c, "") for c in causes)))
-    title = "false positives by cause, loops that the valve does not make cycle"
-    return [title, *columns(lines)] if causes else ["the valve makes every loop cycle"]
+    of_each = "; ".join(f"{c} {rows[rows.cause == c].n.max()}" for c in causes)
+    title = f"false positives by cause, loops that the valve does not make cycle ({of_each})"
+    return [*_wrapped(title), *columns(lines)] if causes else ["the valve makes every loop cycle"]
 
 
 def _tradeoffs(scores: Any, truth: str) -> list[str]:
@@ -368,9 +369,9 @@ def _tradeoffs(scores: Any, truth: str) -> list[str]:
     lines = [
         (
             "method",
-            *(f"w {w:g}" for w in tradeoff.WEIGHTS),
-            *(f"p {p:g}" for p in tradeoff.PREVALENCES),
-            "worth from",
+            *(f"w {w:g}".replace("0.", ".") for w in tradeoff.WEIGHTS),
+            *(f"p {p:g}".replace("0.", ".") for p in tradeoff.PREVALENCES),
+            "least p",
         )
     ]
     for of in tradeoff.as_rows(rows, scores.undecided):
@@ -380,7 +381,7 @@ def _tradeoffs(scores: Any, truth: str) -> list[str]:
     shares = [("always_no", *[""] * len(tradeoff.WEIGHTS), *map(_rate, tradeoff.PREVALENCES), "")]
     title = _wrapped(
         f"cost where no decision costs w and half of the loops stick; cost where it costs"
-        f" {scores.undecided:g} and a share p of the loops sticks; worth from: the least p at which"
+        f" {scores.undecided:g} and a share p of the loops sticks; least p: the smallest at which"
         " a method costs less than always_no"
     )
     return [*title, *columns([*lines, *shares])]

@@ -673,7 +673,7 @@ def test_loops_apart_are_in_no_ranking_and_false_positives_have_a_cause(book):
     causes = scores.by_cause.query("method == 'm0'").set_index("cause")
     assert causes.n.to_dict() == {"echo, smooth": 40, "echo, harmonics": 40, "own tuning": 40}
     assert (causes.false_positives == 1.0).all()
-    assert "own tuning (40)" in scores.as_text(full=True)
+    assert "own tuning 40" in scores.as_text(full=True)
 
 
 def test_a_division_says_whose_numbers_a_method_has(scores):
