@@ -1,0 +1,154 @@
+"""The loops on which every claim is judged, and how answers about them are counted.
+
+Recorded loops: one record of every loop of the folders whose label its contributor states or calls
+likely. Echoes: pairs of a loop whose valve sticks and a healthy loop that the same motion drives
+without the valve's corners; both members of a pair have the same rhythm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from results.studies.plant import echoes
+from results.studies.plant.real_loops import read, share
+from simbench.bench.statistics import auc
+from simbench.detectors.record import PROCESSES, LoopRecord
+from simbench.detectors.records.io import read_record
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+
+YES, NO, CANNOT_TELL = 1, -1, 0
+SAID = {STICTION: YES, NO_STICTION: NO, NO_DECISION: CANNOT_TELL}
+HEAD = (
+    "variant", "loops", "n", "sticky loops found", "others called sticky", "cannot tell",
+    "balanced accuracy", "AUC (95 %)",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Loops:
+    """Loops of which it is known whether the valve sticks."""
+
+    name: str
+    records: Sequence[LoopRecord]
+    sticky: np.ndarray  # shape (n,)
+    group: np.ndarray  # the contributor, or the pair; none is learned from and judged at once
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What was claimed, and how it is judged here; the last are what the publication leaves open
+    and was chosen here.
+    """
+
+    claimed: str
+    protocol: str
+    stand_in: str
+    rows: Callable[[Sequence[Loops]], list[tuple[str, ...]]]
+    draw: Callable[[Path], None] | None = None
+
+
+class Answers(NamedTuple):
+    """What a detector says of each loop: a score that is larger where stiction is likelier, NaN
+    where it has none, and YES, NO or CANNOT_TELL.
+    """
+
+    score: np.ndarray
+    said: np.ndarray
+
+
+def recorded(folders: Sequence[Path]) -> Loops:
+    """Return the first record of every loop whose label is stated or likely and not doubted."""
+    rows = read(folders)
+    doubted = rows.label_doubt.notna() if "label_doubt" in rows else False
+    rows = rows[
+        (rows.usable == 1)
+        & (rows.primary == 1)
+        & (rows.label != "unknown")
+        & (rows.tier != "unverified")
+        & ~doubted
+    ].drop_duplicates(["loop", "label"])
+    records = [_read(r.folder, r.id, str(r.dynamics).replace("_", "-")) for r in rows.itertuples()]
+    return Loops(
+        "recorded", records, (rows.label == STICTION).to_numpy(), rows.contributor.to_numpy()
+    )
+
+
+def _read(folder: str, name: str, process: str) -> LoopRecord:
+    known = {"process": process} if process in PROCESSES else {}
+    return read_record(Path(folder) / f"{name}.csv", **known).without_mv()
+
+
+def echoed(count: int, seed: int) -> Loops:
+    """Return so many pairs of a sticky loop of grid chapter and an echo, drawn by the seed."""
+    members = list(echoes.pairs("chapter", count, seed))
+    sticky = np.array([m.kind == echoes.STICKY for m in members])
+    return Loops("echoes", [m.record for m in members], sticky, np.arange(len(members)) // 2)
+
+
+def decided(score: np.ndarray, no: float, yes: float) -> Answers:
+    """Return the answers of a rule with two thresholds: at most `no`, at least `yes`."""
+    with np.errstate(invalid="ignore"):
+        said = np.where(score >= yes, YES, np.where(score <= no, NO, CANNOT_TELL))
+    return Answers(score, said)
+
+
+def learned_threshold(score: np.ndarray, loops: Loops) -> Answers:
+    """Return the answers of the rule "above a threshold" for each loop, whose threshold has the
+    best balanced accuracy on the loops of all other groups.
+    """
+    said = np.zeros(score.size, dtype=int)
+    for group in np.unique(loops.group):
+        here = loops.group == group
+        rest = ~here & np.isfinite(score)
+        values = np.unique(score[rest])
+        cuts = 0.5 * (values[1:] + values[:-1])
+        above = score[rest, None] > cuts
+        sticky = loops.sticky[rest]
+        right = above[sticky].mean(axis=0) + (~above[~sticky]).mean(axis=0)
+        best = cuts[int(right.argmax())]
+        said[here] = np.where(np.isfinite(score[here]), np.where(score[here] > best, YES, NO), 0)
+    return Answers(score, said)
+
+
+def balanced_accuracy(answers: Answers, sticky: np.ndarray) -> float:
+    """Return the mean of the shares of right answers among sticky loops and among others; no answer
+    counts as half a right one, so that .5 is worth nothing.
+    """
+    right = (answers.said == np.where(sticky, YES, NO)) + 0.5 * (answers.said == CANNOT_TELL)
+    return 0.5 * float(right[sticky].mean() + right[~sticky].mean())
+
+
+def counted(variant: str, loops: Loops, answers: Answers) -> tuple[str, ...]:
+    """Return one line of a claim's table, in the order of HEAD."""
+    found, called = ((answers.said[loops.sticky == s] == YES).sum() for s in (True, False))
+    return (
+        variant,
+        loops.name,
+        str(loops.sticky.size),
+        share(int(found), int(loops.sticky.sum())),
+        share(int(called), int((~loops.sticky).sum())),
+        str(int((answers.said == CANNOT_TELL).sum())),
+        f"{balanced_accuracy(answers, loops.sticky):.2f}",
+        area(answers.score, loops.sticky),
+    )
+
+
+def area(score: np.ndarray, sticky: np.ndarray) -> str:
+    """Return the AUC with its interval; a loop without a score stands in the middle of the
+    others.
+    """
+    known = np.isfinite(score)
+    if not known.any():
+        return "-"
+    value = auc(np.where(known, score, np.median(score[known])), sticky)
+    return f"{value.value:.2f} ({value.lo:.2f} to {value.hi:.2f})"
+
+
+def over(loops: Loops, index: Callable[[LoopRecord], float]) -> np.ndarray:
+    """Return an index of every loop."""
+    return np.array([index(record) for record in loops.records])
