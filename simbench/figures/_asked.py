@@ -5,6 +5,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
+from simbench.bench.score.names import benchmark_text, benchmark_version
 from simbench.bench.score.show import paper
 from simbench.bench.score.show.asked import Asked
 from simbench.detectors.errors import ParameterError
@@ -24,18 +25,21 @@ def write_asked(asked: Asked, path: Path) -> None:
         return
     paper.table_kind(path)
     about = paper.caption(asked.scores, asked.truth)
+    version = benchmark_version(asked.scores.manifest)
     if asked.comparisons:
         (comparison,) = asked.comparisons
         about = (
-            f"{comparison.cases} scenarios, right against {comparison.truth} (exact McNemar test,"
+            f"{comparison.cases} scenarios{benchmark_text(asked.scores.manifest)}, right against"
+            f" {comparison.truth} (exact McNemar test,"
             f" Holm-corrected p); {comparison.legend}"
         )
-        paper.write(path, comparison.pairs, paper.pairs_text(comparison), about)
+        numbers, text = comparison.pairs, paper.pairs_text(comparison)
     elif asked.rates is not None:
-        paper.write(path, asked.rates, paper.along_text(asked.rates), about)
+        numbers, text = asked.rates, paper.along_text(asked.rates)
     else:
         numbers = paper.ranking_numbers(asked.scores, asked.truth)
-        paper.write(path, numbers, paper.ranking_text(asked.scores, asked.truth), about)
+        text = paper.ranking_text(asked.scores, asked.truth)
+    paper.write(path, numbers.assign(benchmark=version), text, about)
 
 
 def _picture(asked: Asked) -> Any:

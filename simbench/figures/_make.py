@@ -280,6 +280,7 @@ def _one(
         return Drawn(name, left_out=lacking)
     try:
         table, picture = _drawn(name, given, numbers)
+        table = _with_version(table, given["run"]) if "run" in _wants(name) else table
     except NeedsRecord as error:
         return Drawn(name, left_out=str(error))
     files = tuple(target / f"{name}{suffix}" for suffix in (".svg", ".png", ".csv"))
@@ -287,6 +288,14 @@ def _one(
         write_picture(picture, file, simplified=0.3)
     write_table(table, files[2], float_format="%.6g")
     return Drawn(name, files)
+
+
+def _with_version(table: pd.DataFrame, run: str | Path | None) -> pd.DataFrame:
+    """Return the numbers of a run's figure with the version of its benchmark."""
+    from simbench.bench.score.names import benchmark_version
+    from simbench.bench.store.manifest import read_manifest
+
+    return table.assign(benchmark=benchmark_version(read_manifest(str(run))))
 
 
 def _drawn(

@@ -13,7 +13,7 @@ from scipy import stats
 
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check_result import Check, sentence
-from simbench.bench.score.names import ALL
+from simbench.bench.score.names import ALL, benchmark_version
 from simbench.bench.score.pairing import Paired, Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, holm
@@ -151,7 +151,8 @@ def check_books(
     unseen = (*_unseen(tests, basis), *untold)
     said = (
         f"{_basis(now, before, pairs, margin, shaken)}. A loss of {_points(_REACH[basis])}"
-        " must be detectable in 8 of 10 such runs, else the run is too small"
+        " must be detectable in 8 of 10 such runs, else the run is too small. Benchmark:"
+        f" {benchmark_version(now.manifest)}"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     if exact:

@@ -23,8 +23,14 @@ def benchmark_text(manifest: dict[str, Any]) -> str:
     """Return the version of a run's benchmark as its tables and pages show it; empty for one of an
     older simbench.
     """
+    version = benchmark_version(manifest)
+    return f", benchmark {version}" if version else ""
+
+
+def benchmark_version(manifest: dict[str, Any]) -> str:
+    """Return name and hash of a run's benchmark; empty for one of an older simbench."""
     stated = manifest.get("benchmark")
-    return f", benchmark {stated['name']} ({stated['hash']})" if stated else ""
+    return f"{stated['name']} ({stated['hash']})" if stated else ""
 
 
 def kind_of(role: str, sees_mv: bool) -> int:

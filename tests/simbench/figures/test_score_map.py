@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from simbench.bench.execute.run import run_grid
+from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.reading import RunArrays
 from simbench.figures import make_figures
 from simbench.figures.score_map import data, draw, levels
@@ -84,6 +85,9 @@ def test_plants_are_drawn_apart_with_healthy_and_dead_band_named(run, tmp_path):
     assert [t.get_text() for t in integrating.get_yticklabels()] == ["none", "0.5", "∞"]
     (drawn,) = make_figures(["score-map"], tmp_path, run=run)
     assert [f.suffix for f in drawn.files] == [".svg", ".png", ".csv"]
+    stated = read_manifest(run)["benchmark"]
+    version = f"{stated['name']} ({stated['hash']})"
+    assert pd.read_csv(drawn.files[2]).benchmark.unique().tolist() == [version]
 
 
 def test_values_are_shares(run):

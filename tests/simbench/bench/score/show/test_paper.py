@@ -1,5 +1,6 @@
 """Tables for a paper hold the numbers of the ranking."""
 
+import json
 import re
 
 import numpy as np
@@ -34,6 +35,12 @@ def test_the_numbers_are_the_rankings_and_shared_ranks_are_marked(scores):
     assert text.Cost["good"] == f"{good.cost:.2f} [{good.cost_lo:.2f}, {good.cost_hi:.2f}]"
 
 
+def version_of(run):
+    """Name and hash of the benchmark that a run states."""
+    stated = json.loads((run / "manifest.json").read_text(encoding="utf-8"))["benchmark"]
+    return f"{stated['name']} ({stated['hash']})"
+
+
 @pytest.mark.parametrize("kind", paper.PAPER_KINDS)
 def test_a_run_is_a_table_in_one_call(finished, tmp_path, capsys, kind):
     path = tmp_path / f"table{kind}"
@@ -43,6 +50,7 @@ def test_a_run_is_a_table_in_one_call(finished, tmp_path, capsys, kind):
     if kind == ".csv":
         table = pd.read_csv(path)
         assert {"method", "cost_lo", "sensitivity_hi", "no_decision", "shared"} <= set(table)
+        assert table.benchmark.unique().tolist() == [version_of(finished)]
         return
     numbers = sb.table(finished, "ranking").set_index("method")
     assert f"{numbers.accuracy['he']:.2f} [{numbers.accuracy_lo['he']:.2f}, " in text
@@ -76,7 +84,9 @@ def test_what_cannot_be_written_is_refused(finished, tmp_path, monkeypatch, caps
 def test_pairs_are_written_and_drawn(finished, tmp_path, capsys):
     for name in ("pairs.csv", "pairs.md", "pairs.tex"):
         assert main(["score", str(finished), "--paired", "--to", str(tmp_path / name)]) == 0
-        assert "yamashita" in (tmp_path / name).read_text(encoding="utf-8")
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        assert "yamashita" in text
+        assert version_of(finished) in text
     assert "rank  method" not in capsys.readouterr().out
 
 
