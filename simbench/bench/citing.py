@@ -13,6 +13,7 @@ from string import ascii_lowercase
 from simbench import __version__
 from simbench.bench.publications import details
 from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.score.shipped import with_shipped
 from simbench.bench.store.benchmark import BENCHMARK
 from simbench.bench.store.reading import read_book
 from simbench.detectors.errors import UnknownName
@@ -65,7 +66,8 @@ def cite(folder: str | Path) -> str:
     -------
     str
         One entry per publication; its note says what of the run stands on it. A plug-in
-        is cited by its name and the source that its file states.
+        is cited by its name and the source that its file states; a run `--with-reference` cites
+        the methods beside which it is ranked, too.
 
     Raises
     ------
@@ -84,7 +86,7 @@ def cite(folder: str | Path) -> str:
     [('article', {'author': 'A. Horch', 'year': '1999', 'journal': 'Control Engineering Practice', \
 'volume': '7', 'pages': '1221--1231'})]
     """
-    book = read_book(folder)
+    book = with_shipped(read_book(folder))
     found: dict[str, _Entry] = dict(_ALWAYS)
     if url := _url():
         found["simbench"] = "software", found["simbench"][1] | {"url": url}

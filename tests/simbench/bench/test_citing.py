@@ -9,6 +9,7 @@ from simbench.bench import citing
 from simbench.bench.citing import cite, entries_in
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.scoring import score_run
+from simbench.bench.score.shipped import shipped
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
 from simbench.loop.parameters import VALVES
@@ -92,6 +93,17 @@ def test_a_run_is_cited_by_what_it_used(run, capsys):
     hash_of = json.loads((run / "manifest.json").read_text())["benchmark"]["hash"]
     assert entries["smoke-2"]["note"] == hash_of
     assert "yamashita2006" not in entries
+
+
+def test_shipped_verdicts_are_cited_and_so_are_the_methods_beside_which_a_run_is_ranked(tmp_path):
+    package = entries_of(cite(shipped("ci")))
+    assert {"simbench", "jelali2013", "ci-4", "he2007", "horch1999"} <= set(package)
+    alone, beside = tmp_path / "alone", tmp_path / "beside"
+    run_grid("ci", alone, ["horch"], n=4)
+    run_grid("ci", beside, ["horch"], n=4, with_reference=True)
+    assert "he2007" not in entries_of(cite(alone))
+    of_methods = {key for key, e in package.items() if "used by method" in e.get("note", "")}
+    assert of_methods <= set(entries_of(cite(beside)))
 
 
 def test_every_article_of_the_package_has_a_title():
