@@ -6,7 +6,7 @@ import contextlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Exit, Option
 
@@ -16,7 +16,7 @@ from simbench.cli.common import (
     ControllerPlugin,
     EffectPlugin,
     Full,
-    GridName,
+    GridNameOrNone,
     Jobs,
     Json,
     Limit,
@@ -61,10 +61,11 @@ AllowFailed = Annotated[
         "run smoke -o runs/smoke",
         "run chapter -o runs/chapter -j 2 --method fast,oracle --resume",
         "run my_baseline -o run --plugin mine.py --method mine",
+        "run --again runs/theirs/manifest.json -o runs/ours",
     )
 )
 def run(
-    grid: GridName,
+    grid: GridNameOrNone = None,
     out: Annotated[
         Path | None, Option("-o", "--out", help="Write the run to this folder or URL [runs/GRID].")
     ] = None,
@@ -136,6 +137,14 @@ def run(
             " plant and table-11-3.",
         ),
     ] = False,
+    again: Annotated[
+        Path | None,
+        Option(
+            metavar="MANIFEST",
+            help="Run what this manifest of a finished run states, in place of GRID: the same"
+            " scenarios and methods; give the files of its plug-ins.",
+        ),
+    ] = None,
     full: Full = False,
     as_json: Json = False,
 ) -> None:
@@ -159,36 +168,82 @@ def run(
         k: [number(v) for v in str(values).split(",")]
         for k, values in pairs(axis or [], "--axis", text=True).items()
     }
+    deciding: dict[str, Any] = {
+        "n": n,
+        "sets": pairs(sets or [], "--set"),
+        "axes": axes,
+        "fresh_seeds": fresh_seeds or sealed,
+        "with_reference": with_reference,
+        "plan": plan,
+    }
+    working: dict[str, Any] = {
+        "plugins": plugin or [],
+        "valve_plugins": valve_plugin or [],
+        "effect_plugins": effect_plugin or [],
+        "plant_plugins": plant_plugin or [],
+        "controller_plugins": controller_plugin or [],
+        "backend": backend,
+        "address": address,
+        "resume": resume,
+        "time_limit": time_limit,
+    }
+    told = ""
     with _interruptible():
-        folder, scores = run_scored(
-            grid,
-            out or Path("runs") / Path(grid).stem,
-            tuple(method or ["fast", ORACLE]),
-            jobs,
-            plugins=plugin or [],
-            backend=backend,
-            address=address,
-            resume=resume,
-            n=n,
-            sets=pairs(sets or [], "--set"),
-            axes=axes,
-            time_limit=time_limit,
-            valve_plugins=valve_plugin or [],
-            effect_plugins=effect_plugin or [],
-            plant_plugins=plant_plugin or [],
-            controller_plugins=controller_plugin or [],
-            fresh_seeds=fresh_seeds or sealed,
-            with_reference=with_reference,
-            plan=plan,
-        )
+        if again is not None:
+            from simbench.bench.execute.repeat import run_again
+
+            _refuse_beside_again(grid, method, deciding)
+            folder, scores, told = run_again(again, out, jobs, **working)
+        elif grid is None:
+            raise ParameterError(
+                "GRID is missing: name a grid (`simbench list grids`), or give --again MANIFEST"
+            )
+        else:
+            folder, scores = run_scored(
+                grid,
+                out or Path("runs") / Path(grid).stem,
+                tuple(method or ["fast", ORACLE]),
+                jobs,
+                **deciding,
+                **working,
+            )
     if scores is None or allow_failed:
         scores = score_run(folder, allow_failed=allow_failed)
     failed = read_failures(folder)
     if as_json:
-        show({"run": str(folder), "failed": failed.as_json(), **scores.as_json()}, as_json)
+        about = {"run": str(folder), "failed": failed.as_json()}
+        show({**about, **({"again": told} if told else {}), **scores.as_json()}, as_json)
     else:
-        show(f"{scores.as_text(full=full, where=_where(folder, full))}\nrun: {folder}", as_json)
+        lines = [scores.as_text(full=full, where=_where(folder, full)), f"run: {folder}"]
+        show("\n".join([*lines, *([f"again: {told}"] if told else [])]), as_json)
     _end(failed, allow_failed)
+
+
+def _refuse_beside_again(
+    grid: str | None, method: list[str] | None, deciding: dict[str, Any]
+) -> None:
+    """Refuse what the manifest of --again decides."""
+    given = [f"GRID {grid}"] * (grid is not None) + ["--method"] * bool(method)
+    given += [
+        option
+        for key, option in _DECIDING.items()
+        if deciding[key] not in (None, False, {}, "table")
+    ]
+    if given:
+        raise ParameterError(
+            f"--again takes grid, methods and settings from the manifest; leave out"
+            f" {', '.join(given)}"
+        )
+
+
+_DECIDING = {
+    "n": "--n",
+    "sets": "--set",
+    "axes": "--axis",
+    "fresh_seeds": "--fresh-seeds",
+    "with_reference": "--with-reference",
+    "plan": "--plan",
+}
 
 
 @app.command(

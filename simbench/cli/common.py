@@ -300,14 +300,13 @@ def grid_completion(incomplete: str) -> list[str]:
     return [name for name in grid_names() if name.startswith(incomplete)]
 
 
-GridName = Annotated[
-    str,
-    Argument(
-        help="Name a grid (a set of scenarios; `simbench list grids` names them), or give a TOML"
-        " file, or the folder of a run or baseline.",
-        autocompletion=grid_completion,
-    ),
-]
+_GRID = Argument(
+    help="Name a grid (a set of scenarios; `simbench list grids` names them), or give a TOML"
+    " file, or the folder of a run or baseline.",
+    autocompletion=grid_completion,
+)
+GridName = Annotated[str, _GRID]
+GridNameOrNone = Annotated[str | None, _GRID]
 
 
 def refuse_picture(path: Path | None, *read: Path | None) -> None:

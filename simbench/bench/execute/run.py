@@ -35,7 +35,7 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
 from simbench.bench.store.benchmark import grid_settings, is_stored, stored_grid
 from simbench.bench.store.checksums import RunError, check_tables, file_digest
-from simbench.bench.store.manifest import describe, read_manifest, run_key
+from simbench.bench.store.manifest import describe, read_manifest, refuse_unlike, run_key
 from simbench.bench.store.place import Place, place_of
 from simbench.detectors.errors import UserError, masked, nearest, printable
 from simbench.detectors.judge import refuse_wrong_forms
@@ -90,6 +90,9 @@ class RunOptions:
     n : int, optional
         Number of scenarios that are drawn at random from the grid, which may be of any size; the
         seed decides which. None simulates the whole grid.
+    like : mapping, optional
+        Manifest of a run that this one repeats; another grid, method or plug-in is refused before
+        anything is simulated.
     plan : {"table", "again"}
         Whether a grid of the package as it stands is read from its frozen table, or settled anew on
         this machine. Other grids have no table.
@@ -113,6 +116,7 @@ class RunOptions:
     own: Mapping[str, Any] | None = None
     with_reference: bool = False
     plan: str = TABLE
+    like: Mapping[str, Any] | None = None
 
 
 def run_grid(
@@ -138,7 +142,7 @@ def run_grid(
     **options
         Fields of `RunOptions`: plugins, valve_plugins, effect_plugins,
         plant_plugins, controller_plugins, time_limit, own, backend, address, resume, n, sets, axes,
-        fresh_seeds, keep, progress, with_reference, plan.
+        fresh_seeds, keep, progress, with_reference, plan, like.
 
     Returns
     -------
@@ -186,6 +190,8 @@ def run_scored(
         names = choose_with_oracle(methods, added)
         _refuse_wrong_run(plan, names, asked)
         manifest = _describe_run(plan, names, asked, digests)
+        if asked.like is not None:
+            refuse_unlike(asked.like, manifest)
         place = place_of(Path("runs") / plan.name if out is None else out)
         place.refuse_unkept()
         with _workers(asked.backend, asked.address, jobs) as run, pieces.held(place):

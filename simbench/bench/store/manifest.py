@@ -58,15 +58,15 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def read_manifest(path: str | Path | Place) -> dict[str, Any]:
-    """Return the manifest of a run."""
+def read_manifest(path: str | Path | Place, name: str = MANIFEST) -> dict[str, Any]:
+    """Return the manifest of a run, whose file may have another name where it was handed on."""
     place = place_of(path)
-    file = f"{place}/{MANIFEST}"
+    file = f"{place}/{name}"
     try:
-        manifest = json.loads(place.read(MANIFEST))
+        manifest = json.loads(place.read(name))
         written_in = manifest["format"]
     except (FileNotFoundError, NotADirectoryError):
-        raise NoRun(f"{place} holds no run: {MANIFEST} is missing") from None
+        raise NoRun(f"{place} holds no run: {name} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         where = (
             f", line {error.lineno}, column {error.colno},"
@@ -111,6 +111,24 @@ def unmatched(manifest: Mapping[str, Any]) -> int:
     """
     planned, done = manifest.get("scenarios"), manifest.get("counts", {}).get("scenarios")
     return planned - done if manifest.get("complete") and planned and done else 0
+
+
+def refuse_unlike(stated: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
+    """Raise RunError, with the difference, if a run has another grid, other methods or other
+    plug-ins than the one that it is to repeat.
+    """
+    lacking = [name for name in stated["plugins"] if name not in manifest["plugins"]]
+    if lacking:
+        raise RunError(f"the manifest states plug-in {lacking[0]}: {_how_given(lacking[0])}")
+    for key in ("grid_hash", "plugins", "methods"):
+        # of methods only the names: their thresholds and sources may be another version's
+        was, now = (
+            m[key] if key != "methods" else dict.fromkeys(m[key]) for m in (stated, manifest)
+        )
+        if was != now:
+            raise RunError(
+                f"this is not the run that the manifest states: {_difference(key, was, now)}"
+            )
 
 
 def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
@@ -188,6 +206,14 @@ def _difference(key: str, old: Any, new: Any) -> str:
         return f"{key} {verb}: {'; '.join(changes[:3])}"
     names = {"grid_hash": "the grid", "code": "the code"}
     return f"{names.get(key, key)} differs (was {old}, is {new})"
+
+
+def _how_given(plugin: str) -> str:
+    """Say how a plug-in is handed to a run."""
+    kind, _, name = plugin.rpartition(" ")
+    if kind == "own":
+        return f"{name} was handed over in Python, and can only be run again from there"
+    return f"its file is needed (--{f'{kind}-plugin' if kind else 'plugin'} FILE.py)"
 
 
 def _changed(name: str, old: Any, new: Any) -> str:
