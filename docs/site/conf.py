@@ -5,6 +5,7 @@ warnings are errors.
 from __future__ import annotations
 
 import os
+import re
 import sys
 from importlib.metadata import version as installed
 from pathlib import Path
@@ -62,3 +63,15 @@ for name, text in pages.items():
     # an unchanged page is not read again
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         path.write_text(text, encoding="utf-8")
+
+
+def add_download(app, docname, source):
+    """Offer every tutorial as the notebook that ran when the site was built."""
+    if docname.startswith("tutorials/"):
+        link = f"This page as a notebook: {{nb-download}}`{docname.partition('/')[2]}.ipynb`"
+        source[0] = re.sub(r"^# .*$", rf"\g<0>\n\n{link}", source[0], count=1, flags=re.MULTILINE)
+
+
+def setup(app):
+    """Connect what changes pages as they are read."""
+    app.connect("source-read", add_download)
