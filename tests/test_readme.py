@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
@@ -166,16 +167,26 @@ def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_
     assert written <= {p.name for p in tmp_path.iterdir()}
 
 
+def test_the_ci_recipe_gives_the_action_inputs_that_it_has():
+    (step,) = yaml.safe_load(block("yaml", "uses: ./simbench"))
+    action = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
+    assert set(step["with"]) <= set(action["inputs"])
+    needed = {name for name, about in action["inputs"].items() if about.get("required")}
+    assert needed <= set(step["with"])
+
+
 @pytest.mark.slow
-def test_the_ci_recipe_works_as_printed_baseline_included(place, capsys):
-    recipe = block("yaml", "setup-python").splitlines()
-    steps = [line.removeprefix("- run: ").split() for line in recipe if "run: simbench" in line]
-    assert [step[1] for step in steps] == ["run", "check"]
-    guard = README[README.index("## Guard") :]
-    commands = [line.split() for line in re.findall(r"`(simbench (?:run|check) [^`]+)`", guard)]
-    assert [words[1] for words in commands] == ["run", "check"]
-    for words in (*commands, *steps):
-        assert main(words[1:]) == 0, (words, capsys.readouterr().err)
+def test_the_baseline_of_the_ci_recipe_is_made_and_met_as_printed(place, capsys):
+    guard = README[README.index("## Guard") : README.index("## Contents")]
+    commands = re.findall(r"`(simbench (?:run|check) [^`]+)`", guard)
+    assert [words.split()[1] for words in commands] == ["run", "check"]
+    # what the action does; its scripts themselves run in tests/test_action.py
+    commands += [
+        "simbench run my_baseline -o run --plugin fullness.py --method fullness --with-reference",
+        "simbench check run --against my_baseline",
+    ]
+    for words in commands:
+        assert main(words.split()[1:]) == 0, (words, capsys.readouterr().err)
         said = capsys.readouterr().out
         if "--with-reference" in words:
             assert "procedure" in said
@@ -218,22 +229,43 @@ def test_the_costs_of_the_slower_methods_are_those_in_results():
         assert row.split()[2] == cost.rstrip(",")
 
 
-def test_the_table_of_real_loops_is_the_one_in_results():
-    text = (Path(__file__).parents[1] / "results" / "real_records.txt").read_text(encoding="utf-8")
-    table = next(block for block in text.split("\n\n") if block.startswith("method "))
-    rows = {line.split()[0]: line.split()[1:] for line in table.splitlines()}
-    shown = re.findall(
-        r"^\| (\w+) \| (\d+) of (\d+) \| (\d+) of (\d+) \| (\d+) \|$", README, re.MULTILINE
+def test_the_table_of_detectors_and_claims_is_the_one_in_results():
+    kept = (ROOT / "results" / "claims.txt").read_text(encoding="utf-8").splitlines()
+    variants = {
+        "`arx_stiction`": "arx_stiction",
+        "`procedure`": "procedure",
+        "network": "distance, 10-10",
+        "Hurst": "fluctuation, 2 lags",
+        "He's": "control error, sin(k / pi)",
+        "scalograms": "scalogram",
+        "slope": "slope ratio, as recorded",
+    }
+    table = README[README.index("| detector | recorded |") :]
+    rows = re.findall(
+        r"^\| (\S+).* \| (\.\d+), (\.\d+) \| (\.\d+), (\.\d+) \|", table, re.MULTILINE
     )
-    about = {name: methods.load(name).METHOD for name in methods.names()}
-    ranked = {n for n, m in about.items() if m.role != "nonlinearity" and not m.needs_mv}
-    ranked.add("likelihood")
-    # the rows are in the order of cost: no method is left out above one that is shown
-    assert [row[0] for row in shown] == [name for name in rows if name in ranked][: len(shown)]
-    assert f"six of {len(ranked)} methods" in README
-    for method, sensitivity, sticky, wrong, sound, undecided in shown:
-        same = rows[method][:5] == [sticky, sensitivity, sound, wrong, undecided]
-        assert same, f"{method}: copy its row of results/real_records.txt into README.md"
+    assert [row[0] for row in rows] == list(variants)
+    for first, *shown in rows:
+        measured = [
+            share
+            for loops in ("recorded", "echoes")
+            for share in shares_of(kept, variants[first], loops)
+        ]
+        assert shown == measured, f"{first}: copy its shares from results/claims.txt into README.md"
+    shape = shares_of(kept, "shape indices", "recorded"), shares_of(kept, "shape indices", "echoes")
+    assert "indices of shape: {}, {} and {}, {} |".format(*shape[0], *shape[1]) in table
+    assert (
+        "one loop ({}, {} there)".format(*shares_of(kept, "distance, 10-10", "its home")) in table
+    )
+
+
+def shares_of(lines, variant, loops):
+    """Shares of sticky loops found and of others called, of one row of the claims."""
+    row = next(line for line in lines if re.match(rf"{re.escape(variant)} +{loops} ", line))
+    cells = re.split(r" {2,}", row)[3:5]
+    counts = (re.match(r"(\d+) of (\d+)", cell) for cell in cells)
+    values = [int(c[1]) / int(c[2]) if c else float(x.split()[0]) for c, x in zip(counts, cells)]
+    return [f"{value:.2f}".replace("0.", ".") for value in values]
 
 
 def test_the_table_of_the_diagnosis_is_the_one_in_results():

@@ -59,9 +59,7 @@ def test_the_manifest_alone_makes_the_same_run(first, tmp_path):
     assert (was["overrides"], was["points"]) == (now["overrides"], now["points"])
 
 
-def test_on_the_command_line_the_answer_says_whether_the_bits_are_the_same(
-    first, tmp_path, capsys
-):
+def test_on_the_command_line_the_answer_says_whether_the_bits_are_the_same(first, tmp_path, capsys):
     words = ["run", "--again", str(first), "-o", str(tmp_path / "again")]
     plugin = ["--plugin", str(first.parent / "never.py")]
     assert main([*words, *plugin]) == 0
