@@ -290,6 +290,22 @@ def test_the_table_of_the_diagnosis_is_the_one_in_results():
         assert row == (
             f"{first} of 44 | {block} | {named}, {unknown} of 38 | {', '.join(near)} of 150"
         ), f"{world}: copy its figures from results/withheld into README.md"
+    sites = (results / "sites.txt").read_text(encoding="utf-8")
+    first, block, named, unknown = (
+        re.search(rf"^{re.escape(name)} +(\S+) \((\S+) to (\S+)\), n (\d+)", sites, re.MULTILINE)
+        for name in (
+            "first answer right",
+            "block right (within group)",
+            "effect named where there is none",
+            "none called unknown",
+        )
+    )
+    shown = (f"{m[1]} [{m[2]}, {m[3]}]".replace("0.", ".") for m in (first, block))
+    counts = (round(float(m[1]) * int(m[4])) for m in (named, unknown))
+    row = "| {} of {} | {} | {}, {} of {} |".format(
+        next(shown), first[4], next(shown), *counts, named[4]
+    )
+    assert row in README, "copy the figures of results/sites.txt into README.md"
     real = (results / "gap_real.txt").read_text(encoding="utf-8")
     before, after = re.findall(
         r"floors of the plant: 0(\S+) of the records before, 0(\S+) af", real

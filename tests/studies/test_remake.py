@@ -39,11 +39,13 @@ def test_a_row_names_commands_that_exist(name):
     assert TABLE[name]
     for command in TABLE[name]:
         words = shlex.split(command.split(">")[0])
-        assert words[0] in ("simbench", "python", "make", "cp"), command
+        assert words[0] in ("simbench", "python", "make", "cp", "awk"), command
         if words[:2] == ["python", "-m"]:
             assert importlib.util.find_spec(words[2]), command
         elif words[0] == "python":
             assert (ROOT / words[1]).exists(), command
+        elif words[0] == "awk":
+            assert (ROOT / words[2]).exists(), command
 
 
 def test_a_failing_command_is_named_and_ends_its_row(tmp_path, monkeypatch, capfd):

@@ -1,8 +1,8 @@
-"""`python -m results.studies.withheld make|answer|open DIR`: judge the gap diagnosis by simulated
-records whose true cause is hidden from it.
+"""`python -m results.studies.withheld make|answer|open|score DIR`: judge the gap diagnosis, and
+those of other people, by simulated records whose true cause is hidden from them.
 
 `make` draws them with a plant simulator of its own and writes the truth to a key, `answer`
-diagnoses them, `open` scores the answers.
+diagnoses them, `open` scores the answers, `score` sets diagnoses of other people beside them.
 """
 
 from __future__ import annotations
@@ -10,10 +10,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from results.studies.withheld.answering import answer
 from results.studies.withheld.making import make
 from results.studies.withheld.opening import open_
+from results.studies.withheld.others import score
+from results.studies.withheld.page import write_page
 from results.studies.worlds import NAMES
 from simbench.usage import exit_code
 
@@ -33,9 +36,14 @@ def _parser() -> argparse.ArgumentParser:
     answered.add_argument("--tests", type=int, default=0, help="tests of each record, 0 to 2 [0]")
     opened = verbs.add_parser("open", help="score the answers")
     opened.add_argument("--scores", metavar="DIR", help="write the scores to this folder")
-    for verb in (made, answered, opened):
+    scored = verbs.add_parser("score", help="score diagnoses that others made")
+    for verb in (made, answered, opened, scored):
         verb.add_argument("folder", metavar="DIR")
-    for verb in (answered, opened):
+    scored.add_argument(
+        "file", metavar="FILE.csv", nargs="*", type=Path, help="columns id, effect, probability"
+    )
+    scored.add_argument("--page", metavar="FILE.html", help="also write a page")
+    for verb in (answered, opened, scored):
         verb.add_argument("--key", help="read the truth, with which tests are run, from this file")
     for verb in (made, opened):
         verb.add_argument("--world", default=NAMES[0], help=f"the plant simulator [{NAMES[0]}]")
@@ -51,6 +59,11 @@ def run(argv: Sequence[str] | None = None) -> int:
         print(make(o.folder, o.key, o.seed, o.n, jobs=o.j, world=o.world))
     elif o.verb == "answer":
         print(f"{answer(o.folder, o.j, o.tests, o.key)} records diagnosed")
+    elif o.verb == "score":
+        scores = score(o.folder, o.file, o.key)
+        print(scores.as_text())
+        if o.page:
+            write_page(scores, o.page)
     else:
         print(open_(o.folder, o.key, o.scores, o.world)["markdown"])
     return 0

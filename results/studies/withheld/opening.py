@@ -44,12 +44,12 @@ def open_(
         str(i): [] for i in range(1, MOST_TESTS + 1) if answers_after(folder, i).exists()
     }
     for row in Progress(truth, desc="scored", delay=1.0):
-        record, baseline = _record(folder, row["id"])
+        record, baseline = record_of(folder, row["id"])
         here = true_circumstances(row, baseline, record)
-        answer = _answer(folder / "answers" / f"{row['id']}.json")
+        answer = answer_of(folder / "answers" / f"{row['id']}.json")
         judged.append(judge_record(row, answer, here))
         for tests, rows in after.items():
-            later = _answer(answers_after(folder, int(tests)) / f"{row['id']}.json")
+            later = answer_of(answers_after(folder, int(tests)) / f"{row['id']}.json")
             rows.append(judge_record(row, later, here))
         if judged[-1]["kind"] == "single" and row.get("case") and answer is not None:
             claims += [
@@ -124,7 +124,8 @@ def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str
     return "\n".join(lines) + "\n"
 
 
-def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
+def record_of(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
+    """Return a record of a withheld folder, and its baseline."""
     path = folder / "records" / f"{name}.csv"
     try:
         frame = pd.read_csv(path)
@@ -143,7 +144,8 @@ def _record(folder: Path, name: str) -> tuple[pd.DataFrame, Mapping[str, Any]]:
     return frame, read_toml(path.with_suffix(".toml"))
 
 
-def _answer(path: Path) -> dict[str, Any] | None:
+def answer_of(path: Path) -> dict[str, Any] | None:
+    """Return the product's answer about a record; None where there is none."""
     try:
         answer = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

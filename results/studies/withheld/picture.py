@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from simbench.files import whole_file
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def confusion(table: pd.DataFrame) -> pd.DataFrame:
@@ -25,6 +29,14 @@ def confusion(table: pd.DataFrame) -> pd.DataFrame:
 
 def draw(counts: pd.DataFrame, out: Path) -> None:
     """Draw the confusion counts as row shares and save PNG and SVG."""
+    figure = confusion_figure(counts)
+    for kind in ("png", "svg"):
+        with whole_file(out / f"confusion.{kind}", "wb") as f:
+            figure.savefig(f, format=kind, dpi=130)
+
+
+def confusion_figure(counts: pd.DataFrame) -> Figure:
+    """Draw the confusion counts as row shares."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -34,7 +46,9 @@ def draw(counts: pd.DataFrame, out: Path) -> None:
     )
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    axes.imshow(shares, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
+    axes.pcolormesh(edges[1], edges[0], shares, cmap="Blues", vmin=0, vmax=1)
+    axes.invert_yaxis()
     for (i, j), n in np.ndenumerate(counts.to_numpy()):
         if n:
             colour = "white" if shares[i, j] > 0.5 else "black"
@@ -49,6 +63,4 @@ def draw(counts: pd.DataFrame, out: Path) -> None:
     axes.set_xlabel("named")
     axes.set_ylabel("true (records)")
     axes.set_title("What was there, what was named (colour: share of the row)", fontsize=10)
-    for kind in ("png", "svg"):
-        with whole_file(out / f"confusion.{kind}", "wb") as f:
-            figure.savefig(f, format=kind, dpi=130)
+    return figure
