@@ -336,11 +336,17 @@ def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
 
 
 def number(text: str) -> Any:
-    """Return a word as a number where it is one."""
+    """Return a word as a number where it is one; a whole one keeps digits that a float has not.
+
+    >>> number("7"), number("4611686018427387905"), number("slow")
+    (7.0, 4611686018427387905, 'slow')
+    """
     try:
-        return text if "_" in text else float(text)
+        value = text if "_" in text else float(text)
     except ValueError:
         return text
+    whole = text.isdecimal() and int(text)
+    return whole if whole and whole != value else value
 
 
 def show_result(result: Any, as_json: bool) -> None:

@@ -44,6 +44,10 @@ def write_asked(asked: Asked, path: Path) -> None:
 
 def _picture(asked: Asked) -> Any:
     """Return the picture of a ranking, of pairs, or of rates over axes."""
+    if asked.comparisons and not asked.comparisons[0].of_one_run:
+        raise ParameterError(
+            "a comparison of two runs has no picture: --to FILE.tex, .md or .csv writes its table"
+        )
     if asked.comparisons:
         return critical_difference.draw(critical_difference.ranks_of(asked.comparisons[0]))
     axes = asked.scores.plot(asked.axes or None)

@@ -34,6 +34,7 @@ from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
 from simbench.bench.store.manifest import RunError, read_manifest
 from simbench.bench.store.reading import RunArrays, read_scenario
+from simbench.cli import main
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge
 from simbench.files import FileError
@@ -710,3 +711,11 @@ def test_fresh_seeds_are_drawn_and_stated(tmp_path):
     )
     with pytest.raises(RunError, match="draws the grid's seed"):
         run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, fresh_seeds=True)
+
+
+def test_a_seed_that_a_float_cannot_hold_is_taken_as_it_is_written(tmp_path):
+    seed, folder = 2**62 - 1, str(tmp_path / "run")
+    words = ["run", "smoke", "--n", "2", "--method", "he", "--set", f"seed={seed}", "-o", folder]
+    assert main(words) == 0
+    assert read_manifest(folder)["seed"] == seed
+    assert main([*words, "--resume"]) == 0

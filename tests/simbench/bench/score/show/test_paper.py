@@ -81,6 +81,13 @@ def test_what_cannot_be_written_is_refused(finished, tmp_path, monkeypatch, caps
     assert list(tmp_path.iterdir()) == []
 
 
+def test_two_runs_have_no_picture(finished, tmp_path, capsys):
+    words = ["--compare", str(finished), "--to", str(tmp_path / "two.svg")]
+    assert main(["score", str(finished), *words]) == 2
+    assert "two runs has no picture" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_pairs_are_written_and_drawn(finished, tmp_path, capsys):
     for name in ("pairs.csv", "pairs.md", "pairs.tex"):
         assert main(["score", str(finished), "--paired", "--to", str(tmp_path / name)]) == 0
