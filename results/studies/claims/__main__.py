@@ -7,7 +7,9 @@ Without folders of recorded loops the claims are judged on echoes alone.
 from __future__ import annotations
 
 import argparse
+import re
 import textwrap
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -23,11 +25,17 @@ from results.studies.claims.judged import (
     echoed,
     recorded,
 )  # fmt: skip
+from simbench.detectors.compiled import one_thread
 from simbench.detectors.judge import judge
 from simbench.detectors.report.report import columns
 from simbench.usage import exit_code
 
-NAMES = ("circle_distance", "slow_feature", "five_cycles", "scalogram", "label_rules")
+# every other file of this folder is a claim
+NAMES = sorted(
+    file.stem
+    for file in Path(__file__).parent.glob("*.py")
+    if not file.stem.startswith("_") and file.stem != "judged"
+)
 SEED = 20261201  # draws the echoes; of no other study
 COMPARED = ("arx_stiction", "procedure", "he")
 _WIDTH = 100
@@ -43,7 +51,23 @@ def as_lines(name: str, claim: Claim, data: list[Loops]) -> list[str]:
     lines = [name.replace("_", " ")]
     for what, text in told.items():
         lines += textwrap.wrap(f"{what}: {text}", _WIDTH, subsequent_indent="  ")
-    return [*lines, *columns([HEAD, *claim.rows(data)])]
+    rows = claim.rows(data)
+    return [*lines, *textwrap.wrap(outcome(rows), _WIDTH), *columns([HEAD, *rows])]
+
+
+def outcome(rows: Sequence[tuple[str, ...]]) -> str:
+    """Say of how many variants it is shown that they tell sticky loops from others: the interval of
+    their AUC lies above .5.
+    """
+    told = {}
+    for row in rows:
+        area = re.fullmatch(r"\S+ \((\S+) to \S+\)", row[-1])
+        told.setdefault(row[1], []).append(area is not None and float(area[1]) > 0.5)
+    counts = ", ".join(f"on {name} {sum(tells)} of {len(tells)}" for name, tells in told.items())
+    return (
+        "comes out: variants of which these loops show that they tell sticky ones from others (the"
+        f" interval of AUC lies above .5): {counts}"
+    )
 
 
 def compared(loops: Loops) -> list[tuple[str, ...]]:
@@ -78,7 +102,9 @@ def main(arguments: list[str] | None = None) -> int:
     print("\n".join(columns([HEAD, *(row for loops in data for row in compared(loops))])))
     for name in given.claim:
         claim = import_module(f"results.studies.claims.{name}").CLAIM
-        print("\n" + "\n".join(as_lines(name, claim, data)), flush=True)
+        with one_thread():  # small matrices: more threads would wait for each other
+            lines = as_lines(name, claim, data)
+        print("\n" + "\n".join(lines), flush=True)
         if given.pictures and claim.draw:
             claim.draw(given.pictures / f"claim-{name.replace('_', '-')}.svg")
     return 0

@@ -75,6 +75,10 @@ def run_again(
     name = MANIFEST if where is file else Path(manifest).name
     stated = read_manifest(where, name)
     refuse_unfinished(where, stated)
+    if "times" not in stated:
+        raise RunError(
+            f"{manifest} is a baseline, no run: `simbench run {where}` simulates its loops"
+        )
     if stated.get(SETTLED) == OF_RUN and not where.names(f"{TABLE_KINDS[0]}.parquet"):
         raise RunError(
             f"{manifest} states a run of loops from another run, which stand in its tables: the"

@@ -1,6 +1,9 @@
 """Claims of the literature: what each rebuilt detector sees, and how its answers are counted."""
 
+import re
 from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ from results.studies.claims import (
     scalogram,
     slow_feature,
 )
-from results.studies.claims.__main__ import NAMES, main
+from results.studies.claims.__main__ import NAMES, main, outcome
 from results.studies.claims.judged import (
     CANNOT_TELL,
     HEAD,
@@ -168,13 +171,33 @@ def test_at_home_half_of_the_loops_stick_and_the_others_oscillate_without():
         assert record.op[-300:].std() > 0.1
 
 
+def test_what_comes_out_counts_the_variants_whose_interval_lies_above_one_half():
+    rows = [
+        ("x", "recorded", "0.70 (0.51 to 0.80)"),
+        ("y", "recorded", "0.70 (0.49 to 0.80)"),
+        ("x", "echoes", "-"),
+    ]
+    assert outcome(rows).endswith("on recorded 1 of 2, on echoes 0 of 1")
+
+
 def test_a_claim_is_printed_with_its_table(capsys):
     assert main(["-n", "2", "--seed", "5", "--claim", "five_cycles"]) == 0
     text = capsys.readouterr().out
     for word in ("claimed: He's index", "protocol:", "chosen here:", "arx_stiction", "echoes"):
         assert word in text
     assert "recorded  " not in text
-    assert set(NAMES) > {"five_cycles"}
+    claims = [import_module(f"results.studies.claims.{name}").CLAIM for name in NAMES]
+    assert len(claims) >= 5
+    assert all(claim.claimed and claim.protocol and claim.stand_in for claim in claims)
+
+
+def test_the_page_quotes_counts_that_the_command_printed():
+    root = Path(__file__).parents[3]
+    page = (root / "docs" / "claims.md").read_text(encoding="utf-8")
+    kept = (root / "results" / "claims.txt").read_text(encoding="utf-8")
+    quoted = re.findall(r"\b\d+ of \d+\b", page)
+    assert len(quoted) >= 4
+    assert [count for count in quoted if f" {count} (" not in kept] == []
 
 
 def test_both_members_of_a_pair_are_in_one_group():

@@ -8,6 +8,7 @@ import pytest
 
 from simbench.bench.execute.repeat import compared, run_again
 from simbench.bench.execute.run import run_grid
+from simbench.bench.score.baseline import write_baseline
 from simbench.bench.store.checksums import RunError
 from simbench.bench.store.manifest import read_manifest
 from simbench.cli import main
@@ -89,6 +90,12 @@ def test_what_is_not_the_stated_run_is_refused(first, tmp_path, capsys, words, s
 def test_neither_grid_nor_manifest_is_refused(capsys):
     assert main(["run"]) == 2
     assert "GRID is missing" in capsys.readouterr().err
+
+
+def test_a_baseline_is_no_run_and_is_said_to_be_a_grid(first, tmp_path):
+    write_baseline(first, tmp_path / "kept")
+    with pytest.raises(RunError, match="is a baseline, no run: `simbench run"):
+        run_again(tmp_path / "kept", tmp_path / "again")
 
 
 def test_a_run_of_loops_from_another_run_needs_its_tables(first, tmp_path):
