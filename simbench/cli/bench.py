@@ -141,8 +141,8 @@ def run(
         Path | None,
         Option(
             metavar="MANIFEST",
-            help="Run what this manifest of a finished run states, in place of GRID: the same"
-            " scenarios and methods; give the files of its plug-ins.",
+            help="Take grid, methods and settings from this manifest of a finished run, in place of"
+            " GRID; give the files of its plug-ins.",
         ),
     ] = None,
     full: Full = False,
