@@ -301,6 +301,7 @@ def grid_completion(incomplete: str) -> list[str]:
 
 
 _GRID = Argument(
+    metavar="GRID",
     help="Name a grid (a set of scenarios; `simbench list grids` names them), or give a TOML"
     " file, or the folder of a run or baseline.",
     autocompletion=grid_completion,
