@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,15 @@ from results.studies.withheld.levels import Figure, Share, levels
 from results.studies.withheld.opening import answer_of, record_of
 from results.studies.withheld.score import judge_record, true_circumstances
 from results.studies.withheld.truth import read_any, rows_of
-from simbench.bench.statistics import mcnemar, rate
+from simbench.bench.statistics import mcnemar
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.detectors.report.report import columns
-from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.progress import Progress
 
 OURS = "simbench"  # the answers in the folder, where there are any
 COLUMNS = ("id", "effect")
+PAIRS = ("first", "second", "only the first right", "only the second right", "p")
 # figures of the blind test that an answer of names and probabilities has
 SHOWN = (
     "first answer right",
@@ -64,26 +66,22 @@ class Scored:
         """Return for every two diagnoses how often only one of them is right first, of the records
         with one effect, and the exact McNemar p.
         """
-        names, rows = list(self.tables), []
-        for i, one in enumerate(names):
-            for other in names[i + 1 :]:
-                first, second = (self._single(name)["first"] for name in (one, other))
-                only = int((first & ~second).sum()), int((second & ~first).sum())
-                row = {"first": one, "second": other, "only the first right": only[0]}
-                rows.append(row | {"only the second right": only[1], "p": f"{mcnemar(*only):.2g}"})
-        return pd.DataFrame(rows)
+        rows = []
+        for names in combinations(self.tables, 2):
+            first, second = (self._single(name)["first"] for name in names)
+            only = int((first & ~second).sum()), int((second & ~first).sum())
+            rows.append((*names, *only, f"{mcnemar(*only):.2g}"))
+        return pd.DataFrame(rows, columns=list(PAIRS))
 
     def by(self, what: str) -> pd.DataFrame:
         """Return the share of records with one effect that are right first, over "effect" or
         "site".
         """
-        cells = {}
+        columns = {}
         for name in self.tables:
-            single = self._single(name).assign(site=self.sites)
-            right = single.groupby(what)["first"].agg(["sum", "count"])
-            cells[name] = [f"{k} of {n}" for k, n in right.itertuples(index=False)]
-            cells = {what: list(right.index), **cells}
-        return pd.DataFrame(cells)
+            right = self._single(name).assign(site=self.sites).groupby(what)["first"]
+            columns[name] = right.agg(lambda hits: f"{hits.sum()} of {hits.size}")
+        return pd.DataFrame(columns).rename_axis(what).reset_index()
 
     def _single(self, name: str) -> pd.DataFrame:
         table = self.tables[name]
@@ -151,7 +149,7 @@ def _answer(rows: pd.DataFrame) -> dict[str, Any]:
     ranking = [
         {
             "effect": r["effect"],
-            "block": r.get("block") or _block_of(r["effect"]),
+            "block": r.get("block") or block_of(r["effect"]),
             "probability": None if pd.isna(r["p"]) else float(r["p"]),
         }
         for r in rows.to_dict("records")
@@ -164,10 +162,6 @@ def _answer(rows: pd.DataFrame) -> dict[str, Any]:
         "effects": named,
         "ranking": ranking,
     }
-
-
-def _block_of(effect: str) -> str:
-    return EFFECTS[effect].block if effect in EFFECTS else effect
 
 
 def score(folder: str | Path, files: Sequence[Path], key: str | Path | None = None) -> Scored:
@@ -199,8 +193,8 @@ def _written(figure: Share | Figure) -> str:
         return "-"
     if isinstance(figure, Figure):
         return f"{figure.value:.2f} (n {figure.n})"
-    value = rate(figure.k, figure.n)
-    return f"{value.value:.2f} ({value.lo:.2f} to {value.hi:.2f}), n {figure.n}"
+    low, high = figure.interval
+    return f"{figure.value:.2f} ({low:.2f} to {high:.2f}), n {figure.n}"
 
 
 def _text(frame: pd.DataFrame) -> str:
