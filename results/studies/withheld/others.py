@@ -133,12 +133,12 @@ def read_diagnosis(file: Path, ids: Sequence[str]) -> dict[str, dict[str, Any]]:
             raise ParameterError(
                 f"{file}, line {line}: block {row['block']!r}: {nearest(row['block'], BLOCKS)}"
             )
-    frame["p"] = pd.to_numeric(frame.get("probability", pd.Series(dtype=str)), errors="coerce")
-    wrong = frame.index[(frame.p < 0.0) | (frame.p > 1.0)]
+    stated = frame.get("probability", pd.Series("", index=frame.index))
+    frame["p"] = pd.to_numeric(stated, errors="coerce")
+    wrong = frame.index[(stated.str.strip() != "") & ~frame.p.between(0.0, 1.0)]
     if wrong.size:
         raise ParameterError(
-            f"{file}, line {wrong[0] + 2}: probability {frame.probability[wrong[0]]}; 0 to 1 is"
-            " allowed"
+            f"{file}, line {wrong[0] + 2}: probability {stated[wrong[0]]}; 0 to 1 is allowed"
         )
     ranked = frame.sort_values("p", ascending=False, kind="stable", na_position="last")
     return {str(name): _answer(rows) for name, rows in ranked.groupby("id", sort=False)}
@@ -171,7 +171,13 @@ def score(folder: str | Path, files: Sequence[Path], key: str | Path | None = No
     folder = Path(folder)
     truth = rows_of(read_any(folder, Path(key) if key is not None else None)[0])
     ids = [row["id"] for row in truth]
-    given = {file.stem: read_diagnosis(file, ids) for file in files}
+    names = [file.stem for file in files]
+    for name in names:
+        if name == OURS or names.count(name) > 1:
+            raise ParameterError(
+                f"{name}.csv: the name of a file names its diagnosis; {name} stands for another one"
+            )
+    given = {name: read_diagnosis(file, ids) for name, file in zip(names, files)}
     if (folder / "answers").is_dir():
         there = ((name, answer_of(folder / "answers" / f"{name}.json")) for name in ids)
         given = {OURS: {name: a for name, a in there if a is not None}, **given}

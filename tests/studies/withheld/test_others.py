@@ -50,6 +50,7 @@ def test_a_block_that_is_stated_counts_for_what_is_unknown(tmp_path):
         ("id,effect\nz,noise\n", "line 2: no record is called 'z'"),
         ("id,effect\na,stction\n", "line 2: effect 'stction'.*stiction"),
         ("id,effect,probability\na,noise,1.5\n", "line 2: probability 1.5; 0 to 1"),
+        ("id,effect,probability\na,drift,\na,noise,high\n", "line 3: probability high; 0 to 1"),
         ("id,effect,block\na,unknown,valv\n", "line 2: block 'valv'.*valve"),
         ("", "cannot be read as CSV"),
     ],
@@ -86,6 +87,14 @@ def test_the_products_answers_take_part_where_they_are(theirs, tmp_path):
     figures = score(theirs, [written(tmp_path, "wrong", WRONG)]).figures().set_index("figure")
     assert figures[OURS]["first answer right"].startswith("1.00")
     assert list(figures.columns) == [OURS, "wrong"]
+
+
+def test_two_diagnoses_of_one_name_are_refused(theirs, tmp_path):
+    (tmp_path / "other").mkdir()
+    twice = [written(folder, "mine", WRONG) for folder in (tmp_path, tmp_path / "other")]
+    for files in (twice, [written(tmp_path, OURS, WRONG)]):
+        with pytest.raises(ParameterError, match="stands for another one"):
+            score(theirs, files)
 
 
 def test_nothing_to_score_is_refused(theirs):
