@@ -12,6 +12,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from simbench.detectors.signal.conditioning import means
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
+
+if TYPE_CHECKING:
+    from sklearn.pipeline import Pipeline
 
 LEARN, JUDGE = 640917, 640918  # seeds of no other study, and of no grid
 PERIODS, POINTS = (
@@ -126,29 +130,28 @@ def features(window: np.ndarray) -> np.ndarray:
     return np.column_stack(columns)
 
 
+def ridge() -> Pipeline:
+    """Return a linear classifier of standardised features, which chooses how much it shrinks."""
+    from sklearn.linear_model import RidgeClassifierCV
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    return make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(-1, 5, 13)))
+
+
 def rows(
     grids: Sequence[str], learn: int, ask: int, methods: Sequence[str]
 ) -> list[dict[str, str]]:
     """Return a row for every classifier on every grid, and for every method on the same loops."""
     from sklearn.ensemble import HistGradientBoostingClassifier
-    from sklearn.linear_model import RidgeClassifierCV
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import StandardScaler
 
     known = {grid: loops(grid, LEARN, learn) for grid in grids}
-    ridge = {
-        grid: (
-            make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(-1, 5, 13))).fit(
-                features(of.window), of.cycling
-            )
-        )
-        for grid, of in known.items()
-    }
+    learned = {grid: ridge().fit(features(of.window), of.cycling) for grid, of in known.items()}
     table = []
     for grid in grids:
         asked = loops(grid, JUDGE, ask)
         seen, truth = features(asked.window), asked.cycling
-        for home, model in ridge.items():
+        for home, model in learned.items():
             score = model.decision_function(seen)
             table.append(
                 _row(

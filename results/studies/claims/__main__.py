@@ -65,20 +65,18 @@ def outcome(rows: Sequence[tuple[str, ...]]) -> str:
         told.setdefault(row[1], []).append(area is not None and float(area[1]) > 0.5)
     counts = ", ".join(f"on {name} {sum(tells)} of {len(tells)}" for name, tells in told.items())
     return (
-        "comes out: variants of which these loops show that they tell sticky ones from others (the"
-        f" interval of AUC lies above .5): {counts}"
+        "comes out: variants shown to tell sticky loops from others (95 % interval of AUC above"
+        f" .5): {counts}"
     )
 
 
 def compared(loops: Loops) -> list[tuple[str, ...]]:
     """Return a line for some methods of the package on the same loops."""
     rows = []
-    for name in COMPARED:
-        verdicts = [judge(record, [name])[0] for record in loops.records]
+    for name, *verdicts in zip(COMPARED, *(judge(record, COMPARED) for record in loops.records)):
         scores = np.array([v.score for v in verdicts], dtype=float)
-        rows.append(
-            counted(name, loops, Answers(scores, np.array([SAID[v.verdict] for v in verdicts])))
-        )
+        said = np.array([SAID[v.verdict] for v in verdicts])
+        rows.append(counted(name, loops, Answers(scores, said)))
     return rows
 
 

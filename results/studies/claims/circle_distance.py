@@ -12,6 +12,8 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPClassifier
 
 from results.studies.claims.judged import (
+    CANNOT_TELL,
+    YES,
     Claim,
     Loops,
     area,
@@ -24,7 +26,7 @@ from simbench.scenarios.spec import Loop
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 
 POINTS = 500  # samples that the network sees
-NO, YES = 0.45, 0.55  # of its output
+AT_MOST, AT_LEAST = 0.45, 0.55  # of its output: none, stiction
 EACH, ASKED = 200, 100  # simulated loops of each kind that are learned, and asked at home
 STARTS = 25  # random first weights of each network
 SEED = 20261128
@@ -126,21 +128,21 @@ def _row(
     variant: str, loops: Loops, view: np.ndarray, networks: Sequence[MLPClassifier]
 ) -> tuple[str, ...]:
     outputs = [network.predict_proba(view)[:, 1] for network in networks]
-    answers = [decided(output, NO, YES) for output in outputs]
+    answers = [decided(output, AT_MOST, AT_LEAST) for output in outputs]
     values = np.array([balanced_accuracy(a, loops.sticky) for a in answers])
     found, called = (
-        np.median([(a.said[loops.sticky == s] == 1).mean() for a in answers]) for s in (True, False)
+        np.median([(a.said[loops.sticky == s] == YES).mean() for a in answers])
+        for s in (True, False)
     )
-    mean = decided(np.mean(outputs, axis=0), NO, YES)
     return (
         variant,
         loops.name,
         str(loops.sticky.size),
         f"{found:.2f} (median of {len(networks)})",
         f"{called:.2f}",
-        f"{np.median([(a.said == 0).sum() for a in answers]):.0f}",
+        f"{np.median([(a.said == CANNOT_TELL).sum() for a in answers]):.0f}",
         f"{np.median(values):.2f} ({values.min():.2f} to {values.max():.2f})",
-        area(mean.score, loops.sticky),
+        area(np.mean(outputs, axis=0), loops.sticky),
     )
 
 
@@ -154,7 +156,7 @@ CLAIM = Claim(
     protocol=(
         f"last {POINTS} samples; learned on {2 * EACH} simulations of K = .615, T = 20 s, Td = 10"
         " s under PI 1.69 + .254/s with S and J drawn, against retuned loops and sine loads; at"
-        f" least {YES} stiction, at most {NO} none; {STARTS} starts"
+        f" least {AT_LEAST} stiction, at most {AT_MOST} none; {STARTS} starts"
     ),
     stand_in=(
         "ranges of S, J, gains and sines, noise, number of simulations, sampling (1 s),"

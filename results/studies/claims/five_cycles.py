@@ -8,15 +8,15 @@ autocorrelation of a triangle wave has its harmonics squared: it is nearly a sin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from results.studies.claims.judged import Claim, Loops, counted, decided, over
+from results.studies.claims.judged import Claim, Loops, counted, decided
 from simbench.detectors.prepared import prepare
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.autocorrelation import acf
 from simbench.figures._style import BLUE, GREY, ORANGE, label, panels, styled, write_picture
 
 LOW, HIGH = 0.4, 0.6  # of the index, He 2007
@@ -28,10 +28,7 @@ _SAMPLES = np.arange(6, 81, 2) + 0.37  # of a half cycle, in the picture; no who
 
 def autocorrelation(x: np.ndarray) -> np.ndarray:
     """Return the autocorrelation at lags from 0 to half the signal's length."""
-    x = x - x.mean()
-    spectrum = np.fft.rfft(x, 2 * x.size)
-    r = np.fft.irfft(np.abs(spectrum) ** 2)[: x.size // 2]
-    return r / r[0] if r[0] > 0.0 else r
+    return acf(x - x.mean())
 
 
 def half_cycles(r: np.ndarray) -> list[np.ndarray]:
@@ -99,16 +96,14 @@ def first_integrating(record: LoopRecord) -> np.ndarray:
 def rows(data: Sequence[Loops]) -> list[tuple[str, ...]]:
     """Return a line for each signal and sine."""
     signals = {"control error": control_error, "OP, or PV": first_integrating}
-    return [
-        counted(f"{name}, {sine}", loops, decided(over(loops, partial(_of, seen, sine)), LOW, HIGH))
-        for loops in data
-        for name, seen in signals.items()
-        for sine in (RIGHT, PRINTED)
-    ]
-
-
-def _of(seen, sine: str, record: LoopRecord) -> float:
-    return index(autocorrelation(seen(record)), sine)
+    table = []
+    for loops in data:
+        for name, seen in signals.items():
+            lags = [autocorrelation(seen(record)) for record in loops.records]
+            for sine in (RIGHT, PRINTED):
+                found = np.array([index(r, sine) for r in lags])
+                table.append(counted(f"{name}, {sine}", loops, decided(found, LOW, HIGH)))
+    return table
 
 
 @styled

@@ -17,6 +17,7 @@ import numpy as np
 from results.studies.plant import echoes
 from results.studies.plant.real_loops import read, share
 from simbench.bench.statistics import auc
+from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
@@ -85,6 +86,8 @@ def _read(folder: str, name: str, process: str) -> LoopRecord:
 
 def echoed(count: int, seed: int) -> Loops:
     """Return so many pairs of a sticky loop of grid chapter and an echo, drawn by the seed."""
+    if count < 1:
+        raise ParameterError(f"-n {count}: at least 1 pair is needed")
     members = list(echoes.pairs("chapter", count, seed))
     sticky = np.array([m.kind == echoes.STICKY for m in members])
     return Loops("echoes", [m.record for m in members], sticky, np.arange(len(members)) // 2)
@@ -147,8 +150,3 @@ def area(score: np.ndarray, sticky: np.ndarray) -> str:
         return "-"
     value = auc(np.where(known, score, np.median(score[known])), sticky)
     return f"{value.value:.2f} ({value.lo:.2f} to {value.hi:.2f})"
-
-
-def over(loops: Loops, index: Callable[[LoopRecord], float]) -> np.ndarray:
-    """Return an index of every loop."""
-    return np.array([index(record) for record in loops.records])

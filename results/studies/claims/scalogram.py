@@ -11,12 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from sklearn.linear_model import RidgeClassifierCV
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
 from results.studies.claims.judged import CANNOT_TELL, NO, YES, Answers, Claim, Loops, counted
-from results.studies.learned import JUDGE, LEARN, PERIODS, POINTS, loops, window_of
+from results.studies.learned import JUDGE, LEARN, PERIODS, POINTS, loops, ridge, window_of
 from simbench.detectors.judge import judge
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import prepare
@@ -94,7 +91,7 @@ def rows(data: Sequence[Loops]) -> list[tuple[str, ...]]:
     for of in (chapter, *data):
         here = views(of.records, of.sticky, of.group)
         for name, see in VIEWS.items():
-            score = _ridge().fit(see(known), known.sticky).decision_function(see(here))
+            score = ridge().fit(see(known), known.sticky).decision_function(see(here))
             table.append(_row(name, of, here, score))
         if of.name == "recorded":
             table += [
@@ -111,16 +108,12 @@ VIEWS = {
 }
 
 
-def _ridge():
-    return make_pipeline(StandardScaler(), RidgeClassifierCV(np.logspace(-1, 5, 13)))
-
-
 def _left_out(x: np.ndarray, here: Views) -> np.ndarray:
     """Return the scores of loops by classifiers that were learned on all other groups."""
     score = np.zeros(len(x))
     for group in np.unique(here.group):
         out = here.group == group
-        score[out] = _ridge().fit(x[~out], here.sticky[~out]).decision_function(x[out])
+        score[out] = ridge().fit(x[~out], here.sticky[~out]).decision_function(x[out])
     return score
 
 

@@ -16,7 +16,6 @@ from results.studies.claims.judged import (
     Loops,
     counted,
     learned_threshold,
-    over,
 )  # fmt: skip
 from simbench.detectors.prepared import prepare
 from simbench.detectors.record import LoopRecord
@@ -90,7 +89,7 @@ def rows(data: Sequence[Loops]) -> list[tuple[str, ...]]:
     }
     table = []
     for loops in data:
-        rhythm = np.log(over(loops, samples_per_period))
+        rhythm = np.log([samples_per_period(record) for record in loops.records])
         for lags in LAGS:
             features = [slowest(record, lags) for record in loops.records]
             for name, exponent in exponents.items():

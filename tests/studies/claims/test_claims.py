@@ -29,6 +29,7 @@ from results.studies.claims.judged import (
     echoed,
     learned_threshold,
 )
+from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 
 RNG = np.random.default_rng(3)
@@ -198,6 +199,11 @@ def test_the_page_quotes_counts_that_the_command_printed():
     quoted = re.findall(r"\b\d+ of \d+\b", page)
     assert len(quoted) >= 4
     assert [count for count in quoted if f" {count} (" not in kept] == []
+
+
+def test_no_pair_is_refused():
+    with pytest.raises(ParameterError, match="-n 0: at least 1 pair"):
+        echoed(0, 5)
 
 
 def test_both_members_of_a_pair_are_in_one_group():
