@@ -5,9 +5,9 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from simbench.bench.score.names import benchmark_text, benchmark_version
 from simbench.bench.score.show import paper
 from simbench.bench.score.show.asked import Asked
+from simbench.bench.store.benchmark import benchmark_text, benchmark_version
 from simbench.detectors.errors import ParameterError
 from simbench.figures import critical_difference
 from simbench.figures._style import write_picture

@@ -292,7 +292,7 @@ def _one(
 
 def _with_version(table: pd.DataFrame, run: str | Path | None) -> pd.DataFrame:
     """Return the numbers of a run's figure with the version of its benchmark."""
-    from simbench.bench.score.names import benchmark_version
+    from simbench.bench.store.benchmark import benchmark_version
     from simbench.bench.store.manifest import read_manifest
 
     return table.assign(benchmark=benchmark_version(read_manifest(str(run))))

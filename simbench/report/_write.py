@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from simbench.bench.score.names import benchmark_text
+from simbench.bench.store.benchmark import benchmark_text
 from simbench.html.document import Section, write
 from simbench.report import (
     axes,

@@ -14,6 +14,14 @@ from simbench.bench.store.checksums import TABLE_KINDS, RunError, refuse_unfinis
 from simbench.bench.store.manifest import MANIFEST, own_methods, read_manifest
 from simbench.bench.store.place import place_of
 
+# parts of a manifest that may differ between two runs, and with them last bits and verdicts
+_TOLD = {
+    "methods": "thresholds or sources of methods",
+    "code": "the code",
+    "versions": "versions of libraries",
+    "processor": "processors",
+}
+
 
 class Repeated(NamedTuple):
     """A run that repeats another.
@@ -105,12 +113,3 @@ def compared(stated: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         said = f"of {n} records some have other bits than the manifest states"
     differ = [what for key, what in _TOLD.items() if stated.get(key) != now.get(key)]
     return f"{said}; not the same: {', '.join(differ)}" if differ else said
-
-
-# parts of a manifest that may differ between two runs, and with them last bits and verdicts
-_TOLD = {
-    "methods": "thresholds or sources of methods",
-    "code": "the code",
-    "versions": "versions of libraries",
-    "processor": "processors",
-}

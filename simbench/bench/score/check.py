@@ -13,11 +13,11 @@ from scipy import stats
 
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check_result import Check, sentence
-from simbench.bench.score.names import ALL, benchmark_version
+from simbench.bench.score.names import ALL
 from simbench.bench.score.pairing import Paired, Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, holm
-from simbench.bench.store.benchmark import refuse_other_benchmark
+from simbench.bench.store.benchmark import benchmark_version, refuse_other_benchmark
 from simbench.bench.store.checksums import NoRun
 from simbench.bench.store.manifest import own_methods
 from simbench.bench.store.reading import CODES, RunArrays, RunError, read_book

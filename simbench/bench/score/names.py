@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from simbench.detectors.verdict import NO_STICTION, STICTION
 
 ALL = "all"
@@ -17,20 +15,6 @@ NO_WAVEFORM, WITH_RHYTHM = "no_waveform", "rhythm"
 # after a method's name, by where its constants were fitted: on loops of this grid, on loops like
 # most of these, on neither
 HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}
-
-
-def benchmark_text(manifest: dict[str, Any]) -> str:
-    """Return the version of a run's benchmark as its tables and pages show it; empty for one of an
-    older simbench.
-    """
-    version = benchmark_version(manifest)
-    return f", benchmark {version}" if version else ""
-
-
-def benchmark_version(manifest: dict[str, Any]) -> str:
-    """Return name and hash of a run's benchmark; empty for one of an older simbench."""
-    stated = manifest.get("benchmark")
-    return f"{stated['name']} ({stated['hash']})" if stated else ""
 
 
 def kind_of(role: str, sees_mv: bool) -> int:

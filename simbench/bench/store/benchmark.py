@@ -92,6 +92,18 @@ def benchmark_of(grid: Grid, table: Iterable[tuple[str, str]]) -> dict[str, Any]
     }
 
 
+def benchmark_version(manifest: Mapping[str, Any]) -> str:
+    """Return name and hash of a run's benchmark; empty for one of an older simbench."""
+    stated = manifest.get(BENCHMARK)
+    return f"{stated['name']} ({stated['hash']})" if stated else ""
+
+
+def benchmark_text(manifest: Mapping[str, Any]) -> str:
+    """Return the version of a run's benchmark as its tables and pages show it."""
+    version = benchmark_version(manifest)
+    return f", benchmark {version}" if version else ""
+
+
 def grid_settings(grid: Grid) -> dict[str, Any]:
     """Return what a run's manifest holds of its grid."""
     about = {
@@ -196,7 +208,7 @@ def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any], com
         differ = [
             name for part, name in PARTS.items() if first["parts"][part] != second["parts"][part]
         ]
-        names = " and ".join(f"{v['name']} ({v['hash']})" for v in versions)
+        names = " and ".join(map(benchmark_version, (one, other)))
         raise RunError(
             f"runs of different benchmark versions are not compared: {names} differ in"
             f" {', '.join(differ)}"

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from simbench.bench.score.names import HOME_MARKS, benchmark_text
+from simbench.bench.score.names import HOME_MARKS
+from simbench.bench.store.benchmark import benchmark_text
 from simbench.detectors.errors import ParameterError
 from simbench.files import csv_text, whole_file
 

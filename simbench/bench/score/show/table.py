@@ -24,11 +24,11 @@ from simbench.bench.score.names import (
     OF_OSCILLATING,
     ROLE_YARDSTICK,
     SAMPLED,
-    benchmark_text,
 )
 from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.shipped import UNLIKE
 from simbench.bench.score.stability import HALVES
+from simbench.bench.store.benchmark import benchmark_text
 from simbench.bench.store.manifest import unmatched
 from simbench.detectors.report.report import columns
 
