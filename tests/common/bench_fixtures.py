@@ -174,3 +174,18 @@ def with_answers():
 @pytest.fixture
 def noisy():
     return answer_noisily
+
+
+# a detector in a file of its own, whose source is a publication
+NEVER = '''"""Always says no: a plug-in."""
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import NO_STICTION, Verdict
+
+METHOD = Method(title="never", source="A. Nobody (2020), Journal of Nothing 1, 2-3",
+                process=("self-regulating", "integrating"))
+
+
+def detect(prepared):
+    """Say no."""
+    return Verdict("never", NO_STICTION, 0.0, reason="always")
+'''

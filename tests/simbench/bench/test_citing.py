@@ -4,6 +4,7 @@ import json
 import re
 
 import pytest
+from bench_fixtures import NEVER
 
 from simbench.bench import citing
 from simbench.bench.citing import cite, entries_in
@@ -14,25 +15,12 @@ from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
 from simbench.loop.parameters import VALVES
 
-PLUGIN = '''"""Always says no: a plug-in."""
-from simbench.detectors.method import Method
-from simbench.detectors.verdict import NO_STICTION, Verdict
-
-METHOD = Method(title="never", source="A. Nobody (2020), Journal of Nothing 1, 2-3",
-                process=("self-regulating", "integrating"))
-
-
-def detect(prepared):
-    """Say no."""
-    return Verdict("never", NO_STICTION, 0.0, reason="always")
-'''
-
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A small run by two methods and a plug-in whose file is not given afterwards."""
     place = tmp_path_factory.mktemp("cite")
-    (place / "never.py").write_text(PLUGIN)
+    (place / "never.py").write_text(NEVER)
     return run_grid(
         "smoke", place / "run", ["horch", "hammerstein", "never"], plugins=[place / "never.py"], n=8
     )

@@ -5,6 +5,7 @@ import shutil
 
 import pandas as pd
 import pytest
+from bench_fixtures import NEVER
 
 from simbench.bench.execute.repeat import compared, run_again
 from simbench.bench.execute.run import run_grid
@@ -13,24 +14,12 @@ from simbench.bench.store.checksums import RunError
 from simbench.bench.store.manifest import read_manifest
 from simbench.cli import main
 
-PLUGIN = '''"""Always says no: a plug-in."""
-from simbench.detectors.method import Method
-from simbench.detectors.verdict import NO_STICTION, Verdict
-
-METHOD = Method(title="never", source="A. Nobody (2020)", process=("self-regulating",))
-
-
-def detect(prepared):
-    """Say no."""
-    return Verdict("never", NO_STICTION, 0.0, reason="always")
-'''
-
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
     """A run with another seed and axis, a sample of the grid, by a method and a plug-in."""
     place = tmp_path_factory.mktemp("first")
-    (place / "never.py").write_text(PLUGIN)
+    (place / "never.py").write_text(NEVER)
     return run_grid(
         "smoke",
         place / "run",
@@ -79,7 +68,7 @@ def test_on_the_command_line_the_answer_says_whether_the_bits_are_the_same(first
     ],
 )
 def test_what_is_not_the_stated_run_is_refused(first, tmp_path, capsys, words, said):
-    (tmp_path / "never.py").write_text(PLUGIN.replace("always", "ever"))
+    (tmp_path / "never.py").write_text(NEVER.replace("always", "ever"))
     words = [str(tmp_path / "never.py") if w == "OTHER" else w for w in words]
     out = tmp_path / "out"
     assert main(["run", *words, "--again", str(first), "-o", str(out)]) == 2
