@@ -516,6 +516,20 @@ def grid_names() -> list[str]:
     return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
+def is_grid(source: str | Path) -> bool:
+    """Return whether a name, a file or a folder is a grid, and no loop file.
+
+    >>> is_grid("ci"), is_grid("loop.toml")
+    (True, False)
+    """
+    if str(source) in grid_names() or Path(source).is_dir():
+        return True
+    path = Path(source)
+    if path.suffix != ".toml":
+        return not path.exists()  # the sentence about an unknown grid names the known ones
+    return path.is_file() and not {"loop", "block"}.isdisjoint(read_toml(path))
+
+
 def load_grid(
     name: str | Path,
     sets: Mapping[str, Value] | None = None,

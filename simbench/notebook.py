@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, Required, Self, TypedDict, Unpack
 
+from simbench.bench.execute.add import add_to_run
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
@@ -70,6 +71,8 @@ class _Settings(TypedDict, total=False):
     fresh_seeds: bool
     with_reference: bool
     progress: bool | None
+    add: bool
+    answers: Iterable[str | Path]
     backend: Literal["loky", "dask", "ray"]
     address: str | None
 
@@ -252,7 +255,9 @@ def run(
     **settings
         Further arguments of `simbench.bench.execute.run.run_grid`: resume, n, sets,
         axes, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins, time_limit,
-        keep, fresh_seeds, progress, backend, address, with_reference.
+        keep, fresh_seeds, progress, backend, address, with_reference; and of
+        `simbench.bench.execute.add.add_to_run`: add and answers, which add methods, or answers from
+        files, to the finished run whose folder is `grid`.
 
     Returns
     -------
@@ -272,7 +277,14 @@ def run(
     'horch'
     """
     names, own = named_methods(methods)
-    return run_grid(grid, out, names, jobs, own=own, **settings)
+    if not (settings.get("add") or settings.get("answers")):
+        settings.pop("add", None)
+        settings.pop("answers", None)
+        return run_grid(grid, out, names, jobs, own=own, **settings)
+    if isinstance(grid, Grid):
+        raise UserError("add and answers add methods to a finished run: its folder is needed")
+    add = {"add": False, **settings}
+    return add_to_run(grid, names, out, jobs, own=own, **add).folder
 
 
 def score(folder: str | Path) -> Scores:

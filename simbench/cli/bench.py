@@ -62,6 +62,8 @@ AllowFailed = Annotated[
         "run chapter -o runs/chapter -j 2 --method fast,oracle --resume",
         "run my_baseline -o run --plugin mine.py --method mine",
         "run --again runs/theirs/manifest.json -o runs/ours",
+        "run runs/chapter --add --plugin mine.py --method mine",
+        "run runs/chapter --answers theirs.csv",
     )
 )
 def run(
@@ -145,12 +147,30 @@ def run(
             " GRID; give the files of its plug-ins.",
         ),
     ] = None,
+    add: Annotated[
+        bool,
+        Option(
+            "--add",
+            help="Ask the methods of --method and --plugin about the loops of the finished run in"
+            " the folder GRID, and add them to it, or write both to the folder -o.",
+        ),
+    ] = False,
+    answers: Annotated[
+        list[Path] | None,
+        Option(
+            metavar="FILE.csv",
+            help="Join the answers in this file, of a program in any language, to the finished run"
+            " in the folder GRID: columns method, record (as `simbench simulate GRID` names it),"
+            " verdict, and if wanted score, S and J; may be repeated.",
+        ),
+    ] = None,
     full: Full = False,
     as_json: Json = False,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by the chosen methods, and score.
 
-    GRID may be the folder of a run or a baseline: its loops are simulated again, under their ids.
+    GRID may be the folder of a run or a baseline: its loops are simulated again, under their ids;
+    with --add or --answers, methods are added to that run.
 
     `simbench score` prints the same table again; its help explains the columns.
     """
@@ -187,13 +207,27 @@ def run(
         "resume": resume,
         "time_limit": time_limit,
     }
-    told = ""
+    told = {}
     with _interruptible():
-        if again is not None:
+        if add or answers:
+            from simbench.bench.execute.add import add_to_run
+
+            _refuse_beside_add(grid, again, deciding)
+            folder, scores, told["added"] = add_to_run(
+                str(grid),
+                method or [],
+                out,
+                jobs,
+                add=add,
+                answers=answers or [],
+                with_reference=with_reference,
+                **working,
+            )
+        elif again is not None:
             from simbench.bench.execute.repeat import run_again
 
             _refuse_beside_again(grid, method, deciding)
-            folder, scores, told = run_again(again, out, jobs, **working)
+            folder, scores, told["again"] = run_again(again, out, jobs, **working)
         elif grid is None:
             raise ParameterError(
                 "GRID is missing: name a grid (`simbench list grids`), or give --again MANIFEST"
@@ -212,11 +246,34 @@ def run(
     failed = read_failures(folder)
     if as_json:
         about = {"run": str(folder), "failed": failed.as_json()}
-        show({**about, **({"again": told} if told else {}), **scores.as_json()}, as_json)
+        show({**about, **told, **scores.as_json()}, as_json)
     else:
         lines = [scores.as_text(full=full, where=_where(folder, full)), f"run: {folder}"]
-        show("\n".join([*lines, *([f"again: {told}"] if told else [])]), as_json)
+        lines += [text if key == "added" else f"again: {text}" for key, text in told.items()]
+        show("\n".join(lines), as_json)
     _end(failed, allow_failed)
+
+
+def _refuse_beside_add(grid: str | None, again: Path | None, deciding: dict[str, Any]) -> None:
+    """Refuse what decides the loops of a run, where methods are added to a finished one."""
+    from simbench.bench.store.benchmark import is_stored
+
+    if grid is None or not is_stored(grid):
+        raise ParameterError(
+            f"--add and --answers add methods to a finished run; GRID is {grid}: the folder of a"
+            " run is needed"
+        )
+    given = ["--again"] * (again is not None)
+    given += [
+        option
+        for key, option in _DECIDING.items()
+        if key != "with_reference" and deciding[key] not in (None, False, {}, "table")
+    ]
+    if given:
+        raise ParameterError(
+            f"--add and --answers take the loops of {grid} as they stand; leave out"
+            f" {', '.join(given)}"
+        )
 
 
 def _refuse_beside_again(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
@@ -25,18 +26,48 @@ from simbench.detectors.errors import ParameterError, naming
 
 @app.command(
     epilog=examples(
-        "simulate loop.toml -o rec.csv --seed 1", "simulate --from runs/ci --id ID -o rec.csv"
+        "simulate loop.toml -o rec.csv --seed 1",
+        "simulate --from runs/ci --id ID -o rec.csv",
+        "simulate ci -o records --n 200",
     )
 )
 def simulate(
-    loop: Annotated[
-        Path | None,
-        Argument(metavar="LOOP.toml", help="Simulate the loop that this file (TOML) describes."),
+    source: Annotated[
+        str | None,
+        Argument(
+            metavar="LOOP.toml|GRID",
+            help="Simulate the loop that this file (TOML) describes, or all loops of a grid: its"
+            " name, its file, or the folder of a run.",
+        ),
     ] = None,
     out: Annotated[
-        Path | None, Option("-o", "--out", help="Write the record to this CSV file.")
+        Path | None,
+        Option(
+            "-o",
+            "--out",
+            help="Write the record to this CSV file, or the records of a grid to this new folder.",
+        ),
     ] = None,
-    seed: Annotated[int, Option(min=0, help="Seed the random numbers with this integer.")] = 0,
+    seed: Annotated[
+        int | None, Option(min=0, help="Seed the random numbers with this integer [0].")
+    ] = None,
+    n: Annotated[
+        int | None,
+        Option(
+            "--n",
+            min=1,
+            help="Draw this many scenarios at random from the grid, the same as `simbench run`"
+            " draws [all].",
+        ),
+    ] = None,
+    sets: Annotated[
+        list[str] | None,
+        Option(
+            "--set",
+            metavar="K=V",
+            help="Change a setting of the grid, for example seed=7; may be repeated.",
+        ),
+    ] = None,
     kick: Annotated[
         float,
         Option(
@@ -67,33 +98,79 @@ def simulate(
 
     SP is the set point, OP the controller output (%), PV the process variable, and MV the valve
     position (%).
-    """
-    from simbench.files import refuse_own_input, write_record
-    from simbench.loop.hosted import hosted_parts, simulated
 
-    if (loop is None) == (from_run is None):
-        raise ParameterError("simulate needs either a loop file, or --from RUN with --id ID")
+    Of a grid the records are written without MV and without labels, for programs in any language:
+    records.parquet has the signals of all records, loops.csv what is known of each loop.
+    `simbench run RUN --answers FILE.csv` scores what such a program answers.
+    """
+    from simbench.files import refuse_own_input
+    from simbench.loop.hosted import hosted_parts
+    from simbench.scenarios.grid import is_grid
+
+    if (source is None) == (from_run is None):
+        raise ParameterError(
+            "simulate needs either a loop file or a grid, or --from RUN with --id ID"
+        )
     if out is None:
         raise ParameterError("simulate needs -o REC.csv, the record to write")
     if not abs(kick) <= 100.0:
         raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
-    refuse_own_input([out], [loop])
     files = [
         given or [] for given in (valve_plugin, effect_plugin, plant_plugin, controller_plugin)
     ]
     with hosted_parts(*files, seconds=time_limit):
-        if from_run is not None:
-            from simbench.bench.store.reading import read_scenario
+        if source is not None and is_grid(source):
+            _simulate_grid(source, out, n, pairs(sets or [], "--set"), seed, kick)
+            return
+        if n is not None or sets:
+            raise ParameterError(f"--n and --set change a grid; {source or from_run} is none")
+        loop = None if source is None else Path(source)
+        refuse_own_input([out], [loop])
+        _simulate_loop(loop, out, from_run, scenario, seed or 0, kick)
 
-            if scenario is None:
-                raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
-            repeated = read_scenario(from_run, scenario)
-            result = simulated(repeated.loop, repeated.seed, kick)
-        else:
-            from simbench.scenarios.spec import load_loop
 
-            with naming(loop):
-                result = simulated(load_loop(loop), seed, kick)
+def _simulate_grid(
+    grid: str, out: Path, n: int | None, sets: dict[str, Any], seed: int | None, kick: float
+) -> None:
+    from simbench.bench.execute.hand_out import write_records
+
+    if seed is not None or kick:
+        raise ParameterError(
+            f"--seed and --kick are for one loop; {grid} is a grid, whose seed --set seed=N changes"
+        )
+    written = write_records(grid, out, n, sets)
+    say(f"{out}: {written} records without labels: records.parquet, loops.csv")
+    labels, run = "", grid
+    if not Path(grid).is_dir():
+        words = ["simbench", "run", grid, *(["--n", str(n)] if n else [])]
+        words += [word for key, value in sets.items() for word in ("--set", f"{key}={value}")]
+        labels, run = shlex.join([*words, "-o", "RUN"]) + ", then ", "RUN"
+    say(f"to score answers to them: {labels}{shlex.join(['simbench', 'run', run])} --answers FILE")
+
+
+def _simulate_loop(
+    loop: Path | None,
+    out: Path,
+    from_run: Path | None,
+    scenario: str | None,
+    seed: int,
+    kick: float,
+) -> None:
+    from simbench.files import write_record
+    from simbench.loop.hosted import simulated
+
+    if from_run is not None:
+        from simbench.bench.store.reading import read_scenario
+
+        if scenario is None:
+            raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
+        repeated = read_scenario(from_run, scenario)
+        result = simulated(repeated.loop, repeated.seed, kick)
+    else:
+        from simbench.scenarios.spec import load_loop
+
+        with naming(loop):
+            result = simulated(load_loop(loop), seed, kick)
     write_record(result.record, out)
     if result.outer is not None:
         outer = out.with_name(f"{out.stem}_outer{out.suffix}")

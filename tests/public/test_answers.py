@@ -288,7 +288,6 @@ def test_score_and_the_run_tables(answer, place, capsys):
         "home",
         "division",
         "name",
-        "verified",
         "answered",
         "population",
     }

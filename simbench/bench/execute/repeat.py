@@ -11,7 +11,7 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE
 from simbench.bench.store.benchmark import OF_RUN, SETTLED, grid_of_run
 from simbench.bench.store.checksums import TABLE_KINDS, RunError, refuse_unfinished
-from simbench.bench.store.manifest import MANIFEST, own_methods, read_manifest
+from simbench.bench.store.manifest import FROM_FILE, MANIFEST, own_methods, read_manifest
 from simbench.bench.store.place import place_of
 
 # parts of a manifest that may differ between two runs, and with them last bits and verdicts
@@ -92,12 +92,14 @@ def run_again(
             f"{manifest} states a run of loops from another run, which stand in its tables: the"
             " folder with them is needed"
         )
+    # answers of a file cannot be asked for again
+    asked = {k: v for k, v in stated["methods"].items() if v.get("answered") != FROM_FILE}
     folder, scores = run_scored(
         grid_of_run(where, stated),
         out,
-        [name for name in stated["methods"] if name not in own_methods(stated)],
+        [name for name in asked if name not in own_methods(stated)],
         jobs,
-        like=stated,
+        like={**stated, "methods": asked},
         with_reference=bool(stated.get(REFERENCE)),
         **options,
     )
@@ -112,4 +114,6 @@ def compared(stated: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     else:
         said = f"of {n} records some have other bits than the manifest states"
     differ = [what for key, what in _TOLD.items() if stated.get(key) != now.get(key)]
-    return f"{said}; not the same: {', '.join(differ)}" if differ else said
+    said = f"{said}; not the same: {', '.join(differ)}" if differ else said
+    files = [k for k, v in stated["methods"].items() if v.get("answered") == FROM_FILE]
+    return f"{said}; answered from a file, not asked again: {', '.join(files)}" if files else said

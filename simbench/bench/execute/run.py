@@ -176,8 +176,7 @@ def run_scored(
     """Run a grid as `run_grid` does, and return its scores, too; None where the run was whole."""
     began = time.perf_counter()
     asked = RunOptions(**options)
-    _refuse_wrong_options(asked, grid)
-    plan = _read_plan(grid, asked)
+    plan = read_plan(grid, asked)
     files, parts = _plugin_files(asked)
     # read before any plug-in runs, as one may move the file it is in
     digests = _digests(("", files), *zip(KINDS_OF_PART, parts))
@@ -236,7 +235,9 @@ def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
         )
 
 
-def _read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
+def read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
+    """Return the grid that is asked for, with its changed settings, or the sample of it."""
+    _refuse_wrong_options(asked, grid)
     if is_stored(grid):
         plan = stored_grid(cast("str | Path", grid))
     elif isinstance(grid, Grid):

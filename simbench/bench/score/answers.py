@@ -37,10 +37,7 @@ class Answers(NamedTuple):
     # "published", "tuned" (here, to simulated loops), "learned" or "reference"; None: not stated
     division: str | None = "reference"
     name: str = ""  # with every threshold that is not the method's default
-    verified: bool = True  # by asking a method of the package
-    # who answered: the "package", a "plug-in", or of an exam's foreign methods "before opening" or
-    # "after opening"
-    answered: str = "package"
+    answered: str = "package"  # who asked the method; "file" where its answers were joined
     own: bool = False  # a plug-in or a detector of whoever ran it
 
 
@@ -48,7 +45,9 @@ def answers_of(book: RunArrays) -> Iterator[Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same."""
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]
-        foreign = {method, f"own {method}"} & set(book.manifest.get("plugins", ()))
+        answered = about.get("answered", "package")
+        added = {method, f"own {method}"} & set(book.manifest.get("plugins", ()))
+        foreign = bool(added) or answered != "package"
         applies = book.applicable[i] != 0
         yield Answers(
             method,
@@ -62,9 +61,8 @@ def answers_of(book: RunArrays) -> Iterator[Answers]:
             home_of(method, book),
             None if foreign else about.get("division"),
             _full_name(method, about.get("changed", {})),
-            about.get("verified", not foreign),
-            about.get("answered", "plug-in" if foreign else "package"),
-            bool(foreign),
+            answered,
+            foreign,
         )
     nothing = np.zeros(book.ids.size)
     for name, word in CONSTANTS.items():

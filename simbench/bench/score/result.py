@@ -49,7 +49,6 @@ _ROWS = (
     "home",
     "division",
     "name",
-    "verified",
     "answered",
 )
 _RANKING = (
@@ -102,9 +101,8 @@ class Scores:
         error of the surest answers); cost_over_no_waveform, the cost less that of the reference row
         `no_waveform` on the same loops; accuracy_all over everything; home, where its constants
         were fitted; division ("published", "tuned" here, "learned", "reference", None where not
-        stated), name with every changed threshold; verified, whether simbench itself asked for the
-        answers or asked again; answered ("package", of an exam's foreign methods "before opening"
-        or "after opening"); missed, no_decision_positives and no_decision_negatives (no decision of
+        stated), name with every changed threshold; answered, by the "package" or from a "file";
+        missed, no_decision_positives and no_decision_negatives (no decision of
         positives and of negatives); errors; median runtime in ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.

@@ -56,7 +56,7 @@ _POPULATIONS = {ALL: (0, 1, 2), OF_OSCILLATING: (1,), OF_NOT_OSCILLATING: _RESTI
 _LEFT_OUT = ("entrained", "unclear")
 _EACH = ("said", "applies", "failed", "runtime")
 # columns of a row: what its method is, and what is counted
-_ABOUT = ("role", "sees_mv", "home", "division", "name", "verified", "answered", "own")
+_ABOUT = ("role", "sees_mv", "home", "division", "name", "answered", "own")
 _COUNTED = [
     *("n", "n_all", "positives", "applicable"),
     *(f"{rate}{end}" for rate in RATES for end in ("", "_lo", "_hi")),

@@ -26,6 +26,7 @@ from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.tables import FORMAT
 
 MANIFEST = "manifest.json"
+FROM_FILE = "file"  # value of `answered` of a method whose answers were joined from a file
 # what must be the same before old and new pieces may stand in one table
 _BINDING = (
     "format",
@@ -140,6 +141,19 @@ def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
         if old.get(key) != manifest[key]:
             raise RunError(
                 f"{where} cannot be resumed: {_difference(key, old.get(key), manifest[key])}"
+            )
+
+
+def refuse_other_code(where: object, stated: Mapping[str, Any]) -> None:
+    """Raise RunError, with the difference, if a run was made by other code or libraries than are
+    here.
+    """
+    here = describe({})
+    for key in ("code", "versions"):
+        if stated[key] != here[key]:
+            raise RunError(
+                f"no method can be asked about the loops of {where}:"
+                f" {_difference(key, stated[key], here[key])}; run it again"
             )
 
 

@@ -60,7 +60,7 @@ def read_table(
 ) -> pa.Table:
     """Return the rows of a table of a run or baseline for which an expression is true."""
     place = place_of(folder)
-    parts = _parts(place, kind, read_manifest(place), columns)
+    parts = table_parts(place, kind, read_manifest(place), columns)
     return _joined(part if only is None else part.filter(only) for part in parts)
 
 
@@ -68,7 +68,7 @@ def _joined(parts: Iterable[pa.Table]) -> pa.Table:
     return pa.concat_tables(part.replace_schema_metadata() for part in parts)
 
 
-def _parts(
+def table_parts(
     place: Place,
     kind: str,
     manifest: Mapping[str, Any],
@@ -94,7 +94,7 @@ def _parts_for_arrays(
 ) -> Iterator[pa.Table]:
     """Yield what of a table's files is read into arrays."""
     coded, others = _COLUMNS[kind]
-    return _parts(place, kind, manifest, (*coded, *others, *more), coded)
+    return table_parts(place, kind, manifest, (*coded, *others, *more), coded)
 
 
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:

@@ -109,11 +109,14 @@ VERDICT_SCHEMA = pa.schema(
 
 
 def encode(rows: Sequence[Mapping[str, Any]], schema: pa.Schema, number: int) -> bytes:
-    """Return rows as the bytes of a parquet file (zstd) that knows its number; null where a row
-    has no value, or NaN.
-    """
+    """Return rows as the bytes of a parquet file (zstd) that knows its number."""
+    return as_parquet(as_table(rows, schema), number)
+
+
+def as_table(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
+    """Return rows as a table; null where a row has no value, or NaN."""
     arrays = [pa.array(_nulls([row.get(f.name) for row in rows]), type=f.type) for f in schema]
-    return as_parquet(pa.Table.from_arrays(arrays, schema=schema), number)
+    return pa.Table.from_arrays(arrays, schema=schema)
 
 
 def as_parquet(table: pa.Table, number: int) -> bytes:

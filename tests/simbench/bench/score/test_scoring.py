@@ -329,7 +329,7 @@ def test_json_is_the_contracts(scores):
         "method,truth,process,population,n,applicable,accuracy,"
         "accuracy_decided,no_decision,sensitivity"
     )
-    new = "sensitivity_at_5,cost,risk_coverage,home,division,name,verified,answered"
+    new = "sensitivity_at_5,cost,risk_coverage,home,division,name,answered"
     assert {",".join(row) for row in content["rows"]} == {
         f"{keys},false_positives,accuracy_all,auc,accuracy_lo,accuracy_hi,sees_mv,rank,{new}"
     }

@@ -1,0 +1,324 @@
+"""Add methods to a finished run: ask them about its loops, or take the answers from a file."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from simbench.bench.execute import pieces
+from simbench.bench.execute.answers_file import Answers, read_answers
+from simbench.bench.execute.compute_piece import Answer, Receipt, verdict_row
+from simbench.bench.execute.run import choose_with_oracle, run_scored
+from simbench.bench.scenario.oracle import ORACLE
+from simbench.bench.score.result import Scores
+from simbench.bench.score.shipped import REFERENCE, shipped
+from simbench.bench.store.checksums import TABLES, RunError, digest, file_digest
+from simbench.bench.store.manifest import FROM_FILE, read_manifest, refuse_other_code
+from simbench.bench.store.place import place_of
+from simbench.bench.store.reading import read_table, table_parts
+from simbench.bench.store.tables import VERDICT_SCHEMA, as_parquet, as_table
+from simbench.detectors.errors import masked, printable
+from simbench.detectors.verdict import NO_DECISION, Verdict
+
+# what a run's manifest holds of a method that was answered from a file
+_ABOUT = {
+    "front_end": False,
+    "needs_mv": False,
+    "role": "stiction",
+    "budget": "fast",
+    "fitted_on": [],
+    "stated": [],
+    "division": None,
+    "changed": {},
+    "answered": FROM_FILE,
+}
+
+
+class Added(NamedTuple):
+    """A run with methods that were added to it.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of the run.
+    scores : Scores
+        Its scores.
+    told : str
+        What was added, and which answers are missing.
+    """
+
+    folder: Path
+    scores: Scores
+    told: str
+
+
+@dataclass(frozen=True)
+class _Addition:
+    """Methods that are added to a run."""
+
+    about: dict[str, Any]  # what the manifest holds of each method
+    plugins: dict[str, str]  # digests of the plug-ins among them
+    verdicts: pa.Table  # their rows of the table of verdicts
+    told: str  # what the user is told of them
+
+
+def add_to_run(
+    folder: str | Path,
+    methods: Iterable[str] = (),
+    out: str | Path | None = None,
+    jobs: int = 1,
+    *,
+    add: bool = True,
+    answers: Iterable[str | Path] = (),
+    with_reference: bool = False,
+    **options: Any,
+) -> Added:
+    """Add methods to a finished run.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of the run. It is replaced when the run with the further methods is complete.
+    methods : iterable of str
+        Ids of methods, or groups of them, that are asked about the loops of the run; those that the
+        run has are left out.
+    out : str or Path, optional
+        New folder for the run with the further methods; `folder` then stays as it is.
+    jobs : int
+        Worker processes; -1 uses all cores.
+    add : bool
+        Whether methods and plug-ins are asked; without it answers alone are joined.
+    answers : iterable of str or Path
+        Files of answers, as `read_answers` reads them. A method that left out a record gave no
+        decision there.
+    with_reference : bool
+        Score the run with the shipped verdicts on its grid from here on.
+    **options
+        Plug-ins of detectors, and what decides no numbers: keys of `RunOptions`.
+
+    Returns
+    -------
+    Added
+        The run, its scores, and what was added.
+
+    Raises
+    ------
+    RunError
+        When the folder holds no finished run with its loops, the run was made by other code, or has
+        the methods already.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from simbench.bench.execute.run import run_grid
+    >>> place = Path(tempfile.mkdtemp())
+    >>> first = run_grid("smoke", place / "run", ["he"], n=4)
+    >>> add_to_run(first, ["horch"]).told
+    'added: horch'
+    """
+    shown, files = Path(folder if out is None else out), [Path(file) for file in answers]
+    folder = Path(folder).resolve()
+    target = folder if out is None else Path(out).resolve()
+    work = target.with_name(f".{target.name}.adding")
+    _restore(target, work)
+    stated = _read_finished(folder)
+    if out is not None and target.exists() and any(target.iterdir()):
+        raise RunError(f"-o {out} exists already; a new or an empty folder is needed")
+    if with_reference:
+        shipped(str(stated["grid"]))
+    asked = _methods_to_ask(folder, stated, methods, options) if add else []
+    given = [(file, read_answers(file, _records_of(folder))) for file in files]
+    _refuse_known(folder, stated, asked, given)
+    if not options.get("resume"):
+        shutil.rmtree(work, ignore_errors=True)  # of a call that was killed
+    try:
+        with pieces.held(place_of(work)):
+            additions = [_answered(folder, file, of) for file, of in given]
+            if add:
+                additions += [_asked(folder, work / "added", asked, jobs, options)]
+            joined = work / "joined"
+            scores = _join(folder, joined, stated, additions, with_reference)
+            if target.exists():
+                target.replace(work / "before")
+            joined.replace(target)
+            shutil.rmtree(work / "added", ignore_errors=True)
+    finally:
+        if not (work / "added").exists():  # nothing that could be continued
+            shutil.rmtree(work, ignore_errors=True)
+    return Added(shown, scores, "; ".join(addition.told for addition in additions))
+
+
+def _restore(folder: Path, work: Path) -> None:
+    """Put a run back that a call moved aside which was killed before the new one was in place."""
+    if (work / "before").exists() and not folder.exists():
+        (work / "before").replace(folder)
+
+
+def _read_finished(folder: Path) -> dict[str, Any]:
+    """Return the manifest of a finished run with its loops; RunError for anything else."""
+    place = place_of(folder)
+    stated = read_manifest(place)
+    if not stated.get("complete"):
+        raise RunError(f"{folder} is not finished; continue the run with --resume")
+    if "times" not in stated:
+        raise RunError(
+            f"{folder} is a baseline, no run; `simbench run {folder} -o RUN` makes a run of its"
+            " loops"
+        )
+    return stated
+
+
+def _methods_to_ask(
+    folder: Path, stated: Mapping[str, Any], methods: Iterable[str], options: Mapping[str, Any]
+) -> list[str]:
+    """Return the methods of the package that the run lacks; plug-ins are asked in any case."""
+    refuse_other_code(folder, stated)
+    files = {Path(file).stem for file in options.get("plugins") or ()}
+    plugins = files | set(options.get("own") or ())
+    words = [word.strip() for text in methods for word in text.split(",")]
+    names = choose_with_oracle([word for word in words if word not in plugins], [])
+    lacking = [name for name in names if name not in stated["methods"]]
+    if not lacking and not plugins:
+        known = ", ".join(names) or "no method is named"
+        raise RunError(
+            f"{folder} has all methods that are asked for ({known}); name others with --method or"
+            " --plugin"
+        )
+    return lacking
+
+
+def _records_of(folder: Path) -> set[str]:
+    """Return the ids of the records of a run."""
+    return set(read_table(folder, "scenarios", ["scenario_id"]).column(0).to_pylist())
+
+
+def _refuse_known(
+    folder: Path,
+    stated: Mapping[str, Any],
+    asked: Sequence[str],
+    given: Sequence[tuple[Path, Answers]],
+) -> None:
+    """Refuse answers of a method that the run has, or that another file has."""
+    there = {name: str(folder) for name in (*stated["methods"], *asked)}
+    for file, answers in given:
+        for name in answers:
+            if name in there:
+                raise RunError(
+                    f"{file}: {there[name]} has a method {name!r} already; another name is needed"
+                )
+            there[name] = str(file)
+
+
+def _asked(
+    folder: Path, place: Path, methods: Sequence[str], jobs: int, options: Mapping[str, Any]
+) -> _Addition:
+    """Ask methods about the loops of a run, in a run of their own."""
+    run_scored(folder, place, methods, jobs, **options)
+    manifest = read_manifest(place)
+    hashes = [
+        read_table(where, "scenarios", ["scenario_id", "record_hash"]).sort_by("scenario_id")
+        for where in (folder, place)
+    ]
+    before, now = (table.column("record_hash").to_pylist() for table in hashes)
+    other = sum(a != b for a, b in zip(before, now, strict=True) if a is not None)
+    told = f"added: {', '.join(manifest['methods'])}"
+    if other:
+        told += f"; {other} of {len(now)} records have other bits on this machine"
+    verdicts = read_table(place, "verdicts").cast(VERDICT_SCHEMA)
+    return _Addition(manifest["methods"], manifest["plugins"], verdicts, told)
+
+
+def _answered(folder: Path, file: Path, answers: Answers) -> _Addition:
+    """Return the answers of a file as those of methods; what they left out is no decision."""
+    scenarios = read_table(folder, "scenarios", ["scenario_id", "error"]).to_pylist()
+    records = [row["scenario_id"] for row in scenarios if row["error"] is None]
+    rows, told = [], []
+    for name, of in answers.items():
+        for record in records:
+            verdict = of.get(record) or Verdict(name, NO_DECISION, reason="not answered")
+            answer = Answer(verdict.but(applicable=True), None, math.nan)
+            rows.append(verdict_row(record, answer))
+        missing = len(records) - sum(record in of for record in records)
+        left = f", {missing} of {len(records)} records not answered" if missing else ""
+        told.append(f"answered by {file}: {name}{left}")
+    source = f"answers of {printable(file.name)} (sha256 {file_digest(file)})"
+    about = {name: {**_ABOUT, "source": source} for name in answers}
+    return _Addition(about, {}, as_table(rows, VERDICT_SCHEMA), "; ".join(told))
+
+
+def _join(
+    folder: Path,
+    into: Path,
+    stated: Mapping[str, Any],
+    additions: Sequence[_Addition],
+    with_reference: bool,
+) -> Scores:
+    """Write the run with the verdicts that are added to it into another folder."""
+    shutil.rmtree(into, ignore_errors=True)
+    shutil.copytree(folder, into, ignore=shutil.ignore_patterns("verdicts.parquet", ".*"))
+    new = {name: about for addition in additions for name, about in addition.about.items()}
+    about = {**stated["methods"], **new}
+    methods = sorted(about, key=lambda name: name == ORACLE)  # last, as where it is asked at once
+    scenarios = read_table(folder, "scenarios", ["scenario_id", "error"]).to_pylist()
+    added = _in_order(
+        _with_failures(pa.concat_tables(a.verdicts for a in additions), scenarios, list(new)),
+        [row["scenario_id"] for row in scenarios],
+        list(new),
+    )
+    place, receipts, start = place_of(into), [], 0
+    for number, part in enumerate(table_parts(place_of(folder), "verdicts", stated)):
+        ids = part.column("scenario_id").unique().to_pylist()
+        more = added.slice(start * len(new), len(ids) * len(new))
+        table = _in_order(
+            pa.concat_tables([part.replace_schema_metadata(), more]), ids, list(methods)
+        )
+        content = as_parquet(table, number)
+        place.write(pieces.partition_file("verdicts", number), content)
+        marks = {"verdicts": digest(content), "scenarios": stated[TABLES]["scenarios"][number]}
+        failures = table.num_rows - table.column("error").null_count
+        receipts.append(Receipt(number, len(ids), failures, 0.0, 0.0, 0.0, marks))
+        start += len(ids)
+    manifest = {
+        **stated,
+        "methods": {name: about[name] for name in methods},
+        "plugins": {**stated["plugins"], **{k: v for a in additions for k, v in a.plugins.items()}},
+        "added": [*stated.get("added", ()), printable(masked(" ".join(sys.argv)))],
+        **({REFERENCE: True} if with_reference else {}),
+    }
+    return pieces.finish(place, receipts, manifest)
+
+
+def _with_failures(
+    verdicts: pa.Table, scenarios: Sequence[Mapping[str, Any]], methods: Sequence[str]
+) -> pa.Table:
+    """Return verdicts with those of scenarios that the run could not simulate, about which no
+    method is asked.
+    """
+    failed = {row["scenario_id"]: row["error"] for row in scenarios if row["error"] is not None}
+    rows = [
+        verdict_row(
+            ident, Answer(Verdict(name, NO_DECISION, reason=f"failed: {error}"), error, 0.0)
+        )
+        for ident, error in failed.items()
+        for name in methods
+    ]
+    asked = pc.invert(pc.is_in(verdicts.column("scenario_id"), pa.array(failed, pa.string())))
+    return pa.concat_tables([verdicts.filter(asked), as_table(rows, VERDICT_SCHEMA)])
+
+
+def _in_order(verdicts: pa.Table, ids: Sequence[str], methods: Sequence[str]) -> pa.Table:
+    """Return verdicts scenario by scenario, of each scenario in the order of the methods."""
+    keys = [
+        pc.index_in(verdicts.column(name), pa.array(values, pa.string())).to_numpy()
+        for name, values in (("method", methods), ("scenario_id", ids))
+    ]
+    return verdicts.take(pa.array(np.lexsort(keys)))
