@@ -124,7 +124,7 @@ def test_every_key_of_loop_and_grid_file_is_explained(site):
 
 def test_every_command_is_there_with_its_help(site):
     text = text_of(site / "generated/commands.html")
-    for words in ("detect", "gap diagnose", "confirm travel", "exam commit"):
+    for words in ("detect", "gap diagnose", "confirm travel", "score"):
         assert f"Usage: simbench {words} [OPTIONS]" in text
 
 

@@ -82,10 +82,9 @@ def test_of_a_grid_of_a_million_cells_a_sample_is_run(capsys):
     line = line.replace("--n 60", "--n 12").replace(",hammerstein", "")
     assert main(shlex.split(line)[1:]) == 0
     assert "12 scenarios" in capsys.readouterr().out
-    assert main(["verify", "sample"]) == 0
 
 
-def test_a_program_without_simbench_answers_an_exam(capsys):
+def test_answers_of_a_program_without_simbench_are_ranked(capsys):
     for cell in cells("other_language.md"):
         if cell.startswith("%%writefile"):
             written(cell)
@@ -104,4 +103,3 @@ def test_a_program_without_simbench_answers_an_exam(capsys):
         ("squarer", 12),
         ("he", 12),
     }
-    assert len(pd.read_csv("labels.csv")) == 12

@@ -1,3 +1,3 @@
-"""The benchmark: simulate grids of scenarios with known truth, judge them by detectors, score,
-compare and verify the results.
+"""The benchmark: simulate grids of scenarios with known truth, judge them by detectors, score and
+compare the results.
 """

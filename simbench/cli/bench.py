@@ -16,7 +16,7 @@ from simbench.cli.common import (
     ControllerPlugin,
     EffectPlugin,
     Full,
-    GridNameOrNone,
+    GridName,
     Jobs,
     Json,
     Limit,
@@ -67,7 +67,7 @@ AllowFailed = Annotated[
     )
 )
 def run(
-    grid: GridNameOrNone = None,
+    grid: GridName = None,
     out: Annotated[
         Path | None, Option("-o", "--out", help="Write the run to this folder or URL [runs/GRID].")
     ] = None,
@@ -119,9 +119,6 @@ def run(
     fresh_seeds: Annotated[
         bool, Option("--fresh-seeds", help="Draw a new seed instead of using the grid's.")
     ] = False,
-    sealed: Annotated[
-        bool, Option("--sealed", hidden=True)
-    ] = False,  # the former name of --fresh-seeds
     plan: Annotated[
         str,
         Option(
@@ -151,15 +148,15 @@ def run(
         bool,
         Option(
             "--add",
-            help="Ask the methods of --method and --plugin about the loops of the finished run in"
-            " the folder GRID, and add them to it, or write both to the folder -o.",
+            help="Add the methods of --method and --plugin to the finished run in the folder GRID:"
+            " they are asked about its loops. With -o the result is another run.",
         ),
     ] = False,
     answers: Annotated[
         list[Path] | None,
         Option(
             metavar="FILE.csv",
-            help="Join the answers in this file, of a program in any language, to the finished run"
+            help="Add the answers in this file, of a program in any language, to the finished run"
             " in the folder GRID: columns method, record (as `simbench simulate GRID` names it),"
             " verdict, and if wanted score, S and J; may be repeated.",
         ),
@@ -192,7 +189,7 @@ def run(
         "n": n,
         "sets": pairs(sets or [], "--set"),
         "axes": axes,
-        "fresh_seeds": fresh_seeds or sealed,
+        "fresh_seeds": fresh_seeds,
         "with_reference": with_reference,
         "plan": plan,
     }
@@ -489,44 +486,6 @@ def check(
     show_result(result, as_json)
     if result.result != NO_LOSS:
         raise Exit(1 if result.result == WORSE else 3)
-
-
-@app.command(
-    epilog=examples("verify runs/chapter", "verify runs/mine --plugin mine.py --share 0.2")
-)
-def verify(
-    folder: Run,
-    share: Annotated[
-        float,
-        Option(
-            help=(
-                "Simulate and judge this share of the scenarios again, but at least 1000 for fast"
-                " methods and 100 for others."
-            )
-        ),
-    ] = 0.05,
-    jobs: Jobs = 1,
-    plugin: Annotated[
-        list[Path] | None,
-        Option(
-            metavar="FILE.py",
-            help="Load a plug-in that the run used, of any kind; may be repeated.",
-        ),
-    ] = None,
-    time_limit: Limit = 60.0,
-    as_json: Json = False,
-) -> None:
-    """Recompute a random share of a run and every score; exit 1 if anything differs, or if a method
-    could not be asked again.
-
-    Use it on results that somebody else computed.
-    """
-    from simbench.bench.execute.verify import verify_run
-
-    verification = verify_run(folder, share, jobs, plugin or [], time_limit)
-    show_result(verification, as_json)
-    if not verification.holds:
-        raise Exit(1)
 
 
 @app.command(

@@ -52,12 +52,6 @@ confirm_app = _Verbs(
     **_BARE,
 )
 gap_app = _Verbs(help="Explain why a simulation differs from the plant.", **_BARE)
-exam_app = _Verbs(
-    help="Benchmark detectors in other languages, or that you do not trust.\n\n"
-    "They get records without labels, and you keep the key to the labels.",
-    **_BARE,
-)
-app.add_typer(exam_app, name="exam")
 app.add_typer(confirm_app, name="confirm")
 app.add_typer(gap_app, name="gap")
 
@@ -306,8 +300,7 @@ _GRID = Argument(
     " file, or the folder of a run or baseline.",
     autocompletion=grid_completion,
 )
-GridName = Annotated[str, _GRID]
-GridNameOrNone = Annotated[str | None, _GRID]
+GridName = Annotated[str | None, _GRID]
 
 
 def refuse_picture(path: Path | None, *read: Path | None) -> None:

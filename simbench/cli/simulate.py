@@ -135,8 +135,10 @@ def _simulate_grid(
     from simbench.bench.execute.hand_out import write_records
 
     if seed is not None or kick:
+        given = f"--kick {kick:g}" if seed is None else f"--seed {seed}"
         raise ParameterError(
-            f"--seed and --kick are for one loop; {grid} is a grid, whose seed --set seed=N changes"
+            f"{given} is for one loop, and {grid} is a grid: a loop file is needed; --set seed=N"
+            " changes the seed of a grid"
         )
     written = write_records(grid, out, n, sets)
     say(f"{out}: {written} records without labels: records.parquet, loops.csv")

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from simbench.bench.store.manifest import FROM_FILE
 from simbench.html.document import Commands, Part, Table, Text
 from simbench.report.data import RunData
 
@@ -28,41 +29,33 @@ def section(run: RunData) -> list[Part]:
     """Return the manifest of the run and the commands that repeat it."""
     manifest = run.book.manifest
     rows = [(title, manifest.get(key)) for key, title in _SHOWN.items()]
+    rows += [("command, methods added", command) for command in manifest.get("added", ())]
     rows += [(f"version of {name}", value) for name, value in manifest.get("versions", {}).items()]
     frame = pd.DataFrame(
         [(name, "" if value is None else str(value)) for name, value in rows],
         columns=["what", "value"],
     )
-    exam = manifest.get("exam")
-    parts: list[Part] = [
-        Text(
-            "All numbers on this page come from"
-            + (
-                f" answers to the exam with commitment {exam}:"
-                if exam
-                else f" the tables in {run.folder}, and these from:"
-            )
-        ),
+    one = f"simbench simulate --from {run.folder} --id SCENARIO -o record.csv"
+    return [
+        Text(f"All numbers on this page come from the tables in {run.folder}, and these from:"),
         Table(frame, long=["value"]),
         Text("How to reproduce", "heading"),
         Commands(reproduce(manifest)),
+        Text("One scenario:"),
+        Commands([one, "simbench detect record.csv"]),
     ]
-    if exam:
-        return parts
-    one = [f"simbench simulate --from {run.folder} --id SCENARIO -o record.csv"]
-    return [*parts, Text("One scenario:"), Commands([*one, "simbench detect record.csv"])]
 
 
 def reproduce(manifest: dict[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit."""
-    if manifest.get("exam"):
-        return ["simbench exam open EXAM --key KEY ANSWERS.csv --report REPORT.html"]
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
     words += ["--set", f"seed={manifest['seed']}"]
     words += [
         w for k, v in (manifest.get("overrides") or {}).items() for w in ("--set", f"{k}={v}")
     ]
-    words += [w for m in manifest["methods"] for w in ("--method", m)]
+    methods = manifest["methods"].items()
+    asked = [name for name, about in methods if about.get("answered") != FROM_FILE]
+    words += [word for name in asked for word in ("--method", name)]
     words += ["--n", str(manifest["points"])] if manifest.get("points") else []
     lines = [f"git checkout {manifest['commit']}"] if manifest.get("commit") else []
     return [*lines, shlex.join(words), "simbench score again"]

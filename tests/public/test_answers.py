@@ -105,7 +105,6 @@ OPTIONS = {
         "-o -j --method --n --plugin --backend --address --resume --set --axis --fresh-seeds --json"
     ),
     "score": "--paired --report --by --json",
-    "verify": "--share -j --plugin --json",
     "check": "--against",
     "figure": "-o --run --isdb",
     "gap diagnose": "--baseline --identify --test -j --no-bootstrap --json --html --write-loop",

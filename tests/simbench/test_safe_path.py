@@ -11,7 +11,7 @@ from simbench.safe_path import VARIABLE, safe_path
 TRAP = "open('executed', 'a').write('x')\nraise SystemExit(3)\n"
 COMMANDS = {
     "run": ["run", "smoke", "-o", "run", "-j", "2", "--method", "horch_histogram"],
-    "exam": ["exam", "make", "smoke", "-o", "exam", "--key", "key", "--n", "2", "-j", "2"],
+    "simulate": ["simulate", "smoke", "-o", "records", "--n", "2"],
 }
 
 

@@ -20,12 +20,12 @@ from joblib import delayed
 
 from results.studies.withheld import truth
 from results.studies.withheld.files import write_item
+from results.studies.withheld.handout import commitment_of, refuse_key_inside, refuse_unwritable_key
 from results.studies.withheld.world import PLANNED
 from results.studies.worlds import NAMES, load_world
 from simbench.detectors.errors import ParameterError
 from simbench.files import folder
 from simbench.parallel import run_parallel
-from simbench.sealed.handout import commitment_of, refuse_key_inside, refuse_unwritable_key
 
 PLANTS = ("foptd", "foptd", "integrating")
 _NEEDS_T = "time_constant_mismatch"

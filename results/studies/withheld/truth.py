@@ -13,8 +13,8 @@ from typing import Any
 import pandas as pd
 
 from results.studies.withheld.files import write_whole
+from results.studies.withheld.handout import commitment_of, matches, read_key, write_key
 from simbench.detectors.errors import ParameterError
-from simbench.sealed.handout import commitment_of, matches, read_key, write_key
 
 COMMITMENT, OPEN_ANSWERS = "commitment.txt", "answers.csv"
 

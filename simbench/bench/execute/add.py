@@ -29,6 +29,9 @@ from simbench.bench.store.tables import VERDICT_SCHEMA, as_parquet, as_table
 from simbench.detectors.errors import masked, printable
 from simbench.detectors.verdict import NO_DECISION, Verdict
 
+# in the folder beside the run in which a call works: a run of the methods that are asked, the run
+# with its further methods, and the run as it was while the two are exchanged
+_ADDED, _JOINED, _BEFORE = "added", "joined", "before"
 # what a run's manifest holds of a method that was answered from a file
 _ABOUT = {
     "front_end": False,
@@ -125,42 +128,58 @@ def add_to_run(
     >>> add_to_run(first, ["horch"]).told
     'added: horch'
     """
-    shown, files = Path(folder if out is None else out), [Path(file) for file in answers]
-    folder = Path(folder).resolve()
-    target = folder if out is None else Path(out).resolve()
+    shown = Path(folder if out is None else out)
+    folder, target = Path(folder).resolve(), shown.resolve()
     work = target.with_name(f".{target.name}.adding")
-    _restore(target, work)
-    stated = _read_finished(folder)
-    if out is not None and target.exists() and any(target.iterdir()):
-        raise RunError(f"-o {out} exists already; a new or an empty folder is needed")
-    if with_reference:
-        shipped(str(stated["grid"]))
-    asked = _methods_to_ask(folder, stated, methods, options) if add else []
-    given = [(file, read_answers(file, _records_of(folder))) for file in files]
-    _refuse_known(folder, stated, asked, given)
-    if not options.get("resume"):
-        shutil.rmtree(work, ignore_errors=True)  # of a call that was killed
-    try:
-        with pieces.held(place_of(work)):
+    with pieces.held(place_of(work)):
+        try:
+            _tidy(target, work)
+            stated = _read_finished(folder)
+            if out is not None and target.exists() and any(target.iterdir()):
+                raise RunError(f"-o {out} exists already; a new or an empty folder is needed")
+            if with_reference:
+                shipped(str(stated["grid"]))
+            asked = _methods_to_ask(folder, stated, methods, options) if add else []
+            given = [(Path(file), read_answers(file, _records_of(folder))) for file in answers]
+            _refuse_known(folder, stated, asked, given)
+            if not options.get("resume"):
+                shutil.rmtree(work / _ADDED, ignore_errors=True)  # of a call that was killed
             additions = [_answered(folder, file, of) for file, of in given]
             if add:
-                additions += [_asked(folder, work / "added", asked, jobs, options)]
-            joined = work / "joined"
-            scores = _join(folder, joined, stated, additions, with_reference)
-            if target.exists():
-                target.replace(work / "before")
-            joined.replace(target)
-            shutil.rmtree(work / "added", ignore_errors=True)
-    finally:
-        if not (work / "added").exists():  # nothing that could be continued
-            shutil.rmtree(work, ignore_errors=True)
+                additions += [_asked(folder, work / _ADDED, asked, jobs, options)]
+            scores = _join(folder, work / _JOINED, stated, additions, with_reference)
+            _exchange(target, work)
+        finally:
+            # a call that was interrupted goes on from what it has asked
+            if not (work / _ADDED).exists():
+                shutil.rmtree(work, ignore_errors=True)
     return Added(shown, scores, "; ".join(addition.told for addition in additions))
 
 
-def _restore(folder: Path, work: Path) -> None:
-    """Put a run back that a call moved aside which was killed before the new one was in place."""
-    if (work / "before").exists() and not folder.exists():
-        (work / "before").replace(folder)
+def _exchange(target: Path, work: Path) -> None:
+    """Put the joined run in the place of the one before; `_BEFORE` shows a later call that this was
+    begun.
+    """
+    if target.exists():
+        target.replace(work / _BEFORE)
+    else:
+        (work / _BEFORE).mkdir(exist_ok=True)
+    (work / _JOINED).replace(target)
+    shutil.rmtree(work / _ADDED, ignore_errors=True)
+
+
+def _tidy(target: Path, work: Path) -> None:
+    """End the exchange of a call that was killed in it: put the run back, or remove what is left
+    where the joined one is in place.
+    """
+    before = work / _BEFORE
+    if not before.exists():
+        return
+    if target.exists():
+        for name in (_ADDED, _BEFORE):
+            shutil.rmtree(work / name, ignore_errors=True)
+    elif any(before.iterdir()):
+        before.replace(target)
 
 
 def _read_finished(folder: Path) -> dict[str, Any]:

@@ -34,14 +34,12 @@ RIGHT = [
     "score RUN --report OUT",
     "cite RUN",
     "check RUN --against DIR --markdown OUT",
-    "verify RUN -j 1",
     "figure FIGURE -o NEW",
     "contract PLUGIN",
     "list KIND",
-    "exam make GRID -o NEW --key KEY -j 1",
-    "exam answer RUN -o a.csv -j 1",
-    "exam commit LABELS --exam RUN",
-    "exam open RUN LABELS --key KEY -j 1",
+    "simulate smoke -o NEW",
+    "run RUN --answers LABELS",
+    "run RUN --add",
     "confirm gain-change LOOP --picture PIC",
     "confirm travel LOOP --picture PIC",
     "gap diagnose REC --baseline LOOP --html OUT -j 1",
@@ -50,7 +48,7 @@ RIGHT = [
 ]
 # what stands for a word where another is wrong, and wrong words with what the sentence then holds
 WORDS = {"GRID": "smoke", "METHOD": "horch", "FIGURE": "fig-11-4", "KIND": "detectors"}
-WORDS |= {"NEW": "OUT", "KEY": "key", "PIC": "OUT.svg", "RUN": "DIR", "PLUGIN": "mine.py"}
+WORDS |= {"NEW": "OUT", "PIC": "OUT.svg", "RUN": "DIR", "PLUGIN": "mine.py"}
 SPOILT = {
     "LOOP": {"none.toml": "none.toml", "REC": "rec.csv", "DIR": "DIR"},
     "REC": {"none.csv": "none.csv", "LOOP": "loop.toml"},
@@ -78,8 +76,7 @@ def spoilt(line: str) -> Iterator[tuple[str, str]]:
             yield " ".join(WORDS.get(w, w) for w in whole if w), part
     right = " ".join(WORDS.get(word, word) for word in words)
     yield f"{right} --colour", "--colour"
-    # `exam open` takes any number of tables
-    yield f"{right} surplus", "exam.json" if right.startswith("exam open") else "surplus"
+    yield f"{right} surplus", "surplus"
 
 
 WRONG = [
@@ -133,17 +130,13 @@ WRONG = [
     ("gap diagnose REC --identify --window 0 9999", "window"),
     ("gap diagnose REC --baseline LOOP --write-loop LOOP", "written over"),
     ("gap diagnose REC --baseline LOOP --html REC", "written over"),
-    ("exam make smoke", "--out"),
-    ("exam make smoke -o OUT", "--key"),
-    ("exam make smoke -o OUT --key OUT/key", "inside"),
-    ("exam make smoke -o OUT --key k --n 0", "--n"),
-    ("exam make smoke -o OUT --key k --n x", "--n"),
-    ("exam answer DIR", "--out"),
-    ("exam answer DIR -o a.csv", "exam.json"),
-    ("exam answer DIR -o a.csv --method", "--method"),
-    ("exam open DIR REC", "--key"),
-    ("exam open DIR --key k", "ANSWERS"),
-    ("exam open DIR REC --key k", "exam.json"),
+    ("simulate smoke", "-o"),
+    ("simulate smoke -o OUT --n 0", "--n"),
+    ("simulate smoke -o OUT --n x", "--n"),
+    ("simulate smoke -o OUT --kick 2", "--kick"),
+    ("run smoke --answers REC", "GRID is smoke"),
+    ("run DIR --answers REC", "manifest.json"),
+    ("run DIR --add --answers", "--answers"),
     ("list LOOP", "detectors"),
     ("run smoke -o OUT --method nothing", "nothing"),
     ("trust REC --html REC", "written over"),
@@ -232,14 +225,9 @@ WRONG = [
     ("check DIR --margin x", "margin"),
     ("check REC --against DIR", "rec.csv"),
     ("run smoke -o OUT --backend slurm", "slurm"),
-    ("verify DIR --share 2", "share"),
-    ("verify DIR --share nan", "share"),
-    ("verify DIR --share x", "share"),
-    ("verify DIR --plugin", "--plugin"),
     ("run smoke -o OUT --time-limit nan", "time limit"),
     ("simulate LOOP -o OUT --time-limit -1", "time limit"),
     ("list figures --jsn", "--json"),
-    ("exam answer DIR -o a.csv --resum", "--resume"),
     ("list effekte", "effects"),
     ("figure score-map -o DIR --run none", "none"),
 ]

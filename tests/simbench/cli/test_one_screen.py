@@ -20,14 +20,11 @@ COMMANDS = {
     "gap plan": ["gap", "plan", "rec.csv", "--baseline", MODEL],
     "run": ["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"],
     "score": ["score", "run"],
-    "exam open": ["exam", "open", "exam", "--key", "exam.key", "answers.csv"],
+    "run --add": ["run", "run", "--add", "--method", "yamashita", "-o", "more"],
 }
 BEFORE = {
     "score": [["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"]],
-    "exam open": [
-        ["exam", "make", "smoke", "-o", "exam", "--key", "exam.key", "--n", "2"],
-        ["exam", "answer", "exam", "--method", "horch", "-o", "answers.csv"],
-    ],
+    "run --add": [["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"]],
 }
 
 

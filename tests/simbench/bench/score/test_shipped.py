@@ -11,7 +11,6 @@ import simbench as sb
 from results.studies import shipped as study
 from results.studies.shipped import GRIDS, ask_again
 from simbench.bench.execute.run import run_grid
-from simbench.bench.execute.verify import verify_run
 from simbench.bench.score import shipped
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.compare import compare
@@ -68,8 +67,7 @@ def test_page_figures_and_comparison_of_a_run_show_shipped_methods_too(place, tm
     assert set(SHIPPED) < set(compare(place / "mine").ranking.method)
 
 
-def test_a_run_with_shipped_verdicts_is_verified_and_scored_later_as_at_once(place, capsys):
-    assert verify_run(place / "mine", 0.1).contradictions == ()
+def test_a_run_with_shipped_verdicts_is_scored_later_as_at_once(place, capsys):
     assert main(["score", str(place / "mine"), "--full"]) == 0
     assert "horch" in capsys.readouterr().out
 
