@@ -1,4 +1,4 @@
-"""Start, time, restart and stop the worker process of a third-party plug-in.
+"""Start, time, restart and stop the worker process of a third-party detector.
 
 A plug-in is trusted code with the user's privileges. Its worker protects the other results against
 mistakes (an exception, a crash, a hang, memory, output, an answer that cannot be used), not against
@@ -21,7 +21,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -46,27 +46,27 @@ class PluginError(UserError):
 
 
 class Host:
-    """The worker process of one plug-in, or of the few parts of one loop.
+    """The worker process of one plug-in.
 
-    `sources` are kind and file, or published name, of each; `describe(sources)` imports them in the
-    worker and returns what they say of themselves; an answer may take `seconds`. A lost worker is
-    replaced when it is asked again.
+    `source` is its file or published name; `describe(source)` imports it in the worker and returns
+    what it says of itself; an answer may take `seconds`. A lost worker is replaced when it is asked
+    again.
     """
 
     def __init__(
         self,
         describe: Callable | None,
-        sources: Sequence[tuple[str, str]],
+        source: str,
         seconds: float = SECONDS,
     ) -> None:
-        self.sources, self.seconds, self.strikes = sources, seconds, 0
+        self.source, self.seconds, self.strikes = source, seconds, 0
         self._describe, self._process, self._owner = describe, None, 0
         self._until = math.inf  # when an answer is due
         self._lock = threading.RLock()
         atexit.register(self.close)
 
     def described(self) -> Any:
-        """Return what the plug-ins say of themselves; PluginError where one cannot be imported."""
+        """Return what the plug-in says of itself; PluginError where it cannot be imported."""
         self._start()
         return self._description
 
@@ -98,9 +98,7 @@ class Host:
     def _start(self) -> None:
         if self.strikes >= STRIKES:
             raise PluginError(
-                self._named(
-                    f"asked no more, as its process was lost {STRIKES} times in this piece of work"
-                )
+                f"asked no more, as its process was lost {STRIKES} times in this piece of work"
             )
         if (
             self._process is not None
@@ -110,11 +108,7 @@ class Host:
             return
         self.close()
         self._owner, self._folder = os.getpid(), tempfile.mkdtemp(prefix="simbench-plugin-")
-        kernels = (
-            cache_folder()
-            / "plugins"
-            / "+".join(f"{kind}-{Path(source).stem}" for kind, source in self.sources)
-        )
+        kernels = cache_folder() / "plugins" / f"detector-{Path(self.source).stem}"
         paths = [
             str(Path(str(sys.modules["simbench"].__file__)).resolve().parents[1]),
             *os.environ.get("PYTHONPATH", "").split(os.pathsep),
@@ -127,14 +121,13 @@ class Host:
             "OMP_NUM_THREADS": "1",
             "OPENBLAS_NUM_THREADS": "1",
         }
-        most = MESSAGE if self.sources[0][0] == "detector" else BYTES
         self._process = subprocess.Popen(
             [
                 sys.executable,
                 "-m",
                 "simbench.detectors.plugins.process",
                 str(BYTES),
-                str(most),
+                str(MESSAGE),
                 self._folder,
             ],
             stdin=subprocess.PIPE,
@@ -148,7 +141,7 @@ class Host:
         _tell_unlimited()
         try:
             self._description = (
-                self._ask((self._describe, (self.sources,)), max(START, self.seconds))
+                self._ask((self._describe, (self.source,)), max(START, self.seconds))
                 if self._describe
                 else None
             )
@@ -176,13 +169,13 @@ class Host:
             self.strikes += 1
             fault = f"took longer than {seconds:g} s" if late else f"ended its process ({ended})"
             raise PluginError(
-                self._named(fault if gone else "answered with something that cannot be understood")
+                fault if gone else "answered with something that cannot be understood"
             ) from None
         finally:
             self._until = math.inf
         if error:
             kinds = {"failed": PluginError, "refused": ParameterError, "form": AnswerError}
-            raise kinds[error](self._named(cleaned(answer)))
+            raise kinds[error](cleaned(answer))
         return answer
 
     def _watch(self, process: subprocess.Popen) -> None:
@@ -191,18 +184,6 @@ class Host:
             if time.monotonic() > self._until:
                 _kill(process)
             time.sleep(_LOOK)
-
-    def _named(self, text: str) -> str:
-        """Put which plug-in it is before a sentence that does not say so; of detectors the verdict
-        says it.
-        """
-        names = [(kind, Path(source).stem) for kind, source in self.sources if kind != "detector"]
-        known = not names or any(repr(name) in text for _, name in names)
-        return (
-            text
-            if known
-            else f"{' or '.join(f'{kind} plug-in {name!r}' for kind, name in names)}: {text}"
-        )
 
 
 def _kill(process: subprocess.Popen) -> None:

@@ -45,12 +45,9 @@ class PluginFolder:
         self.required = required
         self.reserved = reserved
         self.alone = alone
-        # (kind, file or published name) of plug-ins -> the attributes of each, asked in their
-        # worker
-        self.describe: Callable[[list[tuple[str, str]]], list[dict[str, Any]]] | None = None
-        # whether what another distribution publishes lives in a worker; else it is imported here
-        self.host_entries = False
-        self._hosts: dict[str, tuple[tuple, Host]] = {}  # with the file they were made of
+        # raises ParameterError for a module that describes no plug-in of this kind
+        self.refuse: Callable[[str, ModuleType], None] | None = None
+        self._keys: dict[str, tuple[Path, int]] = {}  # path and time of change of a file
         self._files: dict[str, ModuleType] = {}
         self._loaded: dict[str, ModuleType] = {}
 
@@ -107,56 +104,32 @@ class PluginFolder:
         self._files[name] = self._checked(module, name)
         return name
 
-    def add_hosted(self, *paths: str | Path, seconds: float = SECONDS) -> list[str]:
-        """Register files, each imported in a separate worker process; every plug-in known may
-        lose its worker anew.
-        """
-        if not 0.0 < seconds < 1e6:
-            raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
+    def add_files(self, *paths: str | Path) -> list[str]:
+        """Register files and return their names; one that is known and unchanged stays as it is."""
         files = list(dict.fromkeys(Path(p).resolve() for p in paths))
         names = [file.stem for file in files]
         for file, name in zip(files, names, strict=True):
-            if name in self._hosts and file in self._hosts[name][0] and not file.exists():
-                continue  # it removed itself; its worker knows it still
             self._free_name(file, names.count(name) > 1)
             key = (file, file.stat().st_mtime_ns)
-            if name not in self._hosts or self._hosts[name][0] != key:
+            if self._keys.get(name) != key:
                 self.forget(name)
-                self._files[name] = self._stub(
-                    name, key, str(file), f"{self.kind} file {file}", seconds
-                )
-        for name, (file, host) in self._hosts.items():
-            host.strikes = 0
-            if name in names or not file:  # one that is published
-                host.seconds = seconds
+                self.add_file(file)
+                self._keys[name] = key
         return names
 
     @contextmanager
-    def hosted(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
-        """Register files for one question only; these, and what other distributions publish, live
-        in workers meanwhile.
-        """
-        before, entries = set(self._files), self.host_entries
+    def added(self, paths: Iterable[str | Path]) -> Iterator[list[str]]:
+        """Register files for the duration of a `with` block."""
+        before = set(self._files)
         try:
-            self._host_entries(True)
-            yield self.add_hosted(*paths, seconds=seconds)
+            yield self.add_files(*paths)
         finally:
             for name in set(self._files) - before:
                 self.forget(name)
-            self._host_entries(entries)
 
-    def _host_entries(self, wanted: bool) -> None:
-        if wanted is not self.host_entries:
-            self.host_entries = wanted
-            for name in self._entry_points:
-                self.forget(name)
-
-    def host_of(self, name: str) -> Host | None:
-        """Return the worker process a plug-in lives in; None for those that live here."""
-        name = name.partition("@")[0]
-        if self.host_entries and name in self._entry_points and name not in self._files:
-            self.load(name)
-        return self._hosts[name][1] if name in self._hosts else None
+    def outside(self) -> list[str]:
+        """Return the names of plug-ins that were added or imported from other distributions."""
+        return sorted(set(self._files) | (set(self._loaded) & set(self._entry_points)))
 
     def _free_name(self, path: Path, taken: bool = False) -> str:
         """Return the id of a plug-in's file; ParameterError where there is none, or where it is
@@ -211,10 +184,9 @@ class PluginFolder:
     def forget(self, name: str) -> None:
         """Take a file that was added out again, and what was imported of another distribution."""
         self._files.pop(name, None)
+        self._keys.pop(name, None)
         if name in self._entry_points:
             self._loaded.pop(name, None)
-        if name in self._hosts:
-            self._hosts.pop(name)[1].close()
 
     @cached_property
     def _entry_points(self) -> dict:
@@ -231,12 +203,7 @@ class PluginFolder:
         point = self._entry_points.get(name)
         if point is None:
             return None
-        where = (
-            f"{self.kind} {name!r} of {point.dist.name if point.dist else 'another distribution'}"
-            f" ({point.value})"
-        )
-        if self.host_entries:
-            return self._stub(name, (), name, where, SECONDS)
+        where = self._published(name, point)
         try:
             return point.load()
         except (
@@ -245,29 +212,17 @@ class PluginFolder:
         ) as error:  # it may fail in any way; the user needs its distribution's name
             raise self._useless(where, repr(error)) from error
 
+    def _published(self, name: str, point: Any) -> str:
+        """Return who publishes a plug-in under a name."""
+        whose = point.dist.name if point.dist else "another distribution"
+        return f"{self.kind} {name!r} of {whose} ({point.value})"
+
     @cached_property
     def _built_in(self) -> frozenset[str]:
         package = importlib.import_module(self.package)
         return frozenset(
             m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")
         )
-
-    def _stub(self, name: str, key: tuple, source: str, where: str, seconds: float) -> ModuleType:
-        """Start a plug-in's worker and return its replacement here: its attributes, and
-        functions that refuse.
-        """
-        host = Host(self.describe, [(self.kind, source)], seconds)
-        stub = ModuleType(name)
-        try:
-            stub.__dict__.update(
-                dict.fromkeys(filter(str.islower, self.required), _elsewhere), __file__=None
-            )
-            stub.__dict__.update(host.described()[0])
-        except UserError as error:
-            host.close()
-            raise self._useless(where, str(error)) from None
-        self._hosts[name] = (key, host)
-        return stub
 
     def _useless(self, where: str, why: str) -> ParameterError:
         needs = f"a {self.kind} needs {', '.join(self.required)}"
@@ -287,17 +242,9 @@ class PluginFolder:
                 f"{self.kind} {name!r} ({module.__file__}): {a} = {getattr(module, a)!r:.60} is no"
                 " function"
             )
+        if self.refuse is not None and not self.built_in(name):
+            self.refuse(name, module)
         return module
-
-
-def import_hosted(folder: PluginFolder, source: str) -> ModuleType:
-    """Import a plug-in where this runs, in its worker, by its file or its published name."""
-    folder.host_entries = False
-    return folder.load(folder.add_file(source) if os.sep in source else source)
-
-
-def _elsewhere(*_: Any, **__: Any) -> None:
-    raise ParameterError("this is a plug-in, which runs in its worker process only")
 
 
 PUBLISHED, _CHAPTER = "published", "chapter"
@@ -309,8 +256,92 @@ class _Detectors(PluginFolder):
     """The detectors; `NAME@published` is a detector with the thresholds of its source,
     `NAME@chapter` with the chapter's.
 
-    Those of other distributions live in workers, as a user's files do.
+    A user's files, and what other distributions publish, live in worker processes.
     """
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        # whether what another distribution publishes lives in a worker; else it is imported here
+        self.host_entries = True
+        self._hosts: dict[str, tuple[tuple, Host]] = {}  # with the file they were made of
+
+    def add_hosted(self, *paths: str | Path, seconds: float = SECONDS) -> list[str]:
+        """Register files, each imported in a separate worker process; every plug-in known may
+        lose its worker anew.
+        """
+        if not 0.0 < seconds < 1e6:
+            raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
+        files = list(dict.fromkeys(Path(p).resolve() for p in paths))
+        names = [file.stem for file in files]
+        for file, name in zip(files, names, strict=True):
+            if name in self._hosts and file in self._hosts[name][0] and not file.exists():
+                continue  # it removed itself; its worker knows it still
+            self._free_name(file, names.count(name) > 1)
+            key = (file, file.stat().st_mtime_ns)
+            if name not in self._hosts or self._hosts[name][0] != key:
+                self.forget(name)
+                self._files[name] = self._stub(
+                    name, key, str(file), f"{self.kind} file {file}", seconds
+                )
+        for name, (file, host) in self._hosts.items():
+            host.strikes = 0
+            if name in names or not file:  # one that is published
+                host.seconds = seconds
+        return names
+
+    @contextmanager
+    def hosted(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
+        """Register files for one question only; these, and what other distributions publish, live
+        in workers meanwhile.
+        """
+        before, entries = set(self._files), self.host_entries
+        try:
+            self._host_entries(True)
+            yield self.add_hosted(*paths, seconds=seconds)
+        finally:
+            for name in set(self._files) - before:
+                self.forget(name)
+            self._host_entries(entries)
+
+    def _host_entries(self, wanted: bool) -> None:
+        if wanted is not self.host_entries:
+            self.host_entries = wanted
+            for name in self._entry_points:
+                self.forget(name)
+
+    def host_of(self, name: str) -> Host | None:
+        """Return the worker process a plug-in lives in; None for those that live here."""
+        name = name.partition("@")[0]
+        if self.host_entries and name in self._entry_points and name not in self._files:
+            self.load(name)
+        return self._hosts[name][1] if name in self._hosts else None
+
+    def forget(self, name: str) -> None:
+        """Take a detector out again, and end its worker."""
+        super().forget(name)
+        if name in self._hosts:
+            self._hosts.pop(name)[1].close()
+
+    def _outside(self, name: str) -> ModuleType | None:
+        point = self._entry_points.get(name)
+        if point is None or not self.host_entries:
+            return super()._outside(name)
+        return self._stub(name, (), name, self._published(name, point), SECONDS)
+
+    def _stub(self, name: str, key: tuple, source: str, where: str, seconds: float) -> ModuleType:
+        """Start a plug-in's worker and return its replacement here: its attributes, and
+        functions that refuse.
+        """
+        host = Host(_describe_detector, source, seconds)
+        stub = ModuleType(name)
+        try:
+            stub.__dict__.update(detect=_elsewhere, __file__=None)
+            stub.__dict__.update(host.described())
+        except UserError as error:
+            host.close()
+            raise self._useless(where, str(error)) from None
+        self._hosts[name] = (key, host)
+        return stub
 
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
@@ -340,16 +371,21 @@ class _Detectors(PluginFolder):
         return [f"{name}@{PUBLISHED}" for name in self.names()]
 
 
-def _describe_detector(sources: list[tuple[str, str]]) -> list[dict[str, Any]]:
-    """Import a detector in its worker, and return its description; ParameterError where it
-    describes no detector.
+def _elsewhere(*_: Any, **__: Any) -> None:
+    raise ParameterError("this is a plug-in, which runs in its worker process only")
+
+
+def _describe_detector(source: str) -> dict[str, Any]:
+    """Import a detector in its worker, by its file or its published name, and return its
+    description; ParameterError where it describes no detector.
     """
-    module = import_hosted(methods, sources[0][1])
+    methods.host_entries = False
+    module = methods.load(methods.add_file(source) if os.sep in source else source)
     method = module.METHOD
     for wrong in wrong_fields(method):
         raise ParameterError(wrong)
     refuse_wrong_call(module.detect, "prepared", method)
-    return [{"METHOD": method, "__doc__": method.title}]
+    return {"METHOD": method, "__doc__": method.title}
 
 
 methods = _Detectors(
@@ -360,4 +396,3 @@ methods = _Detectors(
     RESERVED,
     alone=("likelihood",),  # fits whole loops: seconds a record
 )
-methods.describe, methods.host_entries = _describe_detector, True

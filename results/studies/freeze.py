@@ -12,7 +12,7 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from simbench.bench.execute.compute_piece import scenario_columns
-from simbench.bench.execute.plugin_host import settled
+from simbench.bench.execute.settle_group import settled
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError
 from simbench.files import whole_file

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbench.bench.execute.plugin_host import settled
+from simbench.bench.execute.settle_group import settled
 from simbench.bench.scenario.truth import CYCLED, NO, YES, simulate_with_truth
 from simbench.bench.score.folds import folds_of, out_of_fold
 from simbench.bench.score.no_waveform import (

@@ -7,7 +7,7 @@ from __future__ import annotations
 import argparse
 import math
 
-from simbench.bench.execute.plugin_host import settled
+from simbench.bench.execute.settle_group import settled
 from simbench.bench.scenario.truth import MIN_REVERSALS, YES, least_swing, simulate_with_truth
 from simbench.loop.motion import motion
 from simbench.loop.simulate import valve_tail

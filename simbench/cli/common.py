@@ -108,7 +108,7 @@ Limit = Annotated[
     Option(
         "--time-limit",
         metavar="S",
-        help="Stop a plug-in that takes longer than this for one record or scenario (s).",
+        help="Stop a detector of a file that takes longer than this for one record (s).",
     ),
 ]
 

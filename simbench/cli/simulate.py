@@ -12,7 +12,6 @@ from simbench.cli.common import (
     ControllerPlugin,
     EffectPlugin,
     Json,
-    Limit,
     PlantPlugin,
     ValvePlugin,
     app,
@@ -92,7 +91,6 @@ def simulate(
     effect_plugin: EffectPlugin = None,
     plant_plugin: PlantPlugin = None,
     controller_plugin: ControllerPlugin = None,
-    time_limit: Limit = 60.0,
 ) -> None:
     """Simulate one closed loop and write its record: time, SP, OP, PV and MV.
 
@@ -104,7 +102,7 @@ def simulate(
     `simbench run RUN --answers FILE.csv` scores what such a program answers.
     """
     from simbench.files import refuse_own_input
-    from simbench.loop.hosted import hosted_parts
+    from simbench.loop.part_files import added_parts
     from simbench.scenarios.grid import is_grid
 
     if (source is None) == (from_run is None):
@@ -118,7 +116,7 @@ def simulate(
     files = [
         given or [] for given in (valve_plugin, effect_plugin, plant_plugin, controller_plugin)
     ]
-    with hosted_parts(*files, seconds=time_limit):
+    with added_parts(*files):
         if source is not None and is_grid(source):
             _simulate_grid(source, out, n, pairs(sets or [], "--set"), seed, kick)
             return
@@ -159,7 +157,8 @@ def _simulate_loop(
     kick: float,
 ) -> None:
     from simbench.files import write_record
-    from simbench.loop.hosted import simulated
+    from simbench.loop.part_files import naming_parts
+    from simbench.loop.simulate import simulate
 
     if from_run is not None:
         from simbench.bench.store.reading import read_scenario
@@ -167,12 +166,13 @@ def _simulate_loop(
         if scenario is None:
             raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
         repeated = read_scenario(from_run, scenario)
-        result = simulated(repeated.loop, repeated.seed, kick)
+        with naming_parts():
+            result = simulate(repeated.loop, repeated.seed, kick=kick)
     else:
         from simbench.scenarios.spec import load_loop
 
-        with naming(loop):
-            result = simulated(load_loop(loop), seed, kick)
+        with naming(loop), naming_parts():
+            result = simulate(load_loop(loop), seed, kick=kick)
     write_record(result.record, out)
     if result.outer is not None:
         outer = out.with_name(f"{out.stem}_outer{out.suffix}")
@@ -209,16 +209,15 @@ def valve(
         ),
     ] = None,
     valve_plugin: ValvePlugin = None,
-    time_limit: Limit = 60.0,
 ) -> None:
     """Drive one valve model with a recorded controller output; write the valve position."""
     from simbench.files import refuse_own_input
-    from simbench.loop.hosted import hosted_parts, response
+    from simbench.loop.part_files import added_parts, naming_parts
     from simbench.loop.response import valve_file
 
     refuse_own_input([out], [source])
-    with hosted_parts(valve_plugin or [], seconds=time_limit):
-        valve_file(source, out, model, pairs(param or [], "--param"), response)
+    with added_parts(valve_plugin or []), naming_parts():
+        valve_file(source, out, model, pairs(param or [], "--param"))
 
 
 @app.command(epilog=examples("predict loop.toml", "predict loop.toml --json"))

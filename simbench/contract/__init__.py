@@ -5,10 +5,8 @@ grid.
 import ast
 from pathlib import Path
 
-from simbench.contract.effect import EFFECT_RULES
 from simbench.contract.grid import check_grid
-from simbench.contract.law import CONTROLLER_RULES, PLANT_RULES
-from simbench.contract.valve import VALVE_RULES
+from simbench.contract.part import PART_RULES
 from simbench.detectors.contract.detector import DETECTOR_RULES
 from simbench.detectors.contract.engine import Contract
 from simbench.detectors.errors import ParameterError, nearest
@@ -19,9 +17,7 @@ from simbench.lazy import called_as
 called_as(__name__, "simbench.verbs")
 
 CONTRACT_SECONDS = 600.0  # for all that is asked of one plug-in
-# an effect may hold a valve's steps too: the kind of which most is there, the first of equals
-_RULES = (DETECTOR_RULES, EFFECT_RULES, VALVE_RULES, PLANT_RULES, CONTROLLER_RULES)
-CONTRACTS = {rules.kind: rules for rules in _RULES}
+CONTRACTS = {rules.kind: rules for rules in (DETECTOR_RULES, *PART_RULES)}
 
 
 def check(kind: str, name: str) -> Contract:
@@ -78,14 +74,14 @@ def check_file(path: str | Path) -> Contract:
 
 
 def check_in_subprocess(path: str | Path, seconds: float = CONTRACT_SECONDS) -> Contract:
-    """Check one file as `check_file` does, in a worker process: a file that ends it or never
-    answers breaks its contract.
+    """Check one file as `check_file` does, a detector in a worker process: one that ends it or
+    never answers breaks its contract.
     """
     kind = kind_of(path)
-    if kind == "grid":
+    if kind != "detector":
         return check_file(path)
     path = Path(path).resolve()
-    host = Host(None, [(kind, str(path))])
+    host = Host(None, str(path))
     try:
         return host.call(check_file, str(path), seconds=seconds)
     except PluginError as error:

@@ -8,7 +8,7 @@ import math
 from collections import namedtuple
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from types import ModuleType
 from typing import Any
 
@@ -210,6 +210,32 @@ def resolve(
         values = complete(values, where)
     values.update(extra)
     return _parameter_class(tuple(values))._make(values.values())
+
+
+def refuse_wrong_part(words: Mapping[str, tuple[Any, ...]], name: str, module: ModuleType) -> None:
+    """Raise ParameterError for a part whose PARAMETERS are no table of numbers and choices, or that
+    says of itself another word than those allowed.
+    """
+    rules = module.PARAMETERS
+    known = isinstance(rules, dict) and all(isinstance(r, Number | Choice) for r in rules.values())
+    if not known:
+        raise ParameterError(
+            f"{name!r}: PARAMETERS = {rules!r:.60}; a dict of Number and Choice is needed"
+        )
+    for word, allowed in words.items():
+        if getattr(module, word) not in allowed:
+            raise ParameterError(
+                f"{name!r}: {word} = {getattr(module, word)!r}; allowed:"
+                f" {', '.join(map(str, allowed))}"
+            )
+
+
+for _folder, _flag in (
+    (VALVES, "FRICTION"),
+    (PLANT_PLUGINS, "INTEGRATING"),
+    (CONTROLLER_PLUGINS, "INTEGRAL"),
+):
+    _folder.refuse = partial(refuse_wrong_part, {_flag: (True, False)})
 
 
 def valve_parameters(module: ModuleType, table: Mapping[str, Any], Ts: float) -> Any:

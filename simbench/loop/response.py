@@ -87,7 +87,6 @@ def valve_file(
     out: str | Path,
     model: str,
     parameters: Mapping[str, Any] | None = None,
-    respond: Callable[[str, np.ndarray, Mapping[str, Any], float], np.ndarray] | None = None,
 ) -> None:
     """Send the column `op` of a table through one valve model."""
     refuse_kind(out)
@@ -116,7 +115,7 @@ def valve_file(
                 " are needed"
             )
     columns = {name: cells for name, cells in table.items() if name.lower() != "mv"}
-    columns["mv"] = (respond or valve_response)(model, op, parameters or {}, Ts).tolist()
+    columns["mv"] = valve_response(model, op, parameters or {}, Ts).tolist()
     with whole_file(out) as f:
         writer = csv.writer(f, lineterminator="\n")
         writer.writerow(map(plain_cell, columns))

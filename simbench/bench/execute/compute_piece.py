@@ -11,22 +11,15 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from simbench.bench.execute.plugin_host import (
-    NO_THEORY,
-    Theory,
-    error_text,
-    oracle_of,
-    settled,
-    theory,
-    truth,
-)
+from simbench.bench.execute.settle_group import settled
 from simbench.bench.scenario.kept import prepare_once
-from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.scenario.truth import Cycled
+from simbench.bench.scenario.oracle import ORACLE, judge_oracle
+from simbench.bench.scenario.truth import Cycled, simulate_with_truth
 from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.score.rhythm import rhythm_features
 from simbench.bench.store import tables
@@ -41,12 +34,15 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.summary import level_ends
 from simbench.detectors.sources import as_plugin
 from simbench.detectors.verdict import NO_DECISION, Verdict
-from simbench.loop.hosted import add_parts
+from simbench.loop.part_files import add_parts, error_text
 from simbench.loop.run import Run
 from simbench.scenarios.grid import Grid
-from simbench.scenarios.spec import Scenario
+from simbench.scenarios.spec import Loop, Noise, Scenario, SetPoint
+from simbench.theory.tables import truth_columns
 
 Thresholds = Mapping[str, Mapping[str, float]]
+Theory = tuple[bool | None, bool | None, bool | None, float | None, float | None, str | None]
+_NO_THEORY: Theory = (None, None, None, None, None, None)
 _THEORY_COLUMNS = (
     "predicted",
     "refined",
@@ -113,8 +109,8 @@ class SimulatedScenario:
 class PieceSettings:
     """How the records of a run are judged, the same for every piece.
 
-    `plugins` and `parts` are files outside the package, of detectors and of parts of loops, which
-    may take `time_limit` seconds for a record; `own` are the caller's detectors; of each piece the
+    `plugins` and `parts` are files outside the package, of detectors, which may take `time_limit`
+    seconds for a record, and of parts of loops; `own` are the caller's detectors; of each piece the
     first `keep` records are handed back.
     """
 
@@ -132,7 +128,7 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
     """
     began = time.perf_counter()
     seconds, methods = settings.time_limit, settings.methods
-    add_parts(*settings.parts, seconds=seconds)
+    add_parts(*settings.parts)
     registry.add_hosted(*settings.plugins, seconds=seconds)
     registry.adopt({name: as_plugin(name, detector) for name, detector in settings.own.items()})
     chosen = {m: registry.load(m).METHOD.defaults() for m in methods if m != ORACLE}
@@ -205,16 +201,38 @@ def judge_record(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list
 
 def simulated(scenario: Scenario, error: str | None, group: int) -> SimulatedScenario:
     """Simulate and label a scenario of a group; `error` tells why it could not be set up."""
-    run, cycled, columns = None, Cycled("unclear"), NO_THEORY
+    run, cycled, columns = None, Cycled("unclear"), _NO_THEORY
     try:
         if error is None:
-            run, cycled = truth(scenario.loop, scenario.seed)
-            columns = theory(scenario.loop)
-    except (
-        Exception
-    ) as fault:  # whatever a model does on unusual numbers: one scenario, not the run
+            run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
+            columns = _theory(scenario.loop)
+    # whatever a model or a plug-in does on unusual numbers: one scenario, not the run
+    except (Exception, SystemExit) as fault:
         error, run, cycled = error_text(fault), None, Cycled("unclear")
     return SimulatedScenario(scenario, scenario.id, group, run, cycled, columns, error)
+
+
+def _theory(loop: Loop) -> Theory:
+    """Return what theory predicts for a loop: predicted, refined, exists, period, amplitude, and
+    why there is none of it.
+    """
+    # theory knows neither noise nor loads nor the set point: siblings share its answer
+    quiet = loop.model_copy(
+        update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)}
+    )
+    try:
+        return _theory_of(quiet.model_dump_json())
+    # whatever a model does on unusual numbers: its theory, not its record
+    except (Exception, SystemExit) as wrong:
+        return *_NO_THEORY[:-1], error_text(wrong)
+
+
+@lru_cache(maxsize=256)
+def _theory_of(text: str) -> Theory:
+    with np.errstate(all="ignore"):  # candidate cycles that grow without bound
+        predicted, refined, cycle = truth_columns(Loop.model_validate_json(text), waves=False)
+    why = cycle["reason"] if cycle["exists"] is None else None
+    return predicted, refined, cycle["exists"], cycle["period"], cycle["amplitude"], why
 
 
 def _judged(
@@ -228,9 +246,17 @@ def _judged(
     prepared, answers = judge_record(it.run.record, chosen)
     if oracle:
         since = time.perf_counter()
-        said = oracle_of(it.scenario, it.run)
-        answers.append(Answer(*said, time.perf_counter() - since))
+        answers.append(Answer(*_oracle(it.scenario, it.run), time.perf_counter() - since))
     return prepared, answers
+
+
+def _oracle(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
+    """Return what the oracle says of a run, and the error where a plug-in gives it no answer."""
+    try:
+        return judge_oracle(scenario, run), None
+    except (Exception, SystemExit) as wrong:
+        error = error_text(wrong)
+        return Verdict(ORACLE, NO_DECISION, reason=f"failed: {error}"), error
 
 
 def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:

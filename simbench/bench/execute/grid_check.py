@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from simbench.bench.execute.plugin_host import refuse_unsettled
+from simbench.bench.execute.settle_group import refuse_unsettled
 from simbench.bench.store.manifest import RunError
 from simbench.detectors.errors import UserError, naming
 from simbench.loop.disturbance import DISTURBANCES

@@ -15,13 +15,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
-from simbench.bench.execute.plugin_host import error_text, settled
 from simbench.bench.execute.run import RunOptions, read_plan
+from simbench.bench.execute.settle_group import settled
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
-from simbench.loop.hosted import simulated
+from simbench.loop.part_files import error_text
+from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.grid import Grid
 from simbench.scenarios.spec import Scenario
@@ -134,8 +135,9 @@ def _records(plan: Grid) -> Iterator[tuple[str, LoopRecord | str]]:
 def _record_of(scenario: Scenario) -> LoopRecord | str:
     """Return the record of a scenario without MV, or why it cannot be simulated."""
     try:
-        return simulated(scenario.loop, scenario.seed).record.without_mv()
-    except Exception as fault:  # whatever a model does on unusual numbers: this record alone
+        return simulate(scenario.loop, scenario.seed).record.without_mv()
+    # whatever a model does on unusual numbers: this record alone
+    except (Exception, SystemExit) as fault:
         return error_text(fault)
 
 

@@ -44,7 +44,7 @@ from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import as_plugin
-from simbench.loop.hosted import hosted_parts
+from simbench.loop.part_files import added_parts
 from simbench.scenarios.grid import Grid, chunks, grid_names, load_grid
 from simbench.scenarios.grid_check import MOST_CELLS, MOST_DRAWN_FROM
 from simbench.scenarios.sample import Sample
@@ -69,7 +69,7 @@ class RunOptions:
     plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins : iterable of Path
         Files of detectors and of parts of loops that do not belong to the package.
     time_limit : float
-        Seconds that a plug-in may take for one record.
+        Seconds that a detector of a file may take for one record.
     own : mapping of str to detector
         Detectors of the caller, by name.
     backend : {"loky", "dask", "ray"}
@@ -184,7 +184,7 @@ def run_scored(
     with (
         registry.adopted(adopted),
         registry.hosted(files, asked.time_limit) as added,
-        hosted_parts(*parts, seconds=asked.time_limit),
+        added_parts(*parts),
     ):
         names = choose_with_oracle(methods, added)
         _refuse_wrong_run(plan, names, asked)

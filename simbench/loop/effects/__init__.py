@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import ModuleType
 
 from simbench.detectors.plugins.registry import PluginFolder
-from simbench.loop.parameters import FOLLOWS, Choice, Number
+from simbench.loop.parameters import FOLLOWS, Choice, Number, refuse_wrong_part
 
 __all__ = [
     "BLOCKS",
@@ -39,6 +39,7 @@ PLUGINS = PluginFolder(
     ("SOURCE", "BLOCK", "PARAMETERS", "ACTS", "apply"),
     (NONE, UNKNOWN),
 )
+PLUGINS.refuse = partial(refuse_wrong_part, {"BLOCK": BLOCKS, "ACTS": ("loop", "record")})
 # the order in which answers are listed; effects of other distributions follow
 ORDER = (
     "stiction",

@@ -39,11 +39,11 @@ def test_the_kind_is_seen_from_the_file():
 
 def test_a_broken_one_is_exit_1_with_a_line_for_each_point(tmp_path, capsys):
     path = tmp_path / "my_valve.py"
-    path.write_text(KINDS["valve"].read_text().replace("return p.S, p.J", "return p.S, 0.0"))
+    path.write_text(KINDS["valve"].read_text().replace("return p.S, p.J", "return 0.0, 0.0"))
     assert main(["contract", str(path)]) == 1
     assert capsys.readouterr().out.splitlines() == [
         "valve my_valve: breaks its contract in one place",
-        "  broken: maps on J = 0, but MV slips by 2 % of travel, with S = 4, J = 2",
+        "  broken: says FRICTION = True and maps on S = 0",
     ]
     assert "my_valve" not in VALVES.names()
 

@@ -11,7 +11,6 @@ import pytest
 from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import BLOCKS, EFFECTS, ORDER, PLUGINS
 from simbench.loop.effects.compression import swinging_door
-from simbench.loop.hosted import host_of, parts_of_loop
 from simbench.loop.parameters import Number
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
@@ -167,20 +166,6 @@ def test_no_sample_leaves_the_door():
     rebuilt = swinging_door(pv, 0.7)
     assert np.abs(rebuilt - pv).max() <= 0.7 + 1e-9
     assert np.count_nonzero(np.abs(np.diff(rebuilt, 2)) > 1e-9) < 0.6 * pv.size
-
-
-def test_the_parts_of_a_loop_are_its_valve_stages_and_its_effects():
-    loop = Loop.from_table(
-        {
-            "plant": {"type": "integrating", "K": 1},
-            "controller": {"type": "P", "Kc": 1},
-            "sampling": {"Ts": 1},
-            "valve": {"model": "lag", "T": 2.0},
-            "effect": [{"name": "stiction", "S": 5, "J": 2}],
-        }
-    )
-    assert parts_of_loop(loop) == {("effect", "stiction"), ("valve", "lag")}
-    assert host_of(parts_of_loop(loop)) is None
 
 
 @pytest.mark.parametrize(("extra", "Td"), [(2.5, 6.0), (-1.5, 2.0), (-9.0, 0.0)])

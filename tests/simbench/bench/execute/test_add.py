@@ -175,7 +175,7 @@ def test_what_is_no_finished_run_of_this_code_is_refused(place, run, tmp_path, m
 
 def test_a_loop_that_failed_has_failed_for_the_added_method_too(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
-        raise_after(patch, compute_piece, "truth", 3, ArithmeticError("by design"))
+        raise_after(patch, compute_piece, "simulate_with_truth", 3, ArithmeticError("by design"))
         run = run_grid("smoke", tmp_path / "run", ["he"], n=4)
     add_to_run(run, ["horch"])
     verdicts = tables(run)[1]

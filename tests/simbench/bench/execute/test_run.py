@@ -25,7 +25,6 @@ from killing import kill_when_it_stops, stops
 import simbench.scenarios as scenarios
 from simbench.bench.execute import compute_piece as piece_module
 from simbench.bench.execute import distribute, pieces
-from simbench.bench.execute import plugin_host as guests
 from simbench.bench.execute import run as run_module
 from simbench.bench.execute.compute_piece import record_hash
 from simbench.bench.execute.run import Interrupted, run_grid
@@ -585,10 +584,10 @@ def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
     def broken(loop, **_):
         raise ZeroDivisionError("by design")
 
-    monkeypatch.setattr(guests, "truth_columns", broken)
-    guests._theory.cache_clear()
+    monkeypatch.setattr(piece_module, "truth_columns", broken)
+    piece_module._theory_of.cache_clear()
     verdicts, scenarios = tables(run_grid(small, tmp_path / "run", METHODS, 1))
-    guests._theory.cache_clear()
+    piece_module._theory_of.cache_clear()
     assert (
         scenarios[["predicted", "refined", "theory", "theory_period", "theory_amplitude", "error"]]
         .isna()

@@ -45,14 +45,7 @@ def measured_band(
 
 
 def band_fault(stages: list[tuple[ModuleType, Any]], S: float, J: float) -> str:
-    """Return in which way a chain of valve stages does not do what it maps on; "" when it does.
-
-    >>> from simbench.loop.parameters import VALVES, valve_parameters
-    >>> play = VALVES.load("deadband")
-    >>> stage = (play, valve_parameters(play, {"S": 4.0}, 1.0))
-    >>> band_fault([stage], 4.0, 0.0), band_fault([stage], 0.0, 0.0)
-    ('', 'maps on S = 0, but MV follows a reversal of OP only after 4 % of travel')
-    """
+    """Return in which way a chain of valve stages does not do what it maps on; "" when it does."""
     reach = float(np.clip(1.2 * S, 16.0, 48.0))
     if S == J == 0.0 and _without_memory(stages, reach):
         return ""
