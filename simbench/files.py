@@ -67,7 +67,7 @@ class FileError(UserError, OSError):
 @contextlib.contextmanager
 def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     """Open a file for writing that appears under its name only when all of it is on disk."""
-    path = _local(path)
+    path = local_path(path)
     special = path.exists() and not path.is_file()
     name = path.name if len(os.fsencode(path.name)) < _LONG_NAME else f"{crc32(os.fsencode(path))}"
     temporary = path if special else path.with_name(f".{name}.{HOST}.{os.getpid()}")
@@ -126,13 +126,11 @@ def _lives(process: int) -> bool:
     return True
 
 
-def _local(path: str | Path) -> Path:
+def local_path(path: str | Path) -> Path:
+    """Return a path of this machine; FileError for a URL."""
     url = URL.match(str(path))
     if url is not None:
-        raise FileError(
-            f"{masked(path)} cannot be written: scheme {url[1]!r} is unknown; give a path on this"
-            " machine"
-        )
+        raise FileError(f"{masked(path)} is a URL; a path on this machine is needed")
     return Path(path)
 
 
@@ -159,7 +157,7 @@ def refuse_own_input(
             [f for f in path.rglob("*") if f.suffix.lower() in _READ] if path.is_dir() else [path]
         )
         read |= {_real(f) for f in inside}
-    for path in map(_local, wanted):
+    for path in map(local_path, wanted):
         if _real(path) in read:
             raise FileError(
                 f"{path} is read by this command; it is not written over, name another file"
@@ -190,7 +188,7 @@ def _real(path: Path) -> Path:
 
 def folder(path: str | Path) -> Path:
     """Make a folder, or say in one sentence why it cannot be made."""
-    path = _local(path)
+    path = local_path(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -69,7 +69,7 @@ AllowFailed = Annotated[
 def run(
     grid: GridName = None,
     out: Annotated[
-        Path | None, Option("-o", "--out", help="Write the run to this folder or URL [runs/GRID].")
+        Path | None, Option("-o", "--out", help="Write the run to this folder [runs/GRID].")
     ] = None,
     jobs: Jobs = 1,
     method: Annotated[
@@ -176,11 +176,6 @@ def run(
     from simbench.bench.scenario.oracle import ORACLE
     from simbench.bench.score.scoring import score_run
 
-    if out is not None and str(out).startswith("memory:/"):
-        raise ParameterError(
-            f"-o {out}: memory is gone when this command ends; a folder or a URL that lasts is"
-            " needed"
-        )
     axes = {
         k: [number(v) for v in str(values).split(",")]
         for k, values in pairs(axis or [], "--axis", text=True).items()
@@ -466,7 +461,7 @@ def check(
     from simbench.bench.execute.again import check_and_ask_again
     from simbench.bench.score.check import update_baseline
     from simbench.bench.score.check_result import NO_LOSS, NOT_COMPARABLE, WORSE
-    from simbench.bench.store.checksums import RunError
+    from simbench.bench.store.folder import RunError
     from simbench.files import refuse_own_input, whole_file
 
     refuse_own_input([junit, markdown], [folder, against])

@@ -16,7 +16,7 @@ from typing import Any
 from results.studies.withheld.files import write_whole
 from results.studies.withheld.on_plant import run_test
 from results.studies.withheld.truth import read_any, rows_of
-from simbench.bench.execute.distribute import on_processes
+from simbench.bench.execute.distribute import workers
 from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
@@ -77,7 +77,7 @@ def answer(
     bar = Progress(
         total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0
     )
-    with on_processes(jobs) as run, bar:
+    with workers("loky", None, jobs) as run, bar:
         answered: Any = run(partial(_one, diagnose, tests), questions)  # pyright: ignore[reportArgumentType]
         for name, replies, cpu in answered:
             for place, reply in zip(places, replies, strict=True):

@@ -21,9 +21,8 @@ from simbench.bench.execute.run import choose_with_oracle, run_scored
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
-from simbench.bench.store.checksums import TABLES, RunError, digest, file_digest
+from simbench.bench.store.folder import RunError, file_digest, partition_file, write_file
 from simbench.bench.store.manifest import FROM_FILE, read_manifest, refuse_other_code
-from simbench.bench.store.place import place_of
 from simbench.bench.store.reading import read_table, table_parts
 from simbench.bench.store.tables import VERDICT_SCHEMA, as_parquet, as_table
 from simbench.detectors.errors import masked, printable
@@ -131,7 +130,7 @@ def add_to_run(
     shown = Path(folder if out is None else out)
     folder, target = Path(folder).resolve(), shown.resolve()
     work = target.with_name(f".{target.name}.adding")
-    with pieces.held(place_of(work)):
+    with pieces.held(work):
         try:
             _tidy(target, work)
             stated = _read_finished(folder)
@@ -184,8 +183,7 @@ def _tidy(target: Path, work: Path) -> None:
 
 def _read_finished(folder: Path) -> dict[str, Any]:
     """Return the manifest of a finished run with its loops; RunError for anything else."""
-    place = place_of(folder)
-    stated = read_manifest(place)
+    stated = read_manifest(folder)
     if not stated.get("complete"):
         raise RunError(f"{folder} is not finished; continue the run with --resume")
     if "times" not in stated:
@@ -293,18 +291,16 @@ def _join(
         [row["scenario_id"] for row in scenarios],
         list(new),
     )
-    place, receipts, start = place_of(into), [], 0
-    for number, part in enumerate(table_parts(place_of(folder), "verdicts", stated)):
+    receipts, start = [], 0
+    for number, part in enumerate(table_parts(folder, "verdicts", stated)):
         ids = part.column("scenario_id").unique().to_pylist()
         more = added.slice(start * len(new), len(ids) * len(new))
         table = _in_order(
             pa.concat_tables([part.replace_schema_metadata(), more]), ids, list(methods)
         )
-        content = as_parquet(table, number)
-        place.write(pieces.partition_file("verdicts", number), content)
-        marks = {"verdicts": digest(content), "scenarios": stated[TABLES]["scenarios"][number]}
+        write_file(into / partition_file("verdicts", number), as_parquet(table, number))
         failures = table.num_rows - table.column("error").null_count
-        receipts.append(Receipt(number, len(ids), failures, 0.0, 0.0, 0.0, marks))
+        receipts.append(Receipt(number, len(ids), failures, 0.0, 0.0, 0.0))
         start += len(ids)
     manifest = {
         **stated,
@@ -313,7 +309,7 @@ def _join(
         "added": [*stated.get("added", ()), printable(masked(" ".join(sys.argv)))],
         **({REFERENCE: True} if with_reference else {}),
     }
-    return pieces.finish(place, receipts, manifest)
+    return pieces.finish(into, receipts, manifest)
 
 
 def _with_failures(

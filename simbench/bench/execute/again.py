@@ -19,7 +19,7 @@ from simbench.bench.execute.compute_piece import judge_record, record_hash
 from simbench.bench.score.check import MARGIN, Shaken, check_run
 from simbench.bench.score.check_result import Check
 from simbench.bench.score.pairing import Pairs
-from simbench.bench.store.checksums import RunError, file_digest
+from simbench.bench.store.folder import RunError, file_digest
 from simbench.bench.store.manifest import code_hash, own_methods, processor, read_manifest
 from simbench.bench.store.reading import CODES, RunArrays, read_table
 from simbench.detectors.compiled import one_thread

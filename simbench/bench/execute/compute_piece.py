@@ -23,7 +23,6 @@ from simbench.bench.scenario.truth import Cycled, simulate_with_truth
 from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.score.rhythm import rhythm_features
 from simbench.bench.store import tables
-from simbench.bench.store.checksums import digest
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.judge import answer_of
 from simbench.detectors.method import Method
@@ -67,8 +66,6 @@ class Receipt:
     simulating: float
     judging: float
     working: float
-    # checksum of the piece's partition of each table
-    marks: dict[str, str] = field(default_factory=dict)
     reused: bool = False  # it was on disk already
 
 
@@ -176,8 +173,7 @@ def piece_of(
         "scenarios": tables.encode(scenarios, tables.SCENARIOS, number),
         "verdicts": tables.encode(verdicts, tables.VERDICT_SCHEMA, number),
     }
-    marks = {kind: digest(content) for kind, content in files.items()}
-    return Piece(Receipt(number, len(scenarios), failures, *seconds, marks), files, {})
+    return Piece(Receipt(number, len(scenarios), failures, *seconds), files, {})
 
 
 def judge_record(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[Answer]]:

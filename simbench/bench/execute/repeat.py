@@ -10,9 +10,8 @@ from simbench.bench.execute.run import run_scored
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE
 from simbench.bench.store.benchmark import OF_RUN, SETTLED, grid_of_run
-from simbench.bench.store.checksums import TABLE_KINDS, RunError, refuse_unfinished
+from simbench.bench.store.folder import RunError, refuse_unfinished
 from simbench.bench.store.manifest import FROM_FILE, MANIFEST, own_methods, read_manifest
-from simbench.bench.store.place import place_of
 
 # parts of a manifest that may differ between two runs, and with them last bits and verdicts
 _TOLD = {
@@ -52,7 +51,7 @@ def run_again(
         Manifest of a finished run, or the folder that holds it. Of a run that took its loops from
         another, the folder with its tables is needed.
     out : str or Path, optional
-        Folder or URL of the new run; runs/GRID by default.
+        Folder of the new run; runs/GRID by default.
     jobs : int
         Worker processes; -1 uses all cores.
     **options
@@ -78,16 +77,15 @@ def run_again(
     >>> run_again(first / "manifest.json", place / "second").told
     'all 4 records have the bits that the manifest states'
     """
-    file = place_of(manifest)
-    where = file if file.local is None or file.local.is_dir() else place_of(file.local.parent)
-    name = MANIFEST if where is file else Path(manifest).name
+    file = Path(manifest)
+    where, name = (file, MANIFEST) if file.is_dir() else (file.parent, file.name)
     stated = read_manifest(where, name)
     refuse_unfinished(where, stated)
     if "times" not in stated:
         raise RunError(
             f"{manifest} is a baseline, no run: `simbench run {where}` simulates its loops"
         )
-    if stated.get(SETTLED) == OF_RUN and not where.names(f"{TABLE_KINDS[0]}.parquet"):
+    if stated.get(SETTLED) == OF_RUN and not (where / "scenarios.parquet").exists():
         raise RunError(
             f"{manifest} states a run of loops from another run, which stand in its tables: the"
             " folder with them is needed"

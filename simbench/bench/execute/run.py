@@ -18,7 +18,6 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -28,15 +27,14 @@ import cloudpickle
 
 from simbench.bench.execute import pieces
 from simbench.bench.execute.compute_piece import PieceSettings, Receipt, compute_piece
-from simbench.bench.execute.distribute import Runner, on_cluster, on_processes, on_ray
+from simbench.bench.execute.distribute import BACKENDS, Runner, workers
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
 from simbench.bench.store.benchmark import grid_settings, is_stored, stored_grid
-from simbench.bench.store.checksums import RunError, check_tables, file_digest
-from simbench.bench.store.manifest import describe, read_manifest, refuse_unlike, run_key
-from simbench.bench.store.place import Place, place_of
+from simbench.bench.store.folder import RunError, file_digest
+from simbench.bench.store.manifest import describe, refuse_unlike, run_key
 from simbench.detectors.errors import UserError, masked, nearest, printable
 from simbench.detectors.judge import refuse_wrong_forms
 from simbench.detectors.method import Method
@@ -44,13 +42,13 @@ from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import as_plugin
+from simbench.files import local_path
 from simbench.loop.part_files import added_parts
 from simbench.scenarios.grid import Grid, chunks, grid_names, load_grid
 from simbench.scenarios.grid_check import MOST_CELLS, MOST_DRAWN_FROM
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.settled import settled_grid
 
-_BACKENDS = ("loky", "dask", "ray")
 TABLE, AGAIN = "table", "again"  # where the scenarios of a grid of the package come from
 KINDS_OF_PART = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -134,7 +132,7 @@ def run_grid(
         Name of a grid, a TOML file, the folder of a run or baseline, whose loops are simulated
         under their ids, or a grid already read.
     out : str or Path, optional
-        Folder or URL of the run; runs/NAME by default.
+        Folder of the run; runs/NAME by default.
     methods : iterable of str
         Method ids, "fast", "full" and "oracle".
     jobs : int
@@ -191,27 +189,25 @@ def run_scored(
         manifest = _describe_run(plan, names, asked, digests)
         if asked.like is not None:
             refuse_unlike(asked.like, manifest)
-        place = place_of(Path("runs") / plan.name if out is None else out)
-        place.refuse_unkept()
-        with _workers(asked.backend, asked.address, jobs) as run, pieces.held(place):
-            pieces.open_run(place, manifest, asked.resume)
-            if pieces.is_finished(place):
-                check_tables(place, read_manifest(place))
-                return _path(place), None
+        folder = local_path(Path("runs") / plan.name if out is None else out)
+        with workers(asked.backend, asked.address, jobs) as run, pieces.held(folder):
+            pieces.open_run(folder, manifest, asked.resume)
+            if pieces.is_finished(folder):
+                return folder, None
             settings = _work_settings(names, asked, files, parts)
-            task = _Task(plan, place, run_key(manifest), settings)
-            with _Bar(asked.progress, len(plan)) as bar, _stoppable(), _resumable(place):
+            task = _Task(plan, folder, run_key(manifest), settings)
+            with _Bar(asked.progress, len(plan)) as bar, _stoppable(), _resumable(folder):
                 receipts = _worked(
-                    place, task, run, bar, dict(enumerate(range(*piece) for piece in chunks(plan)))
+                    folder, task, run, bar, dict(enumerate(range(*piece) for piece in chunks(plan)))
                 )
                 times = bar.times(time.perf_counter() - began)
-                scores = pieces.finish(place, receipts, {**manifest, "times": times})
-        return _path(place), scores
+                scores = pieces.finish(folder, receipts, {**manifest, "times": times})
+        return folder, scores
 
 
 def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
-    if asked.backend not in _BACKENDS:
-        raise RunError(f"unknown backend {asked.backend!r}: {nearest(asked.backend, _BACKENDS)}")
+    if asked.backend not in BACKENDS:
+        raise RunError(f"unknown backend {asked.backend!r}: {nearest(asked.backend, BACKENDS)}")
     if asked.fresh_seeds and (
         asked.resume or isinstance(grid, Grid) or "seed" in (asked.sets or {})
     ):
@@ -318,30 +314,19 @@ def _work_settings(
     )
 
 
-def _workers(backend: str, address: str | None, jobs: int) -> AbstractContextManager[Runner]:
-    if backend == "loky":
-        return on_processes(jobs)
-    return on_cluster(address) if backend == "dask" else on_ray(address, jobs)
-
-
-def _path(place: Place) -> Path:
-    # a URL is no path, but is accepted wherever a run's folder is
-    return cast(Path, place.url) if place.local is None else place.local
-
-
 class _Task:
     """What every piece has in common; where it is called, the piece is worked and written."""
 
-    def __init__(self, grid: Grid, place: Place, key: str, settings: PieceSettings) -> None:
+    def __init__(self, grid: Grid, folder: Path, key: str, settings: PieceSettings) -> None:
         # packed once, not for every piece; a worker may stand in another folder
         # by value: a caller's detector may be defined in a notebook
-        self._packed = cloudpickle.dumps((grid, place.absolute(), key, settings))
+        self._packed = cloudpickle.dumps((grid, folder.absolute(), key, settings))
 
     def __call__(self, number: int, groups: Sequence[int]) -> Receipt:
-        grid, place, key, settings = _unpacked(self._packed)
-        there = pieces.find_receipt(place, number, key)
+        grid, folder, key, settings = _unpacked(self._packed)
+        there = pieces.find_receipt(folder, number, key)
         return there or pieces.write_piece(
-            place, compute_piece(grid, number, groups, settings), key
+            folder, compute_piece(grid, number, groups, settings), key
         )
 
 
@@ -351,7 +336,7 @@ def _unpacked(packed: bytes) -> tuple:
 
 
 def _worked(
-    place: Place, task: _Task, run: Runner, bar: _Bar, missing: dict[int, Sequence[int]]
+    folder: Path, task: _Task, run: Runner, bar: _Bar, missing: dict[int, Sequence[int]]
 ) -> list[Receipt]:
     """Return the receipts of some pieces, in order; what a dead worker held is worked again."""
     lives, receipts = LIVES, {}
@@ -393,14 +378,14 @@ def _stoppable() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _resumable(place: Place) -> Iterator[None]:
+def _resumable(folder: Path) -> Iterator[None]:
     """Let whatever stops a run tell how much of it is on disk."""
     try:
         yield
     except KeyboardInterrupt:
-        raise Interrupted(f"interrupted: {pieces.standing(place)}") from None
+        raise Interrupted(f"interrupted: {pieces.standing(folder)}") from None
     except UserError as error:
-        raise RunError(f"{error}; {pieces.standing(place)}") from error
+        raise RunError(f"{error}; {pieces.standing(folder)}") from error
 
 
 class _Bar:

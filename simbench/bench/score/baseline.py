@@ -13,11 +13,11 @@ import pyarrow.parquet as pq
 from simbench.bench.score.names import OF_NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
 from simbench.bench.score.tally import RATES
-from simbench.bench.store.checksums import digest
+from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import read_table
 from simbench.files import folder as make_folder
-from simbench.files import whole_file, write_table
+from simbench.files import write_table
 
 # columns that no check needs; and those that stand in the table of the grid, or in the run that
 # shipped verdicts are joined to
@@ -95,7 +95,6 @@ def _write_verdicts(
     folder = make_folder(folder)
     whole = read_manifest(run)
     manifest = {k: v for k, v in whole.items() if k in _KEPT}
-    digests = {}
     for kind, names in emptied.items():
         table = read_table(run, kind)
         for name in names:
@@ -111,10 +110,12 @@ def _write_verdicts(
         out = io.BytesIO()
         # whole scenarios in every row group
         pq.write_table(
-            table, out, compression="zstd", row_group_size=500 * max(len(manifest["methods"]), 1)
+            table,
+            out,
+            compression="zstd",
+            write_page_checksum=True,
+            row_group_size=500 * max(len(manifest["methods"]), 1),
         )
-        digests[kind] = digest(out.getvalue())
-        with whole_file(folder / f"{kind}.parquet", "wb") as f:
-            f.write(out.getvalue())
-    write_manifest(folder, {**manifest, "tables": digests})
+        write_file(folder / f"{kind}.parquet", out.getvalue())
+    write_manifest(folder, manifest)
     return folder

@@ -18,7 +18,7 @@ from simbench.bench.score.pairing import Paired, Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, holm
 from simbench.bench.store.benchmark import benchmark_version, refuse_other_benchmark
-from simbench.bench.store.checksums import NoRun
+from simbench.bench.store.folder import NoRun
 from simbench.bench.store.manifest import own_methods
 from simbench.bench.store.reading import CODES, RunArrays, RunError, read_book
 from simbench.detectors.errors import UserError

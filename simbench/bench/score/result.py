@@ -20,8 +20,8 @@ from simbench.bench.score.show.table import full_text, headline
 from simbench.bench.score.stability import RankStability
 from simbench.bench.score.tally import RATES
 from simbench.bench.score.tradeoff import as_rows
+from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import unmatched
-from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.reading import RunArrays, read_book
 from simbench.detectors.errors import UserError
 from simbench.detectors.views import page_part
@@ -380,10 +380,10 @@ class Scores:
         said = f"oscillating loops; costs {self.resolution:.3f} apart give any two another rank"
         return page_part(said, self.ranking())
 
-    def write(self, folder: str | Path | Place) -> None:
+    def write(self, folder: Path) -> None:
         """Write scores.csv and scores_by_axis.csv."""
         for name, frame in (("scores", self.table), ("scores_by_axis", self.by_axis)):
-            place_of(folder).write(f"{name}.csv", csv_text(frame, float_format="%.5g").encode())
+            write_file(folder / f"{name}.csv", csv_text(frame, float_format="%.5g").encode())
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

@@ -1,1 +1,1 @@
-"""Store a run on disk: tables, manifest and checksums."""
+"""Store a run on disk: tables and manifest."""

@@ -12,9 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from simbench.bench.store.checksums import RunError, refuse_unfinished
+from simbench.bench.store.folder import RunError, refuse_unfinished
 from simbench.bench.store.manifest import read_manifest
-from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.reading import read_table, without_loops
 from simbench.scenarios.grid import Grid, GridFile, grid_names
 from simbench.scenarios.sample import Sample
@@ -146,20 +145,17 @@ def _each(value: Any, change: Callable[[Any], Any]) -> Any:
 
 
 def is_stored(grid: str | Path | Grid) -> bool:
-    """Return whether a grid is asked for by the folder or URL of a run or baseline."""
-    if isinstance(grid, Grid) or str(grid) in grid_names():
-        return False
-    place = place_of(grid)
-    return place.local is None or place.local.is_dir()
+    """Return whether a grid is asked for by the folder of a run or baseline."""
+    return not isinstance(grid, Grid) and str(grid) not in grid_names() and Path(grid).is_dir()
 
 
-def stored_grid(folder: str | Path | Place) -> SettledGrid:
+def stored_grid(folder: str | Path) -> SettledGrid:
     """Return the loops that a run or a baseline stored as a grid: the same ids, loops and seeds.
 
     Parameters
     ----------
     folder : str or Path
-        Folder or URL of a finished run, or of a baseline.
+        Folder of a finished run, or of a baseline.
 
     Returns
     -------
@@ -171,24 +167,23 @@ def stored_grid(folder: str | Path | Place) -> SettledGrid:
     RunError
         When the folder holds no finished run, is damaged, or was written by an older simbench.
     """
-    place = place_of(folder)
-    manifest = read_manifest(place)
-    refuse_unfinished(place, manifest)
+    manifest = read_manifest(folder)
+    refuse_unfinished(Path(folder), manifest)
     grid = grid_of({k: v for k, v in manifest.items() if k != "points"})
-    stored = read_table(place, "scenarios", COLUMNS)
+    stored = read_table(folder, "scenarios", COLUMNS)
     if stored.column("loop").null_count:
-        raise without_loops(str(place))
+        raise without_loops(str(folder))
     table = table_of(stored.to_pylist())
     return SettledGrid(grid.name, grid.content, grid.overrides, table, int(manifest["scenarios"]))
 
 
-def grid_of_run(place: Place, manifest: Mapping[str, Any]) -> Grid:
+def grid_of_run(folder: Path, manifest: Mapping[str, Any]) -> Grid:
     """Return the grid whose groups a run simulated: settled by it, the package's table, or the
     loops that it took from another run.
     """
     if SETTLED not in manifest:
         return grid_of(manifest)
-    return settled_grid(manifest["grid"]) if manifest[SETTLED] == PACKAGE else stored_grid(place)
+    return settled_grid(manifest["grid"]) if manifest[SETTLED] == PACKAGE else stored_grid(folder)
 
 
 def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any], common: int) -> None:

@@ -14,18 +14,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from simbench.bench.store.checksums import (
-    NoRun,
-    RunError,
-    digest,
-    unreadable,
-    with_checksum,
-    without_checksum,
-)
-from simbench.bench.store.place import Place, place_of
+from simbench.bench.store.folder import NoRun, RunError, digest, write_file
 from simbench.bench.store.tables import FORMAT
+from simbench.files import local_path
 
 MANIFEST = "manifest.json"
+_CHECKSUM = "checksum"
 FROM_FILE = "file"  # value of `answered` of a method whose answers were joined from a file
 # what must be the same before old and new pieces may stand in one table
 _BINDING = (
@@ -59,15 +53,15 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def read_manifest(path: str | Path | Place, name: str = MANIFEST) -> dict[str, Any]:
+def read_manifest(path: str | Path, name: str = MANIFEST) -> dict[str, Any]:
     """Return the manifest of a run, whose file may have another name where it was handed on."""
-    place = place_of(path)
-    file = f"{place}/{name}"
+    folder = local_path(path)
+    file = folder / name
     try:
-        manifest = json.loads(place.read(name))
+        manifest = json.loads(file.read_bytes())
         written_in = manifest["format"]
     except (FileNotFoundError, NotADirectoryError):
-        raise NoRun(f"{place} holds no run: {name} is missing") from None
+        raise NoRun(f"{folder} holds no run: {name} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         where = (
             f", line {error.lineno}, column {error.colno},"
@@ -78,20 +72,34 @@ def read_manifest(path: str | Path | Place, name: str = MANIFEST) -> dict[str, A
             f"{file}{where} is damaged; it must be JSON with a format version: restore it"
         ) from None
     except OSError as error:
-        raise unreadable(file, error) from None
+        raise RunError(
+            f"{file} cannot be read ({error.strerror or error}); a file of the run is needed there:"
+            " restore it"
+        ) from None
     if written_in != FORMAT:
         raise RunError(
             f"{file} was written in format version {written_in!r:.60}; version {FORMAT} is needed:"
             " run it again"
         )
-    return without_checksum(manifest, file)
+    plain = {key: value for key, value in manifest.items() if key != _CHECKSUM}
+    if manifest.get(_CHECKSUM) != _checksum_of(plain):
+        raise RunError(
+            f"{file} is not as it was written: its checksum, {_checksum_of(plain)}, must be the one"
+            f" that it states, {str(manifest.get(_CHECKSUM))[:16]!r}; restore it, or run it again"
+        )
+    return plain
 
 
-def write_manifest(where: Path | Place, manifest: Mapping[str, Any]) -> None:
+def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Write the manifest whole, with a checksum over all of it."""
-    place_of(where).write(
-        MANIFEST, json.dumps(with_checksum(manifest), indent=1, allow_nan=False).encode()
-    )
+    plain = {key: value for key, value in manifest.items() if key != _CHECKSUM}
+    content = {**plain, _CHECKSUM: _checksum_of(plain)}
+    write_file(folder / MANIFEST, json.dumps(content, indent=1, allow_nan=False).encode())
+
+
+def _checksum_of(plain: Mapping[str, Any]) -> str:
+    # through JSON once: tuples become lists, keys become text, as they will be read
+    return digest(json.dumps(json.loads(json.dumps(plain)), sort_keys=True).encode())
 
 
 def run_key(manifest: Mapping[str, Any]) -> str:
@@ -132,7 +140,7 @@ def refuse_unlike(stated: Mapping[str, Any], manifest: Mapping[str, Any]) -> Non
             )
 
 
-def refuse_to_mix(where: Place, manifest: Mapping[str, Any]) -> None:
+def refuse_to_mix(where: Path, manifest: Mapping[str, Any]) -> None:
     """Raise RunError, with the difference, if the run on disk is not the one that is to be
     continued.
     """

@@ -13,15 +13,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from simbench.bench.store.checksums import (
-    RunError,
-    check_tables,
-    read_verified,
-    refuse_unfinished,
-    table_files,
-)
+from simbench.bench.store.folder import RunError, refuse_unfinished, table_files
 from simbench.bench.store.manifest import read_manifest
-from simbench.bench.store.place import Place, place_of
 from simbench.bench.store.tables import AXES, CELL_S_OVER_2J, RANKED, WORD_COLUMNS
 from simbench.detectors.errors import nearest
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
@@ -53,15 +46,21 @@ _COLUMNS = {
 
 
 def read_table(
-    folder: str | Path | Place,
+    folder: str | Path,
     kind: str,
     columns: Sequence[str] | None = None,
     only: pc.Expression | None = None,
 ) -> pa.Table:
     """Return the rows of a table of a run or baseline for which an expression is true."""
-    place = place_of(folder)
-    parts = table_parts(place, kind, read_manifest(place), columns)
-    return _joined(part if only is None else part.filter(only) for part in parts)
+    folder = Path(folder)
+    parts = table_parts(folder, kind, read_manifest(folder), columns)
+    try:
+        return _joined(part if only is None else part.filter(only) for part in parts)
+    except pa.ArrowException as error:
+        raise RunError(
+            f"{folder} is damaged: table {kind} {_first_line(error)}; it is needed as it was"
+            " written: restore it, or run it again"
+        ) from None
 
 
 def _joined(parts: Iterable[pa.Table]) -> pa.Table:
@@ -69,37 +68,50 @@ def _joined(parts: Iterable[pa.Table]) -> pa.Table:
 
 
 def table_parts(
-    place: Place,
+    folder: Path,
     kind: str,
     manifest: Mapping[str, Any],
     columns: Sequence[str] | None = None,
     coded: Sequence[str] = (),
 ) -> Iterator[pa.Table]:
     """Yield a table of a run or baseline file by file, whole scenarios in each."""
-    refuse_unfinished(place, manifest)
-    files = table_files(place, manifest, kind)
+    refuse_unfinished(folder, manifest)
+    files = table_files(folder, manifest, kind)
     if not files:
         raise RunError(
-            f"{place} is damaged: table {kind} has no file, which is needed; run it again"
+            f"{folder} is damaged: table {kind} has no file, which is needed; run it again"
         )
-    for name, mark in files:
-        content = pa.BufferReader(read_verified(place, name, mark))
-        source = pq.ParquetFile(content, read_dictionary=list(coded))
-        # small parts: threads cost more than they save
-        yield source.read(columns=None if columns is None else list(columns), use_threads=False)
+    for file in files:
+        try:
+            # as bytes: the name of a folder may be no text
+            content = pa.BufferReader(file.read_bytes())
+            source = pq.ParquetFile(
+                content, read_dictionary=list(coded), page_checksum_verification=True
+            )
+            # small parts: threads cost more than they save
+            yield source.read(columns=None if columns is None else list(columns), use_threads=False)
+        except (OSError, pa.ArrowException, LookupError) as error:
+            why = "is missing" if isinstance(error, FileNotFoundError) else _first_line(error)
+            raise RunError(
+                f"{folder} is damaged: {file.relative_to(folder)} {why}; it is needed as it"
+                " was written: restore it, or run it again"
+            ) from None
+
+
+def _first_line(error: Exception) -> str:
+    return f"cannot be read ({' '.join(str(error).split())[:200]})"
 
 
 def _parts_for_arrays(
-    place: Place, kind: str, manifest: Mapping[str, Any], *more: str
+    folder: Path, kind: str, manifest: Mapping[str, Any], *more: str
 ) -> Iterator[pa.Table]:
     """Yield what of a table's files is read into arrays."""
     coded, others = _COLUMNS[kind]
-    return table_parts(place, kind, manifest, (*coded, *others, *more), coded)
+    return table_parts(folder, kind, manifest, (*coded, *others, *more), coded)
 
 
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
     """Return one scenario of a run, from which its record can be simulated again."""
-    check_tables(path, read_manifest(path))
     table = read_table(path, "scenarios", [*_DEFINITION, "loop_digest"])
     rows = table.filter(pc.field("scenario_id") == scenario_id).to_pylist()
     if not rows:
@@ -192,17 +204,17 @@ class RunArrays:
         return (*AXES, *(name for name in _own_axes(self.manifest) if name in self.axes))
 
     @classmethod
-    def read(cls, path: str | Path | Place, manifest: dict[str, Any] | None = None) -> RunArrays:
+    def read(cls, path: str | Path, manifest: dict[str, Any] | None = None) -> RunArrays:
         """Read a finished run."""
-        place = place_of(path)
-        manifest = read_manifest(place) if manifest is None else manifest
-        refuse_unfinished(place, manifest)
+        folder = Path(path)
+        manifest = read_manifest(folder) if manifest is None else manifest
+        refuse_unfinished(folder, manifest)
         methods, n = tuple(manifest["methods"]), manifest["counts"]["scenarios"]
         own = _own_axes(manifest)
         tags = ["tags"] if own else []
-        scenarios = _joined(_parts_for_arrays(place, "scenarios", manifest, *tags))
+        scenarios = _joined(_parts_for_arrays(folder, "scenarios", manifest, *tags))
         ids, said, start = scenarios.column("scenario_id").to_pylist(), [], 0
-        for part in _parts_for_arrays(place, "verdicts", manifest):
+        for part in _parts_for_arrays(folder, "verdicts", manifest):
             size = part.num_rows // max(len(methods), 1)
             some = ids[start : start + size]
             match = _follow(part.column("scenario_id"), some, np.repeat, len(methods))
@@ -211,7 +223,7 @@ class RunArrays:
             start += size
         if not start == len(ids) == n or not all(said):
             raise RunError(
-                f"{place} is damaged: verdicts and scenarios do not match; the verdicts of"
+                f"{folder} is damaged: verdicts and scenarios do not match; the verdicts of"
                 f" {len(methods)} methods are needed for each of {n} scenarios: run it again"
             )
         wide = {name: np.concatenate([s[name] for s in said], axis=-1) for name in said[0]}

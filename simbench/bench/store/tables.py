@@ -126,6 +126,7 @@ def as_parquet(table: pa.Table, number: int) -> bytes:
         table.replace_schema_metadata({"format": str(FORMAT), "piece": str(number)}),
         out,
         compression="zstd",
+        write_page_checksum=True,
     )
     return out.getvalue()
 

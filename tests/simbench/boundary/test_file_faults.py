@@ -16,7 +16,6 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from simbench.bench.execute import lease
 from simbench.bench.execute import pieces as pieces_module
 from simbench.bench.execute import run as run_module
 from simbench.bench.execute.run import Interrupted, run_grid
@@ -100,8 +99,6 @@ def test_every_file_operation_fails_once(quick, whole, tmp_path, fault, every, m
     ends = (Killed, Interrupted) if fault.startswith("kill") else UserError
     number = errno.ENOSPC if fault == "no space" else errno.EIO
     why = None if fault.startswith("kill") else f"(?i){os.strerror(number)}"
-    monkeypatch.setattr(lease, "BEAT", 0.02)
-    monkeypatch.setattr(lease, "STALE", 0.2)
     for n in range(0, operations, every):
         folder = tmp_path / f"run{n}"
         with pytest.MonkeyPatch.context() as patch:

@@ -310,7 +310,7 @@ def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_say
     here, monkeypatch
 ):
     """A valve that refuses one of four cells: three are judged, one is reported."""
-    whole = piece.truth
+    whole = piece.simulate_with_truth
 
     def fails_once(loop, seed):
         dead = loop.plant.Td / loop.plant.T > 0.9
@@ -318,7 +318,7 @@ def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_say
             raise FloatingPointError("the loop ran away")
         return whole(loop, seed)
 
-    monkeypatch.setattr(piece, "truth", fails_once)
+    monkeypatch.setattr(piece, "simulate_with_truth", fails_once)
     put(HEAD)
     code, answer, message = run_verb(f"{RUN} --json")
     assert code == 1

@@ -14,7 +14,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest
-from simbench.bench.store.checksums import RunError
+from simbench.bench.store.folder import RunError
 from simbench.bench.store.manifest import read_manifest
 from simbench.cli import main
 from simbench.detectors.errors import UserError

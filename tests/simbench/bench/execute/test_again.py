@@ -12,8 +12,7 @@ from simbench.bench.execute import again
 from simbench.bench.execute.again import check_and_ask_again
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.baseline import write_baseline
-from simbench.bench.store.checksums import file_digest
-from simbench.bench.store.manifest import read_manifest, write_manifest
+from simbench.bench.store.manifest import read_manifest
 from simbench.detectors.methods import he
 from simbench.loop.simulate import simulate
 from simbench.scenarios.grid import make_grid
@@ -47,9 +46,6 @@ def elsewhere(run, place, share=1.0):
     at = table.schema.get_field_index("record_hash")
     table = table.set_column(at, table.schema.field(at), pa.array(hashes.tolist()))
     pq.write_table(table, place / "scenarios.parquet")
-    manifest = read_manifest(place)
-    manifest["tables"]["scenarios"] = file_digest(place / "scenarios.parquet")
-    write_manifest(place, manifest)
     return place
 
 

@@ -10,7 +10,7 @@ from bench_fixtures import NEVER
 from simbench.bench.execute.repeat import compared, run_again
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.baseline import write_baseline
-from simbench.bench.store.checksums import RunError
+from simbench.bench.store.folder import RunError
 from simbench.bench.store.manifest import read_manifest
 from simbench.cli import main
 

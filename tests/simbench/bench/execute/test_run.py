@@ -2,15 +2,12 @@
 is mixed.
 """
 
-import contextlib
 import shutil
 import signal
 import subprocess
 import sys
 import textwrap
-import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,7 +16,6 @@ import pandas as pd
 import pytest
 from bench_fixtures import SMALL, raise_after
 from joblib import Parallel, delayed
-from joblib.externals.loky import process_executor
 from killing import kill_when_it_stops, stops
 
 import simbench.scenarios as scenarios
@@ -32,11 +28,11 @@ from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
 from simbench.bench.store.manifest import RunError, read_manifest
-from simbench.bench.store.reading import RunArrays, read_scenario
+from simbench.bench.store.reading import RunArrays, read_book, read_scenario
 from simbench.cli import main
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge
-from simbench.files import FileError
+from simbench.files import HOST, FileError
 from simbench.loop.simulate import simulate
 from simbench.scenarios.grid import make_grid
 
@@ -140,70 +136,6 @@ def test_dask_gives_the_same_bits(small, finished, tmp_path):
             small, tmp_path / "dask", METHODS, backend="dask", address=cluster.scheduler_address
         )
     assert_same(run, finished)
-
-
-class RayOfThreads:
-    """What `on_ray` asks of ray, by threads of this process: runs where ray is not installed."""
-
-    class exceptions:
-        RayError = type("RayError", (Exception,), {})
-        RayTaskError = type("RayTaskError", (RayError,), {})
-        WorkerCrashedError = type("WorkerCrashedError", (RayError,), {})
-
-    def __init__(self, fault: Exception | None = None):
-        self.fault, self.asked, self.open = fault, {}, False
-
-    def init(self, **asked):
-        if asked.get("address"):
-            raise ConnectionError("nobody is there\nand more lines")
-        self.asked, self.open, self.pool = asked, True, ThreadPoolExecutor(1)
-
-    def shutdown(self):
-        self.open = False
-        self.pool.shutdown()
-
-    def remote(self, function):
-        def work(*piece):
-            if self.fault is not None:
-                raise self.fault
-            return function(*piece)
-
-        return SimpleNamespace(
-            remote=lambda *piece: SimpleNamespace(future=lambda: self.pool.submit(work, *piece))
-        )
-
-
-@pytest.mark.usefixtures("unscored")
-def test_ray_gives_the_same_bits(small, finished, tmp_path, monkeypatch):
-    ray = RayOfThreads()
-    monkeypatch.setitem(sys.modules, "ray", ray)
-    assert_same(run_grid(small, tmp_path / "ray", METHODS, backend="ray"), finished)
-    assert ray.asked["num_cpus"] == 1
-    assert ray.asked["runtime_env"]["env_vars"]["OMP_NUM_THREADS"] == "1"
-    assert not ray.open
-
-
-@pytest.mark.parametrize(
-    ("address", "kind", "words"),
-    [
-        (
-            "127.0.0.1:1",
-            None,
-            "no ray cluster answers at 127.0.0.1:1: .*refused; its HOST:PORT is needed",
-        ),
-        ("here", None, "no ray cluster answers at here: .*; its HOST:PORT is needed"),
-        ("auto", None, "no ray cluster answers at auto: nobody is there; its HOST:PORT is needed"),
-        (None, "RayError", "ray gave up: lost"),
-        (None, "WorkerCrashedError", "worker processes keep dying"),
-    ],
-)
-def test_a_ray_that_fails_ends_the_run_in_one_sentence(
-    small, tmp_path, monkeypatch, address, kind, words
-):
-    fault = None if kind is None else getattr(RayOfThreads.exceptions, kind)("lost\nand more lines")
-    monkeypatch.setitem(sys.modules, "ray", RayOfThreads(fault))
-    with pytest.raises(RunError, match=words):
-        run_grid(small, tmp_path / "ray", ["he"], backend="ray", address=address)
 
 
 def test_without_ray_the_error_names_what_to_install(small, tmp_path, monkeypatch):
@@ -369,23 +301,6 @@ def test_a_stopped_process_ends_at_once_and_names_resume(tmp_path, jobs, sent, s
     assert judged <= 4 * jobs
 
 
-def test_loky_that_fails_as_it_ends_prints_no_traceback(monkeypatch, capfd):
-    manager = process_executor._ExecutorManagerThread
-    usual = manager.add_call_item_to_queue
-
-    def add(self):
-        if self.executor_flags.shutdown:  # as it does, now and then, of a piece taken back
-            raise KeyError(7)
-        usual(self)
-
-    monkeypatch.setattr(manager, "add_call_item_to_queue", add)
-    monkeypatch.setattr(threading, "excepthook", threading.__excepthook__)  # pytest has another
-    with contextlib.suppress(KeyboardInterrupt), distribute.on_processes(2) as run:
-        for _ in run(divmod, [(number, 1) for number in range(20)]):
-            raise KeyboardInterrupt
-    assert capfd.readouterr().err == ""
-
-
 @pytest.mark.parametrize(
     ("sent", "on_sigint"),
     [(signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_IGN)],
@@ -423,15 +338,13 @@ def test_a_full_disk_keeps_what_is_whole_and_names_resume(small, finished, tmp_p
 
 
 @pytest.mark.usefixtures("unscored")
-def test_a_torn_piece_is_done_again(small, finished, tmp_path, monkeypatch):
+def test_a_piece_without_one_of_its_files_is_done_again(small, finished, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         raise_after(patch, pieces, "finish", 0, KeyboardInterrupt)
         with pytest.raises(Interrupted):
             run_grid(small, tmp_path / "run", METHODS)
     torn = tmp_path / "run" / "verdicts.parquet" / "00000002.parquet"
-    torn.write_bytes(torn.read_bytes()[:100])
-    parts = tmp_path / "run" / "scenarios.parquet"
-    shutil.copy(parts / "00000003.parquet", parts / "00000004.parquet")
+    torn.unlink()
     assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
 
 
@@ -511,25 +424,65 @@ def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
     shutil.copytree(finished, tmp_path / "run")
     file = tmp_path / "run" / "verdicts.parquet" / "00000000.parquet"
     pd.read_parquet(file).iloc[::-1].to_parquet(file, index=False)
-    with pytest.raises(RunError, match="not the table"):
+    with pytest.raises(RunError, match="verdicts and scenarios do not match"):
         RunArrays.read(tmp_path / "run")
 
 
-@pytest.mark.parametrize(("owner", "step"), [(pieces, "score_book"), (pieces.Place, "remove")])
-def test_a_kill_between_the_last_steps_is_tidied_up(
-    small, finished, tmp_path, monkeypatch, owner, step
-):
+def test_a_damaged_page_is_noticed(finished, tmp_path):
+    shutil.copytree(finished, tmp_path / "run")
+    file = tmp_path / "run" / "verdicts.parquet" / "00000000.parquet"
+    content = bytearray(file.read_bytes())
+    content[len(content) // 3] ^= 1
+    file.write_bytes(content)
+    with pytest.raises(RunError, match=r"is damaged: verdicts.parquet/00000000.parquet"):
+        read_book(tmp_path / "run")
+
+
+def test_of_two_on_one_folder_one_is_refused(small, finished, tmp_path):
+    words = "run is in use: another simbench works there"
+    with pieces.held(tmp_path / "run"), pytest.raises(RunError, match=words):
+        run_grid(small, tmp_path / "run", METHODS)
+    assert not list((tmp_path / "run").iterdir())
+    assert_same(run_grid(small, tmp_path / "run", METHODS), finished)
+
+
+def test_what_a_killed_process_left_half_written_goes(tmp_path):
+    half = tmp_path / "verdicts.parquet" / f".00000000.parquet.{HOST}.{2**22 + 5}"
+    half.parent.mkdir()
+    half.write_text("half")
+    with pieces.held(tmp_path):
+        assert not half.exists()
+
+
+def test_workers_that_write_elsewhere_are_noticed(small, tmp_path, monkeypatch):
+    monkeypatch.setattr(pieces, "write_file", lambda file, content: None)
+    with pytest.raises(RunError, match="which a worker wrote; name a folder that all reach"):
+        run_grid(small, tmp_path / "run", METHODS)
+
+
+def test_a_url_is_refused(small):
+    with pytest.raises(FileError, match="memory://run is a URL; a path on this machine is needed"):
+        run_grid(small, "memory://run", METHODS)
+
+
+def test_a_kill_before_the_scores_is_tidied_up(small, finished, tmp_path, monkeypatch):
     run = tmp_path / "run"
     with monkeypatch.context() as patch:
-        raise_after(patch, owner, step, 0, KeyboardInterrupt)
+        raise_after(patch, pieces, "score_book", 0, KeyboardInterrupt)
         with pytest.raises(Interrupted, match="8 pieces are whole"):
             run_grid(small, run, METHODS)
-    if step == "score_book":
-        with pytest.raises(RunError, match="not finished"):
-            RunArrays.read(run)
+    with pytest.raises(RunError, match="not finished"):
+        RunArrays.read(run)
     run_grid(small, run, METHODS, resume=True)
     assert sorted(f.name for f in run.iterdir()) == sorted(f.name for f in finished.iterdir())
     assert_same(run, finished)
+
+
+def test_receipts_that_a_kill_left_in_a_finished_run_go(small, finished, tmp_path):
+    run = shutil.copytree(finished, tmp_path / "run")
+    (run / "receipts").mkdir()
+    run_grid(small, run, METHODS, resume=True)
+    assert not (run / "receipts").exists()
 
 
 @pytest.mark.parametrize(
@@ -543,7 +496,7 @@ def test_a_kill_between_the_last_steps_is_tidied_up(
     ],
 )
 def test_wrong_settings_are_one_sentence(small, tmp_path, settings, words, monkeypatch):
-    monkeypatch.setattr(distribute, "PATIENCE", 1)
+    monkeypatch.setattr(distribute, "_PATIENCE", 1)
     methods = settings.pop("methods", ["he"])
     with pytest.raises(UserError, match=words) as error:
         run_grid(small, tmp_path / "run", methods, **settings)

@@ -16,7 +16,7 @@ from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.compare import compare
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.benchmark import evaluator_hash
-from simbench.bench.store.checksums import RunError
+from simbench.bench.store.folder import RunError
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import RunArrays
 from simbench.cli import main
