@@ -21,7 +21,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from simbench.bench.execute import lease, run
+from simbench.bench.execute import run
 from simbench.detectors.errors import UserError
 from simbench.scenarios.grid import load_grid
 from tests.simbench.boundary.disk import FAULTS, Disk
@@ -52,7 +52,6 @@ def smoke(folder: Path, pieces: Path, resume: bool = False) -> None:
         return known[number]
 
     run.work, run.refuse_wrong_parts = work, lambda plan: None
-    lease.BEAT, lease.STALE = 0.02, 0.2
     run.run_grid(load_grid("smoke"), folder, METHODS, resume=resume)
     if not pieces.exists():
         pieces.write_bytes(pickle.dumps(known))

@@ -19,7 +19,6 @@ import simbench.loop.kernel
 from simbench.bench.execute import pieces
 from simbench.bench.scenario import kept
 from simbench.bench.store import tables
-from simbench.bench.store.place import place_of
 from simbench.detectors import prepared
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.report.report import choose_methods
@@ -114,7 +113,7 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
                 piece = piece_module.compute_piece(
                     plan, number, groups, piece_module.PieceSettings(tuple(names))
                 )
-                pieces.write_piece(place_of(folder), piece, "")
+                pieces.write_piece(Path(folder), piece, "")
                 count += piece.receipt.scenarios
             meter.charge()
             total = time.process_time() - start

@@ -1,10 +1,10 @@
-"""Predictions of `gap predict` for other settings, against fresh records of the true loops of three
-independent simulators.
+"""The loop that `gap diagnose --write-loop` writes, simulated under other settings, against fresh
+records of the true loops of independent simulators.
 
-`python -m results.studies.prediction DIR` draws records of each world in the proportions of
-`asking`, diagnoses each, predicts it under half the controller gain, 1.5 times the gain and a moved
-set point, and runs the true loop under these settings. DIR keeps what is done: a call that was cut
-off goes on where it was.
+`python -m results.studies.prediction DIR` draws records of each world in fixed proportions and
+diagnoses each. It simulates the written loop under half the controller gain, 1.5 times the gain and
+a moved set point, as `simulate fixed.toml --set controller.Kc=2 --seeds 20` does, and runs the true
+loop under these settings. DIR keeps what is done: a call that was cut off goes on where it was.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,13 +25,14 @@ from results.studies.withheld.levels import Share
 from results.studies.withheld.world import Item, TestPlan
 from results.studies.worlds import NAMES, load_world
 from simbench.detectors.errors import UserError
+from simbench.detectors.record import LoopRecord
 from simbench.files import folder as make_folder
 from simbench.files import whole_file
-from simbench.gap.command import diagnose_files
-from simbench.gap.prediction import measure, predict, read_settings
+from simbench.gap.command import DiagnosisFiles, diagnose_files
 from simbench.loop.effects import NONE
+from simbench.loop.several_seeds import measure, simulate_seeds
 from simbench.progress import Progress
-from simbench.scenarios.spec import load_loop
+from simbench.scenarios.spec import Loop, load_loop
 
 # of the first world, named before anything was predicted; the next worlds have the next numbers
 SEED = 471720
@@ -53,25 +53,25 @@ def mixture(seed: int, n: int) -> Mixture:
     return Mixture(seed, n - none - foreign, none, 0, foreign)
 
 
-def changes(item: Item) -> dict[str, tuple[dict[str, str], float, float]]:
-    """Return the changes tried on a loop: settings as on the command line, factor on the true Kc,
-    move of SP (PV units).
+def changes(item: Item) -> dict[str, tuple[float, float]]:
+    """Return the changes tried on a loop: factor on Kc, and move of SP (PV units).
 
     SP moves by what one standard deviation of OP does at rest, on an integrating plant by two
     standard deviations of PV.
     """
     columns, plant = item.columns, item.baseline["plant"]
-    Kc = float(item.baseline["controller"]["Kc"])
     if plant["type"] == "integrating":
         by = 2.0 * float(np.std(columns["pv"]))
     else:
         by = abs(float(plant["K"])) * float(np.std(columns["op"]))
-    moved = repr(float(columns["sp"][0]) + by)
-    return {
-        "Kc / 2": ({"controller.Kc": repr(0.5 * Kc)}, 0.5, 0.0),
-        "Kc x 1.5": ({"controller.Kc": repr(1.5 * Kc)}, 1.5, 0.0),
-        "moved set point": ({"setpoint.value": moved}, 1.0, by),
-    }
+    return {"Kc / 2": (0.5, 0.0), "Kc x 1.5": (1.5, 0.0), "moved set point": (1.0, by)}
+
+
+def settings(loop: Loop, ratio: float, by: float) -> dict[str, Any]:
+    """Return what `--set` changes of a loop; every step of the set point moves with its value."""
+    steps = [[t, value + by] for t, value in loop.setpoint.steps]
+    changed = {"setpoint.value": loop.setpoint.value + by, "setpoint.steps": steps}
+    return {"controller.Kc": ratio * loop.controller.Kc, **(changed if by else {})}
 
 
 def truth(item: Item, world: str, ratio: float, by: float) -> list[dict[str, float]]:
@@ -88,7 +88,7 @@ def truth(item: Item, world: str, ratio: float, by: float) -> list[dict[str, flo
     for i in range(FRESH):
         run = load_world(world).test(a, acts, int(a["seed"]) + 8000 + i, plan)
         op, pv = (np.asarray(run[name], dtype=float)[settle:] for name in ("op", "pv"))
-        out.append(asdict(measure(op, pv, float(item.baseline["sampling"]["Ts"]))))
+        out.append(measure(LoopRecord(op, pv, float(item.baseline["sampling"]["Ts"]))))
     return out
 
 
@@ -100,18 +100,22 @@ def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[st
     tried = changes(item)
     with TemporaryDirectory() as place:
         record, baseline = write_item(item, Path(place), "record")
-        loop = load_loop(baseline)
+        written = Path(place) / "fixed.toml"
         try:
-            report = diagnose_files([record], baseline)
-            predicted = {
-                name: predict(report, read_settings(words, loop)).as_json()
-                for name, (words, _, _) in tried.items()
-            }
-        except UserError as error:  # a record that is refused has no valid prediction
+            report = diagnose_files([record], baseline, wanted=DiagnosisFiles(write_loop=written))
+            loop, kick = load_loop(written), report.behind.loops.kick(report.named)
+            predicted = {}
+            for name, change in tried.items():
+                changed = loop.with_all(settings(loop, *change))
+                numbers = simulate_seeds(changed, FRESH, kick=kick).as_json()
+                if numbers["oscillates"] <= 0.5:  # as of the true loop
+                    numbers["period_s"] = None
+                predicted[name] = {**numbers, "valid": True, "reason": ""}
+        except UserError as error:  # a record that is refused has no prediction
             predicted = {name: {"valid": False, "reason": str(error)} for name in tried}
     return [
-        {"world": world, "change": name, **predicted[name], "truth": truth(item, world, *about[1:])}
-        for name, about in tried.items()
+        {"world": world, "change": name, **predicted[name], "truth": truth(item, world, *change)}
+        for name, change in tried.items()
     ]
 
 

@@ -10,6 +10,7 @@ import json
 import os
 import sys
 import textwrap
+import tomllib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -341,6 +342,18 @@ def number(text: str) -> Any:
         return text
     whole = text.isdecimal() and int(text)
     return whole if whole and whole != value else value
+
+
+def toml_value(text: str) -> Any:
+    """Return what a text is in TOML; a word that is nothing in TOML stands for itself.
+
+    >>> toml_value("2"), toml_value("[[10, 55]]"), toml_value("direct")
+    (2, [[10, 55]], 'direct')
+    """
+    try:
+        return tomllib.loads(f"x = {text}")["x"]
+    except tomllib.TOMLDecodeError:
+        return text
 
 
 def show_result(result: Any, as_json: bool) -> None:

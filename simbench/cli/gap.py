@@ -14,7 +14,6 @@ from simbench.cli.common import (
     Page,
     examples,
     gap_app,
-    pairs,
     reads,
     say,
     show_result,
@@ -231,50 +230,3 @@ def gap_plan(
         **about,
     )
     show_result(plan, as_json)
-
-
-@gap_app.command(
-    "predict", epilog=examples("gap predict rec.csv --baseline loop.toml --set controller.Kc=2")
-)
-@reads()
-def gap_predict(
-    record: Annotated[
-        Path, Argument(metavar="REC.csv", help="Read a record of the loop as it runs now.")
-    ],
-    baseline: Annotated[
-        Path | None,
-        Option(metavar="LOOP.toml", help="Diagnose and correct the simulation in this loop file."),
-    ] = None,
-    identify: Identify = False,
-    settings: Annotated[
-        list[str] | None,
-        Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Change a setting of controller or set point; may be repeated.",
-        ),
-    ] = None,
-    test: LoopTest = None,
-    healthy: Healthy = None,
-    as_json: Json = False,
-    *,
-    about: dict,
-) -> None:
-    """Predict PV and OP under other settings of the controller or another set point.
-
-    The loop file is first corrected by the effect that `simbench gap diagnose` names. Each value is
-    printed with its 90 % interval. With --identify a prediction is valid only where simulations
-    come as near to the record as its parts are to each other (1.5 plant floors).
-    """
-    from simbench.gap.command import predict_file
-
-    _refuse_both("gap predict", baseline, identify)
-    prediction = predict_file(
-        record,
-        baseline,
-        pairs(settings or [], "--set", text=True),
-        tests=test or (),
-        healthy=healthy or (),
-        **about,
-    )
-    show_result(prediction, as_json)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
@@ -19,14 +19,21 @@ from simbench.cli.common import (
     pairs,
     say,
     show,
+    show_result,
+    toml_value,
 )
 from simbench.detectors.errors import ParameterError, naming
+
+if TYPE_CHECKING:
+    from simbench.loop.run import Run
+    from simbench.scenarios.spec import Loop
 
 
 @app.command(
     epilog=examples(
         "simulate loop.toml -o rec.csv --seed 1",
         "simulate --from runs/ci --id ID -o rec.csv",
+        "simulate loop.toml --set controller.Kc=2 --seeds 20",
         "simulate ci -o records --n 200",
     )
 )
@@ -50,6 +57,17 @@ def simulate(
     seed: Annotated[
         int | None, Option(min=0, help="Seed the random numbers with this integer [0].")
     ] = None,
+    seeds: Annotated[
+        int | None,
+        Option(
+            min=2,
+            max=10_000,
+            metavar="N",
+            help="Simulate the loop with this many seeds, from --seed on, and print the standard"
+            " deviations of PV and OP, the period and the travel of OP of one record, with 90 %"
+            " intervals.",
+        ),
+    ] = None,
     n: Annotated[
         int | None,
         Option(
@@ -64,7 +82,8 @@ def simulate(
         Option(
             "--set",
             metavar="K=V",
-            help="Change a setting of the grid, for example seed=7; may be repeated.",
+            help="Change a setting of the loop, for example controller.Kc=2, or of the grid, for"
+            " example seed=7; may be repeated.",
         ),
     ] = None,
     kick: Annotated[
@@ -91,6 +110,7 @@ def simulate(
     effect_plugin: EffectPlugin = None,
     plant_plugin: PlantPlugin = None,
     controller_plugin: ControllerPlugin = None,
+    as_json: Json = False,
 ) -> None:
     """Simulate one closed loop and write its record: time, SP, OP, PV and MV.
 
@@ -100,17 +120,25 @@ def simulate(
     Of a grid the records are written without MV and without labels, for programs in any language:
     records.parquet has the signals of all records, loops.csv what is known of each loop.
     `simbench run RUN --answers FILE.csv` scores what such a program answers.
+
+    With --seeds the command prints what one record of the loop looks like; with --set, what it
+    would look like under other settings.
     """
     from simbench.files import refuse_own_input
-    from simbench.loop.part_files import added_parts
+    from simbench.loop.part_files import added_parts, naming_parts
+    from simbench.loop.several_seeds import simulate_seeds
+    from simbench.loop.simulate import simulate as simulate_loop
     from simbench.scenarios.grid import is_grid
 
     if (source is None) == (from_run is None):
         raise ParameterError(
             "simulate needs either a loop file or a grid, or --from RUN with --id ID"
         )
-    if out is None:
-        raise ParameterError("simulate needs -o REC.csv, the record to write")
+    if (out is None) == (seeds is None):
+        raise ParameterError(
+            "simulate needs either -o REC.csv, the record to write, or --seeds N; both or neither"
+            " were given"
+        )
     if not abs(kick) <= 100.0:
         raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
     files = [
@@ -118,13 +146,42 @@ def simulate(
     ]
     with added_parts(*files):
         if source is not None and is_grid(source):
-            _simulate_grid(source, out, n, pairs(sets or [], "--set"), seed, kick)
+            if seeds is not None:
+                raise ParameterError(f"--seeds {seeds}: {source} is a grid; a loop file is needed")
+            _simulate_grid(source, Path(str(out)), n, pairs(sets or [], "--set"), seed, kick)
             return
-        if n is not None or sets:
-            raise ParameterError(f"--n and --set change a grid; {source or from_run} is none")
-        loop = None if source is None else Path(source)
-        refuse_own_input([out], [loop])
-        _simulate_loop(loop, out, from_run, scenario, seed or 0, kick)
+        if n is not None:
+            raise ParameterError(f"--n {n}: {source or from_run} is no grid, which is needed")
+        loop, first = _loop_to_simulate(source, from_run, scenario, seed, sets or [])
+        with naming(source or from_run), naming_parts():
+            if seeds is not None:
+                show_result(simulate_seeds(loop, seeds, first, kick), as_json)
+                return
+            refuse_own_input([out], [source])
+            result = simulate_loop(loop, first, kick=kick)
+    _write(result, Path(str(out)), as_json)
+
+
+def _loop_to_simulate(
+    source: str | None,
+    from_run: Path | None,
+    scenario: str | None,
+    seed: int | None,
+    sets: list[str],
+) -> tuple[Loop, int]:
+    """Return the loop of a file or of a run, with changed settings, and the seed."""
+    from simbench.bench.store.reading import read_scenario
+    from simbench.scenarios.spec import load_loop
+
+    if from_run is None:
+        loop, first = load_loop(str(source)), seed or 0
+    elif scenario is None:
+        raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
+    else:
+        repeated = read_scenario(from_run, scenario)
+        loop, first = repeated.loop, repeated.seed
+    settings = {k: toml_value(v) for k, v in pairs(sets, "--set", text=True).items()}
+    return loop.with_all(settings), first
 
 
 def _simulate_grid(
@@ -148,37 +205,21 @@ def _simulate_grid(
     say(f"to score answers to them: {labels}{shlex.join(['simbench', 'run', run])} --answers FILE")
 
 
-def _simulate_loop(
-    loop: Path | None,
-    out: Path,
-    from_run: Path | None,
-    scenario: str | None,
-    seed: int,
-    kick: float,
-) -> None:
+def _write(result: Run, out: Path, as_json: bool) -> None:
+    """Write the record of a run, and print what it is."""
     from simbench.files import write_record
-    from simbench.loop.part_files import naming_parts
-    from simbench.loop.simulate import simulate
 
-    if from_run is not None:
-        from simbench.bench.store.reading import read_scenario
-
-        if scenario is None:
-            raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
-        repeated = read_scenario(from_run, scenario)
-        with naming_parts():
-            result = simulate(repeated.loop, repeated.seed, kick=kick)
-    else:
-        from simbench.scenarios.spec import load_loop
-
-        with naming(loop), naming_parts():
-            result = simulate(load_loop(loop), seed, kick=kick)
-    write_record(result.record, out)
+    r = result.record
+    write_record(r, out)
     if result.outer is not None:
         outer = out.with_name(f"{out.stem}_outer{out.suffix}")
         write_record(result.outer, outer)
-        say(f"{outer}: the outer loop; its OP is the set point of the inner one, in {out}")
-    r = result.record
+        text = f"{outer}: the outer loop; its OP is the set point of the inner one, in {out}"
+        say(text, as_json)
+    if as_json:
+        about = {"n": r.n, "Ts": r.Ts, "sticky": result.sticky, "notes": [*result.notes]}
+        show({"record": str(out), **about}, as_json)
+        return
     friction = "has friction" if result.sticky else "is without friction"
     say(f"{out}: {r.n} samples, Ts = {r.Ts:g} s, {r.duration:g} s; the valve {friction}")
     for note in result.notes:

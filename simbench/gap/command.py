@@ -21,10 +21,9 @@ from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
 from simbench.gap.plan.menu import Limits
 from simbench.gap.plan.order import PlannedTests, plan
-from simbench.gap.prediction import Prediction, predict, read_settings
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, PLUGINS, UNKNOWN
-from simbench.scenarios.spec import checked, load_loop, read_toml
+from simbench.scenarios.spec import checked, read_toml
 
 
 @dataclass(frozen=True)
@@ -182,28 +181,6 @@ def _far(report: GapReport, probability: Mapping[str, float]) -> str:
         f" {probability.get(UNKNOWN, 0.0):.2f}). A test of a model that is not this loop tells"
         " little: check the loop file first."
     )
-
-
-def predict_file(
-    record: str | Path,
-    baseline: str | Path | None,
-    words: Mapping[str, str],
-    *,
-    tests: Sequence[str] = (),
-    healthy: Sequence[str | Path] = (),
-    **about: Any,
-) -> Prediction:
-    """Predict what the loop of a record does under other settings, given as KEY=VALUE on the
-    command line; without a baseline the loop is identified from the record.
-    """
-    known = None if baseline is None else load_loop(baseline)
-    # a setting that is none of the loop file's needs no diagnosis
-    settings = read_settings(words, known)
-    with one_thread():
-        report = diagnose_files([record], baseline, tests=tests, healthy=healthy, **about)
-        if known is None:
-            report.behind.found.situation.baseline.with_all(settings)
-        return predict(report, settings)
 
 
 @contextmanager

@@ -109,7 +109,6 @@ OPTIONS = {
     "figure": "-o --run --isdb",
     "gap diagnose": "--baseline --identify --test -j --no-bootstrap --json --html --write-loop",
     "gap plan": "--baseline --limits --json --html",
-    "gap predict": "--baseline --test --set --json",
     "trust": "--loop --method --html --json",
     "contract": "",
     "list": "--json",

@@ -47,6 +47,7 @@ _LEFT_OUT = (
     "picture",
     "resolution_curve",
     "result",
+    "several_seeds",
     "shipped",
     "table",
 )

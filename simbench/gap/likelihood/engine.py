@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -372,43 +371,6 @@ class Engine:
     def at(self, spec: Spec, theta: Mapping[str, float]) -> Fit:
         """Return the fit at given nonlinear parameters."""
         return _fit(spec, dict(theta), self._terms(spec, theta))
-
-    def scattered(self, fit: Fit, count: int, scale: float, rng: np.random.Generator) -> list[Fit]:
-        """Draw fits about the likeliest by the likelihood's curvature there (Laplace), standard
-        deviations times `scale`.
-
-        What the priors or bounds hold stays within them.
-        """
-        spec = fit.spec
-        names = tuple(m for m in spec.names if m in fit.theta and (m != "T" or self.data.T > 0))
-        logs, box, unpack = self._searched(spec, names, fit.theta)
-        x = np.array([fit.theta[m] for m in names])
-        x[logs] = np.log(x[logs])
-        now = self._terms(spec, unpack(x))
-        J, slope = self._derivatives(spec, names, x, box, unpack, now)
-        curvature = self._curvature(now, J, slope)
-        # a parameter of which the record tells nothing moves no further than one step of the search
-        curvature += (
-            np.eye(len(curvature)) / np.where(logs, 1.0, np.maximum(np.ptp(box, axis=1), 1e-9)) ** 2
-        )
-        root = np.linalg.cholesky(np.linalg.inv(curvature))
-        used = now[3][:, kernels.SKIP :]
-        precision = _regular(used[1:] @ used[1:].T)
-        gain_std = scale * float(np.sqrt(np.linalg.inv(precision)[0, 0]))
-        wide = 20.0 if "K" in spec.free or not self.data.trusted else 1.0 + NOMINAL + _EDGE
-        low, high = sorted((self.data.K / wide, self.data.K * wide))
-        out = []
-        for _ in range(count):
-            moved = x + scale * (root @ rng.standard_normal(x.size))
-            one = self.at(
-                spec, unpack(np.clip(moved, np.minimum(box[:, 0], x), np.maximum(box[:, 1], x)))
-            )
-            beta = one.beta.copy()
-            beta[0] = np.clip(
-                beta[0] + gain_std * rng.standard_normal(), min(low, fit.K), max(high, fit.K)
-            )
-            out.append(replace(one, beta=beta))
-        return out
 
     def scan(
         self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray

@@ -44,7 +44,7 @@ RIGHT = [
     "confirm travel LOOP --picture PIC",
     "gap diagnose REC --baseline LOOP --html OUT -j 1",
     "gap plan REC --baseline LOOP --html OUT",
-    "gap predict REC --baseline LOOP --set controller.Kc=1",
+    "simulate LOOP --seeds 2 --set controller.Kc=1",
 ]
 # what stands for a word where another is wrong, and wrong words with what the sentence then holds
 WORDS = {"GRID": "smoke", "METHOD": "horch", "FIGURE": "fig-11-4", "KIND": "detectors"}
@@ -155,13 +155,12 @@ WRONG = [
     ("gap diagnose REC --identify --healthy REC", "states [plant]"),
     ("gap plan REC --baseline LOOP --kind smell", "smell"),
     ("gap plan REC --baseline LOOP --limits LOOP", "loop.toml"),
-    ("gap predict REC --set controller.Kc=1", "--baseline"),
-    ("gap predict REC --baseline LOOP", "--set"),
-    ("gap predict REC --baseline LOOP --set controller.Kc", "NAME=VALUE"),
-    ("gap predict REC --baseline LOOP --set plant.K=2", "not a setting"),
-    ("gap predict REC --baseline LOOP --set controller.Kcc=2", "Kc"),
-    ("gap predict REC --baseline LOOP --set controller.Kc=0", "greater"),
-    ("gap predict REC --baseline LOOP --set controller.Kc=fast", "Kc"),
+    ("simulate LOOP --seeds 2 --set controller.Kc", "NAME=VALUE"),
+    ("simulate LOOP --seeds 2 --set controller.Kcc=2", "Kc"),
+    ("simulate LOOP --seeds 2 --set controller.Kc=0", "greater"),
+    ("simulate LOOP --seeds 2 --set controller.Kc=fast", "Kc"),
+    ("simulate LOOP --seeds 1", "--seeds"),
+    ("simulate smoke --seeds 2", "--seeds"),
     ("confirm travel LOOP --picture LOOP", "written over"),
     ("confirm gain-change LOOP --picture LOOP", "written over"),
     ("confirm gain-change --records REC REC --picture REC", "written over"),

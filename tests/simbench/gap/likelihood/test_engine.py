@@ -295,17 +295,6 @@ def test_a_sensors_pole_is_taken_off_pv(tau):
     assert e._channels(Spec(), THETA)[0] == pytest.approx(shown - shown[0])
 
 
-def test_scattered_fits_lie_as_far_below_the_likeliest_as_the_chi_squared_distribution_has_it():
-    e = engine(trusted=False)
-    best = e.fit(Spec(), e.start(), steps=20)
-    fits = e.scattered(best, 200, 1.0, np.random.default_rng(3))
-    below = np.array([best.loglik - f.loglik for f in fits])
-    # half the number of what was drawn, in nats; what a bound holds scatters to one side only
-    assert 0.25 * len(best.spec.names) < np.median(below) < 0.75 * len(best.spec.names)
-    assert np.std([f.theta["T"] for f in fits]) / T < 0.2
-    assert 0.0 < np.std([f.K for f in fits]) / K < 0.2
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_gain_a_fifth_to_five_times_the_baselines_is_as_good_as_any_and_less_is_held(sign):
     spec, theta = Spec(free=frozenset({"K"})), THETA
