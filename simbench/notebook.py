@@ -335,7 +335,7 @@ def table(folder: str | Path, kind: str = "paper", truth: str = "cycled") -> pd.
     kinds = {
         "paper": lambda: paper.ranking_text(scores, truth),
         "ranking": lambda: paper.ranking_numbers(scores, truth),
-        "pairs": lambda: scores.compare(truth=truth).pairs,
+        "pairs": lambda: scores.compare(truth).pairs,
     }
     if kind not in kinds:
         raise UserError(f"table {kind!r}: {nearest(kind, kinds)}")

@@ -48,7 +48,7 @@ def test_the_first_page_shows_a_picture_the_ranking_and_three_doors():
     assert [line for line in ranking.splitlines() if line not in kept] == []
     links = page.index("| you have |")
     doors = ("Benchmark a detector", "Judge a record", "Explain a gap")
-    order = [page.index("score-overview.svg"), page.index("```text"), *map(page.index, doors)]
+    order = [page.index("ranking.svg"), page.index("```text"), *map(page.index, doors)]
     assert order == sorted(order)
     assert order[-1] < links
     assert page.index("chapter_against_code.md") < links

@@ -13,7 +13,7 @@ import pandas as pd
 
 from simbench.catalogue import FIGURES
 from simbench.figures._loops import numbers_line
-from simbench.figures._make import NEEDS, figure_ids
+from simbench.figures._make import figure_ids
 from simbench.files import whole_file
 from simbench.usage import exit_code
 
@@ -56,18 +56,15 @@ def gallery(pictures: Path, page: Path) -> str:
         numbers = pictures / f"{name}.csv"
         if numbers.is_file() and (line := numbers_line(pd.read_csv(numbers))):
             lines += [f"Numbers: {line}.", ""]
-        needs = [NEEDS[p] for p in inspect.signature(module.data).parameters if p in NEEDS]
         picture = pictures / f"{name}.svg"
         if picture.is_file():
             link = Path(*[".."] * len(page.parent.parts), picture).as_posix()
             lines += [f"![{first}]({link})", "", f"[numbers]({link.removesuffix('.svg')}.csv)", ""]
-        elif "ISDB" in needs:
+        else:
             lines += [
                 f"Needs the real records: `simbench figure {name} -o DIR --isdb isdb10.mat`.",
                 "",
             ]
-        else:
-            lines += [f"Needs a run: `simbench figure {name} -o DIR --run RUN`.", ""]
     return "\n".join(lines)
 
 

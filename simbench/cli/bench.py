@@ -306,12 +306,6 @@ _DECIDING = {
 def score(
     folder: Run,
     report: Report = None,
-    against: Annotated[
-        Path | None,
-        Option(
-            "--compare", metavar="RUN", help="Compare with this second run, scenario by scenario."
-        ),
-    ] = None,
     paired: Annotated[
         bool,
         Option(
@@ -384,10 +378,10 @@ def score(
     if truth not in TRUTHS:
         raise ParameterError(f"--truth {truth}: {nearest(truth, TRUTHS)}")
 
-    refuse_own_input([report, to], [folder, against])
+    refuse_own_input([report, to], [folder])
     book = read_joined(folder)
     scores, failed = score_book(book, cost, allow_failed), read_failures(folder)
-    answer = Asked(scores, truth, paired, against, by or [])
+    answer = Asked(scores, truth, paired, by or [])
     if to is not None:
         write_asked(answer, to)
     if as_json:
@@ -498,14 +492,6 @@ def figure(
         ),
     ],
     out: Annotated[Path, Option("-o", "--out", help="Write the figures to this folder.")],
-    run_folder: Annotated[
-        Path | None,
-        Option(
-            "--run",
-            metavar="RUN",
-            help="Draw figures that show scores from the run in this folder.",
-        ),
-    ] = None,
     isdb: Annotated[
         Path | None,
         Option(metavar="FILE|DIR", help="Draw figures that show real records from this folder."),
@@ -531,7 +517,7 @@ def figure(
 
     numbers = pairs(sets or [], "--set")
     numbers = {k: float(v) if isinstance(v, int) else v for k, v in numbers.items()}
-    drawn = make_figures(ids, out, run=run_folder, isdb=isdb, numbers=numbers)
+    drawn = make_figures(ids, out, isdb=isdb, numbers=numbers)
     lacking = [where_from(d) for d in drawn if d.left_out]
     if lacking and "all" not in ids:
         raise ParameterError("; ".join(lacking))

@@ -9,25 +9,22 @@ from simbench.bench.score.show import paper
 from simbench.bench.score.show.asked import Asked
 from simbench.bench.store.benchmark import benchmark_text, benchmark_version
 from simbench.detectors.errors import ParameterError
-from simbench.figures import critical_difference
+from simbench.figures import _critical_difference
 from simbench.figures._style import write_picture
 
 
 def write_asked(asked: Asked, path: Path) -> None:
     """Write one table or picture; the kind follows from the file's name."""
-    wanted = len(asked.comparisons) + bool(asked.axes)
-    if wanted > 1:
-        raise ParameterError(
-            f"--to {path}: one table is written; give one of --paired, --compare and --by"
-        )
+    if asked.paired and asked.axes:
+        raise ParameterError(f"--to {path}: one table is written; give one of --paired and --by")
     if path.suffix.lower() in (".svg", ".pdf", ".png"):
         write_picture(_picture(asked), path)
         return
     paper.table_kind(path)
     about = paper.caption(asked.scores, asked.truth)
     version = benchmark_version(asked.scores.manifest)
-    if asked.comparisons:
-        (comparison,) = asked.comparisons
+    if asked.comparison is not None:
+        comparison = asked.comparison
         about = (
             f"{comparison.cases} scenarios{benchmark_text(asked.scores.manifest)}, right against"
             f" {comparison.truth} (exact McNemar test,"
@@ -44,11 +41,7 @@ def write_asked(asked: Asked, path: Path) -> None:
 
 def _picture(asked: Asked) -> Any:
     """Return the picture of a ranking, of pairs, or of rates over axes."""
-    if asked.comparisons and not asked.comparisons[0].of_one_run:
-        raise ParameterError(
-            "a comparison of two runs has no picture: --to FILE.tex, .md or .csv writes its table"
-        )
-    if asked.comparisons:
-        return critical_difference.draw(critical_difference.ranks_of(asked.comparisons[0]))
+    if asked.comparison is not None:
+        return _critical_difference.draw(_critical_difference.ranks_of(asked.comparison))
     axes = asked.scores.plot(asked.axes or None)
     return (axes if isinstance(axes, Axes) else axes.flat[0]).figure

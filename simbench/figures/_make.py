@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from simbench.bench.store.manifest import read_manifest
 from simbench.detectors.errors import ParameterError, RecordError, UnknownName
 from simbench.detectors.records.io import RECORD_FILES
 from simbench.figures._loops import Loops, numbers_line
@@ -21,14 +20,13 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-NEEDS = {"isdb": "ISDB", "run": "--run"}
+NEEDS = {"isdb": "ISDB"}
 _LETTERS = 15  # of the line of numbers in an inch
 # where what a figure needs comes from
 SOURCES = {
     "isdb": "give isdb10.mat, or a folder of its loops, with --isdb; the International Stiction"
     " Data Base belongs to Jelali and Huang (eds.), Detection and Diagnosis of Stiction in Control"
     " Loops, Springer 2010",
-    "run": "give the folder of `simbench run chapter -o RUN` with --run",
 }
 
 
@@ -70,7 +68,6 @@ def figure_ids() -> list[str]:
 def make_figures(
     ids: Iterable[str],
     out: str | Path,
-    run: str | Path | None = None,
     isdb: str | Path | None = None,
     numbers: Mapping[str, float] | None = None,
 ) -> list[Drawn]:
@@ -82,8 +79,6 @@ def make_figures(
         Ids of figures, or "all".
     out : str or Path
         Folder to write to; it is made where it does not exist.
-    run : str or Path, optional
-        Folder of a run, which some figures show.
     isdb : str or Path, optional
         ISDB .mat file or folder of real records, which some figures show.
     numbers : mapping of str to float, optional
@@ -122,9 +117,7 @@ def make_figures(
     fault = "" if isdb is None else _no_records(Path(isdb))
     if fault:
         raise RecordError(f"{isdb} {fault}; an ISDB .mat file or a folder of records is needed")
-    if run is not None:  # before a folder is made
-        read_manifest(run)
-    given = {"run": run, "isdb": isdb}
+    given = {"isdb": isdb}
     if numbers:
         for name in wanted:
             refuse_numbers(name, numbers)
@@ -136,7 +129,6 @@ def make_figures(
 def figure(
     id: str,
     *,
-    run: str | Path | None = None,
     isdb: str | Path | None = None,
     **numbers: float,
 ) -> Figure:
@@ -146,8 +138,6 @@ def figure(
     ----------
     id : str
         Id of the figure, as "fig-11-8" or "11.8".
-    run : str or Path, optional
-        Folder of a run, which some figures show.
     isdb : str or Path, optional
         ISDB .mat file or folder of real records, which some figures show.
     **numbers : float
@@ -172,7 +162,7 @@ def figure(
     name, known = _id(id), figure_ids()
     if name not in known:
         raise UnknownName("figure", name, known)
-    given = {"run": run, "isdb": isdb}
+    given = {"isdb": isdb}
     if lacking := _lacking(name, given):
         raise ParameterError(where_from(Drawn(name, left_out=lacking)))
     refuse_numbers(name, numbers)
@@ -230,8 +220,8 @@ def where_from(drawn: Drawn) -> str:
 
     Examples
     --------
-    >>> where_from(Drawn("score-map", left_out="needs --run"))
-    'figure score-map needs --run: give the folder of `simbench run chapter -o RUN` with --run'
+    >>> where_from(Drawn("fig-11-12", left_out="needs ISDB")).split(",")[0]
+    'figure fig-11-12 needs ISDB: give isdb10.mat'
     """
     need = next(key for key, word in NEEDS.items() if f"needs {word}" in drawn.left_out)
     return f"figure {drawn.id} {drawn.left_out}: {SOURCES[need]}"
@@ -240,8 +230,8 @@ def where_from(drawn: Drawn) -> str:
 def _id(name: str) -> str:
     """Return a figure's id for how books and people write it.
 
-    >>> [_id(name) for name in ("11.16", "Figure 11.9", "table_11_3", "score-map")]
-    ['fig-11-16', 'fig-11-9', 'table-11-3', 'score-map']
+    >>> [_id(name) for name in ("11.16", "Figure 11.9", "table_11_3")]
+    ['fig-11-16', 'fig-11-9', 'table-11-3']
     """
     words = re.sub(r"[\s._-]+", "-", name.strip().lower())
     words = re.sub(r"^fig(ure)?-?(?=\d)", "fig-", words)
@@ -280,7 +270,6 @@ def _one(
         return Drawn(name, left_out=lacking)
     try:
         table, picture = _drawn(name, given, numbers)
-        table = _with_version(table, given["run"]) if "run" in _wants(name) else table
     except NeedsRecord as error:
         return Drawn(name, left_out=str(error))
     files = tuple(target / f"{name}{suffix}" for suffix in (".svg", ".png", ".csv"))
@@ -288,14 +277,6 @@ def _one(
         write_picture(picture, file, simplified=0.3)
     write_table(table, files[2], float_format="%.6g")
     return Drawn(name, files)
-
-
-def _with_version(table: pd.DataFrame, run: str | Path | None) -> pd.DataFrame:
-    """Return the numbers of a run's figure with the version of its benchmark."""
-    from simbench.bench.store.benchmark import benchmark_version
-    from simbench.bench.store.manifest import read_manifest
-
-    return table.assign(benchmark=benchmark_version(read_manifest(str(run))))
 
 
 def _drawn(

@@ -16,7 +16,6 @@ from simbench.report import (
     roc,
     slowest,
     summary,
-    tradeoff,
 )
 from simbench.report.data import RunData
 
@@ -24,7 +23,6 @@ _SECTIONS = (
     summary,
     overview,
     pairs,
-    tradeoff,
     resolution_curve,
     maps,
     roc,

@@ -1,33 +1,28 @@
 """Section of the report: where each detector is right, over dead time and stick band."""
 
-from simbench.figures.score_map import cells, draw, draw_bar
+from simbench.bench.score.show.picture import maps
 from simbench.html.document import Part, Pictures, Text
 from simbench.report.data import RunData
 
 TITLE = "Maps"
+_AXES = {"self-regulating": "Td_over_T", "integrating": "Td_over_Ti"}
 
 
 def section(run: RunData) -> list[Part]:
-    """Draw one map per detector, in the order of the score table: share of right verdicts over dead
-    time and S/2J.
-    """
-    counted = cells(run.book)
-    if counted.empty:
+    """Draw one map per detector and kind of plant: accuracy over dead time and S/2J."""
+    pictures = []
+    for process, axis in _AXES.items():
+        rates = run.scores.along(["S_over_2J", axis])
+        if len(rates):
+            panels = maps(rates, "S_over_2J", axis)
+            pictures.append((panels[0].figure, f"Accuracy of each detector, {process} loops"))
+    if not pictures:
         return [Text("This grid has no axes of dead time and S/2J.")]
-    there = set(counted["method"])
-    items = [
-        (draw(counted[counted["method"] == m]), f"Share of right verdicts of {m}")
-        for m in run.scores.rows()["method"]
-        if m in there
-    ]
     return [
         Text(
-            "In the order of the score table. Share of right verdicts against whether the loop"
-            " cycled, over dead time and S/2J; no decision counts as wrong. Pale cells have fewer"
-            " than 20 loops (the last number in a cell), hatched cells hold loops that the method"
-            ' is not made for. The row "none" holds healthy valves: what is missing there is false'
-            " positives and no decision together."
+            "Accuracy against whether the loop cycled, over dead time and S/2J; no decision counts"
+            " as wrong. A healthy loop stands in the cell of its sticky siblings. Below the share"
+            " stands the number of loops; pale cells have fewer than 20."
         ),
-        Pictures([(draw_bar(), "Colours of the maps, from 0 to 1")], wide=True),
-        Pictures(items),
+        Pictures(pictures, wide=True),
     ]

@@ -4,7 +4,7 @@ their mean ranks.
 
 import numpy as np
 
-from simbench.figures.critical_difference import draw, ranks_of
+from simbench.figures._critical_difference import draw, ranks_of
 from simbench.html.document import Part, Pictures, Table, Text
 from simbench.report.data import RunData
 

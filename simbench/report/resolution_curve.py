@@ -1,6 +1,6 @@
 """Section of the report: how much of a valve's corner each detector needs."""
 
-from simbench.figures.resolution_curve import draw
+from simbench.figures._resolution_curve import draw
 from simbench.html.document import Part, Pictures, Text
 from simbench.report.data import RunData
 

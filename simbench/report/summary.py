@@ -6,7 +6,6 @@ import pandas as pd
 
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.result import Scores
-from simbench.bench.score.stability import HALVES
 from simbench.html.document import Part, Table, Text, Tiles, texts
 from simbench.html.table import percent
 from simbench.report.data import RunData
@@ -61,7 +60,7 @@ def section(run: RunData) -> list[Part]:
         ),
         (f"{len(book.methods)}", "detectors"),
     ]
-    ranking, stable = run.scores.rows(), run.scores.stability["cycled"]
+    ranking = run.scores.rows()
     fair = ranking[ranking["rank"].notna() & ~ranking["partial"] & ~ranking["sees_mv"]]
     if len(fair):
         best = fair.iloc[0]
@@ -70,13 +69,6 @@ def section(run: RunData) -> list[Part]:
             (
                 percent(best["accuracy"]),
                 f"accuracy of {best['method']}, the first method without MV ({limits})",
-            )
-        )
-    if stable.winner is not None:
-        tiles.append(
-            (
-                f"{stable.wins} of {HALVES}",
-                f"random halves of the loops in which {stable.winner} costs least",
             )
         )
     if not math.isnan(run.scores.resolution):

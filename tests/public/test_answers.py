@@ -106,7 +106,7 @@ OPTIONS = {
     ),
     "score": "--paired --report --by --json",
     "check": "--against",
-    "figure": "-o --run --isdb",
+    "figure": "-o --isdb",
     "gap diagnose": "--baseline --identify --test -j --no-bootstrap --json --html --write-loop",
     "gap plan": "--baseline --limits --json --html",
     "trust": "--loop --method --html --json",
@@ -172,7 +172,7 @@ def test_names(answer):
     assert names["detectors"] == METHODS | {"likelihood"}
     assert names["effects"] == set().union(*EFFECTS.values())
     assert names["grids"] >= {"smoke", "table-11-3", "chapter", "own-ground", "ci", "plant"}
-    assert names["figures"] >= {"score-map", "table-11-4"} | {f"fig-11-{k}" for k in range(4, 28)}
+    assert names["figures"] >= {"table-11-4"} | {f"fig-11-{k}" for k in range(4, 28)}
     assert names["valves"] >= {
         "ideal",
         "deadband",

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
 from text import heading, plain, table
 
+from simbench.bench.score.scoring import score_run
+from simbench.bench.score.shipped import shipped
 from simbench.detectors.method import Method
 from simbench.detectors.plugins.registry import methods
 
@@ -37,7 +40,7 @@ def methods_page() -> str:
         "method",
         "right",
         "sensitivity, cycling",
-        "healthy left alone",
+        "others left alone",
         "sensitivity, real",
         "real alarms",
         "made for",
@@ -46,8 +49,8 @@ def methods_page() -> str:
     lines += table(head, [_row(name, shares, real) for name in order])
     lines += [
         (
-            "Figures: ``results/figures/score-overview.csv`` and ``results/real_records.txt``, both"
-            " printed by commands of the repository; a dash was not measured."
+            "Figures: the verdicts on grid ``chapter`` that the package ships"
+            " (``simbench.results``), and ``results/real_records.txt``; a dash was not measured."
         ),
         "",
     ]
@@ -100,31 +103,32 @@ def _changed_rules(about: Method) -> str:
     return changes + (f"; in the chapter {plain(chapter)}" if chapter else "")
 
 
+@cache
+def _ranking() -> pd.DataFrame:
+    """Return the scores of the shipped verdicts on grid chapter, all loops with a clear label."""
+    return score_run(shipped("chapter")).rows("cycled", population="all")
+
+
 def loops() -> int:
     """Return how many simulated loops the figures rest on."""
-    table = pd.read_csv(RESULTS / "figures" / "score-overview.csv")
-    return int(table[table.method == table.method.iloc[0]].n.sum())
+    return int(_ranking().n.max())
 
 
 def measured() -> dict[str, dict[str, float]]:
-    """Return accuracy, and the shares right on cycling and on healthy loops where the method
-    applies; best first.
+    """Return accuracy, and the shares right on cycling and on other loops where the method applies;
+    best first.
     """
-    table = pd.read_csv(RESULTS / "figures" / "score-overview.csv")
+    table = _ranking()
     table = table[table.method.isin(methods.names()) & (table.applicable > 0)]
-    shares_of: dict[str, dict[str, float]] = {}
-    for name, rows in table.groupby("method", sort=False):
-        parts = {
-            "cycling": rows.loops.str.startswith("cycling"),
-            "healthy": rows.loops.str.startswith("healthy"),
+    shares = {
+        str(r.method): {
+            "right": float(r.accuracy),
+            "cycling": float(r.sensitivity),
+            "healthy": 1.0 - float(r.false_positives) - float(r.no_decision_negatives),
         }
-        weights = {key: rows.applicable[which] for key, which in parts.items()}
-        shares = {
-            key: float((rows.right[which] * weights[key]).sum() / weights[key].sum())
-            for key, which in parts.items()
-        }
-        shares_of[str(name)] = {"right": float(rows.accuracy.iloc[0]), **shares}
-    return dict(sorted(shares_of.items(), key=lambda item: -item[1]["right"]))
+        for r in table.itertuples()
+    }
+    return dict(sorted(shares.items(), key=lambda item: -item[1]["right"]))
 
 
 def real_loops() -> dict[str, dict[str, str]]:

@@ -1,6 +1,4 @@
-"""Compare detectors on the same scenarios: between methods of one run, or method by method between
-two runs.
-"""
+"""Compare the methods of a run on the same scenarios, every two of them."""
 
 from __future__ import annotations
 
@@ -8,18 +6,15 @@ import textwrap
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from simbench.bench.score.answers import failing_methods, failures, home_of
-from simbench.bench.score.pairing import Paired, pair
-from simbench.bench.score.shipped import with_shipped
+from simbench.bench.score.pairing import Paired
 from simbench.bench.statistics import holm, mean_ranks, rate
-from simbench.bench.store.benchmark import refuse_other_benchmark
-from simbench.bench.store.reading import TRUTHS, RunArrays, RunError, read_book
+from simbench.bench.store.reading import TRUTHS, RunArrays
 from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.report.report import columns
 from simbench.detectors.views import page_part
@@ -40,7 +35,7 @@ class Comparison:
     truth : str
         The label answers are compared with.
     cases : int
-        Scenarios with a label, of two runs those in both.
+        Scenarios with a label.
     ranking : DataFrame
         method, n (scenarios it applies to), accuracy over those with its 95 % interval
         (accuracy_lo, accuracy_hi), failed (records on which it raised an error, which count as
@@ -48,12 +43,12 @@ class Comparison:
         that see MV or are made for a part of the scenarios), home (where its constants were
         fitted); best first.
     critical_difference : float
-        Mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN between two
-        runs or for fewer than 3 methods.
+        Mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN for fewer
+        than 3 methods.
     pairs : DataFrame
         first, second, n scenarios to which both apply; win (only the first was right), tie (both
         or neither), loss (only the second); p (exact McNemar test, Holm-corrected over all pairs),
-        differ (p below .05). Between two runs `second` is the method in the other one.
+        differ (p below .05).
     """
 
     truth: str
@@ -74,7 +69,7 @@ class Comparison:
         Returns
         -------
         DataFrame
-            Methods by methods; NaN on the diagonal, and everywhere between two runs.
+            Methods by methods; NaN on the diagonal.
 
         Raises
         ------
@@ -87,7 +82,7 @@ class Comparison:
         turned = {"win": "loss", "loss": "win"}.get(what, what)
         names = list(self.ranking["method"])
         table = pd.DataFrame(np.nan, names, names)
-        for row in self.pairs[self.pairs["second"].isin(names)].to_dict("records"):
+        for row in self.pairs.to_dict("records"):
             table.loc[row["first"], row["second"]] = row[what]
             table.loc[row["second"], row["first"]] = row[turned]
         return table
@@ -131,23 +126,15 @@ class Comparison:
             f"{differ} of {len(self.pairs)} pairs differ (exact McNemar test, Holm-corrected p <"
             f" {_LEVEL:g})",
         ]
-        lines += self._matrix_lines() if self.of_one_run else self._pair_lines()
-        return "\n".join(lines)
+        return "\n".join([*lines, *self._matrix_lines()])
 
     @property
     def legend(self) -> str:
-        """What the cells of the square table are; of two runs, what a win and a loss are."""
-        if not self.of_one_run:
-            return "win: right in this run only; loss: in the other only"
+        """What the cells of the square table are."""
         return (
             "above the diagonal: win-tie-loss (only the row's method right, both or neither, only"
             " the column's); below it: p; *: they differ"
         )
-
-    @property
-    def of_one_run(self) -> bool:
-        """Whether the methods of one run are compared with each other, not with another run."""
-        return bool(self.pairs["second"].isin(self.ranking["method"]).all())
 
     def _names(self) -> list[str]:
         """Return the methods with a number, and a mark where one failed."""
@@ -186,13 +173,6 @@ class Comparison:
             lines += ["", *columns([head, *rows])]
         return lines
 
-    def _pair_lines(self) -> list[str]:
-        lines = [("method", "n", *_COUNTS, "p")]
-        for row in self.pairs.itertuples():
-            counts = (str(row.n), str(row.win), str(row.tie), str(row.loss))
-            lines.append((row.first, *counts, _p(row.p) + ("*" if row.differ else "")))
-        return [self.legend, *columns(lines)]
-
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
         cd = None if np.isnan(self.critical_difference) else self.critical_difference
@@ -209,8 +189,8 @@ class Comparison:
         return f"Comparison of {len(self.ranking)} methods: {differ} of {len(self.pairs)} differ"
 
     def _repr_html_(self) -> str:
-        shown = self.cells() if self.of_one_run else self.pairs
-        return page_part(f"{self!r}; {self.legend}", shown.rename_axis("method").reset_index())
+        shown = self.cells().rename_axis("method").reset_index()
+        return page_part(f"{self!r}; {self.legend}", shown)
 
 
 def _p(p: float) -> str:
@@ -223,64 +203,37 @@ def _p(p: float) -> str:
 
 
 def compare(
-    folder: str | Path,
-    other: str | Path | None = None,
-    truth: str = "cycled",
+    book: RunArrays, truth: str = "cycled", failing: Collection[str] | None = None
 ) -> Comparison:
-    """Compare the methods of a run with each other, or with themselves in another run.
+    """Compare the methods of a run with each other.
 
     An answer is right when it is the label; "no decision" is never right. Where a method does not
-    apply it is not compared; one that failed on a record has no mean rank. McNemar (1947), Holm
-    (1979), Demsar (2006).
-    """
-    return compare_books(
-        with_shipped(read_book(folder)) if other is None else read_book(folder),
-        None if other is None else read_book(other),
-        truth,
-    )
-
-
-def compare_books(
-    book: RunArrays,
-    other: RunArrays | None = None,
-    truth: str = "cycled",
-    failing: Collection[str] | None = None,
-) -> Comparison:
-    """Compare runs in memory; see `compare`. Methods that are failing have no mean rank; where they
-    are not given, they are those that raised an error at all.
+    apply it is not compared. Methods that are failing have no mean rank; where they are not given,
+    they are those that raised an error at all. McNemar (1947), Holm (1979), Demsar (2006).
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
-    if other is None:
-        use = np.flatnonzero(book.truth[truth] >= 0)
-        mine = theirs = _Side.of(book, truth, use)
-        couples = [(a, b, b) for a, b in combinations(book.methods, 2)]
-        ranks, cd = _mean_ranks(book, mine, use, failing)
-    else:
-        both = pair(book, other)
-        refuse_other_benchmark(book.manifest, other.manifest, both.now.size)
-        couples = [(m, m, f"{m} (other run)") for m in book.methods if m in other.methods]
-        if not couples:
-            raise RunError("the two runs have no method in common; one is needed")
-        known = (book.truth[truth][both.now] >= 0) & (other.truth[truth][both.before] >= 0)
-        mine = _Side.of(book, truth, both.now[known])
-        theirs = _Side.of(other, truth, both.before[known])
-        ranks, cd = np.full(len(book.methods), np.nan), float("nan")
+    use = np.flatnonzero(book.truth[truth] >= 0)
+    side = _Side.of(book, truth, use)
+    ranks, cd = _mean_ranks(book, side, use, failing)
+    couples = list(combinations(range(len(book.methods)), 2))
     found = []
-    for first, second, _ in couples:
-        i, j = book.methods.index(first), theirs.methods.index(second)
-        at = mine.applies[i] & theirs.applies[j]
-        found.append(Paired.of(mine.right[i, at], theirs.right[j, at]))
-    rows = [(a, name, *paired) for (a, _, name), paired in zip(couples, found, strict=True)]
+    for i, j in couples:
+        at = side.applies[i] & side.applies[j]
+        found.append(Paired.of(side.right[i, at], side.right[j, at]))
+    rows = [
+        (book.methods[i], book.methods[j], *paired)
+        for (i, j), paired in zip(couples, found, strict=True)
+    ]
     pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))
     pairs["p"] = holm([paired.p for paired in found])
     pairs["differ"] = pairs["p"] < _LEVEL
-    return Comparison(truth, mine.right.shape[1], _ranking(book, mine, ranks), cd, pairs)
+    return Comparison(truth, side.right.shape[1], _ranking(book, side, ranks), cd, pairs)
 
 
 class _Side(NamedTuple):
-    """What one run's methods say of the loops that are compared: (m, n) whether they are right, and
-    whether they apply.
+    """What the methods say of the loops with a label: (m, n) whether they are right, and whether
+    they apply.
     """
 
     methods: tuple[str, ...]

@@ -11,18 +11,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from simbench.bench.score.along import along
-from simbench.bench.score.compare import Comparison, compare_books
+from simbench.bench.score.compare import Comparison, compare
 from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.show import picture
 from simbench.bench.score.show.resolution_curve import resolution_curve
 from simbench.bench.score.show.table import full_text, headline
-from simbench.bench.score.stability import RankStability
 from simbench.bench.score.tally import RATES
-from simbench.bench.score.tradeoff import as_rows
 from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import unmatched
-from simbench.bench.store.reading import RunArrays, read_book
+from simbench.bench.store.reading import RunArrays
 from simbench.detectors.errors import UserError
 from simbench.detectors.views import page_part
 from simbench.files import csv_text
@@ -129,8 +127,6 @@ class Scores:
         AUC, sensitivity_at_5, risk_coverage, cost_over_no_waveform, median_ms, the rows
         `no_waveform` and `rhythm`, and the width of the cost's interval. Every other number
         counts all.
-    stability : dict of truth to RankStability
-        How stable the ranking on oscillating loops is.
     failing : dict of method to int
         Methods without a rank because they failed on more records than allowed, and on how many.
     undecided : float
@@ -148,7 +144,6 @@ class Scores:
     standing: dict[tuple[str, str, str], Ranks]
     manifest: dict[str, Any]
     counts: dict[str, int] = field(default_factory=dict)
-    stability: dict[str, RankStability] = field(default_factory=dict)
     failing: dict[str, int] = field(default_factory=dict)
     undecided: float = UNDECIDED
     book: RunArrays | None = field(default=None, repr=False)
@@ -228,11 +223,6 @@ class Scores:
         """
         return "\n".join(full_text(self, truth, where) if full else headline(self, truth, where))
 
-    def ranked_methods(self, truth: str = "cycled") -> pd.DataFrame:
-        """Return the ranking without methods that see MV, reference rows and other tests."""
-        rows = self.rows(truth)
-        return rows.query("kind == 0") if len(rows) else rows
-
     def as_json(self) -> dict[str, Any]:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity
         become null.
@@ -248,13 +238,11 @@ class Scores:
             "rows": _records(table[list(_ROWS)] if len(table) else table),
             "intervals": _records(table[list(_INTERVALS)] if len(table) else table),
             "resolution": None if math.isnan(resolution) else resolution,
-            "stability": {truth: found.as_json() for truth, found in self.stability.items()},
             "by_axis": _records(self.by_axis),
             "disagreement": _records(self.disagreement),
             "left_out": _records(self.left_out),
             "by_cause": _records(self.by_cause),
             "resolution_curve": [] if self.book is None else _records(self.resolution_curve()),
-            "tradeoff": as_rows(self.ranked_methods(), self.undecided),
             "quantification": _records(self.quantification),
         }
 
@@ -309,16 +297,11 @@ class Scores:
         """
         return resolution_curve(self._answers())
 
-    def compare(
-        self, other: Scores | str | Path | None = None, truth: str = "cycled"
-    ) -> Comparison:
-        """Compare the methods with each other, scenario by scenario, or with themselves in another
-        run.
+    def compare(self, truth: str = "cycled") -> Comparison:
+        """Compare every two methods, scenario by scenario.
 
         Parameters
         ----------
-        other : Scores, str or Path, optional
-            Another run, scored or its folder.
         truth : str
             The label answers are compared with.
 
@@ -331,13 +314,9 @@ class Scores:
         Raises
         ------
         UserError
-            For another benchmark, or an unknown truth.
+            For an unknown truth.
         """
-        if isinstance(other, Scores):
-            theirs = other._answers()
-        else:
-            theirs = None if other is None else read_book(other)
-        return compare_books(self._answers(), theirs, truth, set(self.failing))
+        return compare(self._answers(), truth, set(self.failing))
 
     def _answers(self) -> RunArrays:
         """Return the answers, without which scores are tables alone."""

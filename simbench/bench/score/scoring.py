@@ -29,7 +29,6 @@ from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import read_joined, with_shipped
-from simbench.bench.score.stability import RankStability, stability
 from simbench.bench.score.tally import (
     RATES,
     counted,
@@ -90,7 +89,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     blocks = list(product(TRUTHS, _PROCESSES, _POPULATIONS))
     cube = counted(answers, process=process, going_on=going_on, **labels)
     counts = tallied(pd.concat(_chosen(cube, *key) for key in blocks), [*_KEY, "method"])
-    rows, standing, stable = [], {}, {}
+    rows, standing = [], {}
     for key in blocks:
         truth, kind, population = key
         of, going = _PROCESSES[kind], _POPULATIONS[population]
@@ -98,10 +97,8 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
         # where nothing oscillates no score tells loops apart
         each = _of_each(counts, key, len(everyone))
         found = _rows(block, sample, each, zip(_KEY, key), undecided, going != _RESTING)
-        standing[key], ranked = _rank(block, sample.answers, found, undecided, failing)
+        standing[key] = _rank(block, sample.answers, found, undecided, failing)
         rows += found
-        if (kind, population) == (ALL, OF_OSCILLATING):
-            stable[truth] = _stability(book, truth, [everyone[k] for k in ranked], undecided)
     by_axis = [*_by_axis(book, answers, sample, undecided)] or [
         {"axis": "", "value": "", **rows[0]}
     ]
@@ -115,7 +112,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int((going_on == 1).sum())}
     if sample.some.size < book.ids.size:
         sizes[SAMPLED] = sample.some.size
-    return Scores(*frames, *other, standing, book.manifest, sizes, stable, failing, undecided, book)
+    return Scores(*frames, *other, standing, book.manifest, sizes, failing, undecided, book)
 
 
 def _chosen(cube: pd.DataFrame, truth: str, kind: str, population: str) -> pd.DataFrame:
@@ -354,9 +351,8 @@ def _rank(
     rows: list[dict[str, Any]],
     cost: float,
     failing: dict[str, int],
-) -> tuple[Ranks, list[int]]:
-    """Write a rank into each row of a block, and return what it can resolve with the numbers of the
-    methods ranked together.
+) -> Ranks:
+    """Write a rank into each row of a block, and return what it can resolve.
 
     Methods with MV are ranked among themselves. No rank have reference rows, methods that answer a
     part of the loops, methods that failed too often, and anyone where too few loops have a label. A
@@ -389,7 +385,8 @@ def _rank(
             if rows[k]["applicable"] >= RANKED_LOOPS:
                 rows[k]["rank"] = _rank_where_it_answers(block, everyone, earned, k)
                 rows[k]["rank_loops"] = rows[k]["applicable"]
-    return standing[0] if standing[0][1] else standing[1]
+    without_mv, with_mv = standing
+    return (without_mv if without_mv[1] else with_mv)[0]
 
 
 def _earned_on_average(block: _Block, a: Answers, cost: float) -> np.ndarray:
@@ -408,19 +405,6 @@ def _rank_where_it_answers(
     peers = [k for k in earned if everyone[k].applies[block.use][here].mean() >= _COVERED]
     ranks = rank_methods(np.array([earned[k][here] for k in peers]), block.groups[here])
     return int(ranks.rank[peers.index(own)])
-
-
-def _stability(
-    book: RunArrays, truth: str, ranked: Sequence[Answers], cost: float
-) -> RankStability:
-    """Return how stable the order of the ranked methods is on loops that oscillate, with halves
-    drawn from the run's seed.
-    """
-    use = np.flatnonzero(book.oscillating & ~book.apart & (book.truth[truth] >= 0))
-    positive = book.truth[truth][use] == 1
-    earned = {a.method: _earned(a.said[use], positive, cost) * a.applies[use] for a in ranked}
-    right = {a.method: a.said[use] == positive for a in ranked}
-    return stability(earned, right, book.groups[use], int(book.manifest.get("seed") or 0))
 
 
 def _disagreement(book: RunArrays) -> pd.DataFrame:

@@ -203,7 +203,7 @@ READERS = [
     "simulate --from copy --id 0000000000000000 -o r.csv",
     "run smoke -o copy --resume",
     "score copy --report r.html",
-    "score FINISHED --compare copy --paired",
+    "score copy --paired",
 ]
 
 

@@ -119,7 +119,6 @@ WRONG = [
     ("check DIR --against DIR --margin 2", "margin"),
     ("check DIR --against DIR --update", "run"),
     ("figure fig-11-4", "-o"),
-    ("figure score-map -o DIR --run DIR", "run"),
     ("confirm", "verb"),
     ("confirm trvel LOOP", "travel"),
     ("gap", "verb"),
@@ -225,10 +224,8 @@ WRONG = [
     ("check REC --against DIR", "rec.csv"),
     ("run smoke -o OUT --backend slurm", "slurm"),
     ("run smoke -o OUT --time-limit nan", "time limit"),
-    ("simulate LOOP -o OUT --time-limit -1", "time limit"),
     ("list figures --jsn", "--json"),
     ("list effekte", "effects"),
-    ("figure score-map -o DIR --run none", "none"),
 ]
 
 
@@ -262,10 +259,7 @@ def test_a_wrong_command(here, line, part):
     assert not list((here / "empty").iterdir())
 
 
-KNOWN = (
-    "ideal OUT.svg key a.csv smoke all horch deadband fig-11-4 score-map detectors figures none"
-    " 1 100"
-)
+KNOWN = "ideal OUT.svg key a.csv smoke all horch deadband fig-11-4 detectors figures none 1 100"
 
 
 def wrong_values(words: list[str], places: dict, part: str) -> list[str]:

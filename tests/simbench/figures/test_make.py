@@ -194,14 +194,11 @@ def test_drawing_leaves_the_users_settings_alone(drawn):
 def test_a_figure_asked_for_without_its_data_is_refused_and_says_where_they_come_from(
     tmp_path, capsys
 ):
-    for name, words in (
-        ("fig-11-12", ("--isdb", "Jelali and Huang")),
-        ("score-map", ("--run", "simbench run chapter")),
-    ):
-        assert main(["figure", name, "-o", str(tmp_path / "out")]) == 2
-        error = capsys.readouterr().err
-        assert error.startswith(f"error: figure {name} needs ")
-        assert all(word in error for word in words)
+    assert main(["figure", "fig-11-12", "-o", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: figure fig-11-12 needs ")
+    assert "--isdb" in error
+    assert "Jelali and Huang" in error
     assert not (tmp_path / "out").exists()
 
 

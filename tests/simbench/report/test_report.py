@@ -86,7 +86,6 @@ def test_sections_come_summary_first_and_provenance_last(report):
         "Summary",
         "Overview",
         "Pairs",
-        "What the order rests on",
         "Maps",
         "ROC",
         "By axis",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from simbench.bench.score.show.table import along_lines, two_way_lines
@@ -23,14 +22,12 @@ class Asked:
     scores: Any
     truth: str
     paired: bool  # every two methods with each other
-    against: Path | None  # with themselves in this other run
     axes: list[str]
 
     @cached_property
-    def comparisons(self) -> list[Comparison]:
-        """The comparisons that are asked for."""
-        others = [None] * self.paired + [self.against] * (self.against is not None)
-        return [self.scores.compare(other, self.truth) for other in others]
+    def comparison(self) -> Comparison | None:
+        """The comparison of every two methods, where it is asked for."""
+        return self.scores.compare(self.truth) if self.paired else None
 
     @cached_property
     def rates(self) -> pd.DataFrame | None:
@@ -44,7 +41,7 @@ class Asked:
         """Return what is asked for, as text; the ranking, or every table, where it is neither a
         comparison nor rates.
         """
-        parts = [comparison.as_text() for comparison in self.comparisons]
+        parts = [] if self.comparison is None else [self.comparison.as_text()]
         if self.rates is not None:
             lines = along_lines if len(self.axes) == 1 else two_way_lines
             parts.append("\n".join(lines(self.rates, self.axes, self.scores.manifest["grid"])))
@@ -55,11 +52,8 @@ class Asked:
     def as_json(self) -> dict[str, Any]:
         """Return the keys that stand beside those of the scores."""
         keys: dict[str, Any] = {}
-        if self.comparisons:
-            # of both, the one with another run; the pairs of methods are in `paired`
-            keys["comparison"] = self.comparisons[-1].as_json()
-        if len(self.comparisons) > 1:
-            keys["paired"] = self.comparisons[0].as_json()
+        if self.comparison is not None:
+            keys["comparison"] = self.comparison.as_json()
         if self.rates is not None:
             rows = json.loads(self.rates.to_json(orient="records"))
             axis = self.axes[0] if len(self.axes) == 1 else self.axes

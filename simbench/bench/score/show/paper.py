@@ -63,10 +63,8 @@ def along_text(rates: pd.DataFrame) -> pd.DataFrame:
 
 
 def pairs_text(comparison: Comparison) -> pd.DataFrame:
-    """Return all pairs as a square table; of two runs, as rows."""
-    if comparison.of_one_run:
-        return comparison.cells().rename_axis("Method").reset_index()
-    return comparison.pairs.map(lambda x: f"{x:.3g}" if isinstance(x, float) else str(x))
+    """Return all pairs as a square table."""
+    return comparison.cells().rename_axis("Method").reset_index()
 
 
 def caption(scores: Any, truth: str = "cycled") -> str:

@@ -73,10 +73,13 @@ def maps(rows: pd.DataFrame, first: str, second: str, **options: Any) -> Any:
         wide = rows[rows.method == method].pivot(index=first, columns=second)
         shares, n = (wide[x].reindex(index=down, columns=across) for x in ("accuracy", "n"))
         few = n.to_numpy() < LEAST
-        image = axes.imshow(
-            shares, vmin=0.0, vmax=1.0, cmap="cividis", alpha=np.where(few, _PALE, 1.0),
-            aspect="auto", **options,
-        )  # fmt: skip
+        # few colours in a mesh: a page then holds lines, and no embedded image
+        edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
+        for shown, alpha in ((few, _PALE), (~few, 1.0)):
+            values = np.where(shown, shares, np.nan)
+            look = {"vmin": 0.0, "vmax": 1.0, "cmap": _colours(), "alpha": alpha, **options}
+            image = axes.pcolormesh(edges[1], edges[0], values, **look)
+        axes.invert_yaxis()
         for (i, j), share in np.ndenumerate(shares.to_numpy()):
             if np.isfinite(share):
                 ink = "white" if share < 0.55 and not few[i, j] else "black"
@@ -91,6 +94,12 @@ def maps(rows: pd.DataFrame, first: str, second: str, **options: Any) -> Any:
         bar = panels[0].figure.colorbar(image, ax=list(panels), shrink=0.6, aspect=40)
         bar.set_label(f"accuracy; below it the number of loops, pale: fewer than {LEAST}")
     return panels
+
+
+def _colours() -> Any:
+    from matplotlib import colormaps
+
+    return colormaps["cividis"].resampled(20)
 
 
 def _figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -> Any:

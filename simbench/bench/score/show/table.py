@@ -11,9 +11,6 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from simbench.bench.score import tradeoff
 from simbench.bench.score.names import (
     ALL,
     CONSTANTS,
@@ -27,7 +24,6 @@ from simbench.bench.score.names import (
 )
 from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.shipped import UNLIKE
-from simbench.bench.score.stability import HALVES
 from simbench.bench.store.benchmark import benchmark_text
 from simbench.bench.store.manifest import unmatched
 from simbench.detectors.report.report import columns
@@ -93,11 +89,7 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         "",
         *_causes(scores),
         "",
-        *_tradeoffs(scores, truth),
-        "",
         *_resolved_corners(scores),
-        "",
-        *_neighbours(scores, truth),
         "",
         *_over_no_waveform(scores, truth),
     ]
@@ -190,44 +182,29 @@ def _title(scores: Any) -> list[str]:
 
 
 def _sentences(scores: Any, truth: str, where: str) -> list[str]:
-    """Return which differences are resolved, how often the winner wins, and where the report is."""
-    standing, stable = (
-        scores.standing[truth, ALL, OF_OSCILLATING],
-        scores.stability[truth],
-    )
-    rows = scores.rows(truth)
+    """Return which differences are resolved, and where the report is."""
+    standing, rows = scores.standing[truth, ALL, OF_OSCILLATING], scores.rows(truth)
     said = [
         f"Not ranked, too many errors: {m} failed on {k} records."
         for m, k in scores.failing.items()
     ]
     if math.isnan(standing.resolution):
         said.append(f"There is no ranking: {_why_not(scores, rows)}.")
-    elif stable.winner is None:
+    elif _rivals(rows) < 2:
         said.append("Only one method covers these loops, so it has no rival to be ranked against.")
     else:
-        apart = sum(pair["separated"] for pair in stable.pairs)
         said.append(
             "Rank 1: no method costs less by a difference that these loops resolve; 2: only methods"
             f" of rank 1 do; and so on. A difference of {_rate(standing.resolution)} is resolved"
             " between any two."
-            f" {apart} of {len(stable.pairs)} adjacent pairs differ in accuracy (exact McNemar"
-            " test, Holm)."
-        )
-        ranked = scores.ranked_methods(truth)
-        ranked = ranked[~ranked.partial]  # on the same loops
-        least = tradeoff.worth_from(ranked, scores.undecided)
-        if not np.isnan(least).all():
-            first = int(np.nanargmin(least))
-            said.append(
-                f"Where fewer than {_rate(least[first])} of the loops stick, never to claim"
-                " stiction (always_no) costs less than any ranked method;"
-                f" {ranked.method.iloc[first]} is the first that is worth asking."
-            )
-        said.append(
-            f"{stable.winner} has the lowest cost in {stable.wins} of {HALVES} random halves of the"
-            " loops."
         )
     return [line for sentence in (*said, where) for line in _wrapped(sentence)]
+
+
+def _rivals(rows: pd.DataFrame) -> int:
+    """Return how many methods are ranked with each other on the same loops."""
+    ranked = rows[(rows.kind < 2) & rows["rank"].notna() & ~rows.partial]
+    return int(ranked.kind.value_counts().max()) if len(ranked) else 0
 
 
 def _why_not(scores: Any, rows: pd.DataFrame) -> str:
@@ -360,33 +337,6 @@ def _causes(scores: Any) -> list[str]:
     return [*_wrapped(title), *columns(lines)] if causes else ["the valve makes every loop cycle"]
 
 
-def _tradeoffs(scores: Any, truth: str) -> list[str]:
-    """Return the cost over the weight of no decision, and over the prevalence of sticky loops."""
-    rows, names = scores.ranked_methods(truth), _marked(scores)
-    rows = rows[rows.applicable >= LEAST] if len(rows) else rows
-    if rows.empty:
-        return ["too few loops oscillate for costs over weight and prevalence"]
-    lines = [
-        (
-            "method",
-            *(f"w {w:g}".replace("0.", ".") for w in tradeoff.WEIGHTS),
-            *(f"p {p:g}".replace("0.", ".") for p in tradeoff.PREVALENCES),
-            "least p",
-        )
-    ]
-    for of in tradeoff.as_rows(rows, scores.undecided):
-        told = [cost for _, cost in (*of["over_weight"], *of["over_prevalence"])]
-        cells = ("-" if x is None else _rate(x, False) for x in (*told, of["worth_from"]))
-        lines.append((names.get(of["method"], of["method"]), *cells))
-    shares = [("always_no", *[""] * len(tradeoff.WEIGHTS), *map(_rate, tradeoff.PREVALENCES), "")]
-    title = _wrapped(
-        f"cost where no decision costs w and half of the loops stick; cost where it costs"
-        f" {scores.undecided:g} and a share p of the loops sticks; least p: the smallest at which"
-        " a method costs less than always_no"
-    )
-    return [*title, *columns([*lines, *shares])]
-
-
 def _resolved_corners(scores: Any) -> list[str]:
     """Return which share of the echoes is called sticky, over the frequency at which they end, and
     which of their sticky siblings.
@@ -409,26 +359,6 @@ def _resolved_corners(scores: Any) -> list[str]:
         " difference, its mean over these, with a 95 % interval"
     )
     return [*title, *columns(lines)]
-
-
-def _neighbours(scores: Any, truth: str) -> list[str]:
-    lines = [("adjacent pair", "", "only first right", "only second right", "p", "separated")]
-    for pair in scores.stability[truth].pairs:
-        counts = (str(pair["only_first"]), str(pair["only_second"]))
-        lines.append(
-            (
-                pair["first"],
-                pair["second"],
-                *counts,
-                f"{pair['p']:.2g}",
-                "yes" if pair["separated"] else "no",
-            )
-        )
-    title = (
-        "adjacent methods on oscillating loops: loops that only one of them judged right (exact"
-        " McNemar test, Holm)"
-    )
-    return [title, *columns(lines)] if len(lines) > 1 else ["no two methods are ranked"]
 
 
 def _over_no_waveform(scores: Any, truth: str) -> list[str]:

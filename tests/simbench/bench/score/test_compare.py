@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.compare import compare, compare_books
+from simbench.bench.score.compare import compare
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.statistics import mcnemar
+from simbench.bench.store.reading import read_book
 from simbench.detectors.errors import UserError
 
 N = 400
@@ -24,7 +25,7 @@ def run(book, noisy):
 
 
 def test_pairs_are_counted_by_scenario(run):
-    comparison = compare_books(run)
+    comparison = compare(run)
     (pair,) = comparison.pairs[
         (comparison.pairs["first"] == "good") & (comparison.pairs["second"] == "fair")
     ].to_dict("records")
@@ -36,7 +37,7 @@ def test_pairs_are_counted_by_scenario(run):
 
 
 def test_equals_are_not_separated_and_the_best_comes_first(run):
-    comparison = compare_books(run)
+    comparison = compare(run)
     assert comparison.ranking["method"].iloc[0] == "good"
     assert not comparison.pairs.set_index(["first", "second"]).loc[("fair", "also_fair"), "differ"]
     good, fair = comparison.ranking.set_index("method").loc[["good", "fair"], "mean_rank"]
@@ -46,54 +47,31 @@ def test_equals_are_not_separated_and_the_best_comes_first(run):
 def test_scenarios_without_a_label_are_left_out(run, book):
     truth = TRUTH.copy()
     truth[:100] = -1
-    assert compare_books(book(run.verdict, truth)).cases == 300
+    assert compare(book(run.verdict, truth)).cases == 300
 
 
 def test_no_decision_is_never_right(book):
-    comparison = compare_books(book([np.full(N, 2), TRUTH, TRUTH], TRUTH))
+    comparison = compare(book([np.full(N, 2), TRUTH, TRUTH], TRUTH))
     assert comparison.ranking.set_index("method").loc["m0", "accuracy"] == 0.0
-
-
-def test_two_runs_are_compared_method_by_method_in_any_order(run, book):
-    turned = np.arange(N)[::-1]
-    other = book(
-        run.verdict[:2, turned], TRUTH[turned], methods=("good", "fair"), ids=run.ids[turned]
-    )
-    same = compare_books(run, other)
-    assert same.pairs["p"].eq(1).all()
-    assert list(same.pairs["first"]) == ["good", "fair"]
-    worse = compare_books(
-        run, book(np.array([run.verdict[1], run.verdict[1]]), TRUTH, methods=("good", "fair"))
-    )
-    assert worse.pairs.set_index("first")["differ"].to_dict() == {"good": True, "fair": False}
-
-
-def test_runs_without_a_common_method_are_refused(run, book):
-    with pytest.raises(UserError, match="no method in common"):
-        compare_books(run, book(run.verdict[:1], TRUTH, methods=("another",)))
 
 
 def test_from_folders_with_texts_that_hold_the_numbers(tmp_path):
     folder = run_grid("smoke", tmp_path / "run", ["horch", "he", "yamashita"], progress=False)
-    comparison = compare(folder)
+    comparison = compare(read_book(folder))
     assert comparison.cases == 48
     assert "yamashita" in comparison.as_text()
     content = json.loads(json.dumps(comparison.as_json(), allow_nan=False))
     assert len(content["pairs"]) == 3
-    assert not compare(folder, folder).pairs["differ"].any()
-    again = score_run(folder).compare(score_run(folder))
-    assert again.pairs.equals(score_run(folder).compare(folder).pairs)
-    assert again.pairs.p.eq(1).all()
-    assert "right in this run only" in again.as_text()
+    assert score_run(folder).compare().pairs.equals(comparison.pairs)
     with pytest.raises(UserError, match="cycled"):
-        compare(folder, truth="cicled")
+        score_run(folder).compare("cicled")
 
 
 def test_what_does_not_apply_is_not_compared(run):
     applies = np.ones((3, N), np.int8)
     applies[1, :150] = 0
     part = replace(run, applicable=applies)
-    comparison = compare_books(part)
+    comparison = compare(part)
     of = comparison.ranking.set_index("method")
     assert of.n.to_dict() == {"good": N, "fair": N - 150, "also_fair": N}
     assert of.accuracy["fair"] == pytest.approx(np.mean(run.verdict[1, 150:] == TRUTH[150:]))
@@ -106,21 +84,18 @@ def test_what_does_not_apply_is_not_compared(run):
         int((~good & fair).sum()),
     )
     assert of.mean_rank.isna().all()  # two are left to rank
-    against = compare_books(part, run)
-    assert against.ranking.set_index("method").n["fair"] == N - 150
-    assert against.pairs[["win", "loss"]].to_numpy().sum() == 0
 
 
 def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
     about = {m: dict(run.manifest["methods"][m]) for m in run.methods}
     about["good"]["needs_mv"] = True
     blind = replace(run, manifest={**run.manifest, "methods": about})
-    assert compare_books(run).ranking.mean_rank.notna().all()
-    assert compare_books(blind).ranking.mean_rank.isna().all()
+    assert compare(run).ranking.mean_rank.notna().all()
+    assert compare(blind).ranking.mean_rank.isna().all()
 
 
 def test_every_pair_stands_in_the_matrix(run):
-    comparison = compare_books(run)
+    comparison = compare(run)
     wins, ties, losses, n = (comparison.matrix(x) for x in ("win", "tie", "loss", "n"))
     names = list(comparison.ranking.method)
     for first in names:
@@ -142,7 +117,7 @@ def test_the_text_shows_every_pair_within_a_line_of_a_terminal(book, noisy):
     rng = np.random.default_rng(3)
     names = [f"a_method_named_{k}" for k in range(14)]
     parts = [noisy(rng, TRUTH, 0.95 - 0.03 * k, methods=1)[0][0] for k in range(14)]
-    comparison = compare_books(book(parts, TRUTH, methods=names))
+    comparison = compare(book(parts, TRUTH, methods=names))
     lines = comparison.as_text().splitlines()
     assert max(map(len, lines)) <= 100
     shown = [
@@ -158,7 +133,7 @@ def test_the_text_shows_every_pair_within_a_line_of_a_terminal(book, noisy):
 def test_a_method_that_failed_is_marked(run):
     failed = np.zeros((3, N), dtype=bool)
     failed[1, :38] = True
-    comparison = compare_books(replace(run, failed=failed))
+    comparison = compare(replace(run, failed=failed))
     assert comparison.ranking.set_index("method").failed.to_dict() == {
         "good": 0,
         "fair": 38,
@@ -172,6 +147,6 @@ def test_a_method_that_failed_is_marked(run):
 
 def test_scores_compare_their_methods(run):
     scores = score_book(run)
-    assert scores.compare().pairs.equals(compare_books(run).pairs)
+    assert scores.compare().pairs.equals(compare(run).pairs)
     assert "\n" not in repr(scores.compare())
     assert "<table" in scores.compare()._repr_html_()

@@ -13,7 +13,6 @@ from results.studies.shipped import GRIDS, ask_again
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score import shipped
 from simbench.bench.score.baseline import write_baseline
-from simbench.bench.score.compare import compare
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.benchmark import evaluator_hash
 from simbench.bench.store.folder import RunError
@@ -21,7 +20,6 @@ from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import RunArrays
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
-from simbench.figures import score_map, score_overview
 from simbench.report.data import RunData
 from simbench.scenarios.settled import table_file
 
@@ -62,9 +60,9 @@ def test_page_figures_and_comparison_of_a_run_show_shipped_methods_too(place, tm
     page = tmp_path / "page.html"
     assert main(["score", str(place / "mine"), "--paired", "--report", str(page)]) == 0
     assert "horch" in page.read_text()
-    for data in (score_overview.data, score_map.data):
-        assert set(SHIPPED) < set(data(place / "mine").method)
-    assert set(SHIPPED) < set(compare(place / "mine").ranking.method)
+    scores = score_run(place / "mine")
+    assert set(SHIPPED) < set(scores.along("tuning").method)
+    assert set(SHIPPED) < set(scores.compare().ranking.method)
 
 
 def test_a_run_with_shipped_verdicts_is_scored_later_as_at_once(place, capsys):

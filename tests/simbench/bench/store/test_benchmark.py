@@ -76,10 +76,9 @@ def test_a_manifest_gives_back_the_grid_and_states_its_version(runs):
     )
 
 
-@pytest.mark.parametrize("verb", [["score", "--compare"], ["check", "--against"]])
-def test_runs_of_different_versions_are_not_compared(runs, tmp_path, verb):
+def test_runs_of_different_versions_are_not_compared(runs, tmp_path):
     def compared(other):
-        return CliRunner().invoke(app, [verb[0], str(runs / "one"), verb[1], str(other)])
+        return CliRunner().invoke(app, ["check", str(runs / "one"), "--against", str(other)])
 
     # other detectors are what is compared
     assert not isinstance(compared(runs / "same").exception, UserError)

@@ -67,27 +67,6 @@ def test_tables_of_python(finished):
         sb.table(finished, "papr")
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--to", "t.docx"], ".tex, .md or .csv"),
-        (["--paired", "--by", "disturbance", "--to", "t.csv"], "one table is written"),
-    ],
-)
-def test_what_cannot_be_written_is_refused(finished, tmp_path, monkeypatch, capsys, words, said):
-    monkeypatch.chdir(tmp_path)
-    assert main(["score", str(finished), *words]) == 2
-    assert said in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_two_runs_have_no_picture(finished, tmp_path, capsys):
-    words = ["--compare", str(finished), "--to", str(tmp_path / "two.svg")]
-    assert main(["score", str(finished), *words]) == 2
-    assert "two runs has no picture" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_pairs_are_written_and_drawn(finished, tmp_path, capsys):
     for name in ("pairs.csv", "pairs.md", "pairs.tex"):
         assert main(["score", str(finished), "--paired", "--to", str(tmp_path / name)]) == 0
@@ -95,11 +74,3 @@ def test_pairs_are_written_and_drawn(finished, tmp_path, capsys):
         assert "yamashita" in text
         assert version_of(finished) in text
     assert "rank  method" not in capsys.readouterr().out
-
-
-def test_a_table_of_two_runs_says_what_a_win_is(finished, tmp_path):
-    path = tmp_path / "two.md"
-    assert main(["score", str(finished), "--compare", str(finished), "--to", str(path)]) == 0
-    about = path.read_text(encoding="utf-8").splitlines()[0]
-    assert "win: right in this run only" in about
-    assert "diagonal" not in about

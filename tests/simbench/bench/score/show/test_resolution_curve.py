@@ -7,8 +7,7 @@ import pytest
 
 from simbench.bench.score.show.resolution_curve import resolution_curve
 from simbench.bench.statistics import rate
-from simbench.detectors.errors import ParameterError
-from simbench.figures import resolution_curve as figure
+from simbench.figures._resolution_curve import draw
 
 N = 600
 CUTS = (1.5, 3.0, 8.0)
@@ -73,17 +72,15 @@ def test_an_interval_holds_the_difference_nineteen_times_in_twenty(book):
     assert 180 <= held <= 199
 
 
-def test_a_run_without_echoes_of_several_cuts_has_no_curve(run, book, finished):
+def test_a_run_without_echoes_of_several_cuts_has_no_curve(run):
     one = replace(run, axes={**run.axes, "cut": np.where(run.axes["cut"] > 0, 2.0, np.nan)})
     assert resolution_curve(one).empty
     alone = replace(run, truth={**run.truth, "cycled": np.zeros(N, dtype=np.int8)})
     assert resolution_curve(alone).empty
-    with pytest.raises(ParameterError, match="grid chapter has"):
-        figure.data(finished)
 
 
 def test_the_picture_has_a_panel_for_every_method(run):
     table = resolution_curve(run)
-    drawn = figure.draw(table)
+    drawn = draw(table)
     titles = [axes.get_title(loc="left") for axes in drawn.axes]
     assert [title.split()[0] for title in titles] == ["sharp", "shy", "blind"]

@@ -1,5 +1,5 @@
-"""Resolution curve: how much of a valve's corner each detector needs to tell a sticky loop from its
-echo.
+"""Draw the resolution curve: how much of a valve's corner each detector needs to tell a sticky
+loop from its echo.
 
 Over the multiple of the cycle's frequency at which an echo ends: the share of the echoes called
 sticky, in the band its 95 % interval; dashed: the share of the sticky siblings. The wider the room
@@ -7,42 +7,20 @@ between the two, and the farther right it reaches, the less of the corner the de
 mean stands behind the name. *: fitted on this grid, +: fitted on loops like these.
 """
 
-from pathlib import Path
-
 import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.bench.score.names import HOME_MARKS
-from simbench.bench.score.shipped import read_joined
-from simbench.bench.score.show.resolution_curve import resolution_curve
-from simbench.detectors.errors import ParameterError
 from simbench.figures._style import BLUE, ORANGE, label, panels, styled
 
-SOURCE = "own"
-PER_ROW = 4  # detectors side by side
-
-
-def data(run: str | Path) -> pd.DataFrame:
-    """Count how often echoes, and the sticky loops of the same blocks, are called sticky.
-
-    Columns: method, home (where its constants were fitted), cut, n, called, siblings,
-    called_siblings and told_apart, each share with its 95 % interval (_lo, _hi); the detector that
-    tells echoes from sticky loops best comes first.
-    """
-    table = resolution_curve(read_joined(run))
-    if table.empty:
-        raise ParameterError(
-            "this run has no echoes that end at several frequencies; grid chapter has, others with"
-            " --axis cut=1.5,2,3,4,6,8"
-        )
-    return table
+_PER_ROW = 4  # detectors side by side
 
 
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw one panel per detector, the best first."""
     methods = list(dict.fromkeys(data["method"]))
-    side = min(PER_ROW, len(methods))
+    side = min(_PER_ROW, len(methods))
     rows = -(-len(methods) // side)
     figure, axes = panels(rows, side, 2.1 * side + 0.5, 1.75 * rows + 0.5, sharex=True, sharey=True)
     cuts = sorted(data["cut"].unique())

@@ -1,5 +1,6 @@
-"""Critical difference: mean ranks of the detectors over the scenarios of a run; detectors whose
-bars overlap do not differ significantly.
+"""Draw the critical difference: mean ranks of the detectors over the scenarios of a run; detectors
+whose bars overlap do not differ significantly (Demsar 2006, J. Mach. Learn. Res. 7, 1, figure 1,
+with one bar per method).
 
 Detectors that need the valve position MV, and those that apply to only some of the scenarios, are
 left out. *: fitted on this grid, +: fitted on loops like these.
@@ -20,23 +21,13 @@ from simbench.figures._style import BLUE, GREY, label, panels, styled
 if TYPE_CHECKING:
     from simbench.bench.score.compare import Comparison
 
-SOURCE = "Demsar (2006), J. Mach. Learn. Res. 7, 1, figure 1, drawn with one bar per method"
-
-
-def data(run) -> pd.DataFrame:
-    """Rank the detectors of a run.
-
-    Columns: method, mean_rank (1 = best, ties shared), half_width (half the critical difference),
-    accuracy, accuracy_lo,
-    accuracy_hi, cases, home (where its constants were fitted).
-    """
-    from simbench.bench.score.compare import compare
-
-    return ranks_of(compare(run))
-
 
 def ranks_of(comparison: Comparison) -> pd.DataFrame:
-    """Rank the detectors of a comparison; see `data`."""
+    """Rank the detectors of a comparison.
+
+    Columns: method, mean_rank (1 = best, ties shared), half_width (half the critical difference),
+    accuracy, accuracy_lo, accuracy_hi, cases, home (where its constants were fitted).
+    """
     if np.isnan(comparison.critical_difference):
         needed = (
             "3 stiction detectors without MV that apply to all scenarios, and 2 scenarios with a"
