@@ -161,7 +161,7 @@ def judge_files(
     labels : str or Path, optional
         Table of labels (CSV) by which a folder is scored.
     **about
-        What is known of the record: process, kind, op_span, pv_span, columns, Ts, longest_segment;
+        What is known of the record: process, kind, op_span, pv_span, columns, Ts;
         tag or loop where a file has several; loops, a table with what is known of each.
 
     Returns
@@ -231,17 +231,12 @@ def _read(
     labels: str | Path | None,
     *,
     tag: str | None = None,
-    loop: str | None = None,
-    longest_segment: bool = False,
     **about: Any,
 ) -> tuple[dict[str | None, LoopRecord], dict[str, str], bool]:
     """Return records by name (None for a single one), the sentences of those left out, and whether
     one record alone was asked for.
     """
-    about |= {
-        "tag": tag if tag is not None else loop,
-        "longest_segment": longest_segment or None,
-    }
+    about["tag"] = tag
     folder = path.is_dir() or (
         path.suffix.lower() == ".mat"
         and path.exists()

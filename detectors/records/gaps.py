@@ -24,12 +24,9 @@ def fill_gaps(
     signals: dict[str, np.ndarray | None],
     Ts: float,
     where: str,
-    longest_segment: bool = False,
 ):
     """Put the samples on an even grid, bridge short holes, keep the longest segment without a long
     one.
-
-    `longest_segment` also takes it of a record of which more than `MOST_MISSING` is missing.
     """
     dt = np.diff(t)
     if not (longest := float(dt.max(initial=0.0))) < _FURTHEST * Ts:
@@ -52,30 +49,16 @@ def fill_gaps(
         else ""
     )
     if missing > MOST_MISSING * size:
-        segment = hi - lo + 1
-        inside = segment - int(known[(place >= lo) & (place <= hi)].sum())
-        usable = segment >= SHORTEST and inside <= MOST_MISSING * segment
-        if not (usable and longest_segment):
-            sentence = (
-                f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%}"
-                " may be"
-            )
-            cure = "--longest-segment" if usable and not longest_segment else ""
-            sentence += (
-                f"; the longest segment without a long hole has {segment} samples" if cure else ""
-            )
-            # counting the samples in place of reading the clock is right only where no sample is
-            # missing
-            if (
-                jumps.size
-                and np.all(np.delete(np.abs(dt - Ts), jumps) <= JITTER * Ts)
-                and known.all()
-            ):
-                sentence, cure = (
-                    f"{where}: {summer}, so that {missing} of {size} samples seem to be missing",
-                    f"--ts {Ts:g}",
-                )
-            raise RecordError(sentence, cure)
+        sentence = (
+            f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be"
+        )
+        # counting the samples in place of reading the clock is right only where no sample is
+        # missing
+        even = np.all(np.delete(np.abs(dt - Ts), jumps) <= JITTER * Ts)
+        if jumps.size and even and known.all():
+            counted = f"so that {missing} of {size} samples seem to be missing"
+            raise RecordError(f"{where}: {summer}, {counted}", f"--ts {Ts:g}")
+        raise RecordError(sentence)
     used = known
     for name in ("sp", "mv"):
         x = signals.get(name)

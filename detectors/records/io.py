@@ -119,9 +119,7 @@ def read_record(
         Where the controller's mode is recorded, return the longest stretch in automatic; else all,
         `meta["manual"]` marks where OP was the operator's.
     **about
-        Other fields of the record: process, kind, op_span, pv_span, meta. With `longest_segment` a
-        record of which more than 20 % is missing is not refused, and its longest segment without a
-        long hole is returned.
+        Other fields of the record: process, kind, op_span, pv_span, meta.
 
     Returns
     -------
@@ -479,7 +477,7 @@ def _record(
     table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], about: dict[str, Any]
 ) -> LoopRecord:
     """Return the record of one loop of a table, with the notes on all that was done to it."""
-    sheet, where, longest = table.sheet, table.where, bool(about.pop("longest_segment", False))
+    sheet, where = table.sheet, table.where
     automatic, Ts = about.pop("automatic", True), about.pop("Ts", None)
     if Ts is not None and not 0 < Ts < np.inf:
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
@@ -510,7 +508,7 @@ def _record(
         signals = {r: x for r, x in signals.items() if r not in late}
     else:
         Ts = float(np.median(np.diff(t))) if given is None else float(given)
-        t, signals, notes = fill_gaps(t, signals, Ts, where, longest)
+        t, signals, notes = fill_gaps(t, signals, Ts, where)
     begins = float(t[0]) + (0.0 if t[0] >= began else began)
     if began > CALENDAR:  # events are shared by records of the same time only
         meta["start"] = begins

@@ -119,14 +119,6 @@ def run(
     fresh_seeds: Annotated[
         bool, Option("--fresh-seeds", help="Draw a new seed instead of using the grid's.")
     ] = False,
-    plan: Annotated[
-        str,
-        Option(
-            metavar="table|again",
-            help="Take the scenarios of a grid of the package from its table, or settle them"
-            " again on this machine; a changed grid has no table and is settled.",
-        ),
-    ] = "table",
     with_reference: Annotated[
         bool,
         Option(
@@ -186,7 +178,6 @@ def run(
         "axes": axes,
         "fresh_seeds": fresh_seeds,
         "with_reference": with_reference,
-        "plan": plan,
     }
     working: dict[str, Any] = {
         "plugins": plugin or [],
@@ -259,7 +250,7 @@ def _refuse_beside_add(grid: str | None, again: Path | None, deciding: dict[str,
     given += [
         option
         for key, option in _DECIDING.items()
-        if key != "with_reference" and deciding[key] not in (None, False, {}, "table")
+        if key != "with_reference" and deciding[key] not in (None, False, {})
     ]
     if given:
         raise ParameterError(
@@ -273,11 +264,7 @@ def _refuse_beside_again(
 ) -> None:
     """Refuse what the manifest of --again decides."""
     given = [f"GRID {grid}"] * (grid is not None) + ["--method"] * bool(method)
-    given += [
-        option
-        for key, option in _DECIDING.items()
-        if deciding[key] not in (None, False, {}, "table")
-    ]
+    given += [option for key, option in _DECIDING.items() if deciding[key] not in (None, False, {})]
     if given:
         raise ParameterError(
             f"--again takes grid, methods and settings from the manifest; leave out"
@@ -291,7 +278,6 @@ _DECIDING = {
     "axes": "--axis",
     "fresh_seeds": "--fresh-seeds",
     "with_reference": "--with-reference",
-    "plan": "--plan",
 }
 
 

@@ -168,13 +168,6 @@ _READING: dict[str, Any] = {
             ),
         ),
     ],
-    "longest_segment": Annotated[
-        bool | None,
-        Option(
-            "--longest-segment",
-            help="Judge the longest part without a gap, if the record has long gaps.",
-        ),
-    ],
     "loops": Annotated[
         Path | None,
         Option(
@@ -206,53 +199,32 @@ Power = Annotated[
 ]
 
 
-def reads(also_loop: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def reads(verb: Callable[..., None]) -> Callable[..., None]:
     """Give a verb the options that say how a record is read and what is known of it; it takes them
     as `about`.
     """
-    options = dict(_READING)
-    if also_loop:  # as detect called its tag before every verb had one
-        tag_option = Option(
-            "--tag",
-            "--loop",
-            metavar="TAG",
-            help=(
-                "Choose one loop by its tag from a file that holds several, for example FIC101 or "
-                "chemicals.loop1. Both names of this option mean the same; in `simbench trust`, "
-                "--loop names a loop file instead."
-            ),
-        )
-        options["tag"] = Annotated[str | None, tag_option]
+    signature = inspect.signature(verb, eval_str=True)
+    named = inspect.Parameter.KEYWORD_ONLY
+    kept = [p.replace(kind=named) for name, p in signature.parameters.items() if name != "about"]
+    added = [
+        inspect.Parameter(name, named, default=None, annotation=kind)
+        for name, kind in _READING.items()
+    ]
 
-    def given(verb: Callable[..., None]) -> Callable[..., None]:
-        signature = inspect.signature(verb, eval_str=True)
-        named = inspect.Parameter.KEYWORD_ONLY
-        kept = [
-            p.replace(kind=named) for name, p in signature.parameters.items() if name != "about"
-        ]
-        added = [
-            inspect.Parameter(name, named, default=None, annotation=kind)
-            for name, kind in options.items()
-        ]
+    @functools.wraps(verb)
+    def asked(**values: Any) -> None:
+        from simbench.detectors.records.roles import column_pairs
 
-        @functools.wraps(verb)
-        def asked(**values: Any) -> None:
-            from simbench.detectors.records.roles import column_pairs
+        about = {name: values.pop(name, None) for name in _READING}
+        about["columns"] = column_pairs(about["columns"])
+        verb(**values, about={name: value for name, value in about.items() if value is not None})
 
-            about = {name: values.pop(name, None) for name in options}
-            about["columns"] = column_pairs(about["columns"])
-            verb(
-                **values, about={name: value for name, value in about.items() if value is not None}
-            )
-
-        last = [p for p in kept if p.name == "as_json"]
-        asked.__signature__ = signature.replace(
-            parameters=[*(p for p in kept if p not in last), *added, *last]
-        )  # pyright: ignore[reportAttributeAccessIssue]
-        asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
-        return asked
-
-    return given
+    last = [p for p in kept if p.name == "as_json"]
+    asked.__signature__ = signature.replace(
+        parameters=[*(p for p in kept if p not in last), *added, *last]
+    )  # pyright: ignore[reportAttributeAccessIssue]
+    asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
+    return asked
 
 
 def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:

@@ -25,7 +25,7 @@ Picture = Annotated[Path | None, Option(help="Draw a picture to this file (SVG o
 
 
 @confirm_app.command("gain-change", epilog=examples("confirm gain-change loop.toml"))
-@reads()
+@reads
 def gain_change(
     loop: Loop = None,
     records: Annotated[
@@ -80,7 +80,7 @@ def gain_change(
 
 
 @confirm_app.command(epilog=examples("confirm travel loop.toml --picture travel.svg"))
-@reads()
+@reads
 def travel(
     loop: Loop = None,
     record: Annotated[

@@ -33,7 +33,7 @@ from simbench.cli.common import (
         "detect folder --labels records.csv --csv verdicts.csv",
     )
 )
-@reads(also_loop=True)
+@reads
 def detect(
     path: Annotated[
         Path,
@@ -130,7 +130,7 @@ def detect(
 
 
 @app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))
-@reads()
+@reads
 def diagnose(
     path: Annotated[Path, Argument(metavar="REC.csv", help="Read this record.")],
     picture: Annotated[

@@ -55,7 +55,7 @@ NoBootstrap = Annotated[bool, Option("--no-bootstrap", hidden=True)]
         "gap diagnose rec.csv --baseline loop.toml --html gap.html --write-loop fixed.toml"
     ),
 )
-@reads()
+@reads
 def gap_diagnose(
     records: Annotated[
         list[Path],
@@ -183,7 +183,7 @@ def _diagnose_folders(
         "gap plan rec.csv --identify",
     ),
 )
-@reads()
+@reads
 def gap_plan(
     record: Annotated[
         Path, Argument(metavar="REC.csv", help="Read the record that is not explained yet.")

@@ -17,7 +17,6 @@ GROUPS = {
         "columns",
         "Ts",
         "tag",
-        "longest_segment",
         "loops",
     ),
     "Plug-ins": (

@@ -24,7 +24,7 @@ from simbench.cli.common import (
     "trust",
     epilog=examples("trust rec.csv -j 4", "trust rec.csv --loop loop.toml --html trust.html"),
 )
-@reads()
+@reads
 def trust_(
     path: Annotated[Path, Argument(metavar="REC.csv", help="Read this record.")],
     loop: Annotated[

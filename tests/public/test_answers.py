@@ -95,7 +95,7 @@ OPTIONS = {
     "valve": "--model --param -o",
     "predict": "--json",
     "detect": (
-        "--method --process --kind --op-span --pv-span --columns --ts --loop --labels"
+        "--method --process --kind --op-span --pv-span --columns --ts --tag --labels"
         " --plugin --csv --html --json"
     ),
     "diagnose": "--json",

@@ -123,7 +123,7 @@ def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
     )
     assert (
         "1500 samples"
-        in printed(capsys, "detect", folder / "sticky.csv", "--loop", "X1", "--method", "he").out
+        in printed(capsys, "detect", folder / "sticky.csv", "--tag", "X1", "--method", "he").out
     )
     assert cli.main(["detect", str(file), "--columns", "op=bb,pv=c"]) == 2
     assert "no column 'bb' for op" in capsys.readouterr().err

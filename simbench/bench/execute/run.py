@@ -49,7 +49,6 @@ from simbench.scenarios.grid_check import MOST_CELLS, MOST_DRAWN_FROM
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.settled import settled_grid
 
-TABLE, AGAIN = "table", "again"  # where the scenarios of a grid of the package come from
 KINDS_OF_PART = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
 LIVES = 3  # how often dead workers are replaced before the run gives up
 
@@ -91,9 +90,6 @@ class RunOptions:
     like : mapping, optional
         Manifest of a run that this one repeats; another grid, method or plug-in is refused before
         anything is simulated.
-    plan : {"table", "again"}
-        Whether a grid of the package as it stands is read from its frozen table, or settled anew on
-        this machine. Other grids have no table.
     """
 
     plugins: Iterable[str | Path] = ()
@@ -113,7 +109,6 @@ class RunOptions:
     fresh_seeds: bool = False
     own: Mapping[str, Any] | None = None
     with_reference: bool = False
-    plan: str = TABLE
     like: Mapping[str, Any] | None = None
 
 
@@ -140,7 +135,7 @@ def run_grid(
     **options
         Fields of `RunOptions`: plugins, valve_plugins, effect_plugins,
         plant_plugins, controller_plugins, time_limit, own, backend, address, resume, n, sets, axes,
-        fresh_seeds, keep, progress, with_reference, plan, like.
+        fresh_seeds, keep, progress, with_reference, like.
 
     Returns
     -------
@@ -216,18 +211,16 @@ def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
             " --resume nor --set seed= (to resume such a run, give --resume and --set seed= with"
             " the seed that its manifest states)"
         )
-    if asked.plan not in (TABLE, AGAIN):
-        raise RunError(f"unknown --plan {asked.plan!r}: {nearest(asked.plan, (TABLE, AGAIN))}")
     changed = asked.fresh_seeds or asked.sets or asked.axes
     if asked.with_reference and changed:
         raise RunError(
             "--with-reference joins verdicts on loops of the grid as the package has it: it needs a"
             " run without --set, --axis and --fresh-seeds"
         )
-    if is_stored(grid) and (changed or asked.n is not None or asked.plan == AGAIN):
+    if is_stored(grid) and (changed or asked.n is not None):
         raise RunError(
             f"{grid} is a run, whose loops are simulated as they stand: it is run without --n,"
-            " --set, --axis, --fresh-seeds and --plan again"
+            " --set, --axis and --fresh-seeds"
         )
 
 
@@ -244,7 +237,7 @@ def read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
         changes = {**(asked.sets or {}), **drawn}
         plan = load_grid(grid, changes, asked.axes, most)
         as_it_stands = str(grid) in grid_names() and not (changes or asked.axes)
-        if as_it_stands and asked.plan == TABLE and asked.n is None:
+        if as_it_stands and asked.n is None:
             plan = settled_grid(plan.name)
     if asked.with_reference:
         shipped(plan.name)

@@ -74,7 +74,7 @@ def test_an_hour_without_samples_at_another_time_is_no_clock_change(tmp_path):
                 stamps(datetime(2024, 3, 31, 7, 20, 30, tzinfo=UTC), hours_after=1),
             )
         )
-    assert caught.value.cure == "--longest-segment"
+    assert caught.value.cure == ""
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
@@ -105,24 +105,10 @@ def long_table(path, times):
 
 
 @pytest.mark.parametrize("form", [write, long_table])
-def test_a_gap_of_hours_names_the_option_that_takes_the_longest_segment(tmp_path, capsys, form):
+def test_a_gap_of_hours_is_refused(tmp_path, capsys, form):
     file = form(tmp_path / "rec.csv", stamps(datetime(2024, 5, 1, 8, 7, tzinfo=UTC), hours_after=3))
     assert main(["detect", str(file), "--method", "horch"]) == 2
-    typed = capsys.readouterr().err.strip().rpartition("; try: ")[2].split()
-    assert typed[-1] == "--longest-segment"
-    assert main(typed[1:]) == 0
-    record = read_record(file, longest_segment=True)
-    assert np.allclose(record.pv, PV[:400], atol=1e-4)
-    assert any("judged samples 0 to 399" in note for note in record.notes)
-
-
-def test_the_option_is_not_proposed_where_no_segment_can_be_judged(tmp_path):
-    with pytest.raises(RecordError) as caught:
-        read_record(
-            write(tmp_path / "rec.csv", np.cumsum(np.where(np.arange(N) % 2, 1, 9))),
-            longest_segment=True,
-        )
-    assert caught.value.cure == ""
+    assert "samples are missing; at most 20% may be" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("bad", [" (B)", " [b]", "(Bad)", " [bad]"])

@@ -7,7 +7,6 @@ import math
 
 import pandas as pd
 import pytest
-from bench_fixtures import SMALL
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario import resolve
@@ -15,7 +14,7 @@ from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check import check_run
 from simbench.bench.store.benchmark import grid_of
 from simbench.bench.store.manifest import RunError, read_manifest
-from simbench.scenarios.grid import make_grid
+from simbench.scenarios.grid import load_grid
 
 
 def settles_nothing(monkeypatch):
@@ -32,7 +31,7 @@ def loops_of(run):
 def test_a_grid_of_the_package_is_read_from_its_table_and_settled_again_when_asked(
     tmp_path, monkeypatch
 ):
-    again = run_grid("smoke", tmp_path / "again", ["he"], plan="again")
+    again = run_grid(load_grid("smoke"), tmp_path / "again", ["he"])
     settles_nothing(monkeypatch)
     there = run_grid("smoke", tmp_path / "there", ["he"])
     assert loops_of(there).equals(loops_of(again))
@@ -62,7 +61,7 @@ def test_a_run_or_a_baseline_is_a_grid(finished, tmp_path, monkeypatch, kind):
 
 @pytest.mark.parametrize(
     "more",
-    [{"n": 3}, {"sets": {"seed": 4}}, {"axes": {"disturbance": ["none"]}}, {"plan": "again"}],
+    [{"n": 3}, {"sets": {"seed": 4}}, {"axes": {"disturbance": ["none"]}}],
 )
 def test_the_loops_of_a_run_stand_as_they_are(finished, tmp_path, more):
     with pytest.raises(RunError, match="is a run, whose loops are simulated as they stand"):
@@ -73,11 +72,6 @@ def test_the_loops_of_a_run_stand_as_they_are(finished, tmp_path, more):
 def test_a_folder_without_a_run_is_no_grid(tmp_path):
     with pytest.raises(RunError, match="holds no run"):
         run_grid(tmp_path, tmp_path / "again", ["he"])
-
-
-def test_a_plan_is_a_table_or_made_again(tmp_path):
-    with pytest.raises(RunError, match="unknown --plan 'agian': did you mean 'again'"):
-        run_grid(make_grid(SMALL, "small"), tmp_path / "run", ["he"], plan="agian")
 
 
 def test_a_manifest_is_strict_json_and_gives_back_infinite_numbers(tmp_path):
