@@ -19,7 +19,7 @@ bench: $(READY)            ## the main job: simulate a labelled grid, run the de
 	$(BIN)/simbench score runs/bench --truth predicted --report runs/bench/report.html
 
 test: $(READY_TEST) rules  ## the tests of every change, and the rules of the house
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow" --ignore=results/studies/tests
 
 test-all: lint             ## these, the types, and what only a release needs
 	FUZZ=120 $(BIN)/python -m pytest -n 2 --dist worksteal

@@ -14,7 +14,7 @@ import pytest
 from results.studies import remake
 from simbench.usage import exit_code
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TABLE = remake.listed((ROOT / "results" / "README.md").read_text(encoding="utf-8"))
 
 

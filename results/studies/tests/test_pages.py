@@ -18,7 +18,7 @@ from results.studies.gallery import main as write_gallery
 from simbench.figures._make import figure_ids
 
 write_chapter = importlib.import_module("results.studies.chapter.__main__").main
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 REAL = ROOT.parent / "shared" / "data" / "real"
 
 

@@ -193,7 +193,7 @@ def test_a_claim_is_printed_with_its_table(capsys):
 
 
 def test_the_page_quotes_counts_that_the_command_printed():
-    root = Path(__file__).parents[3]
+    root = Path(__file__).parents[4]
     page = (root / "docs" / "claims.md").read_text(encoding="utf-8")
     kept = (root / "results" / "claims.txt").read_text(encoding="utf-8")
     quoted = re.findall(r"\b\d+ of \d+\b", page)

@@ -14,7 +14,7 @@ from results.studies.withheld.others import OURS, SHOWN, read_diagnosis, score
 from results.studies.withheld.page import write_page
 from simbench.detectors.errors import ParameterError
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 def written(folder, name, text):
