@@ -197,10 +197,15 @@ def _read_finished(folder: Path) -> dict[str, Any]:
 def _methods_to_ask(
     folder: Path, stated: Mapping[str, Any], methods: Iterable[str], options: Mapping[str, Any]
 ) -> list[str]:
-    """Return the methods of the package that the run lacks; plug-ins are asked in any case."""
+    """Return the methods of the package that the run lacks, then the detectors that are given as
+    files or by the caller.
+    """
     refuse_other_code(folder, stated)
-    files = {Path(file).stem for file in options.get("plugins") or ()}
-    plugins = files | set(options.get("own") or ())
+    files = [Path(file).stem for file in options.get("plugins") or ()]
+    plugins = [*dict.fromkeys([*files, *(options.get("own") or ())])]
+    for name in plugins:
+        if name in stated["methods"]:
+            raise RunError(f"{folder} has a method {name!r} already; another name is needed")
     words = [word.strip() for text in methods for word in text.split(",")]
     names = choose_with_oracle([word for word in words if word not in plugins], [])
     lacking = [name for name in names if name not in stated["methods"]]
@@ -210,7 +215,7 @@ def _methods_to_ask(
             f"{folder} has all methods that are asked for ({known}); name others with --method or"
             " --plugin"
         )
-    return lacking
+    return [*lacking, *plugins]
 
 
 def _records_of(folder: Path) -> set[str]:

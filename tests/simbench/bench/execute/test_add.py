@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from bench_fixtures import NEVER, raise_after
 
+import simbench as sb
 from simbench.bench.execute import compute_piece, pieces
 from simbench.bench.execute.add import add_to_run
 from simbench.bench.execute.repeat import run_again
@@ -18,6 +19,8 @@ from simbench.bench.store.folder import RunError
 from simbench.bench.store.manifest import read_manifest
 from simbench.cli import main
 from simbench.detectors.errors import UserError
+from simbench.detectors.verdict import Verdict
+from simbench.scenarios.grid import load_grid
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +72,34 @@ def test_methods_asked_later_have_the_rows_of_methods_asked_at_once(place, run, 
     assert (added.folder, added.told) == (run, "added: horch, never")
     assert_same_run(at_once, run)
     assert {p.name for p in tmp_path.iterdir()} == {"once", "run"}
+
+
+def test_a_detector_that_the_run_has_is_refused(place, run, tmp_path):
+    plugins = [place / "never.py"]
+    with pytest.raises(RunError, match="no method is named"):
+        add_to_run(run)
+    add_to_run(run, ["never"], plugins=plugins)
+    with pytest.raises(RunError, match="'never' already"):
+        add_to_run(run, ["never", "horch"], plugins=plugins)
+    write_answers(run, tmp_path / "horch.csv", "he", "never2")
+    text = (tmp_path / "horch.csv").read_text().replace("never2", "never")
+    (tmp_path / "never.csv").write_text(text)
+    with pytest.raises(RunError, match="'never' already"):
+        add_to_run(run, add=False, answers=[tmp_path / "never.csv"])
+
+
+def test_a_function_is_added_from_python(run):
+    def late(prepared):
+        """Answer by the last sample."""
+        last = float(prepared.record.op[-1] - 50.0)
+        verdict = "stiction" if last > 0 else "no_stiction"
+        return Verdict("late", verdict, last, reason="last sample of OP")
+
+    assert sb.run(run, late, add=True, progress=False) == run
+    assert "late" in read_manifest(run)["methods"]
+    assert rows(run).set_index("method").own["late"].all()
+    with pytest.raises(UserError, match="its folder is needed"):
+        sb.run(load_grid("smoke"), late, add=True)
 
 
 def test_beside_shipped_verdicts_too(place, tmp_path):
