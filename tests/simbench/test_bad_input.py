@@ -103,7 +103,7 @@ def test_a_wrong_record_is_refused(tmp_path, capsys, content, words):
 def test_missing_files_are_named(tmp_path, capsys):
     refused(capsys, ["detect", tmp_path / "none.csv"], "none.csv")
     refused(capsys, ["simulate", tmp_path / "none.toml", "-o", tmp_path / "x.csv"], "none.toml")
-    refused(capsys, ["simulate", tmp_path, "-o", tmp_path / "x.csv"], "folder")
+    refused(capsys, ["simulate", tmp_path, "-o", tmp_path / "x.csv"], "holds no run")
 
 
 def test_unknown_names_are_answered_with_the_nearest(tmp_path, capsys):

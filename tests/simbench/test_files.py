@@ -24,11 +24,11 @@ from simbench.files import (
 @pytest.mark.parametrize(
     "url", ["s3://bucket/run", "gs:/bucket/run", "memory://run", "file:///tmp/run"]
 )
-def test_an_unknown_scheme_is_refused_and_no_folder_is_made(url, tmp_path, monkeypatch):
+def test_a_url_is_refused_and_no_folder_is_made(url, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(FileError, match="is unknown; give a path on this machine"):
+    with pytest.raises(FileError, match="is a URL; a path on this machine is needed"):
         folder(url)
-    with pytest.raises(FileError, match="is unknown"), whole_file(url):
+    with pytest.raises(FileError, match="is a URL"), whole_file(url):
         pass
     assert not list(tmp_path.iterdir())
 
