@@ -68,7 +68,7 @@ def test_methods_asked_later_have_the_rows_of_methods_asked_at_once(place, run, 
     at_once = run_grid(
         "smoke", tmp_path / "once", ["he", "horch", "oracle", "never"], plugins=plugins, n=12
     )
-    added = add_to_run(run, ["horch", "never"], jobs=2, plugins=plugins)
+    added = add_to_run(run, ["horch", "never"], plugins=plugins)
     assert (added.folder, added.told) == (run, "added: horch, never")
     assert_same_run(at_once, run)
     assert {p.name for p in tmp_path.iterdir()} == {"once", "run"}
