@@ -78,8 +78,12 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
         (kept, "simulate", simulate),
         (piece_module, "settled", meter.wrap("loops of the table", piece_module.settled)),
         (SettledGrid, "group", meter.wrap("loops of the table", SettledGrid.group)),
-        (piece_module, "truth", meter.wrap("truth labels", piece_module.truth)),
-        (piece_module, "theory", meter.wrap("theory columns", piece_module.theory)),
+        (
+            piece_module,
+            "simulate_with_truth",
+            meter.wrap("truth labels", piece_module.simulate_with_truth),
+        ),
+        (piece_module, "_theory", meter.wrap("theory columns", piece_module._theory)),
         (
             prepared,
             "find_oscillation",
