@@ -200,6 +200,13 @@ def folder(path: str | Path) -> Path:
     return path
 
 
+def refuse_taken(out: str | Path) -> None:
+    """Raise ParameterError where a folder to write is there already, and not empty."""
+    there = Path(out)
+    if there.exists() and not (there.is_dir() and not any(there.iterdir())):
+        raise ParameterError(f"-o {out} exists already; a new or an empty folder is needed")
+
+
 def write_record(record: LoopRecord, path: str | Path) -> None:
     """Write a record as CSV with columns t_s, sp, op, pv, mv; every number reads back to the same
     bits.

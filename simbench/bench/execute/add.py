@@ -21,12 +21,19 @@ from simbench.bench.execute.run import choose_with_oracle, run_scored
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
-from simbench.bench.store.folder import RunError, file_digest, partition_file, write_file
+from simbench.bench.store.folder import (
+    RunError,
+    file_digest,
+    partition_file,
+    refuse_unfinished,
+    write_file,
+)
 from simbench.bench.store.manifest import FROM_FILE, read_manifest, refuse_other_code
 from simbench.bench.store.reading import read_table, table_parts
 from simbench.bench.store.tables import VERDICT_SCHEMA, as_parquet, as_table
 from simbench.detectors.errors import masked, printable
 from simbench.detectors.verdict import NO_DECISION, Verdict
+from simbench.files import refuse_taken
 
 # in the folder beside the run in which a call works: a run of the methods that are asked, the run
 # with its further methods, and the run as it was while the two are exchanged
@@ -134,12 +141,13 @@ def add_to_run(
         try:
             _tidy(target, work)
             stated = _read_finished(folder)
-            if out is not None and target.exists() and any(target.iterdir()):
-                raise RunError(f"-o {out} exists already; a new or an empty folder is needed")
+            if out is not None:
+                refuse_taken(out)
             if with_reference:
                 shipped(str(stated["grid"]))
             asked = _methods_to_ask(folder, stated, methods, options) if add else []
-            given = [(Path(file), read_answers(file, _records_of(folder))) for file in answers]
+            records = _records_of(folder)
+            given = [(Path(file), read_answers(file, records)) for file in answers]
             _refuse_known(folder, stated, asked, given)
             if not options.get("resume"):
                 shutil.rmtree(work / _ADDED, ignore_errors=True)  # of a call that was killed
@@ -184,8 +192,7 @@ def _tidy(target: Path, work: Path) -> None:
 def _read_finished(folder: Path) -> dict[str, Any]:
     """Return the manifest of a finished run with its loops; RunError for anything else."""
     stated = read_manifest(folder)
-    if not stated.get("complete"):
-        raise RunError(f"{folder} is not finished; continue the run with --resume")
+    refuse_unfinished(folder, stated)
     if "times" not in stated:
         raise RunError(
             f"{folder} is a baseline, no run; `simbench run {folder} -o RUN` makes a run of its"

@@ -20,7 +20,7 @@ from simbench.bench.execute.settle_group import settled
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.files import folder as make_folder
-from simbench.files import whole_file
+from simbench.files import refuse_taken, whole_file
 from simbench.loop.part_files import error_text
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
@@ -74,8 +74,7 @@ def write_records(
     (2, ['loops.csv', 'records.parquet'])
     """
     out = Path(out)
-    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        raise ParameterError(f"-o {out} exists already; a new or an empty folder is needed")
+    refuse_taken(out)
     plan = read_plan(grid, RunOptions(n=n, sets=sets))
     refuse_too_large(size_of(plan, 0, 0), plan.name)
     refuse_wrong_parts(plan)
