@@ -120,9 +120,15 @@ class PluginFolder:
     @contextmanager
     def added(self, paths: Iterable[str | Path]) -> Iterator[list[str]]:
         """Register files for the duration of a `with` block."""
+        with self._forgetting():
+            yield self.add_files(*paths)
+
+    @contextmanager
+    def _forgetting(self) -> Iterator[None]:
+        """Take what is added in a `with` block out again at its end."""
         before = set(self._files)
         try:
-            yield self.add_files(*paths)
+            yield
         finally:
             for name in set(self._files) - before:
                 self.forget(name)
@@ -294,13 +300,12 @@ class _Detectors(PluginFolder):
         """Register files for one question only; these, and what other distributions publish, live
         in workers meanwhile.
         """
-        before, entries = set(self._files), self.host_entries
+        entries = self.host_entries
         try:
             self._host_entries(True)
-            yield self.add_hosted(*paths, seconds=seconds)
+            with self._forgetting():
+                yield self.add_hosted(*paths, seconds=seconds)
         finally:
-            for name in set(self._files) - before:
-                self.forget(name)
             self._host_entries(entries)
 
     def _host_entries(self, wanted: bool) -> None:
