@@ -44,14 +44,14 @@ def apart(work: Callable[[], object]) -> int:
 
 def smoke(folder: Path, pieces: Path, resume: bool = False) -> None:
     """Run the smoke grid; what was simulated once is taken from a file, as this is about files."""
-    known, whole = pickle.loads(pieces.read_bytes()) if pieces.exists() else {}, run.work
+    known, whole = pickle.loads(pieces.read_bytes()) if pieces.exists() else {}, run.compute_piece
 
     def work(grid, number, *more):
         if number not in known:
             known[number] = whole(grid, number, *more)
         return known[number]
 
-    run.work, run.refuse_wrong_parts = work, lambda plan: None
+    run.compute_piece, run.refuse_wrong_parts = work, lambda plan: None
     run.run_grid(load_grid("smoke"), folder, METHODS, resume=resume)
     if not pieces.exists():
         pieces.write_bytes(pickle.dumps(known))
