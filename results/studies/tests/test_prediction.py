@@ -19,7 +19,7 @@ def test_the_true_loop_runs_under_the_settings_that_are_predicted(world):
     )
 
 
-def row(value, period, fresh_period, valid=True):
+def row(value, period, fresh_period):
     interval = {"value": value, "lo": 0.9 * value, "hi": 1.1 * value}
     cycle = None if period is None else {"value": period, "lo": 0.9 * period, "hi": 1.1 * period}
     fresh = [
@@ -35,8 +35,7 @@ def row(value, period, fresh_period, valid=True):
         "world": "own",
         "kind": "none",
         "change": "Kc / 2",
-        "valid": valid,
-        "reason": "",
+        "refused": False,
         **predicted,
         "truth": fresh,
     }
