@@ -47,7 +47,7 @@ def _host() -> str:
 
 # bytes; file systems take 255, and a temporary file's name is longer by its machine and process
 _LONG_NAME = 200
-MOST_BYTES = 300_000_000  # of a file of answers, labels or keys: a million lines take 60 MB
+MOST_BYTES = 300_000_000  # of a file of answers: a million lines take 60 MB
 HOST = _host()  # in the names of temporary files: those of other machines are let be
 # the name of a file, or a plug-in's text, may be no Unicode
 _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}

@@ -148,7 +148,8 @@ def simulate(
         if source is not None and is_grid(source):
             if seeds is not None:
                 raise ParameterError(f"--seeds {seeds}: {source} is a grid; a loop file is needed")
-            _simulate_grid(source, Path(str(out)), n, pairs(sets or [], "--set"), seed, kick)
+            _refuse_beside_grid(source, seed, kick)
+            _simulate_grid(source, Path(str(out)), n, pairs(sets or [], "--set"), as_json)
             return
         if n is not None:
             raise ParameterError(f"--n {n}: {source or from_run} is no grid, which is needed")
@@ -184,18 +185,26 @@ def _loop_to_simulate(
     return loop.with_all(settings), first
 
 
-def _simulate_grid(
-    grid: str, out: Path, n: int | None, sets: dict[str, Any], seed: int | None, kick: float
-) -> None:
-    from simbench.bench.execute.hand_out import write_records
-
+def _refuse_beside_grid(grid: str, seed: int | None, kick: float) -> None:
+    """Refuse the options that are for one loop."""
     if seed is not None or kick:
         given = f"--kick {kick:g}" if seed is None else f"--seed {seed}"
         raise ParameterError(
             f"{given} is for one loop, and {grid} is a grid: a loop file is needed; --set seed=N"
             " changes the seed of a grid"
         )
+
+
+def _simulate_grid(
+    grid: str, out: Path, n: int | None, sets: dict[str, Any], as_json: bool
+) -> None:
+    """Write the records of a grid, and print how many they are and how answers are scored."""
+    from simbench.bench.execute.hand_out import write_records
+
     written = write_records(grid, out, n, sets)
+    if as_json:
+        show({"records": str(out), "n": written}, as_json)
+        return
     say(f"{out}: {written} records without labels: records.parquet, loops.csv")
     labels, run = "", grid
     if not Path(grid).is_dir():

@@ -1,5 +1,7 @@
 """Records without labels are those of a run of the same grid, and tell nothing more."""
 
+import json
+
 import pandas as pd
 import pytest
 
@@ -74,6 +76,8 @@ def test_the_command_line_tells_a_grid_from_a_loop(tmp_path, capsys, monkeypatch
     told = capsys.readouterr().out
     assert "records: 4 records without labels" in told
     assert "simbench run smoke --n 4 --set seed=5.0 -o RUN" in told
+    assert main(["simulate", "smoke", "-o", "two", "--n", "2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"records": "two", "n": 2}
     for wrong, word in (
         (["smok", "-o", "x"], "smoke"),
         (["smoke", "-o", "x", "--seed", "3"], "--set seed=N"),
