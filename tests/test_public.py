@@ -18,7 +18,6 @@ import simbench.scenarios as scenarios
 from simbench.cli import main
 from simbench.detectors.errors import RecordError, UnknownName
 from simbench.detectors.record import LoopRecord
-from simbench.scenarios.errors import SpecError
 
 PACKAGES = [sb, sb.gap, detectors, scenarios]
 PIPED = {"capture_output": True, "text": True, "check": True}
@@ -156,20 +155,6 @@ def test_a_loop_simulates_itself_and_is_the_loop_of_the_file(tmp_path, run):
     assert np.array_equal(again.simulate(1).record.pv, run.record.pv)
     assert again.with_("valve.S", 1.0).simulate(1).record.n == 1200
     assert again.predict() == sb.predict(scenarios.load_loop(tmp_path / "loop.toml"))
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"plnt": {}}, "unknown key 'plnt': did you mean 'plant'"),
-        ({"plant": {"type": "fopdt", "K": 1}}, "did you mean 'foptd'"),
-        ({"valve": {"modle": "kano"}}, "lacks the key 'model'"),
-        ({"controller": {"type": "PI", "Kc": 1, "Ti": 5, "Td": 1}}, "'PID' is needed"),
-    ],
-)
-def test_a_wrong_loop_is_one_sentence(change, sentence):
-    with pytest.raises(SpecError, match=sentence):
-        sb.Loop(**{**TABLES, **change})
 
 
 def test_a_record_a_run_and_a_file_are_judged_alike(tmp_path, run):

@@ -444,22 +444,3 @@ def test_trust(answer):
     assert answered["smallest_visible"] is None or set(answered["smallest_visible"]) == {"S", "J"}
     assert answered["twins"] > 0
     assert finite(answered)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "detect nowhere.csv",
-        "detect sticky.csv --method hroch",
-        "run smokey",
-        "predict sticky.csv",
-        "gap diagnose sticky.csv",
-        "list all",
-    ],
-)
-def test_wrong_usage_is_one_sentence_and_exit_2(place, capsys, words):
-    assert main([str(place / w) if (place / w).exists() else w for w in words.split()]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.count("\n") == 1
-    assert "Traceback" not in err

@@ -210,36 +210,6 @@ def test_every_valve_of_the_loop_file_runs(simulate, model):
     assert np.isfinite(run.to_numpy()).all()
 
 
-@pytest.mark.parametrize(
-    ("tables", "words"),
-    [
-        ({"plant": {"K": -1.0}}, "positive feedback"),
-        ({"controller": {"direction": "direct"}}, "positive feedback"),
-        ({"controller": {"Kc": -1.0}}, "Kc"),
-        ({"plant": {"k": 1.0}}, "'plant.k': did you mean 'K'"),
-        ({"controller": {"Kp": 1.0}}, "'controller.Kp': did you mean 'Kc'"),
-        ({"noise": {"stdev": 1.0}}, "did you mean 'mv_std' or 'std'"),
-        ({"setpoint": {"vale": 1.0}}, "did you mean 'value'"),
-        ({"operating_point": {"op": 1.0}}, "did you mean 'op0'"),
-        ({"valve": STICKY | {"s": 3.0}}, "did you mean 'S'"),
-        ({"disturbance": [{"type": "sinus", "amplitude": 1, "period": 9}]}, "did you mean 'sine'"),
-        ({"effect": [{"name": "stictoin", "S": 1, "J": 1}]}, "did you mean 'stiction'"),
-        (
-            {"valve": STICKY, "effect": [{"name": "stiction", "S": 1.0, "J": 1.0}]},
-            "has friction already",
-        ),
-        ({"plant": {"type": "integrating"}}, "T"),
-    ],
-)
-def test_what_a_loop_file_may_not_say(tmp_path, capsys, tables, words):
-    (tmp_path / "loop.toml").write_text(toml(changed(**tables)))
-    assert main(["simulate", str(tmp_path / "loop.toml"), "-o", str(tmp_path / "rec.csv")]) == 2
-    err = capsys.readouterr().err
-    assert words in err
-    assert err.count("\n") == 1
-    assert not (tmp_path / "rec.csv").exists()
-
-
 @pytest.mark.parametrize("name", ["deadband", "deadzone", "valve_lag", "valve_characteristic"])
 def test_valve_effects_compose_with_a_valve_model(simulate, name):
     numbers = {

@@ -240,24 +240,6 @@ def test_command_prints_lines_for_people(folder, capsys):
     assert "S (% of travel)" in out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["nowhere.csv"], "does not exist"),
-        (["{}/sticky.csv", "--method", "hoch"], "did you mean"),
-        (["{}/sticky.csv", "--op-span", "5", "1"], "lo < hi"),
-        (["{}/sticky.csv", "--kind", "flwo"], "did you mean 'flow'"),
-        (["{}/sticky.csv", "--plugin", "nofile.py"], "does not exist"),
-    ],
-)
-def test_user_errors_are_one_sentence_and_exit_code_2(folder, capsys, arguments, sentence):
-    assert main(["detect", *(a.format(folder) for a in arguments)]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert sentence in err
-    assert err.count("\n") == 1
-
-
 def test_level_is_a_number_or_an_interval_in_the_text():
     shown = (
         Report([(None, Verdict("m", "stiction", S=1.5, J=(0.0, 1.0), reason="so"))])

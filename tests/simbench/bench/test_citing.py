@@ -125,8 +125,3 @@ def test_two_publications_of_one_year_have_two_keys_and_one_has_one(run, monkeyp
     entries = entries_of(cite(run))
     assert [entries[key]["pages"] for key in ("one2001", "one2001b")] == ["2--3", "4--5"]
     assert "one2001c" not in entries
-
-
-def test_a_folder_without_a_run_is_refused(tmp_path, capsys):
-    assert main(["cite", str(tmp_path)]) == 2
-    assert capsys.readouterr().out == ""

@@ -4,13 +4,14 @@ made.
 
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
 
 import pytest
 
-from tests.simbench.boundary.conftest import answer_to, sampled
+from tests.simbench.boundary.conftest import answer_to, names_in, sampled
 from tests.simbench.boundary.test_verbs_faults import (
     HEAVY,
     QUICK,
@@ -81,3 +82,21 @@ def test_a_verb_on_a_full_file_system(home, verb, monkeypatch):
         assert not hidden or set(hidden) <= {".partial"}, hidden
     assert code == 0 or made_already(verb, home / "on small", expected), message
     assert contents(home / "on small") == expected
+
+
+def test_a_file_that_grows_too_large_leaves_the_old_one_as_it_was(home, here):
+    command = [sys.executable, "-m", "simbench.cli", "simulate", home / "loop.toml", "-o"]
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    # compiled first: the limit would hit numba's cache too
+    assert subprocess.run([*command, "warm.csv"], env=environment).returncode == 0
+    (here / "out.csv").write_text("old")
+    limits = (resource.RLIMIT_FSIZE, (4096, 4096))
+    done = subprocess.run(
+        [*command, "out.csv"], env=environment, capture_output=True, text=True,
+        preexec_fn=lambda: resource.setrlimit(*limits),
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "too large" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert (here / "out.csv").read_text() == "old"
+    assert names_in(here) == ["out.csv", "warm.csv"]

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from simbench.detectors.records.io import read_record
+from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import load_loop
 from tests.simbench.boundary.conftest import asked, new_tokens, refused, sampled
 
 GOOD = {
@@ -92,9 +94,12 @@ def pairs(keys, values, every: int) -> list:
     return sampled([(*key, value) for key, value in product(keys, values)], every)
 
 
-def test_the_loop_that_is_spoilt_here_is_good(here):
+def test_the_loop_that_is_spoilt_here_is_good_and_its_record_reads_back_to_the_same_bits(here):
     put(here, text())
-    assert asked(SIMULATE)[0] == 0
+    assert asked(f"{SIMULATE} --seed 3")[0] == 0
+    back, expected = read_record("r.csv"), simulate(load_loop("loop.toml"), 3).record
+    for name in ("op", "pv", "mv", "sp"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(expected, name))
 
 
 @pytest.mark.parametrize(("section", "key", "value"), pairs(NUMBERS, NEVER, 12))

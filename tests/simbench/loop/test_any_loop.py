@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import simbench as sb
-from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.plant import first_order_like
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
@@ -151,20 +150,3 @@ def test_a_system_of_python_control_is_a_plant(system):
 def test_what_stands_for_a_plant_has_its_mean_delay():
     like = first_order_like(loop(plant=PLANTS["inverse response"]).plant)
     assert like.T + like.Td == pytest.approx(15.0 + 2.0 + 0.4)
-
-
-@pytest.mark.parametrize(
-    ("sections", "words"),
-    [
-        ({"plant": {"type": "tnk", "K": 1, "T": 2}}, "tank"),
-        ({"controller": {"type": "PIDD", "Kc": 1}}, "PID"),
-    ],
-)
-def test_a_misspelt_part_names_the_nearest(sections, words):
-    with pytest.raises(UnknownName, match=words):
-        simulate(loop(**sections))
-
-
-def test_an_effect_on_a_transfer_function_refuses_a_plant_without_one():
-    with pytest.raises(ParameterError, match="tank"):
-        simulate(loop(plant=PLANTS["tank"], effect=[{"name": "gain_mismatch", "factor": 2.0}]))

@@ -11,7 +11,6 @@ from simbench.cli import app
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate, simulate_batch
-from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop
 
 TABLE = {
@@ -79,22 +78,3 @@ def test_theory_says_that_it_cannot_tell():
     prediction = sb.predict(Loop.from_table(TABLE))
     assert prediction["table_11_3"] is None
     assert "cascade" in prediction["reason"]
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"setpoint": {"value": 50, "steps": [[1, 2]]}}, "outer.setpoint"),
-        ({"setpoint": {"value": 150}}, "sp_span"),
-        (
-            {"outer": {**TABLE["outer"], "plant": {"type": "foptd", "K": -1, "T": 2}}},
-            "positive feedback",
-        ),
-        ({"outer": {**TABLE["outer"], "plant": {"type": "tank", "K": 1, "T": 2}}}, "no plug-in"),
-        ({"outer": {**TABLE["outer"], "sp_span": [5, 5]}}, "rising"),
-        ({"outer": {"plant": TABLE["outer"]["plant"]}}, "outer.controller"),
-    ],
-)
-def test_an_impossible_cascade_is_refused(change, words):
-    with pytest.raises(SpecError, match=words):
-        Loop.from_table({**TABLE, **change})

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from simbench.bench.scenario.truth import NO, simulate_with_truth
-from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 
@@ -120,27 +119,3 @@ def test_a_tail_goes_on_under_the_last_load():
     run = simulate(echo(), 3, tail=100)
     assert np.array_equal(run.record.pv, simulate(echo(), 3).record.pv)
     assert np.ptp(run.load_in[-100:]) == 0.0
-
-
-@pytest.mark.parametrize(("load", "error", "words"), [
-    ({"S": 5.0, "J": 2.0}, ParameterError, "valve = None; the model of the sticky valve"),
-    ({"valve": "choudhury", "S": 0.01, "J": 0.001}, ParameterError, "does not cycle"),
-    ({"valve": "choudhury", "S": 5.0, "J": 2.0, "kind": "flat"}, ParameterError, "flat"),
-    ({"valve": "choudhury", "S": 5.0, "J": 2.0, "cut": 0.0}, ParameterError, "cut = 0"),
-    (
-        {"valve": "choudhury", "S": 5.0, "J": 2.0, "amplitude": 3.0},
-        ParameterError,
-        "disturbance 'echo': unknown parameter 'amplitude' in valve 'choudhury'",
-    ),
-    ({"valve": "chouhdury", "S": 5.0, "J": 2.0}, UnknownName, "choudhury"),
-])  # fmt: skip
-def test_a_load_that_is_no_echo_gets_one_sentence(load, error, words):
-    with pytest.raises(error, match=words):
-        simulate(loop(more=[{"type": "echo", **load}], noise={"std": 2.0}), 3)
-
-
-def test_an_echo_is_the_last_load():
-    first = {"type": "echo", "valve": "choudhury", **VALVES["choudhury"]}
-    for after in (first, {"type": "sine", "amplitude": 1.0, "period": 30.0}):
-        with pytest.raises(ParameterError, match="must be the last, and the only echo"):
-            simulate(loop(more=[first, after]), 3)

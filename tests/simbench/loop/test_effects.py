@@ -8,7 +8,6 @@ import sys
 import numpy as np
 import pytest
 
-from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import BLOCKS, EFFECTS, ORDER, PLUGINS
 from simbench.loop.effects.compression import swinging_door
 from simbench.loop.parameters import Number
@@ -128,20 +127,6 @@ def test_two_effects_act_together():
     ).record
     assert np.allclose(both.pv % 0.5, 0.0)
     assert np.count_nonzero(np.diff(both.mv) == 0) > both.n / 2
-
-
-def test_a_second_friction_is_refused():
-    table = with_effects(("stiction", STRONG["stiction"])).to_table()
-    sticky = Loop.from_table(table | {"valve": {"model": "kano", "S": 2.0, "J": 1.0}})
-    with pytest.raises(ParameterError, match="'kano', which has friction already"):
-        simulate(sticky)
-
-
-def test_an_integrating_plant_has_no_time_constant_to_miss():
-    table = {**LOOP.to_table(), "plant": {"type": "integrating", "K": 0.05, "Td": 2.0}}
-    table["effect"] = [{"name": "time_constant_mismatch", "factor": 1.2}]
-    with pytest.raises(ParameterError, match="no time constant"):
-        simulate(Loop.from_table(table))
 
 
 def test_the_time_constant_is_found_beside_another_lag():

@@ -6,7 +6,6 @@ import pytest
 from simbench.bench.scenario.oracle import judge_oracle
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.loop.simulate import simulate, simulate_batch, valve_tail
-from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, Scenario
 
 WARM_UP, N = 137, 400
@@ -87,9 +86,3 @@ def test_without_it_a_run_starts_in_equilibrium_and_nothing_is_written():
     )
     assert np.ptp(simulate(still).record.pv) == 0.0
     assert "warm_up" not in still.to_table()["sampling"]
-
-
-@pytest.mark.parametrize("value", [-1, 1.5, 10**9])
-def test_a_wrong_number_is_refused(value):
-    with pytest.raises(SpecError, match="warm_up"):
-        loop(sampling={"Ts": 1, "n": N, "warm_up": value})
