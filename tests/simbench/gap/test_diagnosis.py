@@ -3,7 +3,6 @@ on stand-ins.
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +19,6 @@ from simbench.gap.diagnosis import diagnose, name_effects, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pool_log_odds, probability
 from simbench.loop.effects import EFFECTS
-from simbench.scenarios.spec import SpecError, load_loop
 
 P = {
     "stiction": 0.5,
@@ -141,50 +139,6 @@ def stubs(monkeypatch):
     monkeypatch.setattr(diagnosis.resolve, "friction", lambda loop: [])
     monkeypatch.setattr(diagnosis, "find_look_alikes", lambda e, s, p: (e, str(p)))
     return seen
-
-
-def test_the_answer_is_put_together(stubs):
-    rivals = {("gain_mismatch",): gap(after=2.0), ("quantisation",): None}
-    answer = report(assessed("stiction"), weighed(), Loops(rivals=rivals))
-    assert (answer.effect, answer.block, answer.group) == (
-        "stiction",
-        "valve",
-        ("stiction", str(NUMBERS["stiction"])),
-    )
-    assert answer.effects == (
-        {
-            "block": "valve",
-            "effect": "stiction",
-            "parameters": NUMBERS["stiction"],
-            "probability": 0.5,
-        },
-    )
-    lines = answer.ranking[:4]
-    assert [r.effect for r in lines] == ["stiction", "gain_mismatch", "quantisation", "none"]
-    assert [(r.gap_before, r.gap_after) for r in lines] == [
-        (4.0, 1.0),
-        (4.0, 2.0),
-        (None, None),
-        (4.0, 4.0),
-    ]
-    assert (lines[0].block, lines[0].parameters, answer.ranking[4].parameters) == (
-        "valve",
-        NUMBERS["stiction"],
-        {},
-    )
-    assert answer.as_json()["gap"] == {
-        "before": 4.0,
-        "recalibrated": 3.0,
-        "after": 1.0,
-        "floor": 0.8,
-        "resolvable": True,
-        "plant_floor": 1.1,
-        "near": True,
-    }
-    assert answer.shrinkage == {"value": 0.9, "lo": 0.7, "hi": 0.95}
-    assert answer.notes == ("noted", "valve: MV strays")
-    assert answer.next_test == {"test": "bump", "says": "bump it"}
-    assert answer.behind.detectable == {"deadband": (60.0, "%")}
 
 
 FAR = replace(
@@ -342,17 +296,3 @@ def test_records_of_one_pace_are_judged_together(monkeypatch, Ts, judged):
         )
     with pytest.raises(RecordError, match="no record"):
         diagnose([], None)
-
-
-def test_a_baseline_may_be_the_path_of_a_loop_file(monkeypatch, tmp_path):
-    asked = []
-    monkeypatch.setattr(
-        diagnosis, "diagnose_all", lambda records, loop, *a, **k: asked.append(loop)
-    )
-    file = "docs/example/model.toml"
-    record = LoopRecord(op=np.arange(60.0), pv=np.arange(60.0), Ts=1.0)
-    for path in (file, Path(file), load_loop(file)):
-        diagnose(record, path)
-    assert asked == [load_loop(file)] * 3
-    with pytest.raises(SpecError, match=r"not_there\.toml"):
-        diagnose(record, tmp_path / "not_there.toml")

@@ -325,29 +325,6 @@ def test_a_signal_stops_a_run_after_the_pieces_that_are_whole(
         signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.usefixtures("unscored")
-def test_a_full_disk_keeps_what_is_whole_and_names_resume(small, finished, tmp_path, monkeypatch):
-    full = FileError("verdicts.parquet cannot be written: no space left on device")
-    with monkeypatch.context() as patch:
-        raise_after(patch, pieces, "write_piece", 3, full)
-        with pytest.raises(
-            RunError, match=r"no space left on device; 3 pieces are whole .* continue with --resume"
-        ):
-            run_grid(small, tmp_path / "run", METHODS)
-    assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
-
-
-@pytest.mark.usefixtures("unscored")
-def test_a_piece_without_one_of_its_files_is_done_again(small, finished, tmp_path, monkeypatch):
-    with monkeypatch.context() as patch:
-        raise_after(patch, pieces, "finish", 0, KeyboardInterrupt)
-        with pytest.raises(Interrupted):
-            run_grid(small, tmp_path / "run", METHODS)
-    torn = tmp_path / "run" / "verdicts.parquet" / "00000002.parquet"
-    torn.unlink()
-    assert_same(run_grid(small, tmp_path / "run", METHODS, resume=True), finished)
-
-
 def test_resuming_a_finished_run_changes_nothing(small, finished):
     before = {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
     run_grid(small, finished, METHODS, resume=True)

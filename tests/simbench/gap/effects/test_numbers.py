@@ -16,7 +16,6 @@ from simbench.gap.effects import (
     oscillation,
     recogniser,
 )
-from simbench.gap.likelihood import kernels
 
 PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
 DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2, late=0, loads={}, measured=False)
@@ -138,42 +137,6 @@ def test_a_load_that_drifts_by_three_percent_of_travel_is_an_ordinary_one(ramp, 
     assert not plain(load_drift, drifting, both)
 
 
-@pytest.mark.parametrize("T", [0.0, 20.0])
-def test_a_load_drifts_by_a_ramp_that_enters_before_the_plant(T):
-    seen, walks = [], []
-
-    class Engine:
-        data = SimpleNamespace(n=1001, T=T, y=np.linspace(0.0, 1.0, 1001))
-
-        def grid(self, spec, theta, points):
-            walks.append([p["load_walk"] for p in points])
-            return [SimpleNamespace(theta=theta | points[-1])]
-
-        def fit(self, spec, theta):
-            seen.append((spec.channels, theta["load"]))
-            return SimpleNamespace(loglik=0.0, theta=theta)
-
-    spec = SimpleNamespace(join=lambda other: other)
-    _, count = load_drift.fit(Engine(), SimpleNamespace(spec=spec, theta={"T": T, "load": 2.0}))
-    # once with the load as it was, once with next to none beside the drift
-    ((bend, line), load), (_, quiet) = seen
-    assert bend[0] == pytest.approx(0.0, abs=1e-12)
-    assert (load, quiet) == (2.0, pytest.approx(0.1))
-    assert count == 3.0
-    # from next to nothing to all that PV (or what moves a vessel) does within the record
-    size = 1.0 / np.sqrt(12.0) if T else 0.0
-    assert np.ravel(walks)[[0, -1]] == pytest.approx(
-        size / np.sqrt(1001.0) * np.array([1e-3, 1.0]), rel=2e-3, abs=1e-12
-    )
-    assert line[0] == pytest.approx(0.0, abs=1e-12)
-    if T:
-        # a ramp of one in a thousand samples comes through a first-order plant T late
-        assert np.diff(line)[300:] == pytest.approx(1e-3, rel=1e-3)
-        assert 1000 - 1000 * line[-1] == pytest.approx(T + 0.5, abs=0.1)
-    else:
-        assert line[-1] == pytest.approx(500.0, rel=2e-3)
-
-
 def innovations(height, count, neighbour=0.0):
     rng = np.random.default_rng(5)
     x = np.clip(rng.standard_normal(3000), -3.5, 3.5)
@@ -181,70 +144,6 @@ def innovations(height, count, neighbour=0.0):
     x[places] = height
     x[places + 1] = neighbour * height
     return x, places
-
-
-class Sines:
-    """An engine whose likelihood is what is left of one signal beside the channels."""
-
-    def __init__(self, signal):
-        self.signal, self.data = signal, SimpleNamespace(n=signal.size, y=signal, u=signal)
-
-    def evaluate(self, spec, theta):
-        X = np.column_stack(spec.channels)
-        left = self.signal - X @ np.linalg.lstsq(X, self.signal, rcond=None)[0]
-        return -0.5 * float(left @ left)
-
-    def fit(self, spec, theta, search):
-        return SimpleNamespace(loglik=self.evaluate(spec, theta), spec=spec, theta=dict(theta))
-
-
-@pytest.mark.parametrize("period", [7.3, 41.7, 190.0])
-def test_the_period_of_a_sine_in_the_innovations_is_identified(period):
-    signal = 0.8 * np.sin(2 * np.pi * np.arange(1000) / period + 1.0) + np.random.default_rng(
-        0
-    ).standard_normal(1000)
-    base = SimpleNamespace(
-        residual=signal, spec=SimpleNamespace(join=lambda other: other), theta={"load": 1.0}
-    )
-    best, count = oscillation.fit(Sines(signal), base)
-    # periods in the record
-    assert 1000 / best.theta["period"] == pytest.approx(1000 / period, abs=0.1)
-    assert best.loglik > -0.5 * 1.1 * 1000
-    assert count == 4.0
-    assert best.theta["load"] == 0.5
-
-
-@pytest.mark.parametrize(
-    ("k", "placed"), [(6, True), (400, True), (990, True), (3, False), (997, False)]
-)
-def test_a_load_jump_is_placed_where_it_is_but_at_no_end_of_the_record(k, placed):
-    n = 1000
-    theta = {
-        "T": 5.0,
-        "load_time": 20.0,
-        "load_lag": 0.5,
-        "load": 0.5,
-        "noise_std": 0.1,
-        "colour": 0.1,
-    }
-    # PV answers a jump one sample later
-    response = 1.0 - np.exp(-np.arange(n) / 5.0)
-    model = kernels.NoiseModel(5.0, 0.0, 20.0, 0.5, 0.5, 0.1, 0.1, 10.0)
-    white = kernels.whiten(response[None, :], model, kernels.NO_JUMPS)[0][0]
-    residual = 0.02 * np.random.default_rng(0).standard_normal(n)
-    residual[k:] += 5.0 * white[: n - k]
-    data = SimpleNamespace(n=n, T=5.0)
-    engine = SimpleNamespace(data=data, noise_model=lambda spec, theta: model)
-    placed_before = SimpleNamespace(jumps=(600,))
-    fitted = SimpleNamespace(theta=theta, residual=residual, spec=placed_before)
-    places, heights = load_steps._jumps(engine, fitted)
-    assert (places[0] == k) == placed
-    assert all(5 <= place < n - 5 for place in places)
-    # one there and one back within a few samples are a wild reading
-    assert np.diff(sorted([*places, 600])).min() > load_steps._APART
-    if placed:
-        # what is left once the jump is taken out is a hundredth of it
-        assert heights * np.sqrt(len(places)) == pytest.approx(5.0, rel=0.1)
 
 
 def test_what_a_file_does_not_say_of_an_effect_adds_nothing():

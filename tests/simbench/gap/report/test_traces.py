@@ -9,15 +9,10 @@ from simbench.detectors.errors import RecordError
 from simbench.gap.closed_loop import level
 from simbench.gap.report.result import Ranked
 from simbench.gap.report.traces import (
-    BASELINE,
     FIXED,
-    NEAREST,
     RECORD,
-    TUNED,
     compared,
     end_of,
-    nearest,
-    record_in_percent,
 )
 from simbench.scenarios.spec import Loop
 
@@ -61,49 +56,6 @@ def report(effect="stiction", named=("stiction",), n=100, mv=True, ranking=()):
         effect=effect, named=list(named), ranking=ranked, fixed_loop=lambda: loop(1.2),
         behind=SimpleNamespace(found=SimpleNamespace(situation=situation), loops=Loops()),
     )  # fmt: skip
-
-
-def test_the_known_effect_nearest_to_an_unknown_one_is_the_first_with_a_fit():
-    ranking = (
-        Ranked("unknown", "process", 0.5, 4.0, 1.0, {}),
-        Ranked("none", "none", 0.2, 4.0, 4.0, {}),
-        Ranked("drift", "sensor", 0.1, None, None, {}),
-        Ranked("deadband", "valve", 0.1, 4.0, 2.0, {"S": 3.0}),
-        Ranked("stiction", "valve", 0.1, 4.0, 2.0, {"S": 3.0, "J": 1.0}),
-    )
-    assert nearest(report("unknown", (), ranking=ranking)) is ranking[3]
-    assert nearest(report("stiction", ranking=ranking)) is None
-    assert nearest(report("unknown", (), ranking=ranking[:3])) is None
-
-
-@pytest.mark.parametrize(("effect", "named", "shown"), [
-    ("stiction", ["stiction"], [BASELINE, TUNED, FIXED]), ("none", [], [BASELINE, TUNED]),
-    ("unknown", [], [BASELINE, TUNED, NEAREST]),
-])  # fmt: skip
-def test_loops_before_and_after_are_simulated_under_one_seed(monkeypatch, effect, named, shown):
-    seen, real = [], level.simulate
-
-    def noted(x, seed, kick):
-        seen.append((x.plant.K, seed, kick))
-        return real(x, seed=seed, kick=kick)
-
-    monkeypatch.setattr(level, "simulate", noted)
-    runs = compared(report(effect, named))
-    assert list(runs) == [RECORD, *shown]
-    part = record_in_percent(report(mv=False).behind.found.situation).window(10, 13)
-    # OP in percent, not as recorded
-    assert [part.op.tolist(), part.sp.tolist(), part.mv] == [[10, 11, 12], [12, 13, 14], None]
-    expected = [
-        (1.0, 0, 0.0),
-        (1.1, 0, 0.0),
-        {FIXED: (1.3, 0, 5.0), NEAREST: (1.3, 0, 5.0)}.get(shown[-1]),
-    ]
-    assert seen == expected[: len(shown)]
-    del runs[RECORD]
-    for trace in runs.values():
-        assert len(trace.op) == len(trace.pv) == len(trace.sp) == 150
-        assert trace.Ts == 2.0
-        assert trace.mv is not None
 
 
 def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
