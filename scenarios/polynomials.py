@@ -1,4 +1,6 @@
-"""Numerator and denominator of a plant, highest power of s first: which ones are simulated."""
+"""Numerator and denominator of a plant or controller, highest power of s or z first: which ones are
+simulated.
+"""
 
 from __future__ import annotations
 
@@ -9,22 +11,21 @@ from typing import Any
 import numpy as np
 
 _MOST_ORDER = 20
+# of a pole at z = 1, of which the coefficients are rounded; and of den at z = 1 beside its numbers
+_AT_ONE, _NIL = 1e-6, 1e-12
 
 
 def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return both as arrays without leading zeros, or raise ValueError that says why they are no
     plant.
     """
-    num, den = (_numbers(name, values) for name, values in (("num", num), ("den", den)))
+    num, den = (_numbers(name, values, "s") for name, values in (("num", num), ("den", den)))
     if num.size == 0 or num[-1] == 0.0:
         raise ValueError(
             "num has no constant term: the valve has no lasting effect on PV; a last number besides"
             " 0 is needed"
         )
-    if den.size < 2 or den.size > _MOST_ORDER + 1:
-        raise ValueError(
-            f"den has {den.size} numbers; 2 to {_MOST_ORDER + 1} are needed, the first not 0"
-        )
+    _refuse_order(den)
     if not math.isfinite(float(max(np.abs(num).max(), np.abs(den).max())) / abs(float(den[0]))):
         raise ValueError(
             f"den begins with {den[0]:g}, which is too small: num and den divided by it must be"
@@ -49,14 +50,55 @@ def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
     return num, den
 
 
-def _numbers(name: str, values: Any) -> np.ndarray:
+def checked_sampled(num: Any, den: Any, lags: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return both in powers of z as arrays, den beginning with 1 and num as long as den less `lags`
+    (1 of a plant, 0 of a controller), or raise ValueError that says why they are none.
+    """
+    num, den = (_numbers(name, values, "z") for name, values in (("num", num), ("den", den)))
+    _refuse_order(den)
+    if num.size == 0:
+        raise ValueError("num holds only 0; a number besides 0 is needed")
+    if num.size > den.size - lags:
+        raise ValueError(
+            f"num has {num.size} numbers, den {den.size}; at most {den.size - lags} are needed:"
+            f" {'PV answers after a sample' if lags else 'no OP answers to an error to come'}"
+        )
+    poles = np.roots(den)
+    worst = poles[np.argmax(np.abs(poles))]
+    if abs(worst) > 1.0 + _AT_ONE:
+        raise ValueError(
+            f"unstable: pole at z = {worst:.4g}; poles inside the unit circle, or one at z = 1, are"
+            " needed"
+        )
+    return np.append(np.zeros(den.size - lags - num.size), num / den[0]), den / den[0]
+
+
+def integrates(den: Sequence[float]) -> bool:
+    """Return whether a denominator in powers of z has a root at z = 1.
+
+    >>> integrates([1.0, -1.5, 0.5]), integrates([1.0, -0.999])
+    (True, False)
+    """
+    return abs(sum(den)) < _NIL * sum(map(abs, den))
+
+
+def _refuse_order(den: np.ndarray) -> None:
+    if den.size < 2 or den.size > _MOST_ORDER + 1:
+        raise ValueError(
+            f"den has {den.size} numbers; 2 to {_MOST_ORDER + 1} are needed, the first not 0"
+        )
+
+
+def _numbers(name: str, values: Any, power: str) -> np.ndarray:
     listed = values.tolist() if isinstance(values, np.ndarray) else values
     if (
         not isinstance(listed, Sequence)
         or isinstance(listed, str)
         or not all(type(v) in (int, float) for v in listed)
     ):
-        raise ValueError(f"{name} = {listed!r}; a list of numbers in falling powers of s is needed")
+        raise ValueError(
+            f"{name} = {listed!r}; a list of numbers in falling powers of {power} is needed"
+        )
     array = np.array(listed, dtype=float)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} = {listed!r}; finite numbers are needed")

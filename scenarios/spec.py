@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
+import numpy as np
 from pydantic import (
     BaseModel,
     BeforeValidator,
@@ -25,7 +26,7 @@ from pydantic import (
 )
 
 from simbench.scenarios.errors import SpecError, suggestion
-from simbench.scenarios.polynomials import checked_polynomials
+from simbench.scenarios.polynomials import checked_polynomials, checked_sampled, integrates
 
 MAX_SAMPLES = 20_000_000  # a run holds about ten arrays of n doubles: 1.6 GB here
 _MOST_CLAUSES = 12  # complaints in one sentence
@@ -56,7 +57,8 @@ class Plant(_Table):
     a plug-in's.
 
     K in PV units per % (integrating: per % and s), T and Td in s; `num` and `den` in falling powers
-    of s. Of a "tf" plant K follows, and T where it is of first order; `parameters` are those of a
+    of s, or with `dt`, the sampling period, of z: what the samples of PV do under held samples of
+    MV. Of a "tf" plant K follows, and T where it is of first order; `parameters` are those of a
     plug-in, whose K and T count where it has them.
     """
 
@@ -66,6 +68,7 @@ class Plant(_Table):
     Td: _NonNegative = 0.0
     num: tuple[_Finite, ...] | None = None
     den: tuple[_Finite, ...] | None = None
+    dt: _Positive | None = None
     parameters: dict[str, Value] | None = None
 
     @model_validator(mode="before")
@@ -74,7 +77,7 @@ class Plant(_Table):
         if not isinstance(table, dict) or not isinstance(table.get("type"), str):
             return table
         if table["type"] == "tf":
-            return _read_tf(table)
+            return _read_tf(table) if table.get("dt") is None else _read_sampled(table)
         if table["type"] not in PLANT_TYPES:
             _refuse_misspelt(table["type"], PLANT_TYPES)
             return _read_plugin(table, ("type", "Td"), {"K": 1.0})
@@ -84,12 +87,17 @@ class Plant(_Table):
     def _whole(self) -> Self:
         if self.K == 0:
             raise ValueError("K = 0; the valve must act on PV")
-        for name in ("num", "den"):
+        for name in ("num", "den", "dt"):
             if self.type in ("foptd", "integrating") and getattr(self, name) is not None:
                 raise ValueError(
                     f"{name} belongs to a plant of type 'tf'; {self.type} needs"
                     f" K{', T' * (self.type == 'foptd')}"
                 )
+        if self.dt is not None and abs(self.Td / self.dt - round(self.Td / self.dt)) > _SAME_DT:
+            raise ValueError(
+                f"Td = {self.Td:g} s is no whole number of samples of dt = {self.dt:g} s, which a"
+                " plant in powers of z needs"
+            )
         if self.type == "foptd" and self.T is None:
             raise ValueError("T is missing; foptd needs a time constant above 0 s")
         if self.type == "integrating" and self.T is not None:
@@ -108,7 +116,9 @@ class Plant(_Table):
     @property
     def integrating(self) -> bool:
         """Whether the plant integrates; a plug-in's own file says so, not its loop."""
-        return self.type == "integrating" if self.den is None else self.den[-1] == 0.0
+        if self.den is None:
+            return self.type == "integrating"
+        return self.den[-1] == 0.0 if self.dt is None else integrates(self.den)
 
     @property
     def known_gain(self) -> bool:
@@ -117,8 +127,11 @@ class Plant(_Table):
 
 
 class Controller(_Table):
-    """PI, P or PID: Kc in % per PV unit, times in s; "reverse" raises OP when PV falls. Other types
-    are plug-ins.
+    """PI, P, PID or "tf": Kc in % per PV unit, times in s; "reverse" raises OP when PV falls. Other
+    types are plug-ins.
+
+    "tf": OP answers to the error by `num` over `den` in falling powers of z, with `dt` the sampling
+    period; the law goes on from the limited OP, which is its anti-windup.
 
     PID: Td of the derivative, filtered with Td/N; weights b and c of SP in its P and D part;
     `form`; `anti_windup` with its tracking time Tt; `schedule` = [[value, factor on Kc], ...] over
@@ -138,16 +151,19 @@ class Controller(_Table):
     Tt: _Positive | None = None
     schedule: tuple[tuple[_Finite, _Positive], ...] | None = None
     schedule_on: Literal["pv", "op", "sp"] | None = None
+    num: tuple[_Finite, ...] | None = None
+    den: tuple[_Finite, ...] | None = None
+    dt: _Positive | None = None
     parameters: dict[str, Value] | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _read(cls, table: Any) -> Any:
-        if (
-            not isinstance(table, dict)
-            or not isinstance(table.get("type"), str)
-            or table["type"] in CONTROLLER_TYPES
-        ):
+        if not isinstance(table, dict) or not isinstance(table.get("type"), str):
+            return table
+        if table["type"] == "tf":
+            return _read_law(table)
+        if table["type"] in CONTROLLER_TYPES:
             return table
         _refuse_misspelt(table["type"], CONTROLLER_TYPES)
         return _read_plugin(table, ("type", "direction"), {"Kc": 1.0})
@@ -160,6 +176,9 @@ class Controller(_Table):
             )
         if self.type == "P" and self.Ti is not None:
             raise ValueError(f"Ti = {self.Ti}; a P controller has none, no Ti is needed")
+        for name in ("num", "den", "dt") if self.type in ("P", "PI", "PID") else ():
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name} belongs to a controller of type 'tf'")
         for name in _OF_PID if self.type in ("P", "PI") else ():
             if getattr(self, name) is not None:
                 raise ValueError(
@@ -178,7 +197,8 @@ class Controller(_Table):
 
     @model_serializer(mode="wrap")
     def _written(self, handler: Any) -> dict[str, Any]:
-        return _flat(handler(self), () if self.parameters is None else ("Kc", "Ti"))
+        own = self.parameters is not None or self.type == "tf"
+        return _flat(handler(self), ("Kc", "Ti") if own else ())
 
     @property
     def sign(self) -> float:
@@ -186,7 +206,8 @@ class Controller(_Table):
         return 1.0 if self.direction == "reverse" else -1.0
 
 
-PLANT_TYPES, CONTROLLER_TYPES = ("foptd", "integrating", "tf"), ("PI", "P", "PID")
+PLANT_TYPES, CONTROLLER_TYPES = ("foptd", "integrating", "tf"), ("PI", "P", "PID", "tf")
+_SAME_DT = 1e-6  # of a sample, by which a dead time in whole samples, or dt and Ts, may differ
 _OF_PID = ("Td", "N", "form", "b", "c", "anti_windup", "Tt", "schedule", "schedule_on")
 
 
@@ -208,17 +229,48 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
         raise ValueError(
             f"{given[0]} = {table[given[0]]}; a plant of type 'tf' has num, den and Td"
         )
-    for name in ("num", "den"):
-        if table.get(name) is None:
-            raise ValueError(
-                f"{name} is missing; a plant of type 'tf' needs num and den, numbers in falling"
-                " powers of s"
-            )
+    _refuse_missing(table, "plant", "s")
     num, den = checked_polynomials(table["num"], table["den"])
     order, integrating = den.size - 1, den[-1] == 0.0
     K = float(num[-1] / den[-2 if integrating else -1])
     T = {"T": float(den[0] / den[1])} if order == 1 and not integrating else {}
     return {**table, "num": num.tolist(), "den": den.tolist(), "K": K, **T}
+
+
+def _read_sampled(table: dict[str, Any]) -> dict[str, Any]:
+    """Return a table of num and den in powers of z with the K, and of a first-order plant the T,
+    that follow from them.
+    """
+    _refuse_missing(table, "plant", "z")
+    num, den = checked_sampled(table["num"], table["den"], 1)
+    # without its pole at z = 1, an integrating plant's gain is that of the slope
+    rest = np.cumsum(den)[:-1] * float(table["dt"]) if integrates(den.tolist()) else den
+    K = float(num.sum() / rest.sum())
+    T = {"T": float(-table["dt"] / math.log(-den[1]))} if den.size == 2 and 0 < -den[1] < 1 else {}
+    return {**table, "num": num.tolist(), "den": den.tolist(), "K": K, **T}
+
+
+def _read_law(table: dict[str, Any]) -> dict[str, Any]:
+    """Return the table of a controller by num and den in powers of z, both as long; its gain is
+    theirs.
+    """
+    odd = sorted(table.keys() - {"type", "num", "den", "dt", "direction", "parameters"})
+    if any(table[name] is not None for name in odd):
+        raise ValueError(f"{odd[0]}: a controller of type 'tf' has num, den, dt and direction")
+    _refuse_missing(table, "controller", "z")
+    if table.get("dt") is None:
+        raise ValueError("dt is missing; a controller of type 'tf' needs the sampling period in s")
+    num, den = checked_sampled(table["num"], table["den"], 0)
+    return {**table, "num": num.tolist(), "den": den.tolist(), "Kc": 1.0}
+
+
+def _refuse_missing(table: dict[str, Any], part: str, power: str) -> None:
+    for name in ("num", "den"):
+        if table.get(name) is None:
+            raise ValueError(
+                f"{name} is missing; a {part} of type 'tf' needs num and den, numbers in falling"
+                f" powers of {power}"
+            )
 
 
 def _read_plugin(
@@ -301,6 +353,8 @@ class Outer(_Table):
         if self.plant.type not in PLANT_TYPES or self.controller.type not in CONTROLLER_TYPES:
             kinds = f"plants {', '.join(PLANT_TYPES)} and controllers {', '.join(CONTROLLER_TYPES)}"
             raise ValueError(f"an outer loop takes no plug-in; {kinds} are allowed")
+        if self.plant.dt or self.controller.dt:
+            raise ValueError("an outer loop takes no part in powers of z; one in s is needed")
         if not self.sp_span[0] < self.sp_span[1]:
             raise ValueError(
                 f"sp_span = {list(self.sp_span)}; the set points at 0 and 100 % are needed, rising"
@@ -386,6 +440,9 @@ class Loop(_Table):
 
     @model_validator(mode="after")
     def _negative_feedback(self) -> Self:
+        if self.controller.type == "tf":
+            # the sign of its gain is that of its num, which may change with the frequency
+            return self
         if self.plant.known_gain and self.controller.sign * self.plant.K < 0:
             raise ValueError(
                 f"positive feedback: plant K = {self.plant.K} needs controller direction"
@@ -402,6 +459,16 @@ class Loop(_Table):
                 f"T = {T:g} s is too small for K = {K:g} and Ts = {Ts:g} s: K/T and Ts/T must be"
                 " finite numbers"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _parts_of_one_pace(self) -> Self:
+        for name, dt in (("plant", self.plant.dt), ("controller", self.controller.dt)):
+            if dt is not None and abs(dt / self.sampling.Ts - 1.0) > _SAME_DT:
+                raise ValueError(
+                    f"{name}.dt = {dt:g} s; the sampling period, Ts = {self.sampling.Ts:g} s, is"
+                    " needed"
+                )
         return self
 
     @model_validator(mode="after")

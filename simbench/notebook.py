@@ -84,12 +84,12 @@ class Loop(spec.Loop):
     ----------
     plant : mapping or control.TransferFunction or control.StateSpace
         type "foptd" or "integrating", K (PV units per %, integrating: per % and s), T, Td (s); type
-        "tf", num and den (falling powers of s), Td; or a plug-in's name and its parameters. A
-        system of python-control is a "tf" without dead time.
+        "tf", num and den (falling powers of s, or of z with dt = Ts), Td; or a plug-in's name and
+        its parameters. A system of python-control is a "tf" without dead time.
     controller : mapping
         type "PI", "P" or "PID", Kc (% per PV unit), Ti (s), direction "reverse" or "direct"; PID:
-        Td (s), N, form, b, c, anti_windup, Tt (s), schedule, schedule_on; or a plug-in's name and
-        its parameters.
+        Td (s), N, form, b, c, anti_windup, Tt (s), schedule, schedule_on; type "tf": num, den, dt
+        (s), from the error to OP; or a plug-in's name and its parameters.
     sampling : mapping
         Ts (s), n.
     operating_point : mapping, optional

@@ -68,11 +68,14 @@ def table_of(system) -> dict:
     import control
 
     tf: Any = control.tf(system)
-    polynomials_of(tf)
+    # True: discrete, of no stated period
+    stated = {} if tf.dt is True or not tf.dt else {"dt": float(tf.dt)}
+    if not stated:
+        polynomials_of(tf)
     num, den = ([float(x) for x in side[0][0]] for side in (tf.num, tf.den))
     while len(num) > 1 and abs(num[0]) < 1e-14 * max(map(abs, num)):
         num = num[1:]  # what the way from a state space leaves of a zero
-    return {"type": "tf", "num": num, "den": den}
+    return {"type": "tf", "num": num, "den": den, **stated}
 
 
 def polynomials_of(tf) -> tuple[np.ndarray, np.ndarray]:
@@ -96,6 +99,8 @@ def first_order_like(plant: Plant) -> Plant:
     """Return the first-order or integrating plant with a plant's gain, mean delay and, where there
     is one, spread in time.
     """
+    if plant.dt is not None:
+        return _like_of_samples(plant)
     if plant.den is None or len(plant.den) == 2:
         return plant
     den = np.array(plant.den[: -1 if plant.integrating else None])
@@ -106,6 +111,32 @@ def first_order_like(plant: Plant) -> Plant:
     T = 0.0 if plant.integrating else float(np.sqrt(max(spread, (0.1 * d1) ** 2)))
     table = {"type": "integrating"} if plant.integrating else {"type": "foptd", "T": T}
     return Plant.model_validate({**table, "K": plant.K, "Td": max(plant.Td + delay - T, 0.0)})
+
+
+def _like_of_samples(plant: Plant) -> Plant:
+    """Return `first_order_like` of a plant in powers of z: mean and variance of its impulse
+    response, less those of the hold.
+    """
+    num, den = np.array(plant.num), np.array(plant.den)
+    if plant.integrating:
+        den = np.cumsum(den)[:-1]  # without the pole at z = 1
+    # of lags in samples: num holds lag 1 and later, den lag 0 and later
+    (delay, spread), (after, less) = (_moments(side, first) for side, first in ((num, 1), (den, 0)))
+    late, dt = delay - after, float(plant.dt or 1.0)
+    if plant.integrating:
+        # the input of a sample shows whole in the next one
+        Td = max(plant.Td + (late - 1.0) * dt, 0.0)
+        return Plant.model_validate({"type": "integrating", "K": plant.K, "Td": Td})
+    T = dt * float(np.sqrt(max(spread - less, (0.1 * max(late, 0.1)) ** 2)))
+    Td = max(plant.Td + (late - 0.5) * dt - T, 0.0)
+    return Plant.model_validate({"type": "foptd", "K": plant.K, "T": T, "Td": Td})
+
+
+def _moments(side: np.ndarray, first: int) -> tuple[float, float]:
+    """Return mean and variance of the lags of a polynomial's numbers, the first one's given."""
+    lags, whole = first + np.arange(side.size), float(side.sum()) or 1e-300
+    mean = float((lags * side).sum()) / whole
+    return mean, float((lags**2 * side).sum()) / whole - mean**2
 
 
 def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray] | None:

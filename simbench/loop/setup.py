@@ -12,7 +12,7 @@ import numpy as np
 
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.plugins.registry import PluginFolder
-from simbench.loop import controller, plant, sensor
+from simbench.loop import controller, plant, sampled_law, sampled_plant, sensor
 from simbench.loop.elementary import dot, times
 from simbench.loop.parameters import (
     CONTROLLER_PLUGINS,
@@ -102,6 +102,8 @@ class Setup:
     @property
     def integrating(self) -> bool:
         """Whether the plant integrates."""
+        if self.loop.plant.dt is not None:
+            return self.loop.plant.integrating
         return (
             bool(self.plant_plugin[0].INTEGRATING)
             if self.plant_plugin is not None
@@ -115,6 +117,9 @@ class Setup:
         """
         if self.outer is not None:
             return "the loop is the inner one of a cascade"
+        for name, part in (("plant", self.loop.plant), ("controller", self.loop.controller)):
+            if part.dt is not None:
+                return f"its {name} is stated in powers of z"
         if self.plant_plugin is not None and not hasattr(self.plant_plugin[0], "linear"):
             return f"plant {self.loop.plant.type!r} has no transfer function"
         if self.control_plugin is not None:
@@ -378,7 +383,7 @@ def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType]
         if not (np.array_equal(setup.num, num) and np.array_equal(setup.den, den)):
             raise ParameterError(
                 f"an effect changes the transfer function of plant {setup.loop.plant.type!r}, which"
-                " is a plug-in"
+                f" is {'stated in powers of z' if setup.loop.plant.dt else 'a plug-in'}"
             )
         p = p._replace(Td=setup.Td, op0=setup.op0, pv0=setup.pv0)
         empty = np.zeros(0)
@@ -473,14 +478,20 @@ def _numbers_in(state: tuple) -> tuple:
 
 
 def _plant_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
-    """Return a plug-in plant and its numbers: its PARAMETERS, then Td, Ts (s), op0 (%) and pv0."""
+    """Return a plug-in plant, or one in powers of z, and its numbers: its PARAMETERS, then Td, Ts
+    (s), op0 (%) and pv0.
+    """
+    if loop.plant.dt is not None:
+        return sampled_plant, sampled_plant.numbers(loop.plant)
     return _plugin(PLANT_PLUGINS, loop.plant, PLANT_TYPES, loop, Td=loop.plant.Td)
 
 
 def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
-    """Return a plug-in controller and its numbers: its PARAMETERS, then sign, OP's limits, Ts (s),
-    op0 (%) and pv0.
+    """Return a plug-in controller, or one in powers of z, and its numbers: its PARAMETERS, then
+    sign, OP's limits, Ts (s), op0 (%) and pv0.
     """
+    if loop.controller.dt is not None:
+        return sampled_law, sampled_law.numbers(loop.controller)
     return _plugin(
         CONTROLLER_PLUGINS,
         loop.controller,

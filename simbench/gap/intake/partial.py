@@ -80,6 +80,10 @@ def complete_baseline(
                     f"baseline: {kind!r} is a plug-in, of which no model is fitted; allowed:"
                     f" {', '.join(PLANT_TYPES)}"
                 )
+        if baseline.plant.dt or baseline.controller.dt:
+            raise SpecError(
+                "baseline: a part in powers of z, of which no model is fitted; one in s is needed"
+            )
         # an inner loop is judged by its record, set point included
         return baseline.model_copy(update={"outer": None}), both, []
     known, missing = baseline.loop, baseline.missing

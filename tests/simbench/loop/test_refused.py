@@ -30,6 +30,10 @@ def plant(kind="foptd", **keys):
     return {"plant": {"type": kind, **keys}}
 
 
+def in_z(**keys):
+    return plant("tf", **{"num": [1], "den": [1, -0.2], "dt": 1} | keys)
+
+
 def controller(kind="PI", **keys):
     return {"controller": {"type": kind, **keys}}
 
@@ -57,6 +61,15 @@ WRONG = [
     (plant("tf", num=[1], den=[5e-324, 1]), "den begins with 4.94066e-324"),
     (plant("integrating", K=0.05, Td=2) | {"effect": [LAG]}, "no time constant"),
     (plant("tank", K=1.5, T=10) | {"effect": [GAIN]}, "tank"),
+    (in_z(den=[1, -1.2]), "pole at z = 1.2; poles inside the unit circle"),
+    (in_z(num=[1, 1]), "at most 1 are needed: PV answers after a sample"),
+    (in_z(dt=2), "plant.dt = 2 s; the sampling period, Ts = 1 s, is needed"),
+    (in_z(Td=0.5), "Td = 0.5 s is no whole number of samples"),
+    (in_z() | {"effect": [GAIN]}, "stated in powers of z"),
+    (controller("tf", num=[1, 0, 0], den=[1, -1], dt=1), "no OP answers to an error to come"),
+    (controller("tf", num=[1], den=[1, -1]), "dt is missing"),
+    (controller("tf", num=[1], den=[1, -1], dt=1, Kc=2), "Kc: a controller of type 'tf' has num"),
+    (controller(Kc=1, Ti=2, num=[1]), "num belongs to a controller of type 'tf'"),
     (controller("PIDD", Kc=1), "PID"),
     (controller(Kc=1), "Ti is missing"),
     (controller(Kc=-1, Ti=2), "Kc"),
