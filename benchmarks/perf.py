@@ -85,7 +85,7 @@ class Case:
             s.load_in,
             s.load_out,
             s.pv_add,
-            0.0,
+            s.op_moves,
             s.op0,
             self.w,
             self.x,

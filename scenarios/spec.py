@@ -25,6 +25,7 @@ from pydantic import (
     model_validator,
 )
 
+from simbench.scenarios.columns import with_columns
 from simbench.scenarios.errors import SpecError, suggestion
 from simbench.scenarios.polynomials import checked_polynomials, checked_sampled, integrates
 
@@ -45,6 +46,7 @@ Real = Annotated[float, BeforeValidator(_number)]
 Whole = Annotated[int, BeforeValidator(_number)]
 _Finite = Annotated[Real, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
 _Positive = Annotated[Real, Field(gt=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
+_Flag = Annotated[Whole, Field(ge=0, le=1)]
 _NonNegative = Annotated[Real, Field(ge=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
 
 
@@ -328,6 +330,20 @@ class Noise(_Table):
     mv_std: _NonNegative | None = None
 
 
+class Archiving(_Table):
+    """What is done to the samples on their way to the record, which the controller does not see:
+    OP (%) and PV written in steps, and their last value repeated where `op_held` or `pv_held` is 1.
+
+    `op_held` and `pv_held` are lists of 0 and 1, one a sample, begun again where the record is
+    longer, or the columns of these names in `file`, a CSV file beside the loop file.
+    """
+
+    op_step: _NonNegative = 0.0
+    pv_step: _NonNegative = 0.0
+    op_held: tuple[_Flag, ...] | None = None
+    pv_held: tuple[_Flag, ...] | None = None
+
+
 class SetPoint(_Table):
     """Start value and later steps [[t in s, new value], ...]."""
 
@@ -392,7 +408,7 @@ class Loop(_Table):
         As in a loop file.
     valve : Part
         The valve model; ideal when absent.
-    noise, setpoint : table, optional
+    noise, setpoint, archive : table, optional
         As in a loop file.
     disturbance, effect : tuple of Part
         What acts on the loop or its record.
@@ -417,6 +433,7 @@ class Loop(_Table):
     valve: Part = Part(name="ideal")
     noise: Noise = Noise()
     setpoint: SetPoint = SetPoint()
+    archive: Archiving | None = None
     disturbance: tuple[Part, ...] = ()
     effect: tuple[Part, ...] = ()
     outer: Outer | None = None
@@ -508,7 +525,7 @@ class Loop(_Table):
         SpecError
             One sentence: the key, its value, what is allowed, the nearest known key.
         """
-        table = dict(table)
+        table = with_columns(table, Path(), where)
         for section, key in _NAME_KEY.items():
             if section in table:
                 many = section != "valve"
@@ -680,7 +697,8 @@ def load_loop(path: str | Path) -> Loop:
     SpecError
         When the file is missing, is no TOML (with the line), or asks for something impossible.
     """
-    return Loop.from_table(read_toml(path), str(path))
+    table = with_columns(read_toml(path), Path(path).parent, str(path))
+    return Loop.from_table(table, str(path))
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:

@@ -48,6 +48,7 @@ class _Sections(TypedDict, total=False):
     valve: _Table
     noise: _Table
     setpoint: _Table
+    archive: _Table
     operating_point: _Table
     disturbance: Sequence[_Table]
     effect: Sequence[_Table]
@@ -100,6 +101,9 @@ class Loop(spec.Loop):
         std (PV units).
     setpoint : mapping, optional
         value, steps as pairs of time (s) and value.
+    archive : mapping, optional
+        op_step (%), pv_step (PV units), op_held and pv_held (0 or 1 a sample): how the record is
+        written.
     disturbance, effect : sequence of mappings, optional
         type or name, and its parameters.
     outer : mapping, optional

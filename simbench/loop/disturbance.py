@@ -13,18 +13,19 @@ import numpy as np
 
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.signal.filters import lfilter
-from simbench.loop import echo
+from simbench.loop import echo, resampled
 from simbench.loop.elementary import elementwise
 from simbench.loop.parameters import Choice, Number, resolve
 from simbench.loop.run import Start, run_setup
 from simbench.loop.setup import plain_setup
 from simbench.scenarios.spec import Loop, Part
 
-_AT = ("input", "output")
+_AT = ("input", "output", "op")
 _PLACE = Choice(
     _AT,
     default="input",
-    says="input: in % of travel, between MV and plant; output: in PV units, on PV",
+    says="input: in % of travel, between MV and plant; output: in PV units, on PV; op: in %, what"
+    " others than the controller add to OP, which goes on from there",
 )
 _AMPLITUDE = Number("% or PV units", low=0.0, says="size of the load")
 _KEPT = 100_000  # samples of a signal that is kept for the next run of the same loop
@@ -198,7 +199,7 @@ PARAMETERS = {
         **_MORE.get(kind, {}),
     }
     for kind in DISTURBANCES
-} | {echo.NAME: echo.SHAPES}
+} | {echo.NAME: echo.SHAPES, resampled.RESAMPLED: resampled.NUMBERS}
 
 
 def disturbance_signal(

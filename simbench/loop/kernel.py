@@ -30,12 +30,13 @@ outer_plant_output: Any = None
 named: Any = None
 
 
-def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers, op, pv, mv):
+def closed_loop(sp, load_in, load_out, noise, moves, op0, w, x, c, v, s, numbers, op, pv, mv):
     """Run the loop; all signals are arrays of n samples, states are tuples, `numbers` are the
     parameters as bare tuples.
 
     `w` (n + delay + 1,) is the plant's input as deviation from op0, its first delay + 1 entries the
-    past; `kick` (%) is added to OP at sample 0. Fills `op`, `pv`, `mv`.
+    past; `moves` (%) are added to OP, and the controller goes on from there. Fills `op`, `pv` and
+    `mv`.
     """
     plant, controller, gap, sensor, valve = named(numbers)
     lag = w.shape[0] - sp.shape[0]
@@ -43,8 +44,8 @@ def closed_loop(sp, load_in, load_out, noise, kick, op0, w, x, c, v, s, numbers,
     for k in range(sp.shape[0]):
         s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
         c = controller_step(error_step(sp[k] - s[0], gap), sp[k], c, controller)
-        if k == 0:
-            c = controller_kick(c, kick, controller)
+        if moves[k] != 0.0:
+            c = controller_kick(c, moves[k], controller)
         u = output_step(c[0], gap)
         v = valve_step(u, v, valve)
         w_now[k] = v[-1][0] - op0 + load_in[k]
@@ -63,7 +64,7 @@ def cascade(
     load_in,
     load_out,
     noise,
-    kick,
+    moves,
     op0,
     lags,
     w,
@@ -96,8 +97,8 @@ def cascade(
         point[k] = lo + per * C[0]
         s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
         c = controller_step(error_step(point[k] - s[0], gap), point[k], c, controller)
-        if k == 0:
-            c = controller_kick(c, kick, controller)
+        if moves[k] != 0.0:
+            c = controller_kick(c, moves[k], controller)
         u = output_step(c[0], gap)
         v = valve_step(u, v, valve)
         w_now[k] = v[-1][0] - op0 + load_in[k]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from simbench.loop import echo
+from simbench.loop import echo, resampled
 from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import resolve
@@ -29,12 +29,13 @@ def resolve_loop(
         stream = seed, _DISTURBANCE + i
         if part.name == echo.NAME:
             donor = resolve_loop(echo.donor_of(loop, part), seed, 0, tf)
-            where, signal = "input", echo.echo_load(part, donor, setup, stream)
+            setup.add_load("input", echo.echo_load(part, donor, setup, stream))
+        elif part.name == resampled.RESAMPLED:
+            for place, signal in resampled.drawn(part, setup.end, setup.Ts, stream):
+                # of OP the residuals are its moves themselves
+                setup.add_load(place, np.cumsum(signal) if place == "op" else signal)
         else:
-            where, signal = disturbance_signal(part, setup.end, setup.Ts, stream)
-        load = setup.load_in if where == "input" else setup.load_out
-        load[: setup.end] += signal
-        load[setup.end :] += signal[-1]
+            setup.add_load(*disturbance_signal(part, setup.end, setup.Ts, stream))
     _apply_effects(setup)
     # last, because effects may change the strength of the noise
     setup.draw_noise(quiet)

@@ -22,6 +22,8 @@ from simbench.loop.setup import (
 if TYPE_CHECKING:
     import pandas as pd
 
+    from simbench.scenarios.spec import Archiving
+
 
 @dataclass(frozen=True)
 class Start:
@@ -151,10 +153,12 @@ def signals_of(
             else sensor.plain_start(pv)
         )
     op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
+    moves = setup.op_moves.copy()
+    moves[0] += kick
     outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
     if outer is not None:
         return _cascaded(
-            setup, parts, outer, lags, kick, plain, (w, x, c, tuple(v), s, op, measured, mv)
+            setup, parts, outer, lags, moves, plain, (w, x, c, tuple(v), s, op, measured, mv)
         )
     make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled
     make(parts.steps, parts.stages, parts.classes)(
@@ -162,7 +166,7 @@ def signals_of(
         setup.load_in,
         setup.load_out,
         setup.pv_add,
-        float(kick),
+        moves,
         setup.op0,
         w,
         x,
@@ -177,12 +181,34 @@ def signals_of(
     return op, measured, mv
 
 
+def as_archived(
+    op: np.ndarray, pv: np.ndarray, archive: Archiving
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return OP and PV as an archive keeps them: in its steps, and its last value repeated where it
+    did so.
+    """
+    return (
+        _kept(op, archive.op_step, archive.op_held),
+        _kept(pv, archive.pv_step, archive.pv_held),
+    )
+
+
+def _kept(x: np.ndarray, step: float, held: tuple[int, ...] | None) -> np.ndarray:
+    """Return a signal in steps, repeating its last value where `held` is 1."""
+    if step > 0.0:
+        x = step * np.round(x / step)
+    if not held:
+        return x
+    rests = np.resize(np.array(held, dtype=bool), x.size)
+    return x[np.maximum.accumulate(np.where(rests, 0, np.arange(x.size)))]
+
+
 def _cascaded(
     setup: Setup,
     parts: Parts,
     outer: Parts,
     lags: tuple[int, int],
-    kick: float,
+    moves: np.ndarray,
     plain: bool,
     rooms: tuple,
 ) -> tuple:
@@ -216,7 +242,7 @@ def _cascaded(
         setup.load_in,
         setup.load_out,
         setup.pv_add,
-        float(kick),
+        moves,
         setup.op0,
         lags,
         w,
@@ -251,10 +277,12 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
             mv.size
         )
 
-    def part(cut: slice) -> LoopRecord:
+    def part(cut: slice, kept: Archiving | None = None) -> LoopRecord:
+        signals = op[cut], archived[cut]
+        kept_op, kept_pv = signals if kept is None else as_archived(*signals, kept)
         return LoopRecord(
-            op=op[cut],
-            pv=archived[cut],
+            op=kept_op,
+            pv=kept_pv,
             sp=setup.sp[cut],
             mv=recorded[cut],
             Ts=setup.Ts,
@@ -270,7 +298,7 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
     ]
     loads = setup.load_in[first:], setup.load_out[first:]
     run = Run(
-        part(slice(first, end)),
+        part(slice(first, end), setup.loop.archive),
         *loads,
         tail,
         setup.sticky,

@@ -47,6 +47,7 @@ class Setup:
     sp: np.ndarray
     load_in: np.ndarray  # at the plant's input (%)
     load_out: np.ndarray  # at its output (PV units)
+    op_moves: np.ndarray  # of OP, which the controller does not make and goes on from (%)
     noise_std: float  # PV units
     pv_add: np.ndarray  # what is measured with PV, its noise included (PV units)
     # the chain that OP passes, each stage a plug-in with its resolved parameters
@@ -169,6 +170,17 @@ class Setup:
             white = np.random.default_rng([self.seed, _OUTER_NOISE]).standard_normal(self.sp.size)
             self.outer.pv_add[:quiet] = self.outer.noise_std * white[:quiet]
 
+    def add_load(self, place: str, signal: np.ndarray) -> None:
+        """Add a load at the plant's "input" or "output" up to the record's end, which stands still
+        from there on, or what it does to OP ("op").
+        """
+        if place == "op":
+            self.op_moves[: self.end] += np.diff(signal, prepend=0.0)
+            return
+        load = self.load_in if place == "input" else self.load_out
+        load[: self.end] += signal
+        load[self.end :] += signal[-1]
+
     def hold(self, signal: np.ndarray) -> np.ndarray:
         """Freeze a signal at its last value over the tail."""
         signal[self.end :] = signal[self.end - 1]
@@ -227,6 +239,7 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         sp=np.full(total, loop.setpoint.value),
         load_in=np.zeros(total),
         load_out=np.zeros(total),
+        op_moves=np.zeros(total),
         noise_std=loop.noise.std,
         pv_add=np.zeros(total),
         valves=stages_of(loop.valve, loop.sampling.Ts),

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 from text import heading, plain, table
 
-from simbench.loop import echo
+from simbench.loop import echo, resampled
 from simbench.loop.disturbance import PARAMETERS as LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
@@ -51,7 +51,11 @@ def loop_page() -> str:
             {n: CONTROLLER_PLUGINS.load(n) for n in CONTROLLER_PLUGINS.names()},
         ),
         ("[valve]", "model", {n: VALVES.load(n) for n in VALVES.names()}),
-        ("[[disturbance]]", "type", {**dict.fromkeys(LOADS), echo.NAME: echo}),
+        (
+            "[[disturbance]]",
+            "type",
+            {**dict.fromkeys(LOADS), echo.NAME: echo, resampled.RESAMPLED: resampled},
+        ),
         ("[[effect]]", "name", {n: EFFECTS.load(n) for n in EFFECTS.names()}),
     ):
         lines += [
@@ -65,7 +69,8 @@ def loop_page() -> str:
                 plain((module.__doc__ or "").strip().split("\n\n")[0]) if module else "",
                 "",
             ]
-            lines += _parameters(LOADS[part] if module in (None, echo) else module.PARAMETERS)
+            own = module in (None, echo, resampled)
+            lines += _parameters(LOADS[part] if own else module.PARAMETERS)
     return "\n".join(lines)
 
 

@@ -1,0 +1,136 @@
+"""Residuals drawn again in pieces, moves of OP, and what an archive does to the samples."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from simbench.detectors.errors import UserError
+from simbench.loop.resampled import drawn
+from simbench.loop.resolve import resolve_loop
+from simbench.loop.run import run_setup
+from simbench.loop.simulate import simulate
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.spec import Loop, Part, load_loop
+
+OP = [0.1, -0.3, 0.2, 0.4, -0.5, 0.1, 0.0]
+PV = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+BASE = {
+    "plant": {"type": "foptd", "K": 1.5, "T": 10, "Td": 2},
+    "controller": {"type": "PI", "Kc": 0.8, "Ti": 10},
+    "sampling": {"Ts": 2.0, "n": 200},
+}
+LOAD = {"type": "resampled", "piece": 6.0, "op": OP, "output": PV}
+
+
+def loop(*loads, **sections) -> Loop:
+    return Loop.from_table({**BASE, "disturbance": list(loads), **sections})
+
+
+def signals(total=100, Ts=2.0, seed=1, **parameters):
+    given = {"piece": 6.0, "op": OP, "output": PV} | parameters
+    kept = {k: v for k, v in given.items() if v is not None}
+    return dict(drawn(Part(name="resampled", parameters=kept), total, Ts, (seed, 100)))
+
+
+def test_pieces_of_the_residuals_follow_each_other_and_the_columns_stay_together():
+    both = signals()
+    assert set(both) == {"op", "output"}
+    at = [PV.index(y) for y in both["output"]]
+    for k in range(0, 99, 3):
+        assert at[k : k + 3] == list(range(at[k], at[k] + 3))[: len(at[k : k + 3])]
+    assert [OP[i] for i in at] == both["op"].tolist()
+    assert len({at[k] for k in range(0, 99, 3)}) == 5, "every place where a piece fits is drawn"
+    longer = signals(total=140)
+    assert np.array_equal(longer["output"][:100], both["output"]), "a longer run begins the same"
+    assert not np.array_equal(signals(seed=2)["output"], both["output"])
+
+
+def test_what_enters_a_signal_passes_the_filter_and_moves_of_op_do_not():
+    plain, through = signals(), signals(filter=[2.0, -1.0], amplitude=3.0)
+    expected = lfilter([1.0], [1.0, -0.5], 3.0 * plain["output"])
+    np.testing.assert_allclose(through["output"], expected, rtol=1e-12)
+    np.testing.assert_allclose(through["op"], 3.0 * plain["op"])
+
+
+def test_op_moves_by_the_residuals_and_the_controller_goes_on_from_there():
+    still = loop({"type": "resampled", "piece": 2.0, "op": [0.5, 0.5]})
+    op = simulate(still.with_("controller.Kc", 1e-9), 1).record.op
+    np.testing.assert_allclose(op[:90], 50.0 + 0.5 * np.arange(1, 91), atol=1e-6)
+    assert op.max() == 100.0, "OP has its limits"
+    # a load that rises within one sample is the offset that starts a cycle
+    sticky = {"valve": {"model": "choudhury", "S": 5.0, "J": 2.0}}
+    moved = simulate(loop({"type": "ramp", "amplitude": 6.0, "period": 1.0, "at": "op"}, **sticky))
+    kicked = simulate(loop(**sticky), kick=6.0)
+    np.testing.assert_allclose(moved.record.op[1:150], kicked.record.op[:149], atol=1e-9)
+
+
+def test_compiled_and_plain_give_the_same_bits():
+    fast, slow = (run_setup(resolve_loop(loop(LOAD), 3), plain=p) for p in (False, True))
+    assert np.array_equal(fast.record.op, slow.record.op)
+    assert np.array_equal(fast.record.pv, slow.record.pv)
+    assert np.array_equal(simulate(loop(LOAD), 3).record.pv, fast.record.pv)
+
+
+def test_the_tail_stands_still():
+    setup = resolve_loop(loop(LOAD), 3, tail=50)
+    assert not setup.op_moves[200:].any()
+    assert np.ptp(setup.load_out[199:]) == 0.0
+
+
+def test_an_archive_writes_in_steps_and_repeats_what_it_held():
+    plain = simulate(loop(LOAD), 3)
+    held = [0, 1, 1, 0, 0]
+    kept = simulate(loop(LOAD, archive={"pv_step": 0.5, "pv_held": held, "op_step": 0.1}), 3)
+    expected = 0.5 * np.round(plain.record.pv / 0.5)
+    for k in range(200):
+        if held[k % 5]:
+            expected[k] = expected[k - 1]
+    assert np.array_equal(kept.record.pv, expected)
+    np.testing.assert_allclose(kept.record.op, plain.record.op, atol=0.05 + 1e-9)
+    assert np.array_equal(kept.mv, plain.mv), "the loop itself knows nothing of it"
+
+
+def test_the_columns_may_stand_in_a_file_beside_the_loop_file(tmp_path):
+    rows = "".join(f"{a!r},{b!r},{k % 2}\n" for k, (a, b) in enumerate(zip(OP, PV, strict=True)))
+    (tmp_path / "left.csv").write_text(f"op,output,pv_held\n{rows}")
+    load = {"type": "resampled", "piece": 6.0, "file": "left.csv"}
+    text = loop().to_toml() + (
+        '[archive]\nfile = "left.csv"\n[[disturbance]]\ntype = "resampled"\npiece = 6.0\n'
+        'file = "left.csv"\n'
+    )
+    (tmp_path / "loop.toml").write_text(text)
+    read = load_loop(tmp_path / "loop.toml")
+    assert read == loop(LOAD, archive={"pv_held": [0, 1, 0, 1, 0, 1, 0]})
+    assert Loop.from_table(tomllib.loads(read.to_toml())) == read
+    for content, words in {
+        "a,b\n1,2\n": "has the columns a, b; at least one of op, input, output is needed",
+        "op\n1\nx\n": "line 3: column 1 is 'x'; a number is needed",
+        "op\n": "holds no numbers",
+    }.items():
+        (tmp_path / "left.csv").write_text(content)
+        with pytest.raises(SpecError, match=words):
+            Loop.from_table(BASE | {"disturbance": [load | {"file": str(tmp_path / "left.csv")}]})
+    (tmp_path / "left.csv").unlink()
+    with pytest.raises(SpecError, match=r"left.csv: no such file"):
+        load_loop(tmp_path / "loop.toml")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"piece": 0.5}, "0 samples; 1 to 7 are needed"),
+        ({"piece": 16.0}, "8 samples; 1 to 7 are needed"),
+        ({"op": [1.0, 2.0]}, "columns of one length"),
+        ({"op": None, "output": None}, "no residuals"),
+        ({"op": [1.0, "x"]}, "op is no list of at least 2 numbers"),
+        ({"filter": [1.0, -1.2]}, "filter: unstable: pole at z = 1.2"),
+        ({"filter": 3}, "filter"),
+        ({"pieces": 3}, "did you mean 'piece'"),
+    ],
+)
+def test_what_cannot_be_drawn_is_one_sentence(change, words):
+    with pytest.raises(UserError, match=words) as error:
+        signals(**change)
+    assert "\n" not in str(error.value)
