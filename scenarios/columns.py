@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -56,16 +57,40 @@ def read_columns(path: Path) -> dict[str, list[float]]:
     if len(rows) < 2:
         raise SpecError(f"{path} holds no numbers; a line of names and lines below it are needed")
     head = [name.strip().lower() for name in rows[0]]
-    return {name: [_number(path, i, row, k) for i, row in enumerate(rows[1:], 2)]
-            for k, name in enumerate(head)}  # fmt: skip
+    return {name: _column(path, rows, k) for k, name in enumerate(head)}
 
 
-def _number(path: Path, line: int, row: list[str], k: int) -> float:
-    try:
-        value = float(row[k])
-    except (IndexError, ValueError):
-        value = math.nan
-    if not math.isfinite(value):
-        said = repr(row[k]) if k < len(row) else "missing"
-        raise SpecError(f"{path}: line {line}: column {k + 1} is {said}; a number is needed")
-    return value
+def _column(path: Path, rows: list[list[str]], k: int) -> list[float]:
+    """Return one column, which may end before the others do."""
+    cells = [row[k].strip() if k < len(row) else "" for row in rows[1:]]
+    while cells and not cells[-1]:
+        cells.pop()
+    for line, cell in enumerate(cells, 2):
+        try:
+            finite = math.isfinite(float(cell))
+        except ValueError:
+            finite = False
+        if not finite:
+            raise SpecError(f"{path}: line {line}: column {k + 1} is {cell!r}; a number is needed")
+    return [float(cell) for cell in cells]
+
+
+def in_a_file(table: Mapping[str, Any], file: str) -> tuple[dict[str, Any], str]:
+    """Return a loop's table that names a file in place of the columns of its archive and of its
+    first load that has some, and the text of that file; "" where there are none.
+    """
+    whole, columns = dict(table), {}
+    loads = [dict(part) for part in whole.get("disturbance", [])]
+    first = next((part for part in loads if any(name in part for name in RESIDUALS)), {})
+    for part, names in ((first, RESIDUALS), (dict(whole.get("archive") or {}), _HELD)):
+        found = {name: part.pop(name) for name in names if isinstance(part.get(name), list | tuple)}
+        columns |= found
+        if found:
+            part["file"] = file
+        if names is _HELD and part:
+            whole["archive"] = part
+    if not columns:
+        return dict(table), ""
+    rows = zip_longest(*columns.values(), fillvalue="")
+    text = [",".join(columns), *(",".join(map(str, row)) for row in rows)]
+    return whole | {"disturbance": loads}, "\n".join(text) + "\n"

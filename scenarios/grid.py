@@ -27,6 +27,7 @@ from simbench.scenarios.cell import (
     scenario_id,
     with_ratios,
 )
+from simbench.scenarios.columns import with_columns
 from simbench.scenarios.errors import SpecError, suggestion
 from simbench.scenarios.grid_check import MOST_CELLS, refuse_mistakes
 from simbench.scenarios.spec import (
@@ -543,6 +544,8 @@ def load_grid(
         label, table = str(name), _packaged_table(str(name))
     elif Path(name).suffix == ".toml" or Path(name).exists():
         label, table = Path(name).stem, read_toml(name)
+        if isinstance(table.get("loop"), dict):
+            table["loop"] = with_columns(table["loop"], Path(name).parent, str(name))
     else:
         raise SpecError(
             f"unknown grid {str(name)!r}: {suggestion(str(name), grid_names())}; a TOML file or the"

@@ -558,13 +558,7 @@ class Loop(_Table):
         str
             TOML that `load_loop` reads as the same loop.
         """
-        lines = []
-        for section, content in self.to_table().items():
-            for part in content if isinstance(content, list) else [content]:
-                lines.append(f"[[{section}]]" if isinstance(content, list) else f"[{section}]")
-                lines += [f"{key} = {_toml_value(value)}" for key, value in part.items()]
-                lines.append("")
-        return "\n".join(lines)
+        return toml_of(self.to_table())
 
     def with_(self, key: str, value: Any) -> Self:
         """Return the loop with one dotted key changed, e.g. "controller.Kc" or "valve.S".
@@ -632,6 +626,17 @@ class Loop(_Table):
         )
 
 
+def toml_of(table: Mapping[str, Any]) -> str:
+    """Return a loop's table as the text of a loop file."""
+    lines = []
+    for section, content in table.items():
+        for part in content if isinstance(content, list) else [content]:
+            lines.append(f"[[{section}]]" if isinstance(content, list) else f"[{section}]")
+            lines += [f"{key} = {_toml_value(value)}" for key, value in part.items()]
+            lines.append("")
+    return "\n".join(lines)
+
+
 def _no_key(key: str, value: Any) -> str:
     """Return why a key names nothing of a loop, and what is meant."""
     section, dot, _ = key.partition(".")
@@ -697,8 +702,12 @@ def load_loop(path: str | Path) -> Loop:
     SpecError
         When the file is missing, is no TOML (with the line), or asks for something impossible.
     """
-    table = with_columns(read_toml(path), Path(path).parent, str(path))
-    return Loop.from_table(table, str(path))
+    return Loop.from_table(read_loop(path), str(path))
+
+
+def read_loop(path: str | Path) -> dict[str, Any]:
+    """Read the table of a loop file, with the columns of the files that it names."""
+    return with_columns(read_toml(path), Path(path).parent, str(path))
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:

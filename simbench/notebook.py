@@ -22,7 +22,6 @@ from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 from simbench.scenarios import spec
 from simbench.scenarios.grid import Grid
-from simbench.scenarios.spec import read_toml
 from simbench.theory.predict import predict
 
 if TYPE_CHECKING:
@@ -233,7 +232,7 @@ def load_loop(path: str | Path) -> Loop:
     SpecError
         When the file is missing, is no TOML (with the line), or asks for something impossible.
     """
-    return Loop.from_table(read_toml(path), str(path))
+    return Loop.from_table(spec.read_loop(path), str(path))
 
 
 def run(

@@ -102,12 +102,12 @@ def answer(world: str, seed: int, i: int, entry: dict[str, Any]) -> list[dict[st
         record, baseline = write_item(item, Path(place), "record")
         written = Path(place) / "fixed.toml"
         try:
-            report = diagnose_files([record], baseline, wanted=DiagnosisFiles(write_loop=written))
-            loop, kick = load_loop(written), report.behind.loops.kick(report.named)
+            diagnose_files([record], baseline, wanted=DiagnosisFiles(write_loop=written))
+            loop = load_loop(written)
             predicted = {}
             for name, change in tried.items():
                 changed = loop.with_all(settings(loop, *change))
-                numbers = simulate_seeds(changed, FRESH, kick=kick).as_json()
+                numbers = simulate_seeds(changed, FRESH).as_json()
                 if numbers["oscillates"] <= 0.5:  # as of the true loop
                     numbers["period_s"] = None
                 predicted[name] = {**numbers, "refused": False}

@@ -23,7 +23,8 @@ from simbench.gap.plan.menu import Limits
 from simbench.gap.plan.order import PlannedTests, plan
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, PLUGINS, UNKNOWN
-from simbench.scenarios.spec import checked, read_toml
+from simbench.scenarios.columns import in_a_file
+from simbench.scenarios.spec import checked, read_toml, toml_of
 
 
 @dataclass(frozen=True)
@@ -98,8 +99,10 @@ def diagnose_files(
             "gap diagnose --test needs --baseline LOOP.toml, which all records are compared with"
         )
     inputs = [part for t in tests for part in files_of(t) if part]
+    beside = None if wanted.write_loop is None else columns_beside(Path(wanted.write_loop))
     refuse_own_input(
-        [wanted.html, wanted.write_loop, wanted.picture], [*records, baseline, *inputs, *healthy]
+        [wanted.html, wanted.write_loop, beside, wanted.picture],
+        [*records, baseline, *inputs, *healthy],
     )
     if wanted.picture is not None:
         picture_kind(wanted.picture)
@@ -117,8 +120,7 @@ def diagnose_files(
         assumed = [note for record in read for note in record.notes]
         report = replace(report, notes=tuple(dict.fromkeys([*report.notes, *assumed])))
         if wanted.write_loop is not None:
-            with whole_file(wanted.write_loop) as f:
-                f.write(_loop_text(report, [str(p) for p in records], baseline))
+            _write_loop(report, Path(wanted.write_loop), [str(p) for p in records], baseline)
         if wanted.picture is not None:
             from simbench.figures._style import write_picture
             from simbench.gap.report.sheet import draw_sheet
@@ -220,23 +222,34 @@ def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -
     return cut if manual is None else replace(cut, meta={**cut.meta, "manual": manual[first:last]})
 
 
-def _loop_text(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
-    kick = report.behind.loops.kick(report.named)
+def columns_beside(loop: Path) -> Path:
+    """Return the file beside a loop file that holds its columns of residuals and held samples."""
+    return loop.with_name(f"{loop.stem}.columns.csv")
+
+
+def _write_loop(
+    report: GapReport, path: Path, records: list[str], baseline: str | Path | None
+) -> None:
+    """Write the loop of a report, and its columns beside it where it has some."""
+    beside = columns_beside(path)
+    table, columns = in_a_file(report.fixed_loop().to_table(), beside.name)
+    if columns:
+        with whole_file(beside) as f:
+            f.write(columns)
+    with whole_file(path) as f:
+        f.write(_head(report, records, baseline) + toml_of(table))
+
+
+def _head(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
+    """Return what stands above a written loop, as comments."""
     lines = [
         report.sentence(),
+        *report.identified(),
         f"records: {', '.join(records)}; baseline: {baseline or 'identified'}",
         "set point and length are the record's, load and operating point fitted to it",
     ]
-    if kick:
-        lines.append(
-            f"simulate it with --kick {kick:.3g}: a sticky loop started at rest may stay there"
-        )
     # a name may hold a line break, which would end the comment, or what TOML allows nowhere
-    return (
-        "".join(f"# {printable(' '.join(line.split()))}\n" for line in lines)
-        + "\n"
-        + report.fixed_loop().to_toml()
-    )
+    return "".join(f"# {printable(' '.join(line.split()))}\n" for line in lines) + "\n"
 
 
 def _again(
@@ -255,8 +268,4 @@ def _again(
             numbers = one if isinstance(one, tuple) else () if one is True else (one,)
             words += [f"--{name.replace('_', '-').lower()}", *map(str, numbers)]
     words += ["--write-loop", "fixed.toml"]
-    kick = report.behind.loops.kick(report.named)
-    return [
-        shlex.join(words),
-        "simbench simulate fixed.toml -o fixed.csv" + (f" --kick {kick:.3g}" if kick else ""),
-    ]
+    return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv"]

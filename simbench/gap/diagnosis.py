@@ -22,6 +22,7 @@ from simbench.detectors.repaired import repair_record
 from simbench.detectors.sources import RecordSignals, as_record
 from simbench.gap.candidates import find_look_alikes, smallest_detectable
 from simbench.gap.closed_loop.gap import Shrinkage, within_reach
+from simbench.gap.closed_loop.identified import IdentifiedLoops
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import NOISE_EFFECT, Assessment, assess
@@ -158,7 +159,8 @@ def diagnose_all(
         ordinary = learn(controls) if controls else None
         said += [note for one in controls if (note := _not_healthy(one))]
         assessment, loops = _assess_all(records, baseline, jobs, tests, ordinary)
-        found = report(assessment, weigh_evidence(assessment), ClosedLoops(assessment, seed), loops)
+        kind = ClosedLoops if assessment.situation.trusted else IdentifiedLoops
+        found = report(assessment, weigh_evidence(assessment), kind(assessment, seed), loops)
     return replace(found, notes=(*found.notes, *said))
 
 

@@ -219,9 +219,9 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         if own is None
         else _linear(*own)
     )
-    if (own is None or hasattr(own[0], "linear")) and loop.controller.sign * num[-1] / den[
-        den != 0
-    ][-1] < 0:
+    # the sign of a law in powers of z is that of its num
+    signs = loop.controller.type != "tf" and (own is None or hasattr(own[0], "linear"))
+    if signs and loop.controller.sign * num[-1] / den[den != 0][-1] < 0:
         raise ParameterError(
             "positive feedback: the plant's gain and the controller's direction have opposite signs"
         )

@@ -30,7 +30,7 @@ def as_archived(
         pv = mean_like(situation.record.pv, situation.law.recovered_pv, pv)
     op, pv = (
         unit * np.round(x / unit) if unit > 0.0 else x
-        for x, unit in zip((op, pv), _digits_of(situation))
+        for x, unit in zip((op, pv), digits_of(situation))
     )
     by_effect = _resting_by_effect(situation)
     recorded = situation.op, situation.record.pv
@@ -62,7 +62,7 @@ def _resting_by_effect(s: Situation) -> tuple[bool, bool]:
 
 
 @lru_cache(maxsize=4)
-def _digits_of(s: Situation) -> tuple[float, float]:
+def digits_of(s: Situation) -> tuple[float, float]:
     """Return the steps in which OP and PV are written, or PV of an identified loop is measured;
     computed once per record because it is simulated many times.
     """

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.level import run_with_seeds
 from simbench.gap.closed_loop.summary_features import (
@@ -59,7 +60,9 @@ def simulate_runs(situation: Situation, loop: Loop, seed: int, kick: float = 0.0
     if records is None:
         return None
     part = slice(held_out(situation), None)
-    archived = np.array([as_archived(situation, r.op, r.pv) for r in records])
+    # a loop that states its archive has written its record already
+    kept = (r if loop.archive else as_archived(situation, r.op, r.pv) for r in records)
+    archived = np.array([(r.op, r.pv) if isinstance(r, LoopRecord) else r for r in kept])
     values = features(archived[:, 0, part], archived[:, 1, part], situation.sp[part])
     return Runs(loop, np.array(list(values.values())).T, archived)
 

@@ -4,6 +4,9 @@ the record.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from simbench.detectors.errors import UserError
@@ -61,3 +64,21 @@ def run_with_seeds(loop: Loop, seed: int, count: int, kick: float = 0.0) -> list
     except UserError:
         return None
     return runs if max(float(np.abs(run.pv).max()) for run in runs) < RUNAWAY else None
+
+
+def moved(loop: Loop, kick: float) -> Loop:
+    """Return a loop whose OP is moved by so many % in its first sample."""
+    if not kick:
+        return loop
+    table = loop.to_table()
+    start = {"type": "ramp", "amplitude": kick, "period": loop.sampling.Ts, "at": "op"}
+    # ahead of the others: an echo of a valve's motion must be the last
+    table["disturbance"] = [start, *table["disturbance"]]
+    return Loop.from_table(table, "loop")
+
+
+def kick_of(p: Mapping[str, Any]) -> float:
+    """Return the offset of OP (%) that starts a cycle under an effect of these numbers: only a
+    valve that jumps needs one.
+    """
+    return float(p["S"]) if "J" in p else 0.0

@@ -4,13 +4,13 @@ computed once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.as_given import gap_as_given
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
-from simbench.gap.closed_loop.level import level
+from simbench.gap.closed_loop.level import kick_of, level, moved
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.likelihood.model import Fit
 from simbench.loop.effects import block_of
@@ -42,20 +42,29 @@ class ClosedLoops:
         )
 
     def corrected(self, effects: Sequence[str]) -> Loop:
-        """Return the baseline with some effects in it, at the level of the record."""
+        """Return the baseline with some effects in it, at the level of the record, and with the
+        move of OP that starts their cycle.
+        """
         key = tuple(effects)
         if key not in self.levelled:
-            self.levelled[key] = level(
-                self.fitted.situation, self.loop(effects), self.kick(effects), self.seed
-            )
+            loop = level(self.fitted.situation, self.loop(effects), self._kick(effects), self.seed)
+            self.levelled[key] = moved(loop, self._kick(effects))
         return self.levelled[key]
 
-    def kick(self, effects: Sequence[str]) -> float:
+    def _kick(self, effects: Sequence[str]) -> float:
         """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left
         at rest may stay there.
         """
         known = self.fitted.parameters
         return max((kick_of(known[e]) for e in effects if e in known), default=0.0)
+
+    def adds(self, effects: Sequence[str]) -> bool:
+        """Return whether a simulation with some effects is another one than that without."""
+        return bool(effects)
+
+    def described(self, effects: Sequence[str]) -> list[str]:
+        """Return what was identified, in sentences: of a loop that was given, nothing."""
+        return []
 
     def fit_of(self, effects: Sequence[str]) -> Fit:
         """Return the fit with some effects."""
@@ -75,7 +84,7 @@ class ClosedLoops:
         self, effects: Sequence[str], under: Sequence[str], plant: str = "fitted"
     ) -> Runs | None:
         loop = self.loop(effects, under, plant)
-        return simulate_runs(self.fitted.situation, loop, self.seed, self.kick(effects))
+        return simulate_runs(self.fitted.situation, loop, self.seed, self._kick(effects))
 
     def runs_with(self, effects: Sequence[str]) -> tuple[Runs, Runs, Runs]:
         """Return runs of the baseline, of the recalibrated loop and of that with some effects, all
@@ -116,10 +125,3 @@ class ClosedLoops:
 def load_may_jump(effects: Sequence[str]) -> bool:
     """Return whether none of the effects is what ordinary loads do as well."""
     return all(block_of(e) != "disturbance" for e in effects)
-
-
-def kick_of(p: Mapping[str, float | str]) -> float:
-    """Return the offset of OP (%) that starts a cycle under an effect of these numbers: only a
-    valve that jumps needs one.
-    """
-    return float(p["S"]) if "J" in p else 0.0

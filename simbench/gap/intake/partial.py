@@ -12,7 +12,7 @@ from simbench.gap.candidates import meaningful
 from simbench.gap.intake.identify import identify
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, read_toml
+from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, read_loop
 
 _NEEDED = ("plant", "controller", "sampling")
 
@@ -29,7 +29,7 @@ class Partial:
 
 def read_baseline(path: str | Path) -> Loop | Partial:
     """Read a loop file in which [plant] or [controller], and [sampling], may be missing."""
-    table = read_toml(path)
+    table = read_loop(path)
     missing = frozenset(_NEEDED) - set(table)
     if not missing:
         return Loop.from_table(table, str(path))

@@ -26,13 +26,14 @@ from simbench.figures._style import (
     styled,
 )
 from simbench.gap.closed_loop.remaining import Remaining
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED
+from simbench.gap.report.traces import BASELINE, FIXED, IDENTIFIED, NEAREST, RECORD, TUNED
 
 Traces = Mapping[str, LoopRecord]  # the record and its simulations by name, the record first
 PHONE_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 LOOK = {
     RECORD: (BLACK, "-"),
     BASELINE: (BLUE, "--"),
+    IDENTIFIED: (BLUE, "--"),
     TUNED: (GREEN, "-."),
     FIXED: (RED, "-"),
     NEAREST: (ORANGE, "-"),
@@ -120,7 +121,7 @@ def draw_spectra(traces: Traces) -> Figure:
         for name in (*list(traces)[1:], RECORD):  # the record last, on top
             f, power = spectrum(_signal(traces[name], signal), traces[name].Ts)
             colour, dashes = LOOK[name]
-            wide = 2.0 if name == BASELINE else 1.1
+            wide = 2.0 if name in (BASELINE, IDENTIFIED) else 1.1
             axes.loglog(f, power, color=colour, linestyle=dashes, label=name, linewidth=wide)
         axes.set_ylim(max(power.min(), 1e-8 * power.max()) / 5.0, power.max() * 8.0)
         label(axes, "", f"power of {signal} ({unit})")

@@ -288,7 +288,30 @@ class GapReport:
         )
         likely = "The simulation lacks " if p > LIKELIER else "Nothing is likely; the likeliest is "
         with_it = "".join(f"; with it, {one.format('')}" for one in second)
-        return f"{likely}{first.format(f' ({p:.2f})')}{with_it}."
+        far = "" if self.nearer else "; adding it does not bring the simulation nearer"
+        return f"{likely}{first.format(f' ({p:.2f})')}{with_it}{far}."
+
+    @property
+    def nearer(self) -> bool:
+        """Whether the named effects bring the simulation nearer to the record, or are part of what
+        was identified.
+        """
+        return (
+            not self.named
+            or self.gap.after < self.gap.before
+            or not self.behind.loops.adds(self.named)
+        )
+
+    def identified(self) -> list[str]:
+        """Return what was identified where no baseline was given, in the numbers that people know.
+
+        Returns
+        -------
+        list of str
+            Plant, controller, gain margin, load and archive, a sentence each; empty beside a
+            baseline.
+        """
+        return self.behind.loops.described(self.named)
 
     def nearness(self) -> str:
         """Return how far the simulation is from the record, with the answer in it.
@@ -313,7 +336,7 @@ class GapReport:
         str
             The answer, what remains, the valve, the ranking and the next test, a line each.
         """
-        lines = [self.answer(), self.nearness()]
+        lines = [self.answer(), self.nearness(), *self.identified()]
         if self.remaining:
             lines += ["What remains between record and simulations:"]
             lines += [f"  {line}" for line in self.remaining_lines()]

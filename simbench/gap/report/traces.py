@@ -11,9 +11,10 @@ from simbench.gap.report.result import GapReport, Ranked
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, UNKNOWN
 
-RECORD, BASELINE, TUNED, FIXED, NEAREST = (
+RECORD, BASELINE, IDENTIFIED, TUNED, FIXED, NEAREST = (
     "record",
     "baseline",
+    "identified",
     "recalibrated",
     "with the effect",
     "with the nearest effect",
@@ -31,7 +32,9 @@ def nearest(report: GapReport) -> Ranked | None:
 def gap_sizes(report: GapReport) -> dict[str, float]:
     """Return the gap of every simulation, and both floors, in seed-to-seed standard deviations."""
     g, near = report.gap, nearest(report)
-    sizes = {"before": g.before, "recalibrated": g.recalibrated}
+    sizes = {"before": g.before}
+    if report.behind.found.situation.trusted:
+        sizes["recalibrated"] = g.recalibrated
     if report.named:
         sizes["after"] = g.after
     if near is not None and near.gap_after is not None:
@@ -51,11 +54,14 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     """
     runs, near = report.behind.loops, nearest(report)
     before, tuned, _ = runs.runs_with(report.named)
-    loops = {BASELINE: (before.loop, 0.0), TUNED: (tuned.loop, 0.0)}
+    # an identified loop needs no other calibration
+    loops = {IDENTIFIED: before.loop}
+    if before is not tuned:
+        loops = {BASELINE: before.loop, TUNED: tuned.loop}
     shown = report.named or ([near.effect] if near else [])
     if shown:
-        loops[FIXED if report.named else NEAREST] = (runs.corrected(shown), runs.kick(shown))
-    found = {name: run_with_seeds(loop, 0, 1, kick) for name, (loop, kick) in loops.items()}
+        loops[FIXED if report.named else NEAREST] = runs.corrected(shown)
+    found = {name: run_with_seeds(loop, 0, 1) for name, loop in loops.items()}
     return {RECORD: record_in_percent(report.behind.found.situation)} | {
         name: records[0] for name, records in found.items() if records
     }

@@ -1,17 +1,20 @@
 """Residuals drawn again in pieces, moves of OP, and what an archive does to the samples."""
 
+import re
 import tomllib
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import simbench as sb
 from simbench.detectors.errors import UserError
 from simbench.loop.resampled import drawn
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop, Part, load_loop
 
 OP = [0.1, -0.3, 0.2, 0.4, -0.5, 0.1, 0.0]
@@ -104,6 +107,10 @@ def test_the_columns_may_stand_in_a_file_beside_the_loop_file(tmp_path):
     read = load_loop(tmp_path / "loop.toml")
     assert read == loop(LOAD, archive={"pv_held": [0, 1, 0, 1, 0, 1, 0]})
     assert Loop.from_table(tomllib.loads(read.to_toml())) == read
+    assert sb.load_loop(tmp_path / "loop.toml").to_table() == read.to_table()
+    grid = re.sub(r"(?m)^(\[+)", r"\1loop.", text) + '[axes]\n"plant.K" = [1.0, 2.0]\n'
+    (tmp_path / "grid.toml").write_text(f'title = "own"\n{grid}')
+    assert len(load_grid(tmp_path / "grid.toml")) == 2
     for content, words in {
         "a,b\n1,2\n": "has the columns a, b; at least one of op, input, output is needed",
         "op\n1\nx\n": "line 3: column 1 is 'x'; a number is needed",

@@ -67,8 +67,8 @@ def off_level(place, number):
     file, baseline = write_item(item, place, "loop")
     record = read_record(file)
     report = diagnose(record, load_loop(baseline))
-    loop, kick = report.fixed_loop(), report.behind.loops.kick(report.named)
-    runs = [simulate(loop, seed=100 + i, kick=kick).record for i in range(RUNS)]
+    loop = report.fixed_loop()
+    runs = [simulate(loop, seed=100 + i).record for i in range(RUNS)]
     pairs = (
         (np.mean([getattr(run, name).mean() for run in runs]), getattr(record, name))
         for name in ("op", "pv")

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from simbench.gap.closed_loop.level import kick_of
 from simbench.gap.closed_loop.loop_from_fit import shift_by_ramps
-from simbench.gap.closed_loop.runs import kick_of
 from simbench.gap.effects import (
     Recogniser,
     load_drift,

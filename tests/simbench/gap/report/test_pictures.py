@@ -131,7 +131,7 @@ def test_pictures_fit_on_a_phone_and_every_line_has_the_colour_of_its_loop(draw,
         assert (line.get_alpha() or 1.0) >= 0.8
         assert to_hex(line.get_color()).upper() in colours | {"#6E6E6E"}
     # a law takes the place of the effect, never beside it
-    assert len(colours) == len(LOOK) - 1 == 5
+    assert len(colours) == len(LOOK) - 2 == 5
     assert LOOK["with the law"][0] == LOOK[FIXED][0]
 
 

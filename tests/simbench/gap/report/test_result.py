@@ -21,7 +21,8 @@ def corrected(effects):
     return spec.Loop.from_table(LOOP.with_all(sticky if "stiction" in effects else {}).to_table())
 
 
-DETAILS = SimpleNamespace(loops=SimpleNamespace(corrected=corrected))
+LOOPS = SimpleNamespace(corrected=corrected, adds=bool, described=lambda effects: [])
+DETAILS = SimpleNamespace(loops=LOOPS)
 STUCK = {
     "block": "valve",
     "effect": "stiction",

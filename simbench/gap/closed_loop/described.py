@@ -1,0 +1,105 @@
+"""Say in the numbers that people know what a loop of any order acts like: K, T, Td of its plant,
+Kc, Ti, Td of its controller, and its gain margin.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simbench.loop import plant as plants
+from simbench.scenarios.spec import Controller, Loop, Plant
+from simbench.theory.sampled import phase_crossings
+
+# frequencies at which a controller is compared with PID: from a wave as long as so many samples to
+# one of so many
+_WAVES = (400.0, 10.0)
+_POINTS = 400
+_LITTLE = 0.1  # of a sample: a derivative time below it is none
+
+
+def described(loop: Loop) -> list[str]:
+    """Return plant, controller and gain margin in words, a sentence each.
+
+    >>> loop = Loop.from_table({
+    ...     "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
+    ...     "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0}, "sampling": {"Ts": 1.0}})
+    >>> described(loop)[0]
+    'The plant is of first order: K = 1, T = 10 s, Td = 2 s.'
+    >>> described(loop)[1:]
+    ['The controller is PI: Kc = 1, Ti = 10 s.', 'The gain margin is 5.9.']
+    """
+    lines = [f"The plant {_plant(loop.plant)}.", f"The controller {_controller(loop)}."]
+    margin = gain_margin(loop)
+    return [*lines, f"The gain margin is {margin:.2g}."] if np.isfinite(margin) else lines
+
+
+def _plant(plant: Plant) -> str:
+    like = plants.first_order_like(plant)
+    numbers = {"K": f"{like.K:.3g}", "T": like.T and f"{like.T:.3g} s", "Td": f"{like.Td:.3g} s"}
+    said = ", ".join(f"{name} = {value}" for name, value in numbers.items() if value)
+    if plant.den is None or len(plant.den) == 2:
+        return f"{'integrates' if plant.integrating else 'is of first order'}: {said}"
+    order = np.trim_zeros(np.array(plant.den), "b").size - 1
+    kind = "an integrating one" if plant.integrating else "one of first order"
+    return f"is of order {order} and acts like {kind}: {said}"
+
+
+def _controller(loop: Loop) -> str:
+    c = loop.controller
+    if c.type != "tf":
+        own = {"Kc": f"{c.sign * c.Kc:.3g}", "Ti": c.Ti and f"{c.Ti:.3g} s"}
+        own |= {"Td": c.Td and f"{c.Td:.3g} s"}
+        return f"is {c.type}: " + ", ".join(f"{k} = {v}" for k, v in own.items() if v)
+    Kc, Ki, Kd = _like_pid(c, loop.sampling.Ts)
+    Ti, Td = (Kc / Ki if Ki else np.inf), (Kd / Kc if Kc else 0.0)
+    kind, said = ("PI" if np.isfinite(Ti) else "P"), f"Kc = {Kc:.3g}"
+    if np.isfinite(Ti):
+        said += f", Ti = {Ti:.3g} s"
+    if Td > _LITTLE * loop.sampling.Ts:
+        kind, said = f"{kind}D", f"{said}, Td = {Td:.3g} s"
+    elif Td < -_LITTLE * loop.sampling.Ts:
+        said += f", late by {-Td:.3g} s"
+    order = np.trim_zeros(np.array(c.den), "b").size - 1
+    return f"is of order {order} and acts like {kind}: {said}"
+
+
+def _like_pid(c: Controller, Ts: float) -> tuple[float, float, float]:
+    """Return Kc, Ki (per s) and Kd (s) of the PID that is nearest to a controller in powers of z,
+    by least squares of its response relative to its size (Levy 1959).
+    """
+    w = np.geomspace(*(2.0 * np.pi / (wave * Ts) for wave in _WAVES), _POINTS)
+    s, z = 1j * w, np.exp(1j * w * Ts)
+    law = c.sign * np.polyval(c.num or (), z) / np.polyval(c.den or (), z)
+    X = np.column_stack([np.ones_like(s), 1.0 / s, s]) / np.abs(law)[:, None]
+    y = law / np.abs(law)
+    both = np.vstack([X.real, X.imag]), np.concatenate([y.real, y.imag])
+    Kc, Ki, Kd = np.linalg.lstsq(*both, rcond=None)[0]
+    return float(Kc), float(Ki), float(Kd)
+
+
+def gain_margin(loop: Loop) -> float:
+    """Return the factor on the loop's gain at which it begins to oscillate, by its sampled
+    response; inf where there is none.
+    """
+    Ts = loop.sampling.Ts
+    z = np.exp(1j * np.geomspace(1e-4, np.pi, 20_000))
+    c = loop.controller
+    if c.type == "tf":
+        law = np.polyval(c.num or (), z) / np.polyval(c.den or (), z)
+    elif c.type in ("P", "PI"):
+        law = c.Kc * (1.0 if c.Ti is None else 1.0 + Ts / c.Ti * z / (z - 1.0))
+    else:
+        return np.inf
+    p = loop.plant
+    if p.dt is None:
+        g = plants.sample(*plants.polynomials(p), p.Td, Ts)
+        poles, V = np.linalg.eig(g.A)
+        left, new, old = g.C @ V, np.linalg.solve(V, g.B_new), np.linalg.solve(V, g.B_old)
+        zz = z[:, None]
+        plant = (left * (new + old / zz) / (zz - poles)).sum(axis=1) * z ** -float(g.delay)
+    else:
+        plant = np.polyval(p.num or (), z) / np.polyval(p.den or (), z)
+        plant = plant * z ** -float(round(p.Td / p.dt))
+    L = c.sign * law * plant
+    crossings = phase_crossings(L)
+    return float(1.0 / np.abs(L[crossings[0]])) if crossings.size else np.inf
