@@ -16,6 +16,7 @@ period holds none.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ def drawn(
     for name, column in columns.items():
         signal = p.amplitude * column[at]
         if law is not None and name != "op":
-            signal = np.asarray(lfilter([1.0], _checked(law, where), signal))
+            signal = np.asarray(lfilter([1.0], _denominator(law, where), signal))
         yield name, signal
 
 
@@ -78,9 +79,14 @@ def _column(values: Any, name: str, where: str) -> np.ndarray:
     return column
 
 
-def _checked(law: Any, where: str) -> np.ndarray:
+def _denominator(law: Any, where: str) -> np.ndarray:
     """Return the denominator of a filter, its first number 1."""
     try:
-        return checked_sampled([1.0], [*law], 0)[1]
+        return _checked(tuple(law))
     except (TypeError, ValueError) as error:
         raise ParameterError(f"{where}: filter: {error}") from None
+
+
+@lru_cache(maxsize=16)  # a loop is run with several seeds
+def _checked(law: tuple[float, ...]) -> np.ndarray:
+    return checked_sampled([1.0], [*law], 0)[1]

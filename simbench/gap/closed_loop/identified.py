@@ -27,14 +27,14 @@ class IdentifiedLoops(ClosedLoops):
         self.chosen: dict[tuple[str, ...], Near] = {}
 
     def near(self, effects: Sequence[str]) -> Near:
-        """Return the copy of the record with some effects in it that is nearest to its fitted
-        part.
+        """Return the copy of the record with the friction of some effects in it that is nearest to
+        its fitted part; what else they do is in the copy already.
         """
-        key = tuple(effects)
+        known = self.fitted.parameters
+        key = tuple(e for e in effects if is_friction(e) and e in known)
         if key not in self.chosen:
-            known = self.fitted.parameters
-            valve = [{"name": e, **known[e]} for e in effects if is_friction(e) and e in known]
-            tried = copies(self.fitted.situation, super().corrected(effects), valve)
+            valve = [{"name": e, **known[e]} for e in key]
+            tried = copies(self.fitted.situation, super().corrected(key), valve)
             found = nearest(self.fitted.situation, tried, self.seed)
             if found is None:
                 raise RecordError("no loop that is identified from this record can be simulated")
@@ -69,11 +69,12 @@ class IdentifiedLoops(ClosedLoops):
         """Return runs of the copy without effects, twice, as it needs no other calibration, and of
         that with some effects.
         """
-        key = tuple(effects)
-        if key not in self.arms:
-            bare = self.arms[()][0] if () in self.arms else self._copied([])
+        key = tuple(e for e in effects if is_friction(e))
+        if () not in self.arms:
+            bare = self._copied([])
             self.arms[()] = bare, bare, bare
-            self.arms[key] = bare, bare, self._copied(effects) if key else bare
+        if key not in self.arms:
+            self.arms[key] = *self.arms[()][:2], self._copied(key)
         return self.arms[key]
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:
