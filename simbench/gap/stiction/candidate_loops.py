@@ -13,6 +13,8 @@ import numpy as np
 
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.gap.closed_loop.gap import describe_gap, within_reach
+from simbench.gap.closed_loop.identified import IdentifiedLoops
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.partial import Partial
@@ -74,6 +76,19 @@ class CandidateLoops:
             return None
         shrinkage = self.closed.shrink(self.likelier)
         return shrinkage.after, shrinkage.plant_floor
+
+    @cached_property
+    def misfit(self) -> str:
+        """That no copy of the record with this friction comes near it, in words; "" where one does,
+        or none was identified.
+        """
+        if self.closed is None or self.trusted or FRICTION not in self.closed.fitted.parameters:
+            return ""
+        gap = IdentifiedLoops(self.closed.fitted, 0).shrink([FRICTION])
+        if within_reach(gap.after, gap.plant_floor):
+            return ""
+        far = describe_gap(gap.after, gap.plant_floor)
+        return f"no simulation with this valve comes near the record: the nearest is {far}"
 
     @property
     def probability(self) -> float:

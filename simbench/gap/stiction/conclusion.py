@@ -133,6 +133,8 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     ]
     if loops.shown is not None:
         reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
+    if answer == STICTION and loops.misfit:
+        reasons.append(loops.misfit)
     if answer != STICTION and (slave := slave_note(prepared.record)):
         reasons.append(slave)
     if answer != STICTION and not swings:
