@@ -373,6 +373,12 @@ def report(
     if s.trusted and (stated or weights.first == UNKNOWN):
         # what is not known may be friction, and a valve whose friction is stated is not sound
         weights = weights.with_friction(max(weights.friction, DENIED_BELOW))
+    otherwise = None
+    if s.trusted and weights.first == UNKNOWN and weights.block(UNKNOWN) == "controller":
+        otherwise = runs.with_shown_law()
+    if otherwise is not None:
+        main = otherwise[1]
+        left = remaining(s, main.features)
     named = name_effects(weights, assessment)
     lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
     planned = plan(assessment, weights.probability, runs, most=1)
@@ -398,7 +404,7 @@ def report(
             main.resolvable,
             main.plant_floor,
         ),
-        shrinkage=_shrinkage(main, named),
+        shrinkage=_shrinkage(main, named, otherwise is not None),
         remaining=left,
         blocks=weights.shares,
         next_test=planned.next_test,
@@ -411,6 +417,7 @@ def report(
             main,
             smallest_detectable(s, assessment.base, load_memory(s)),
             next(iter(planned.tests), None),
+            None if otherwise is None else otherwise[0],
         ),
         op_unit=s.record.S_unit,
     )
@@ -482,6 +489,8 @@ def _ranking(
     effects = [e for e in named if e in EFFECTS]
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     sizes = {NONE: (main.before, main.before)}
+    if named[0] == UNKNOWN and main.after < min(main.before, main.recalibrated):
+        sizes[UNKNOWN] = main.before, main.after
     if len(effects) == 1:
         sizes[effects[0]] = main.before, main.after
     for e, _ in ranking[:3]:
@@ -519,9 +528,11 @@ def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
     return (*same, NONE) if answer in assessment.ordinary else same
 
 
-def _shrinkage(main: Shrinkage, named: Sequence[str]) -> dict[str, float] | None:
-    """Return the share of the gap that the named effects close; None where none is claimed."""
-    if main.value is None or named[0] not in EFFECTS:
+def _shrinkage(main: Shrinkage, named: Sequence[str], shown: bool) -> dict[str, float] | None:
+    """Return the share of the gap that the named effects close, or (`shown`) the controller as the
+    record shows it; None where none is claimed.
+    """
+    if main.value is None or not (shown or named[0] in EFFECTS):
         return None
     return {"value": main.value, "lo": main.lo, "hi": main.hi}
 

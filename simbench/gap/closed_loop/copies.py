@@ -68,7 +68,7 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
             table = {
                 **_around(s, fitted, effects),
                 "plant": plant,
-                "controller": _controller(law, s.record.Ts),
+                "controller": controller_of(law, s.record.Ts),
                 "operating_point": {"op0": op0, "pv0": float(s.sp[0])},
                 "disturbance": [load],
             }
@@ -77,6 +77,25 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
                 yield Copy(loop, name, f"{piece * s.record.Ts:.3g}")
             except SpecError:
                 continue  # a pole at the edge of stability
+
+
+def with_shown_law(s: Situation, loop: Loop) -> Loop | None:
+    """Return a loop with the controller that the record shows in place of its own, what that leaves
+    of OP drawn again; None where none is stable.
+    """
+    end = held_out(s)
+    op = s.op[:end]
+    law = regress_law(op, s.sp[:end] - s.record.pv[:end])
+    if law is None:
+        return None
+    left = (law.left + law.constant).tolist()
+    piece = _pieces(op, law.left.size)[0] * s.record.Ts
+    table = loop.to_table() | {"controller": controller_of(law, s.record.Ts)}
+    table["disturbance"] = [
+        {"type": "resampled", "piece": piece, "op": left},
+        *table["disturbance"],
+    ]
+    return Loop.from_table(table, "loop")
 
 
 def _in_travel(s: Situation) -> Situation:
@@ -114,7 +133,7 @@ def _around(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) ->
     return table | {"effect": listed}
 
 
-def _controller(law: Arx, Ts: float) -> dict[str, Any]:
+def controller_of(law: Arx, Ts: float) -> dict[str, Any]:
     """Return the table of a controller whose changes of OP follow a regression."""
     den = np.convolve(law.den, [1.0, -1.0])
     num = law.driven

@@ -28,7 +28,7 @@ def described(loop: Loop) -> list[str]:
     >>> described(loop)[1:]
     ['The controller is PI: Kc = 1, Ti = 10 s.', 'The gain margin is 5.9.']
     """
-    lines = [f"The plant {_plant(loop.plant)}.", f"The controller {_controller(loop)}."]
+    lines = [f"The plant {_plant(loop.plant)}.", f"The controller {controller_words(loop)}."]
     margin = gain_margin(loop)
     return [*lines, f"The gain margin is {margin:.2g}."] if np.isfinite(margin) else lines
 
@@ -44,7 +44,8 @@ def _plant(plant: Plant) -> str:
     return f"is of order {order} and acts like {kind}: {said}"
 
 
-def _controller(loop: Loop) -> str:
+def controller_words(loop: Loop) -> str:
+    """Return what a loop's controller is, or acts like, in words that follow its name."""
     c = loop.controller
     if c.type != "tf":
         own = {"Kc": f"{c.sign * c.Kc:.3g}", "Ti": c.Ti and f"{c.Ti:.3g} s"}

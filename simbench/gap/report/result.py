@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
+from simbench.gap.closed_loop.described import controller_words
 from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
@@ -100,6 +101,8 @@ class DiagnosisDetails:
     shrinkage: Shrinkage
     detectable: dict[str, tuple[float, str]]
     trial: Trial | None = None  # the next test, as it is run
+    # with the controller that the record shows, where the stated one is not what is missing
+    shown_law: Loop | None = None
 
 
 _MOST_LINES = 5  # differences that are put into words
@@ -257,7 +260,8 @@ class GapReport:
         """
         from simbench.notebook import Loop
 
-        return Loop.from_table(self.behind.loops.corrected(self.named).to_table())
+        fixed = self.behind.shown_law or self.behind.loops.corrected(self.named)
+        return Loop.from_table(fixed.to_table())
 
     def sentence(self) -> str:
         """Return the answer and how near the simulation then is to the record.
@@ -281,7 +285,9 @@ class GapReport:
         if self.effect == NONE:
             return f"No unmodelled effect is needed ({p:.2f})."
         if self.effect == UNKNOWN:
-            return f"No known effect explains what is missing ({p:.2f}; block: {self.block})."
+            said = f"No known effect explains what is missing ({p:.2f}; block: {self.block})"
+            law = self.behind.shown_law
+            return said + ("." if law is None else f": the controller {controller_words(law)}.")
         first, *second = (
             words(e["effect"]) + "{}" + self._sizes(e["effect"], e["parameters"], ": ")
             for e in self.effects
@@ -322,7 +328,9 @@ class GapReport:
             The gap, what it was, how far parts of the record are apart, and whether it is near.
         """
         g, near = self.gap, "yes" if self.gap.near else "no"
-        before, it = (f"{g.before:.2f} before; ", "It is then") if self.named else ("", "It is")
+        before, it = "", "It is"
+        if self.named or self.behind.shown_law:
+            before, it = f"{g.before:.2f} before; ", "It is then"
         return (
             f"{it} {g.after:.2f} from the record ({before}parts of the record are"
             f" {g.plant_floor:.2f} apart). Near the record: {near}."

@@ -35,7 +35,7 @@ def gap_sizes(report: GapReport) -> dict[str, float]:
     sizes = {"before": g.before}
     if report.behind.found.situation.trusted:
         sizes["recalibrated"] = g.recalibrated
-    if report.named:
+    if report.named or report.behind.shown_law:
         sizes["after"] = g.after
     if near is not None and near.gap_after is not None:
         sizes["nearest effect"] = near.gap_after
@@ -59,7 +59,9 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     if before is not tuned:
         loops = {BASELINE: before.loop, TUNED: tuned.loop}
     shown = report.named or ([near.effect] if near else [])
-    if shown:
+    if report.behind.shown_law:
+        loops[FIXED] = report.behind.shown_law
+    elif shown:
         loops[FIXED if report.named else NEAREST] = runs.corrected(shown)
     found = {name: run_with_seeds(loop, 0, 1) for name, loop in loops.items()}
     return {RECORD: record_in_percent(report.behind.found.situation)} | {

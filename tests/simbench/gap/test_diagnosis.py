@@ -97,6 +97,9 @@ class Loops:
         self.shrunk.append(list(effects))
         return self.main
 
+    def with_shown_law(self):
+        return None
+
     def rival(self, effects, named):
         return self.rivals.get(tuple(effects))
 

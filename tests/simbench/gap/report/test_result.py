@@ -22,7 +22,7 @@ def corrected(effects):
 
 
 LOOPS = SimpleNamespace(corrected=corrected, adds=bool, described=lambda effects: [])
-DETAILS = SimpleNamespace(loops=LOOPS)
+DETAILS = SimpleNamespace(loops=LOOPS, shown_law=None)
 STUCK = {
     "block": "valve",
     "effect": "stiction",

@@ -54,7 +54,9 @@ def report(effect="stiction", named=("stiction",), n=100, mv=True, ranking=()):
     ranked = ranking or (Ranked("stiction", "valve", 0.9, 4.0, 1.0, {"S": 5.0, "J": 2.0}),)
     return SimpleNamespace(
         effect=effect, named=list(named), ranking=ranked, fixed_loop=lambda: loop(1.2),
-        behind=SimpleNamespace(found=SimpleNamespace(situation=situation), loops=Loops()),
+        behind=SimpleNamespace(
+            found=SimpleNamespace(situation=situation), loops=Loops(), shown_law=None
+        ),
     )  # fmt: skip
 
 
