@@ -86,6 +86,7 @@ def _answer(report: GapReport) -> list[Part]:
     named = [_named(report, e) for e in report.effects if e["effect"] in report.named]
     return [
         *texts([report.answer(), report.nearness()], "strong"),
+        *texts([" ".join(report.identified())] if report.identified() else []),
         Tiles(tiles),
         *([Points(named)] if named else []),
         Text("The valve", "heading"),
@@ -123,14 +124,16 @@ def _look(traces: pictures.Traces, situation: Situation) -> list[Part]:
     ]
     if all(trace.mv is not None for trace in traces.values()):
         drawn.append((pictures.draw_loops("MV", traces, part), f"MV over OP: {shown}"))
-    given = "given" if situation.trusted else "identified from the record"
-    added = "".join(f", and {name} added" for name in traces if name.startswith("with "))
+    given = "the baseline as given, the baseline with K, T and Td recalibrated"
     lost = "" if "baseline" in traces else " The baseline runs away and is not drawn."
+    if not situation.trusted:
+        given, lost = "the loop that was identified from the record", ""
+    added = "".join(f", and {name} added" for name in traces if name.startswith("with "))
     says = (
-        "The record beside simulations of the same length under its set point: the baseline as"
-        f" {given}, the baseline with K, T and Td recalibrated{added}. Same axes; time plots show"
-        " the end of the part on which nothing was fitted. Loads and noise are drawn at random, so"
-        f" shape, size and period should agree, not the phase.{lost}"
+        f"The record beside simulations of the same length under its set point: {given}{added}."
+        " Same axes; time plots show the end of the part on which nothing was fitted. Loads and"
+        " noise are drawn at random, so shape, size and period should agree, not the"
+        f" phase.{lost}"
     )
     return [Text(says), Pictures(drawn)]
 
@@ -175,10 +178,12 @@ def _which(report: GapReport) -> list[Part]:
 def _shrinkage(report: GapReport) -> list[Part]:
     sizes = gap_sizes(report)
     caption = "Gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
-    columns = ["feature", "before", "after" if report.named else "recalibrated"]
+    columns = ["feature", "before", "after" if "after" in sizes else "recalibrated"]
     compared = report.behind.shrinkage.features.items()
     rows = [(name, one.before, one.distance) for name, one in compared]
     features = pd.DataFrame(rows, columns=columns).sort_values("before", ascending=False)
+    if columns[-1] not in sizes:
+        features = features.drop(columns=columns.pop())
     return [
         *texts(report.gap_lines()),
         Text(

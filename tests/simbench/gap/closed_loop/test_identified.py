@@ -18,6 +18,7 @@ from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.nearest import nearest
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
+from simbench.gap.report.page import write_page
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 
@@ -61,6 +62,14 @@ def test_the_copy_of_a_loop_that_no_pi_law_describes_is_near_it(report):
     assert "acts like PID: Kc = 1." in words
     assert "drawn again from what the record left, in pieces of" in words
     assert words in " ".join(report.as_text().split())
+
+
+def test_a_page_shows_the_identified_loop_once_and_says_what_it_is(report, tmp_path):
+    write_page(report, tmp_path / "gap.html", [])
+    text = (tmp_path / "gap.html").read_text(encoding="utf-8")
+    assert " ".join(report.identified()) in text
+    assert "under its set point: the loop that was identified from the record. Same axes" in text
+    assert "recalibrated" not in text
 
 
 def test_nothing_of_the_last_third_is_in_the_load(report, healthy):

@@ -83,6 +83,7 @@ def test_the_answer_has_its_probability_that_of_stiction_and_whether_it_is_near(
     parts = page._answer(
         SimpleNamespace(
             gap=SimpleNamespace(near=False),
+            identified=list,
             shrinkage={"value": -0.08, "lo": -0.25, "hi": 0.0},
             effect="stiction",
             effects=(first,),
