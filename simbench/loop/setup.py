@@ -12,7 +12,7 @@ import numpy as np
 
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.plugins.registry import PluginFolder
-from simbench.loop import controller, plant, sampled_law, sampled_plant, sensor
+from simbench.loop import controller, plant, sensor
 from simbench.loop.elementary import dot, times
 from simbench.loop.parameters import (
     CONTROLLER_PLUGINS,
@@ -21,6 +21,8 @@ from simbench.loop.parameters import (
     resolve,
     valve_parameters,
 )
+from simbench.loop.sampled import law as sampled_law
+from simbench.loop.sampled import plant as sampled_plant
 from simbench.scenarios.polynomials import checked_polynomials
 from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Outer, Part
 
