@@ -159,7 +159,7 @@ def diagnose_all(
         ordinary = learn(controls) if controls else None
         said += [note for one in controls if (note := _not_healthy(one))]
         assessment, loops = _assess_all(records, baseline, jobs, tests, ordinary)
-        kind = ClosedLoops if assessment.situation.trusted else IdentifiedLoops
+        kind = ClosedLoops if assessment.situation.stated_parts else IdentifiedLoops
         found = report(assessment, weigh_evidence(assessment), kind(assessment, seed), loops)
     return replace(found, notes=(*found.notes, *said))
 

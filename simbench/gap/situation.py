@@ -107,6 +107,11 @@ class Situation(Seen):
         return {effect: words for effect, (shows, words) in seen.items() if shows}
 
     @property
+    def stated_parts(self) -> bool:
+        """Whether the baseline's author states its plant or its tuning: else all is identified."""
+        return self.trusted or self.tuned
+
+    @property
     def expected_band(self) -> float:
         """Dead-band (%) of the baseline's valve, 0 of one that jumps or has none."""
         parameters = self.baseline.valve.parameters

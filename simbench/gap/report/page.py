@@ -124,9 +124,10 @@ def _look(traces: pictures.Traces, situation: Situation) -> list[Part]:
     ]
     if all(trace.mv is not None for trace in traces.values()):
         drawn.append((pictures.draw_loops("MV", traces, part), f"MV over OP: {shown}"))
-    given = "the baseline as given, the baseline with K, T and Td recalibrated"
+    given = "given" if situation.trusted else "identified from the record"
+    given = f"the baseline as {given}, the baseline with K, T and Td recalibrated"
     lost = "" if "baseline" in traces else " The baseline runs away and is not drawn."
-    if not situation.trusted:
+    if not situation.stated_parts:
         given, lost = "the loop that was identified from the record", ""
     added = "".join(f", and {name} added" for name in traces if name.startswith("with "))
     says = (

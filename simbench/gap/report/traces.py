@@ -33,7 +33,7 @@ def gap_sizes(report: GapReport) -> dict[str, float]:
     """Return the gap of every simulation, and both floors, in seed-to-seed standard deviations."""
     g, near = report.gap, nearest(report)
     sizes = {"before": g.before}
-    if report.behind.found.situation.trusted:
+    if report.behind.found.situation.stated_parts:
         sizes["recalibrated"] = g.recalibrated
     if report.named or report.behind.shown_law:
         sizes["after"] = g.after

@@ -82,9 +82,10 @@ class CandidateLoops:
         """That no copy of the record with this friction comes near it, in words; "" where one does,
         or none was identified.
         """
-        if self.closed is None or self.trusted or FRICTION not in self.closed.fitted.parameters:
+        fitted = None if self.closed is None else self.closed.fitted
+        if fitted is None or fitted.situation.stated_parts or FRICTION not in fitted.parameters:
             return ""
-        gap = IdentifiedLoops(self.closed.fitted, 0).shrink([FRICTION])
+        gap = IdentifiedLoops(fitted, 0).shrink([FRICTION])
         if within_reach(gap.after, gap.plant_floor):
             return ""
         far = describe_gap(gap.after, gap.plant_floor)
