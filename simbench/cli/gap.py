@@ -85,7 +85,11 @@ def gap_diagnose(
     ] = None,
     write_loop: Annotated[
         Path | None,
-        Option(metavar="FIXED.toml", help="Write a loop file that models the missing effect."),
+        Option(
+            metavar="FIXED.toml",
+            help="Write a loop file that models the missing effect; of an identified loop its"
+            " residuals stand beside it, in FIXED.columns.csv.",
+        ),
     ] = None,
     picture: Annotated[
         Path | None, Option(help="Draw the diagnosis on one sheet to this file (SVG, PNG or PDF).")
