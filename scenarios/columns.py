@@ -35,6 +35,9 @@ def _filled(part: Any, names: tuple[str, ...], folder: Path, where: str) -> Any:
     file = part["file"]
     if not isinstance(file, str) or not file:
         raise SpecError(f"{where}: file = {file!r}; the name of a CSV file is needed")
+    beside = [name for name in names if name in part]
+    if beside:
+        raise SpecError(f"{where}: file and {beside[0]} are given; one of both is needed")
     columns = read_columns(folder / file)
     found = {name: columns[name] for name in names if name in columns}
     if not found:
@@ -47,6 +50,9 @@ def _filled(part: Any, names: tuple[str, ...], folder: Path, where: str) -> Any:
 
 def read_columns(path: Path) -> dict[str, list[float]]:
     """Return the columns of a CSV file of numbers by their names."""
+    # a pipe would be waited for
+    if path.exists() and not path.is_file():
+        raise SpecError(f"{path} is no file; a CSV file of numbers is needed")
     try:
         with path.open(encoding="utf-8-sig", newline="") as lines:
             rows = [row for row in csv.reader(lines) if row]
@@ -79,18 +85,17 @@ def in_a_file(table: Mapping[str, Any], file: str) -> tuple[dict[str, Any], str]
     """Return a loop's table that names a file in place of the columns of its archive and of its
     first load that has some, and the text of that file; "" where there are none.
     """
-    whole, columns = dict(table), {}
-    loads = [dict(part) for part in whole.get("disturbance", [])]
-    first = next((part for part in loads if any(name in part for name in RESIDUALS)), {})
-    for part, names in ((first, RESIDUALS), (dict(whole.get("archive") or {}), _HELD)):
-        found = {name: part.pop(name) for name in names if isinstance(part.get(name), list | tuple)}
+    loads = [dict(part) for part in table.get("disturbance", [])]
+    load = next((part for part in loads if any(name in part for name in RESIDUALS)), {})
+    archive = dict(table.get("archive") or {})
+    columns: dict[str, Any] = {}
+    for part, names in ((load, RESIDUALS), (archive, _HELD)):
+        found = {name: part.pop(name) for name in names if part.get(name)}
         columns |= found
-        if found:
-            part["file"] = file
-        if names is _HELD and part:
-            whole["archive"] = part
+        part |= {"file": file} if found else {}
     if not columns:
         return dict(table), ""
     rows = zip_longest(*columns.values(), fillvalue="")
     text = [",".join(columns), *(",".join(map(str, row)) for row in rows)]
-    return whole | {"disturbance": loads}, "\n".join(text) + "\n"
+    moved = {"disturbance": loads} | ({"archive": archive} if archive else {})
+    return {**table, **moved}, "\n".join(text) + "\n"

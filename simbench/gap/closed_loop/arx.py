@@ -12,6 +12,8 @@ from itertools import product
 import numpy as np
 
 from simbench.gap.controller.regression import solve_least_squares
+from simbench.loop import plant as plants
+from simbench.scenarios.spec import Plant
 
 # orders that are tried: of OP's past changes and past errors, of PV's past and of MV's
 _LAW = tuple(product((0, 1, 2, 4), (1, 2, 4, 8)))
@@ -68,6 +70,19 @@ def regress_noise(noise: np.ndarray) -> Arx:
         left = noise[_MOST:] - noise[_MOST:].mean()
         found = Arx(np.zeros(0), np.zeros(0), 1, float(noise[_MOST:].mean()), left, np.inf)
     return found
+
+
+def in_samples(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return num and den of a plant of first order, or one in powers of z, in rising powers of 1/z,
+    dead time included.
+    """
+    if plant.dt is not None:
+        late = np.zeros(round(plant.Td / plant.dt) + 1)
+        return np.append(late, plant.num or ()), np.array(plant.den)
+    g = plants.sample(*plants.polynomials(plant), plant.Td, Ts)
+    num = np.zeros(g.delay + 3)
+    num[g.delay + 1], num[g.delay + 2] = g.C @ g.B_new, g.C @ g.B_old
+    return num, np.array([1.0, -float(g.A[0, 0])])
 
 
 def _tried(

@@ -1,8 +1,8 @@
 """Loops that copy a record: the plant of first order that was fitted, or one of the order that its
 samples show, under a load that is drawn again from what both leave.
 
-The load of a real plant is no Gaussian process: drawn again in pieces, .65 of 24 real records were
-near, with Gaussian noise of the same spectrum .43.
+The load of a real plant is no Gaussian process: it rests, jumps and comes in bursts. Pieces of what
+a record left keep that, and noise of the same spectrum does not.
 """
 
 from __future__ import annotations
@@ -14,12 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simbench.detectors.signal.filters import lfilter
-from simbench.gap.closed_loop.arx import Arx, regress_law, regress_noise, regress_plant
+from simbench.gap.closed_loop.arx import (
+    Arx,
+    in_samples,
+    regress_law,
+    regress_noise,
+    regress_plant,
+)
 from simbench.gap.closed_loop.as_archived import digits_of
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.level import WITHIN, kick_of, moved
 from simbench.gap.situation import Situation, through_valve
-from simbench.loop import plant as plants
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, Plant
 
@@ -165,10 +170,7 @@ def _first_order(
     """Return as `_as_shown` does what a plant of first order leaves: noise on PV that follows from
     its own past.
     """
-    g = plants.sample(*plants.polynomials(plant), plant.Td, s.record.Ts)
-    num = np.zeros(g.delay + 3)
-    num[g.delay + 1], num[g.delay + 2] = g.C @ g.B_new, g.C @ g.B_old
-    den = np.array([1.0, -float(g.A[0, 0])])
+    num, den = in_samples(plant, s.record.Ts)
     about = float(np.mean(position))
     if plant.integrating:
         moved = np.asarray(lfilter(num, [1.0], position - about)) + float(num.sum()) * about

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from simbench.gap.closed_loop.arx import in_samples
 from simbench.loop import plant as plants
 from simbench.scenarios.spec import Controller, Loop, Plant
 from simbench.theory.sampled import phase_crossings
@@ -91,16 +92,8 @@ def gain_margin(loop: Loop) -> float:
         law = c.Kc * (1.0 if c.Ti is None else 1.0 + Ts / c.Ti * z / (z - 1.0))
     else:
         return np.inf
-    p = loop.plant
-    if p.dt is None:
-        g = plants.sample(*plants.polynomials(p), p.Td, Ts)
-        poles, V = np.linalg.eig(g.A)
-        left, new, old = g.C @ V, np.linalg.solve(V, g.B_new), np.linalg.solve(V, g.B_old)
-        zz = z[:, None]
-        plant = (left * (new + old / zz) / (zz - poles)).sum(axis=1) * z ** -float(g.delay)
-    else:
-        plant = np.polyval(p.num or (), z) / np.polyval(p.den or (), z)
-        plant = plant * z ** -float(round(p.Td / p.dt))
+    num, den = in_samples(loop.plant, Ts)
+    plant = np.polyval(num[::-1], 1.0 / z) / np.polyval(den[::-1], 1.0 / z)
     L = c.sign * law * plant
     crossings = phase_crossings(L)
     return float(1.0 / np.abs(L[crossings[0]])) if crossings.size else np.inf

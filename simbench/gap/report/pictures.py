@@ -26,7 +26,15 @@ from simbench.figures._style import (
     styled,
 )
 from simbench.gap.closed_loop.remaining import Remaining
-from simbench.gap.report.traces import BASELINE, FIXED, IDENTIFIED, NEAREST, RECORD, TUNED
+from simbench.gap.report.traces import (
+    BASELINE,
+    FIXED,
+    IDENTIFIED,
+    NEAREST,
+    RECORD,
+    SHOWN_LAW,
+    TUNED,
+)
 
 Traces = Mapping[str, LoopRecord]  # the record and its simulations by name, the record first
 PHONE_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
@@ -37,7 +45,7 @@ LOOK = {
     TUNED: (GREEN, "-."),
     FIXED: (RED, "-"),
     NEAREST: (ORANGE, "-"),
-    "with the law": (RED, "-"),
+    SHOWN_LAW: (RED, "-"),
 }
 _OF_GAP = {
     "before": BLUE,

@@ -11,12 +11,13 @@ from simbench.gap.report.result import GapReport, Ranked
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, UNKNOWN
 
-RECORD, BASELINE, IDENTIFIED, TUNED, FIXED, NEAREST = (
+RECORD, BASELINE, IDENTIFIED, TUNED, FIXED, SHOWN_LAW, NEAREST = (
     "record",
     "baseline",
     "identified",
     "recalibrated",
     "with the effect",
+    "with the law",
     "with the nearest effect",
 )
 
@@ -60,7 +61,7 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
         loops = {BASELINE: before.loop, TUNED: tuned.loop}
     shown = report.named or ([near.effect] if near else [])
     if report.behind.shown_law:
-        loops[FIXED] = report.behind.shown_law
+        loops[SHOWN_LAW] = report.behind.shown_law
     elif shown:
         loops[FIXED if report.named else NEAREST] = runs.corrected(shown)
     found = {name: run_with_seeds(loop, 0, 1) for name, loop in loops.items()}

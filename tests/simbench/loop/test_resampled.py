@@ -1,5 +1,6 @@
 """Residuals drawn again in pieces, moves of OP, and what an archive does to the samples."""
 
+import os
 import re
 import tomllib
 
@@ -119,6 +120,11 @@ def test_the_columns_may_stand_in_a_file_beside_the_loop_file(tmp_path):
         (tmp_path / "left.csv").write_text(content)
         with pytest.raises(SpecError, match=words):
             Loop.from_table(BASE | {"disturbance": [load | {"file": str(tmp_path / "left.csv")}]})
+    with pytest.raises(SpecError, match="file and op are given; one of both is needed"):
+        Loop.from_table(BASE | {"disturbance": [LOAD | {"file": str(tmp_path / "left.csv")}]})
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(SpecError, match=r"pipe.csv is no file; a CSV file of numbers is needed"):
+        Loop.from_table(BASE | {"disturbance": [load | {"file": str(tmp_path / "pipe.csv")}]})
     (tmp_path / "left.csv").unlink()
     with pytest.raises(SpecError, match=r"left.csv: no such file"):
         load_loop(tmp_path / "loop.toml")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap import diagnose
-from simbench.gap.report.traces import FIXED, compared
+from simbench.gap.report.traces import SHOWN_LAW, compared
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -52,7 +52,7 @@ def test_the_written_loop_has_that_law_and_the_stated_plant(report):
     law = loop.controller
     static = sum(law.num) / np.cumsum(law.den)[:-1].sum()
     assert static == pytest.approx(KC / TI, rel=0.1), "the integral part is the true one's"
-    assert FIXED in compared(report)
+    assert SHOWN_LAW in compared(report)
 
 
 def test_a_law_that_holds_is_not_replaced():
