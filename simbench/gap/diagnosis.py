@@ -374,8 +374,8 @@ def report(
         # what is not known may be friction, and a valve whose friction is stated is not sound
         weights = weights.with_friction(max(weights.friction, DENIED_BELOW))
     otherwise = None
-    if s.trusted and weights.first == UNKNOWN and weights.block(UNKNOWN) == "controller":
-        otherwise = runs.with_shown_law()
+    if s.trusted and weights.first == UNKNOWN:
+        otherwise = runs.as_shown(weights.block(UNKNOWN))
     if otherwise is not None:
         main = otherwise[1]
         left = remaining(s, main.features)
@@ -529,8 +529,8 @@ def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
 
 
 def _shrinkage(main: Shrinkage, named: Sequence[str], shown: bool) -> dict[str, float] | None:
-    """Return the share of the gap that the named effects close, or (`shown`) the controller as the
-    record shows it; None where none is claimed.
+    """Return the share of the gap that the named effects close, or (`shown`) a part of the
+    loop as the record shows it; None where none is claimed.
     """
     if main.value is None or not (shown or named[0] in EFFECTS):
         return None

@@ -73,16 +73,22 @@ def regress_noise(noise: np.ndarray) -> Arx:
 
 
 def in_samples(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return num and den of a plant of first order, or one in powers of z, in rising powers of 1/z,
-    dead time included.
-    """
+    """Return num and den of a sampled plant in rising powers of 1/z, dead time included."""
     if plant.dt is not None:
         late = np.zeros(round(plant.Td / plant.dt) + 1)
         return np.append(late, plant.num or ()), np.array(plant.den)
     g = plants.sample(*plants.polynomials(plant), plant.Td, Ts)
-    num = np.zeros(g.delay + 3)
-    num[g.delay + 1], num[g.delay + 2] = g.C @ g.B_new, g.C @ g.B_old
-    return num, np.array([1.0, -float(g.A[0, 0])])
+    den, late = np.real(np.poly(g.A)), np.zeros(g.delay)
+    new, old = (_numerator(g.A, B, g.C, den) for B in (g.B_new, g.B_old))
+    return np.concatenate([late, np.append(new, 0.0) + np.append(0.0, old)]), den
+
+
+def _numerator(A: np.ndarray, B: np.ndarray, C: np.ndarray, den: np.ndarray) -> np.ndarray:
+    """Return the numbers of C (zI - A)^-1 B over `den`, by its impulse response."""
+    response, x = np.zeros(den.size), B
+    for lag in range(1, den.size):
+        response[lag], x = C @ x, A @ x
+    return np.convolve(response, den)[: den.size]
 
 
 def _tried(

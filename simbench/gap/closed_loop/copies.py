@@ -25,6 +25,7 @@ from simbench.gap.closed_loop.as_archived import digits_of
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.level import WITHIN, kick_of, moved
 from simbench.gap.situation import Situation, through_valve
+from simbench.loop.effects import block_of
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, Plant
 
@@ -36,12 +37,15 @@ _MIDDLE = 50.0  # of OP's travel, where an OP of unknown unit is simulated
 _AT_LIMIT = 0.02  # share of OP's samples at its largest or smallest value, from which it is a limit
 
 
+AS_STATED, AS_SHOWN = "as stated", "as the samples show"
+
+
 class Copy(NamedTuple):
     """A loop that copies a record, and in words what it is made of."""
 
     loop: Loop
-    plant: str  # "first order" or "as the samples show"
-    load: str  # "Gaussian", or how long the pieces are (s)
+    plant: str  # "as stated", "first order" or "as the samples show"
+    load: str  # "as stated", "Gaussian", or how long the pieces are (s)
 
 
 def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> Iterator[Copy]:
@@ -58,18 +62,17 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
     position, kick = op, max((kick_of(effect) for effect in effects), default=0.0)
     for effect in effects:
         position = through_valve(position, s.baseline, s.record.Ts, effect)
-    tables = [("first order", _first_order(fitted.plant, position, pv, s))]
-    shown = regress_plant(position, pv)
-    if shown is not None:
-        tables.append(("as the samples show", _as_shown(shown, s)))
+    tables = [("first order", _as_stated(fitted.plant, position, pv, s))]
+    plant_shown = regress_plant(position, pv)
+    if plant_shown is not None:
+        tables.append((AS_SHOWN, _as_shown(plant_shown, s, s.record.Ts)))
     for name, (plant, op0, left, law_of_left) in tables:
         residuals = {
             "op": (law.left + law.constant).tolist(),
             "output": left.tolist(),
         }
         for piece in _pieces(op, left.size):
-            load = {"type": "resampled", "piece": piece * s.record.Ts, **residuals}
-            load |= {} if law_of_left is None else {"filter": law_of_left}
+            load = _drawn_again(piece * s.record.Ts, law_of_left, residuals)
             table = {
                 **_around(s, fitted, effects),
                 "plant": plant,
@@ -84,23 +87,70 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
                 continue  # a pole at the edge of stability
 
 
-def with_shown_law(s: Situation, loop: Loop) -> Loop | None:
-    """Return a loop with the controller that the record shows in place of its own, what that leaves
-    of OP drawn again; None where none is stable.
+def shown(s: Situation, loop: Loop, block: str) -> Iterator[Copy]:
+    """Yield copies of a stated loop in which one part is as the record shows it, the plainest
+    first: its controller or its load, and, where process or load is otherwise, its plant as well:
+    what a plant of another order leaves remembers as a load does.
+    """
+    if block == "controller":
+        yield from _with_shown_law(s, loop)
+    elif all(block_of(effect.name) != "sensor" for effect in loop.effect):
+        # what a sensor that is stated does to a load cannot be undone
+        yield from _with_shown_load(s, loop, plant_too=block in ("process", "disturbance"))
+
+
+def _with_shown_law(s: Situation, loop: Loop) -> Iterator[Copy]:
+    """Yield a loop with the controller that the record shows in place of its own, what that leaves
+    of OP drawn again.
     """
     end = held_out(s)
     op = s.op[:end]
     law = regress_law(op, s.sp[:end] - s.record.pv[:end])
     if law is None:
-        return None
+        return
     left = (law.left + law.constant).tolist()
-    piece = _pieces(op, law.left.size)[0] * s.record.Ts
-    table = loop.to_table() | {"controller": controller_of(law, s.record.Ts)}
+    # the period that the file states: that of the record may differ from it by its clock
+    Ts = loop.sampling.Ts
+    piece = _pieces(op, law.left.size)[0] * Ts
+    table = loop.to_table() | {"controller": controller_of(law, Ts)}
     table["disturbance"] = [
         {"type": "resampled", "piece": piece, "op": left},
         *table["disturbance"],
     ]
-    return Loop.from_table(table, "loop")
+    yield Copy(Loop.from_table(table, "loop"), AS_STATED, AS_STATED)
+
+
+def _with_shown_load(s: Situation, loop: Loop, plant_too: bool) -> Iterator[Copy]:
+    """Yield a loop whose load is drawn again from what its plant leaves of PV, then one with the
+    plant that the record shows, if that is asked for.
+    """
+    end, Ts = held_out(s), loop.sampling.Ts
+    op, pv = s.op[:end], s.record.pv[:end]
+    position = through_valve(op, loop, Ts)
+    tables = [(AS_STATED, _as_stated(loop.plant, position, pv, s))]
+    if plant_too and (plant := regress_plant(position, pv)) is not None:
+        tables.append((AS_SHOWN, _as_shown(plant, s, Ts)))
+    for name, (table, op0, left, law_of_left) in tables:
+        for piece in _pieces(op, left.size):
+            load = _drawn_again(piece * Ts, law_of_left, {"output": left.tolist()})
+            changed = loop.to_table() | {
+                "plant": table,
+                "operating_point": {"op0": op0, "pv0": float(s.sp[0])},
+                "disturbance": [load],
+            }
+            changed.pop("noise", None)
+            try:
+                yield Copy(Loop.from_table(changed, "loop"), name, f"{piece * Ts:.3g}")
+            except SpecError:
+                continue  # a pole at the edge of stability
+
+
+def _drawn_again(
+    piece: float, law_of_left: list[float] | None, residuals: Mapping[str, list[float]]
+) -> dict[str, Any]:
+    """Return the load that draws residuals again in pieces (s), behind the filter they pass."""
+    load = {"type": "resampled", "piece": piece, **residuals}
+    return load | ({} if law_of_left is None else {"filter": law_of_left})
 
 
 def _in_travel(s: Situation) -> Situation:
@@ -147,37 +197,42 @@ def controller_of(law: Arx, Ts: float) -> dict[str, Any]:
     return {"type": "tf", "num": num.tolist(), "den": den.tolist(), "dt": Ts}
 
 
-def _as_shown(shown: Arx, s: Situation) -> tuple[dict[str, Any], float, np.ndarray, list[float]]:
+def _as_shown(
+    plant: Arx, s: Situation, Ts: float
+) -> tuple[dict[str, Any], float, np.ndarray, list[float]]:
     """Return the table of a plant that was regressed, OP at which it rests on the first set point,
     its residuals with what is left of that, and the filter they pass.
     """
-    den, num = shown.den, shown.driven
+    den, num = plant.den, plant.driven
     size = max(den.size, num.size + 1)
     table = {
         "type": "tf",
         "num": np.append(num, np.zeros(size - 1 - num.size)).tolist(),
         "den": np.append(den, np.zeros(size - den.size)).tolist(),
-        "dt": s.record.Ts,
+        "dt": Ts,
     }
     rest, gain = float(den.sum()) * float(s.sp[0]), float(num.sum())
-    op0 = _within((rest - shown.constant) / gain if gain else np.nan, s)
-    return table, op0, shown.left + shown.constant - (rest - gain * op0), den.tolist()
+    op0 = _within((rest - plant.constant) / gain if gain else np.nan, s)
+    return table, op0, plant.left + plant.constant - (rest - gain * op0), den.tolist()
 
 
-def _first_order(
+def _as_stated(
     plant: Plant, position: np.ndarray, pv: np.ndarray, s: Situation
 ) -> tuple[dict[str, Any], float, np.ndarray, list[float] | None]:
-    """Return as `_as_shown` does what a plant of first order leaves: noise on PV that follows from
-    its own past.
+    """Return as `_as_shown` does what a given plant leaves: noise on PV that follows from its own
+    past.
     """
     num, den = in_samples(plant, s.record.Ts)
     about = float(np.mean(position))
     if plant.integrating:
-        moved = np.asarray(lfilter(num, [1.0], position - about)) + float(num.sum()) * about
+        # what PV moves by in a sample
+        den = np.cumsum(den)[:-1]
+        gain = float(num.sum() / den.sum())
+        moved = np.asarray(lfilter(num, den, position - about)) + gain * about
         noise = regress_noise(np.diff(pv, prepend=pv[0]) - moved)
-        op0 = _within(-noise.constant / noise.den.sum() / float(num.sum()), s)
-        left = noise.left + noise.constant + noise.den.sum() * float(num.sum()) * op0
-        law = np.convolve(noise.den, den)
+        op0 = _within(-noise.constant / noise.den.sum() / gain, s)
+        left = noise.left + noise.constant + noise.den.sum() * gain * op0
+        law = np.convolve(noise.den, [1.0, -1.0])
     else:
         noise = regress_noise(pv - np.asarray(lfilter(num, den, position - about)))
         level = noise.constant / float(noise.den.sum())  # PV at the mean position

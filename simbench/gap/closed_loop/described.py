@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.closed_loop.arx import in_samples
+from simbench.gap.closed_loop.copies import AS_SHOWN, Copy
 from simbench.loop import plant as plants
 from simbench.scenarios.spec import Controller, Loop, Plant
 from simbench.theory.sampled import phase_crossings
@@ -63,6 +64,17 @@ def controller_words(loop: Loop) -> str:
         said += f", late by {-Td:.3g} s"
     order = np.trim_zeros(np.array(c.den), "b").size - 1
     return f"is of order {order} and acts like {kind}: {said}"
+
+
+def shown_words(copy: Copy, block: str) -> str:
+    """Return in words which part of a stated loop the record shows otherwise, and how."""
+    if block == "controller":
+        return f"the controller {controller_words(copy.loop)}"
+    if copy.plant == AS_SHOWN:
+        return f"the plant {_plant(copy.loop.plant)}"
+    if block == "disturbance":
+        return "the load is of another kind than the loop file states"
+    return "a load that is drawn again from the record stands for it"
 
 
 def _like_pid(c: Controller, Ts: float) -> tuple[float, float, float]:

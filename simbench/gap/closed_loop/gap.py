@@ -1,5 +1,5 @@
-"""Measure how far an effect shrinks the gap, by closed-loop simulations of a part of the record
-that was not used for fitting.
+"""Measure how far an effect shrinks the gap, by closed-loop simulations of the last part of the
+record, to which no loop that copies it is fitted.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from simbench.gap.situation import Situation
 from simbench.gap.thresholds import GAP_WIDER, NEAR
 from simbench.scenarios.spec import Loop
 
-_FITTED = 0.65  # first share of the record; on the rest nothing is fitted
+_FITTED = 0.65  # first share of the record, to which loops are fitted that copy it
 # simulations of a loop, and samples of all together. With 8 the gap of 39 real records scattered by
 # 12 % from seed to seed, and of 10 the seed decided whether it was resolvable; with 64 by 6 %, and
 # of 2 (results/gap_seeds.txt). Of a long record, which averages over more cycles itself, fewer will

@@ -38,20 +38,32 @@ def nearest(s: Situation, tried: Iterable[Copy], seed: int = 0) -> Near | None:
     """Return the copy of a record whose simulations are nearest to it between 30 and 65 %, of
     copies as near the plainest; None where none can be simulated.
     """
-    end = held_out(s)
-    part = slice(int(_FROM * s.record.n), end)
-    named = features(s.op[part], s.record.pv[part], s.sp[part])
-    real, least = np.array(list(named.values())), least_spread(named, part.stop - part.start)
+    fitted = FittedPart(s)
     found: list[Near] = []
     repeats = any(np.any(np.diff(x) == 0.0) for x in (s.op, s.record.pv))
     for copy in tried:
         for held in (False, True) if repeats else (False,):
             loop = archived(copy.loop, s, held)
-            records = run_with_seeds(loop.with_("sampling.n", end), seed, _SEEDS)
+            records = run_with_seeds(loop.with_("sampling.n", held_out(s)), seed, _SEEDS)
             if records is None:
                 continue
-            op, pv = (np.array([getattr(r, x)[part] for r in records]) for x in ("op", "pv"))
-            runs = np.array(list(features(op, pv, s.sp[part]).values())).T
-            away = distance(real, runs, seed_spread(runs, least))
-            found.append(Near(copy._replace(loop=loop), held, away))
+            runs = np.array([(r.op, r.pv) for r in records])
+            found.append(Near(copy._replace(loop=loop), held, fitted.distance(runs)))
     return min(found, key=lambda near: near.distance, default=None)
+
+
+class FittedPart:
+    """The part of a record, from 30 to 65 %, by which loops are chosen that were fitted to it."""
+
+    def __init__(self, s: Situation) -> None:
+        self.part = slice(int(_FROM * s.record.n), held_out(s))
+        self.sp = s.sp[self.part]
+        named = features(s.op[self.part], s.record.pv[self.part], self.sp)
+        self.real = np.array(list(named.values()))
+        self.least = least_spread(named, self.sp.size)
+
+    def distance(self, runs: np.ndarray) -> float:
+        """Return how far OP and PV of simulations, shape (seeds, 2, n), are from the record."""
+        op, pv = runs[:, 0, self.part], runs[:, 1, self.part]
+        simulated = np.array(list(features(op, pv, self.sp).values())).T
+        return distance(self.real, simulated, seed_spread(simulated, self.least))

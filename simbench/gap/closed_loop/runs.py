@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.as_given import gap_as_given
-from simbench.gap.closed_loop.copies import with_shown_law
+from simbench.gap.closed_loop.copies import Copy, shown
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
 from simbench.gap.closed_loop.level import kick_of, level, moved
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
+from simbench.gap.closed_loop.nearest import FittedPart
 from simbench.gap.likelihood.model import Fit
 from simbench.loop.effects import block_of
 from simbench.scenarios.spec import Loop
@@ -59,17 +60,19 @@ class ClosedLoops:
         known = self.fitted.parameters
         return max((kick_of(known[e]) for e in effects if e in known), default=0.0)
 
-    def with_shown_law(self) -> tuple[Loop, Shrinkage] | None:
-        """Return the recalibrated loop with the controller that the record shows, and what it
-        closes; None where it closes nothing.
+    def as_shown(self, block: str) -> tuple[Copy, Shrinkage] | None:
+        """Return the recalibrated loop with the part of a block that no known effect explains as
+        the record shows it, and what that closes; None where it closes nothing.
         """
         s, (before, again, _) = self.fitted.situation, self.runs_with([])
-        loop = with_shown_law(s, again.loop)
-        after = None if loop is None else simulate_runs(s, loop, self.seed)
-        if loop is None or after is None:
+        fitted = FittedPart(s)
+        tried = [(c, simulate_runs(s, c.loop, self.seed)) for c in shown(s, again.loop, block)]
+        found = [(c, runs) for c, runs in tried if runs is not None]
+        if not found:
             return None
+        copy, after = min(found, key=lambda one: fitted.distance(one[1].archived))
         closed = measure(s, before, again, after, seed=self.seed)
-        return (loop, closed) if closed.after < min(closed.before, closed.recalibrated) else None
+        return (copy, closed) if closed.after < min(closed.before, closed.recalibrated) else None
 
     def adds(self, effects: Sequence[str]) -> bool:
         """Return whether a simulation with some effects is another one than that without."""

@@ -32,7 +32,7 @@ from simbench.gap.report.traces import (
     IDENTIFIED,
     NEAREST,
     RECORD,
-    SHOWN_LAW,
+    SHOWN,
     TUNED,
 )
 
@@ -45,7 +45,7 @@ LOOK = {
     TUNED: (GREEN, "-."),
     FIXED: (RED, "-"),
     NEAREST: (ORANGE, "-"),
-    SHOWN_LAW: (RED, "-"),
+    SHOWN: (RED, "-"),
 }
 _OF_GAP = {
     "before": BLUE,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
-from simbench.gap.closed_loop.described import controller_words
+from simbench.gap.closed_loop.copies import Copy
+from simbench.gap.closed_loop.described import shown_words
 from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
@@ -101,8 +102,9 @@ class DiagnosisDetails:
     shrinkage: Shrinkage
     detectable: dict[str, tuple[float, str]]
     trial: Trial | None = None  # the next test, as it is run
-    # with the controller that the record shows, where the stated one is not what is missing
-    shown_law: Loop | None = None
+    # with the controller, the load or the plant that the record shows, where no known effect is
+    # what is missing
+    shown: Copy | None = None
 
 
 _MOST_LINES = 5  # differences that are put into words
@@ -260,7 +262,8 @@ class GapReport:
         """
         from simbench.notebook import Loop
 
-        fixed = self.behind.shown_law or self.behind.loops.corrected(self.named)
+        shown = self.behind.shown
+        fixed = self.behind.loops.corrected(self.named) if shown is None else shown.loop
         return Loop.from_table(fixed.to_table())
 
     def sentence(self) -> str:
@@ -286,8 +289,8 @@ class GapReport:
             return f"No unmodelled effect is needed ({p:.2f})."
         if self.effect == UNKNOWN:
             said = f"No known effect explains what is missing ({p:.2f}; block: {self.block})"
-            law = self.behind.shown_law
-            return said + ("." if law is None else f": the controller {controller_words(law)}.")
+            shown = self.behind.shown
+            return said + ("." if shown is None else f": {shown_words(shown, self.block)}.")
         first, *second = (
             words(e["effect"]) + "{}" + self._sizes(e["effect"], e["parameters"], ": ")
             for e in self.effects
@@ -329,7 +332,7 @@ class GapReport:
         """
         g, near = self.gap, "yes" if self.gap.near else "no"
         before, it = "", "It is"
-        if self.named or self.behind.shown_law:
+        if self.named or self.behind.shown:
             before, it = f"{g.before:.2f} before; ", "It is then"
         return (
             f"{it} {g.after:.2f} from the record ({before}parts of the record are"
@@ -399,11 +402,11 @@ class GapReport:
         ]
         if s is not None:
             value, lo, hi = (100 * s[k] for k in ("value", "lo", "hi"))
-            removes = "removes" if value > 0 else "does not remove any"
-            share = f" {value:.0f} %" if value > 0 else ""
+            removes = f"removes {value:.0f} %" if value > 0 else "does not remove any"
+            what = "what the record shows" if self.behind.shown else "the effect"
             lines.append(
-                f"Of the gap above the floor, the effect {removes}{share} (90 % interval"
-                f" {lo:.0f} to {hi:.0f} %)."
+                f"Of the gap above the floor, {what} {removes} (90 % interval {lo:.0f} to"
+                f" {hi:.0f} %)."
             )
         elif not g.resolvable:
             lines.append("The gap does not stand out of the floor, so no reduction is claimed.")

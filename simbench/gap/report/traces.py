@@ -11,13 +11,13 @@ from simbench.gap.report.result import GapReport, Ranked
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, UNKNOWN
 
-RECORD, BASELINE, IDENTIFIED, TUNED, FIXED, SHOWN_LAW, NEAREST = (
+RECORD, BASELINE, IDENTIFIED, TUNED, FIXED, SHOWN, NEAREST = (
     "record",
     "baseline",
     "identified",
     "recalibrated",
     "with the effect",
-    "with the law",
+    "as the record shows it",
     "with the nearest effect",
 )
 
@@ -36,7 +36,7 @@ def gap_sizes(report: GapReport) -> dict[str, float]:
     sizes = {"before": g.before}
     if report.behind.found.situation.stated_parts:
         sizes["recalibrated"] = g.recalibrated
-    if report.named or report.behind.shown_law:
+    if report.named or report.behind.shown:
         sizes["after"] = g.after
     if near is not None and near.gap_after is not None:
         sizes["nearest effect"] = near.gap_after
@@ -60,8 +60,8 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     if before is not tuned:
         loops = {BASELINE: before.loop, TUNED: tuned.loop}
     shown = report.named or ([near.effect] if near else [])
-    if report.behind.shown_law:
-        loops[SHOWN_LAW] = report.behind.shown_law
+    if report.behind.shown:
+        loops[SHOWN] = report.behind.shown.loop
     elif shown:
         loops[FIXED if report.named else NEAREST] = runs.corrected(shown)
     found = {name: run_with_seeds(loop, 0, 1) for name, loop in loops.items()}

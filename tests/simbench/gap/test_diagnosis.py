@@ -97,7 +97,7 @@ class Loops:
         self.shrunk.append(list(effects))
         return self.main
 
-    def with_shown_law(self):
+    def as_shown(self, block):
         return None
 
     def rival(self, effects, named):

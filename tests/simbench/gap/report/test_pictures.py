@@ -21,7 +21,7 @@ from simbench.gap.report.pictures import (
     fill_ranking,
     spectrum,
 )
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, TUNED
+from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, SHOWN, TUNED
 from simbench.html.document import Points, Text, Tiles
 
 SHARES = {"controller": 0.12, "valve": 0.62, "process": 0.0, "disturbance": 0.2, "sensor": 0.06}
@@ -131,9 +131,9 @@ def test_pictures_fit_on_a_phone_and_every_line_has_the_colour_of_its_loop(draw,
         assert 0.6 <= line.get_linewidth() <= 2.0
         assert (line.get_alpha() or 1.0) >= 0.8
         assert to_hex(line.get_color()).upper() in colours | {"#6E6E6E"}
-    # a law takes the place of the effect, never beside it
+    # what the record shows takes the place of the effect, never beside it
     assert len(colours) == len(LOOK) - 2 == 5
-    assert LOOK["with the law"][0] == LOOK[FIXED][0]
+    assert LOOK[SHOWN][0] == LOOK[FIXED][0]
 
 
 @pytest.mark.parametrize(("signal", "up", "lines"), [("PV", "PV", 2), ("OP", "OP (%)", 1)])

@@ -22,7 +22,7 @@ def corrected(effects):
 
 
 LOOPS = SimpleNamespace(corrected=corrected, adds=bool, described=lambda effects: [])
-DETAILS = SimpleNamespace(loops=LOOPS, shown_law=None)
+DETAILS = SimpleNamespace(loops=LOOPS, shown=None)
 STUCK = {
     "block": "valve",
     "effect": "stiction",

@@ -55,7 +55,7 @@ def report(effect="stiction", named=("stiction",), n=100, mv=True, ranking=()):
     return SimpleNamespace(
         effect=effect, named=list(named), ranking=ranked, fixed_loop=lambda: loop(1.2),
         behind=SimpleNamespace(
-            found=SimpleNamespace(situation=situation), loops=Loops(), shown_law=None
+            found=SimpleNamespace(situation=situation), loops=Loops(), shown=None
         ),
     )  # fmt: skip
 
