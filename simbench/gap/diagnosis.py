@@ -43,12 +43,13 @@ from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import (
     Conclusion,
+    at_rest,
     from_posterior,
     from_record,
     judged,
     without,
 )
-from simbench.gap.stiction.friction import refuse_unweighable
+from simbench.gap.stiction.friction import as_believed, refuse_unweighable, stands
 from simbench.gap.stiction.probability import pool_log_odds
 from simbench.gap.stiction.visible import visible
 from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
@@ -231,7 +232,9 @@ def _assess_one(
     """
     # 1. the record and the baseline: can they be compared, and what does the baseline not say?
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
+    record, of_mv = as_believed(record)
     loop, given, completions = complete_baseline(record, baseline)
+    completions = [*completions, *of_mv]
     if ordinary is not None:
         completions = [*completions, ordinary.note(loop, record.duration)]
         loop = ordinary.stated_in(loop, record.Ts)
@@ -382,7 +385,9 @@ def report(
     named = name_effects(weights, assessment)
     lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
     planned = plan(assessment, weights.probability, runs, most=1)
-    if s.trusted and not loops:
+    if stands(s.record):
+        conclusion = at_rest(s.record)
+    elif s.trusted and not loops:
         advice = planned.next_test
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
         conclusion = from_posterior(weights, named, assessment, shown, test)

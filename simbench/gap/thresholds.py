@@ -253,6 +253,36 @@ PER_APART = AnswerThreshold(
 MORE_NOISE = AnswerThreshold(
     1.1, "times the stated noise", "from which it is told that there is more", _WITHHELD
 )
+MV_TRUE = AnswerThreshold(
+    0.9, "probability", "that a recorded MV is the position of the valve, before looking", _CHOICE
+)
+SEIZED = AnswerThreshold(
+    0.9,
+    "probability",
+    "of stiction where MV stands while OP moves, and PV does not follow OP",
+    _CHOICE,
+)
+MV_PER_NAT = AnswerThreshold(
+    0.2,
+    "log-odds",
+    "against MV, per nat by which PV follows from OP rather than from it",
+    _CHOICE,
+)
+MV_SCALE_NATS = AnswerThreshold(
+    10.0, "nats", "that a scale of MV must bring over every valve in the unit of OP", _CHOICE
+)
+MV_STANDS = AnswerThreshold(
+    10.0, "times MV's noise", "that OP must move by while MV stands", _CHOICE
+)
+MV_STANDS_FOR = AnswerThreshold(
+    0.25, "share of the record", "at its end, in which a valve that does not move stands", _CHOICE
+)
+MV_FOLLOWED = AnswerThreshold(
+    0.5,
+    "share of PV's standard deviation",
+    "by which PV must follow OP while MV stands, for the transmitter of MV to be the one at fault",
+    _CHOICE,
+)
 BY_MV = AnswerThreshold(
     10.0, "nats", "that a valve identified from MV must bring to be put before the plant", _CHOICE
 )

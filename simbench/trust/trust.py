@@ -27,8 +27,8 @@ from simbench.detectors.verdict import STICTION, Verdict
 from simbench.gap.closed_loop.gap import describe_gap, within_reach
 from simbench.gap.diagnosis import diagnose_all
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops, loops_of
-from simbench.gap.stiction.conclusion import Conclusion, from_record
-from simbench.gap.stiction.friction import in_percent, refuse_unweighable
+from simbench.gap.stiction.conclusion import Conclusion, at_rest, from_record
+from simbench.gap.stiction.friction import in_percent, refuse_unweighable, stands
 from simbench.loop.resolve import friction
 from simbench.scenarios.spec import Loop, load_loop
 from simbench.trust.power import (
@@ -159,7 +159,8 @@ def _trust(record: LoopRecord, loop: Loop | None, names: list[str], effort: _Eff
     try:
         if loop is None:
             candidates = candidate_loops(record)
-            conclusion = from_record(prepared, candidates)[0]
+            moves = not stands(record)
+            conclusion = from_record(prepared, candidates)[0] if moves else at_rest(record)
         else:
             conclusion, candidates = _with_loop(record, loop)
     except UserError as why:

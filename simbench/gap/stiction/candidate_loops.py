@@ -49,8 +49,8 @@ class CandidateLoops:
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
     oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
     `percent` how many of the record's `S_unit` one % is; `shown` is which stiction would have
-    shown, where the evidence speaks against it. `likelier` are the effects of the likelier loop,
-    `closed` simulates it.
+    shown, where the evidence speaks against it, and `of_mv` what is wrong with MV. `likelier` are
+    the effects of the likelier loop, `closed` simulates it.
     """
 
     record: LoopRecord
@@ -65,6 +65,7 @@ class CandidateLoops:
     gain: float = 0.0
     outside: float = 0.0
     shown: Visible | None = None
+    of_mv: tuple[str, ...] = ()
     likelier: tuple[str, ...] = ()
     closed: ClosedLoops | None = None
 
@@ -107,9 +108,9 @@ class CandidateLoops:
         """Time constant (s) and damping of a valve that overshoots OP without friction, as MV shows
         it; None where it does not, or was not recorded.
         """
-        if self.closed is None or self.record.mv is None:
+        s = None if self.closed is None else self.closed.fitted.situation
+        if s is None or s.record.mv is None:
             return None
-        s = self.closed.fitted.situation
         found = positioner(MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.op))
         return None if found is None else found[1]
 
@@ -131,7 +132,8 @@ def candidate_loops(record: LoopRecord, known: Partial | None = None) -> Candida
     """
     weighed = friction_of(record) if known is None else friction(record, known)
     found = loops_of(record, weighed.assessment, weighed.log_odds)
-    return replace(found, gain=weighed.evidence.gain, shown=weighed.shown)
+    of_mv = () if weighed.told is None else weighed.told.notes
+    return replace(found, gain=weighed.evidence.gain, shown=weighed.shown, of_mv=of_mv)
 
 
 def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> CandidateLoops:

@@ -36,11 +36,13 @@ from simbench.loop.effects import NONE
 
 STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
 POSITIONER = "positioner"
+AT_REST = "the valve does not move"
 STEPPED = "threshold in the controller"
 SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", NONE, "cannot tell"
 _BLOCK = {
     STICKING: "valve",
     POSITIONER: "valve",
+    AT_REST: "valve",
     TIGHT: "controller",
     STEPPED: "controller",
     AT_LIMIT: "controller",

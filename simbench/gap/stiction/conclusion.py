@@ -26,11 +26,12 @@ from simbench.gap.effects import is_friction
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.cascade import slave_note
-from simbench.gap.stiction.causes import Causes, find_causes
+from simbench.gap.stiction.causes import Cause, Causes, find_causes
+from simbench.gap.stiction.friction import stands
 from simbench.gap.stiction.probability import verdict
 from simbench.gap.stiction.sizes import Size, describe_sizes, sizes_of
 from simbench.gap.stiction.visible import Visible
-from simbench.gap.thresholds import LIKELIER
+from simbench.gap.thresholds import LIKELIER, SEIZED
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
@@ -45,6 +46,10 @@ _NEXT = {
     why.STEPPED: "let OP be sent after smaller changes, then record again",
     why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
 }
+_STROKE = (
+    "check air supply, positioner and whether the valve is in manual or jammed; then stroke it by"
+    " hand"
+)
 _NOTHING = "nothing to do"
 _RECORD_AGAIN = (
     "get a record that can be judged: in automatic mode, uncompressed, 20 to 60 samples per"
@@ -107,11 +112,21 @@ class Conclusion:
 def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed."""
     record = repair_record(record)
+    if stands(record):
+        conclusion = at_rest(record)
+        cause = Cause(why.AT_REST, float(SEIZED), (conclusion.reason,))
+        return conclusion, Causes(cause, (cause,))
     try:
         loops: CandidateLoops | str = candidate_loops(record)
     except UserError as reason:
         loops = str(reason)
     return from_record(Prepared(replace(record, mv=None)), loops)
+
+
+def at_rest(record: LoopRecord) -> Conclusion:
+    """Conclude of a valve that does not move, which needs no model."""
+    reason = "MV stands while OP moves by many times its noise, and PV does not follow OP either"
+    return Conclusion(STICTION, float(SEIZED), why.AT_REST, reason, _STROKE, record.notes)
 
 
 def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclusion, Causes]:
@@ -135,6 +150,7 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
         reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
     if answer == STICTION and loops.misfit:
         reasons.append(loops.misfit)
+    reasons += loops.of_mv
     if answer != STICTION and (slave := slave_note(prepared.record)):
         reasons.append(slave)
     if answer != STICTION and not swings:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import joblib
 import numpy as np
@@ -28,21 +28,57 @@ from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
+from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.likelihood.valves import friction_regressed
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.any_spectrum import nats_of
 from simbench.gap.stiction.measured import measured_samples, op_range, unheld
+from simbench.gap.stiction.position import (
+    Scale,
+    answers,
+    chance_of_position,
+    repeats,
+    scale_of,
+    standing,
+    worth,
+)
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability
 from simbench.gap.stiction.visible import Visible, visible
-from simbench.gap.thresholds import DENIED_BELOW, LEAST_REGRESSED, MEASURED, SHORTEST_ASKED
+from simbench.gap.thresholds import (
+    DENIED_BELOW,
+    LEAST_REGRESSED,
+    LIKELIER,
+    MEASURED,
+    MV_SCALE_NATS,
+    SHORTEST_ASKED,
+)
 from simbench.loop.effects import EFFECTS, block_of
 
 OUTSIDE = "oscillation"  # what swings a sound loop
+FROZEN = (
+    "MV stands while PV follows OP, as no valve does: its transmitter is frozen, and the answer"
+    " rests on OP and PV"
+)
+ECHO = "MV repeats OP, as an echo of the command does, and the answer rests on OP and PV"
+NO_POSITION = (
+    "PV follows from OP better than from MV: MV is not the position of the valve's trim (feedback"
+    " ahead of the fault, an echo of the command), and the answer rests on OP and PV"
+)
 _NOTHING = -10.0  # nats of friction that could not be fitted
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
 _GRID = 1e-8
 _ROOM = 2.0  # number of OP ranges left free on either side of a record whose unit of OP is unknown
+
+
+class Told(NamedTuple):
+    """The log-odds of stiction by MV and PV together, the record with MV in the unit of OP, or
+    without one that is not the valve's position, and what is wrong with MV, in a sentence each.
+    """
+
+    log_odds: float
+    record: LoopRecord
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +93,13 @@ class Friction:
     evidence: FrictionEvidence
     views: tuple[Assessment, ...] = ()
     shown: Visible | None = None
+    told: Told | None = None
 
     @property
     def log_odds(self) -> float:
         """Log-odds of stiction: where friction would not have shown, nothing is denied."""
+        if self.told is not None:
+            return self.told.log_odds
         odds = log_odds(self.evidence)
         denied = self.shown is None or not self.shown.open
         return odds if denied else max(odds, float(logit(DENIED_BELOW)))
@@ -106,10 +145,108 @@ def friction(record: LoopRecord, known: Partial | None = None) -> Friction:
     refuse_unweighable(record)
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
-        weighed = _weighed(record, known)
-        if probability(log_odds(weighed.evidence)) >= DENIED_BELOW:
-            return weighed
-        return replace(weighed, shown=visible(weighed.views or (weighed.assessment,)))
+        if record.mv is None:
+            return _asked(_weighed(record, known))
+        return _with_mv(record, known)
+
+
+def _asked(weighed: Friction) -> Friction:
+    """Return what was weighed, with what would have shown where it speaks against friction."""
+    if probability(log_odds(weighed.evidence)) >= DENIED_BELOW:
+        return weighed
+    return replace(weighed, shown=visible(weighed.views or (weighed.assessment,)))
+
+
+def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
+    """Return what a record with MV shows of friction: MV counts as far as it is the position of the
+    valve, and OP and PV alone where it is not.
+    """
+    alone = _asked(_weighed(record.without_mv(), known))
+    percent = in_percent(record)[0]
+    op, mv = np.asarray(percent.op), np.asarray(record.mv, dtype=float)
+    if standing(op, mv) is not None:
+        return replace(alone, told=Told(alone.log_odds, record.without_mv(), (FROZEN,)))
+    copy = repeats(op, mv)
+    true = chance_of_position(*_worth(alone, mv), alone.log_odds, copy)
+    try:
+        by_mv, scale = _in_scale(record, known, alone.fitted)
+    except RecordError as why:
+        notes = (f"{why}; the answer rests on OP and PV",)
+        return replace(alone, told=Told(alone.log_odds, record.without_mv(), notes))
+    p = true * by_mv.probability + (1.0 - true) * alone.probability
+    notes = [scale.sentence()] if record.op_percent is not None else []
+    if true < LIKELIER:
+        notes.append(ECHO if copy else NO_POSITION)
+    main, believed = alone, record.without_mv()
+    if true >= LIKELIER:
+        main = by_mv
+        believed = record if scale == Scale() else replace(record, mv=scale.undone(mv))
+    return replace(main, told=Told(float(logit(p)), believed, tuple(filter(None, notes))))
+
+
+def _worth(alone: Friction, mv: np.ndarray) -> tuple[float, float]:
+    """Return the nats by which PV follows from MV rather than from OP through a sound and through a
+    sticking valve; none where the archive holds PV, which has fewer samples than MV then.
+    """
+    views = alone.views or (alone.assessment,)
+    if views[0].situation.record.n != mv.size:
+        return 0.0, 0.0
+    sound, sticky = (max((_priced(v, e) for v in views), key=np.sum) for e in (None, FRICTION))
+    return worth(views, sound, sticky, mv)
+
+
+def _in_scale(
+    record: LoopRecord, known: Partial | None, fitted: tuple[float, float] | None
+) -> tuple[Friction, Scale]:
+    """Return what MV shows of friction, and its scale, where one explains it plainly better than
+    every valve in the unit of OP.
+    """
+    op, mv = np.asarray(in_percent(record)[0].op), np.asarray(record.mv, dtype=float)
+    scale, nats = scale_of(MapSearch(op, mv, record.Ts, op), fitted)
+    try:
+        by_mv = _weighed(record, known)
+    except RecordError:
+        if nats <= MV_SCALE_NATS:
+            raise
+    else:
+        rows = nats_of_rows(by_mv.assessment.rows)
+        valve = max((n for e, n in rows.items() if block_of(e) == "valve"), default=0.0)
+        if nats <= max(valve, 0.0) + MV_SCALE_NATS:
+            return _asked(by_mv), Scale()
+    return _asked(_weighed(replace(record, mv=scale.undone(mv)), known)), scale
+
+
+def as_believed(record: LoopRecord) -> tuple[LoopRecord, tuple[str, ...]]:
+    """Return a record with MV in the unit of OP, or without one that is not the position of its
+    valve, and what is wrong with MV; one whose valve does not move, or that cannot be weighed, as
+    it is.
+    """
+    if record.mv is None or stands(record):
+        return record, ()
+    try:
+        told = friction_of(record).told
+    except UserError:
+        return record, ()
+    return (record, ()) if told is None else (told.record, told.notes)
+
+
+def stands(record: LoopRecord) -> bool:
+    """Return whether the valve does not move: MV stands while OP moves, and PV does not follow OP
+    either.
+    """
+    if record.mv is None:
+        return False
+    percent = in_percent(record)[0]
+    mv = np.asarray(record.mv, dtype=float)
+    here = standing(np.asarray(percent.op), mv)
+    if here is None:
+        return False
+    part = without_last_bits(percent.without_mv()).with_signals(lambda x: x[here], Ts=record.Ts)
+    try:
+        with one_thread():
+            return not any(answers(view, mv[here]) for view in _identified(part))
+    except UserError:
+        return True  # PV does not answer to OP at all
 
 
 def _weighed(record: LoopRecord, known: Partial | None) -> Friction:
