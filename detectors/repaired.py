@@ -18,6 +18,7 @@ from simbench.detectors.signal.spikes import cleaned
 # ranges of nine tenths of a signal, by which a sample lies outside that range and cannot belong to
 # it: Gaussian samples 12 standard deviations from their mean, samples of a sine 7 amplitudes
 _FAR = 3.0
+_NEAR = 0.5  # of that distance, within which both neighbours must lie: else a wave runs through
 _AT_ONCE = 5  # samples in a row that are bridged; what lasts longer is no single sample
 # of PV's range, between which it is judged as it was given; beyond them, a limit that guards a
 # division somewhere may be no longer small, or no longer large
@@ -111,7 +112,9 @@ def _without_wild(record: LoopRecord) -> LoopRecord:
 
 
 def _outside(x: np.ndarray) -> np.ndarray:
-    """Return the samples, up to five in a row, that lie far outside all others, by their index."""
+    """Return the samples, up to five in a row, that lie far outside all others, by their index; the
+    top of a wave, whose neighbours are nearly as far out, is none of them.
+    """
     wild = np.zeros(x.size, dtype=bool)
     # one value that stands for "none" may be repeated often, and must not widen the range
     usual = x[(x != x.min()) & (x != x.max())]
@@ -121,7 +124,9 @@ def _outside(x: np.ndarray) -> np.ndarray:
     far = _FAR * (high - low)
     if far > 0.0:
         for begin, end in runs_of((x < low - far) | (x > high + far)):
-            wild[begin:end] = end - begin <= _AT_ONCE
+            beside = x[[k for k in (begin - 1, end) if 0 <= k < x.size]]
+            apart = max(low - float(beside.min()), float(beside.max()) - high, 0.0)
+            wild[begin:end] = end - begin <= _AT_ONCE and apart <= _NEAR * far
     return np.flatnonzero(wild)
 
 

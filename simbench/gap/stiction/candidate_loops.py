@@ -49,8 +49,8 @@ class CandidateLoops:
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
     oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
     `percent` how many of the record's `S_unit` one % is; `shown` is which stiction would have
-    shown, where the evidence speaks against it, and `of_mv` what is wrong with MV. `likelier` are
-    the effects of the likelier loop, `closed` simulates it.
+    shown, where the evidence speaks against it, `unclaimed` why friction is not claimed, `of_mv`
+    what is wrong with MV. `likelier` are the effects of the likelier loop, `closed` simulates it.
     """
 
     record: LoopRecord
@@ -65,6 +65,7 @@ class CandidateLoops:
     gain: float = 0.0
     outside: float = 0.0
     shown: Visible | None = None
+    unclaimed: str = ""
     of_mv: tuple[str, ...] = ()
     likelier: tuple[str, ...] = ()
     closed: ClosedLoops | None = None
@@ -133,7 +134,13 @@ def candidate_loops(record: LoopRecord, known: Partial | None = None) -> Candida
     weighed = friction_of(record) if known is None else friction(record, known)
     found = loops_of(record, weighed.assessment, weighed.log_odds)
     of_mv = () if weighed.told is None else weighed.told.notes
-    return replace(found, gain=weighed.evidence.gain, shown=weighed.shown, of_mv=of_mv)
+    return replace(
+        found,
+        gain=weighed.evidence.gain,
+        shown=weighed.shown,
+        unclaimed=weighed.unclaimed,
+        of_mv=of_mv,
+    )
 
 
 def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> CandidateLoops:

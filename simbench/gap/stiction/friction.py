@@ -17,6 +17,7 @@ from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.conditioning import snapped
 from simbench.detectors.signal.fits.regression import friction_nats
+from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.evidence import nats_of as nats_of_rows
@@ -46,6 +47,7 @@ from simbench.gap.stiction.position import (
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability
 from simbench.gap.stiction.visible import Visible, visible
 from simbench.gap.thresholds import (
+    CLAIMED_FROM,
     DENIED_BELOW,
     LEAST_REGRESSED,
     LIKELIER,
@@ -55,6 +57,7 @@ from simbench.gap.thresholds import (
 )
 from simbench.loop.effects import EFFECTS, block_of
 
+_BELOW = 1e-9  # log-odds, by which what is not claimed stays below the threshold
 OUTSIDE = "oscillation"  # what swings a sound loop
 FROZEN = (
     "MV stands while PV follows OP, as no valve does: its transmitter is frozen, and the answer"
@@ -86,13 +89,15 @@ class Friction:
     """A record's loop fitted with a sound valve, with friction, and with an oscillation from
     outside, and what that showed; `views` are the assessments with each plant that the loop may
     have, the one taken first; `shown` is which stiction would have shown, where the evidence
-    speaks against it.
+    speaks against it; `unclaimed` is why friction that explains the record is not claimed, "" for
+    nothing; `told` is the answer of both signals, where MV was recorded.
     """
 
     assessment: Assessment
     evidence: FrictionEvidence
     views: tuple[Assessment, ...] = ()
     shown: Visible | None = None
+    unclaimed: str = ""
     told: Told | None = None
 
     @property
@@ -101,6 +106,8 @@ class Friction:
         if self.told is not None:
             return self.told.log_odds
         odds = log_odds(self.evidence)
+        if self.unclaimed:
+            odds = min(odds, float(logit(CLAIMED_FROM)) - _BELOW)
         denied = self.shown is None or not self.shown.open
         return odds if denied else max(odds, float(logit(DENIED_BELOW)))
 
@@ -351,10 +358,38 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
     data = views[first].situation.data
     regressed = friction_regressed(data.u, data.y)
-    band = _band_of(views[at[FRICTION]])
-    gain += max(regressed.gain, LEAST_REGRESSED)
+    likeliest = views[at[FRICTION]]
+    evidence = FrictionEvidence(
+        gain + max(regressed.gain, LEAST_REGRESSED), _band_of(likeliest), regressed.cycles
+    )
     order = (views[first], *(v for v in views if v is not views[first]))
-    return Friction(views[first], FrictionEvidence(gain, band, regressed.cycles), order)
+    return Friction(views[first], evidence, order, unclaimed=_unclaimed(likeliest, gain))
+
+
+def _unclaimed(likeliest: Assessment, gain: float) -> str:
+    """Return why friction that may explain PV in a regression is not claimed, given what it gains
+    (nats) in a model of the loop; "" where nothing speaks against a claim.
+    """
+    if gain <= 0.0:
+        return (
+            "a regression of PV finds a band, but no model of the loop with friction explains the"
+            " record better than one without: a gain that changes with load looks like that"
+        )
+    op, S = likeliest.situation.op, float(likeliest.candidates[FRICTION].fit.theta["S"])
+    turned = largest_reversal(op)
+    if S <= turned - written_unit(op):
+        return ""
+    return (
+        f"OP turned by {turned:.3g} % at most, so a band of S = {S:.3g} % was never passed both"
+        " ways"
+    )
+
+
+def largest_reversal(op: np.ndarray) -> float:
+    """Return the size (unit of OP) up to which OP (n,) both rose and fell."""
+    rise = float((op - np.minimum.accumulate(op)).max())
+    fall = float((np.maximum.accumulate(op) - op).max())
+    return min(rise, fall)
 
 
 def _is(view: Assessment, process: str | None) -> bool:

@@ -11,17 +11,21 @@ from random_case import random_case
 from simbench.detectors.errors import RecordError
 from simbench.detectors.judge import judge
 from simbench.detectors.record import PROCESSES, LoopRecord
+from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.gap import diagnose
 from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.valves import Regressed
 from simbench.gap.stiction import any_spectrum as spectrum
 from simbench.gap.stiction import friction as module
+from simbench.gap.stiction.conclusion import judged
 from simbench.gap.stiction.friction import (
     FRICTION,
     friction,
     without_last_bits,
 )
+from simbench.gap.stiction.probability import verdict
+from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.trust.trust import trust
 
 
@@ -96,6 +100,74 @@ def test_friction_must_explain_more_than_the_better_kind_of_plant_without_it():
     price = size_penalty(400, 1.0)
     assert weighed.evidence.gain == pytest.approx(0.02 * NOTHING.size - 4.0 + price)
     assert weighed.assessment is levelled
+
+
+def drifting(rise, digits=6):
+    """Return OP (400,) that rises by so much and falls back by 4 %, and an assessment with a band
+    of 4 %.
+    """
+    op = np.round(
+        np.concatenate([np.linspace(40, 40 + rise, 200), np.linspace(rise, rise - 4, 200) + 40]),
+        digits,
+    )
+    one = view(NOTHING, NOTHING + 0.5)
+    one.situation.op = one.situation.data.u = op
+    return module._unclaimed(one, 100.0)
+
+
+@pytest.mark.parametrize(("rise", "digits"), [(20, 6), (3.9, 6), (20, 0)])
+def test_a_band_that_op_never_passed_both_ways_is_not_claimed(rise, digits):
+    assert "never passed both ways" in drifting(rise, digits)
+
+
+def test_a_band_that_op_passed_both_ways_is():
+    op = 50.0 + 4.0 * np.sin(np.arange(400) / 9.0)
+    one = view(NOTHING, NOTHING + 0.5)
+    one.situation.op = op
+    assert module._unclaimed(one, 100.0) == ""
+    assert "no model of the loop" in module._unclaimed(one, 0.0)
+
+
+@pytest.mark.usefixtures("as_made_up")
+def test_what_a_regression_alone_finds_is_not_claimed(monkeypatch):
+    loud = Regressed(500.0, np.empty((0, 3)), 10.0)
+    monkeypatch.setattr(module, "friction_regressed", lambda op, pv: loud)
+    weighed = module._seen_in([view(NOTHING, NOTHING - 0.001)])
+    assert 0.5 < weighed.probability <= CLAIMED_FROM
+    assert verdict(weighed.probability) == NO_DECISION
+
+
+def rings_at_low_load(Ti, late, sticks=False):
+    """A healthy valve whose flow saturates (quick opening): its loop has three times the gain at
+    low load, where a step of the load takes it.
+    """
+    rng, n = np.random.default_rng(1), 1500
+
+    def flow(u):
+        return 100.0 * (1.0 - np.exp(-u / 28.0)) / (1.0 - np.exp(-100.0 / 28.0))
+
+    op, pv = np.zeros(n), np.zeros(n)
+    waiting, integral, state, position = [60.0] * (late + 1), 60.0, 0.0, 60.0
+    for k in range(n):
+        measured = 50.0 + state + 0.05 * rng.standard_normal()
+        error = 50.0 - measured
+        integral += error / Ti
+        op[k], pv[k] = np.clip(integral + error, 0.0, 100.0), measured
+        if not sticks or abs(op[k] - position) > 3.0:
+            position = op[k]
+        waiting.append(position)
+        load = flow(60.0) - flow(25.0) if k > 700 else 0.0
+        state += (flow(waiting.pop(0)) - flow(60.0) + load - state) / 10.0
+    return LoopRecord(op, pv, 1.0, np.full(n, 50.0))
+
+
+@pytest.mark.parametrize(("Ti", "late"), [(12.0, 3), (20.0, 2)])
+def test_a_gain_that_changes_with_load_is_not_called_stiction(Ti, late):
+    assert judged(rings_at_low_load(Ti, late))[0].verdict != STICTION
+
+
+def test_the_same_loop_with_a_sticking_valve_is():
+    assert judged(rings_at_low_load(20.0, 1, sticks=True))[0].verdict == STICTION
 
 
 def test_what_the_past_explains_needs_no_friction():
