@@ -1,22 +1,37 @@
-"""Evaluate a travel test that was recorded in a plant; read the controller gain off a record."""
+"""Evaluate a travel test that was recorded in a plant: any staircase of OP in manual; read the
+controller gain off a record.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from simbench.confirm.rig import Trace
-from simbench.confirm.travel import MOVE_SHARE, SIGMAS, TravelTest
+from simbench.confirm.travel import SIGMAS, Interval, TravelTest
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 
 # of the variance of OP's increments by a PI controller, from which its gain is read off a record
 _EXPLAINED = 0.8
 _HELD = 5  # samples for which OP must rest between two steps
-_LATE = 0.5  # of a hold counts as settled
-# times what noise hides of a valve that follows, up to which a band may be none: PV that has not
-# settled shows less of a small step than of the large ones before it. Without this 106 of 300 sound
-# valves, recorded in noise or with short holds, were said to stick
-_HIDES = 2.0
+_LATE = 0.75  # of a hold, from which on PV counts as settled
+_FEWEST = 4  # holds
+# sizes of S and J that are tried, from a share of the smallest step to a little more than OP's
+# range, and the shares of S by which OP had moved on since the valve last moved before the test
+_SIZES, _JUMPS, _BEGUN = 120, 40, (0.0, 0.4, 0.8)
+_SMALLEST, _LARGEST, _MOST_J = 0.3, 1.1, 1.2
+_AT_ONCE = 2000  # valves whose readings are fitted together
+_NUMBERS = 5  # S, J, level, gain and lost motion: what is fitted to the readings
+_WORSE = 9.0  # variances of a reading, by which a valve may fit worse than the best (3 sigma)
+_APART = 1e-9  # share of a band, by which rounding may pass it
+# of a step's effect, by which PV still moves in the last quarter of a hold that has not settled
+_UNSETTLED = 0.1
+# % of travel, up to which friction is harmless (Table 11.1 after Ruel 2000: 1 %), and a step of the
+# sizes that are tried
+_HARMLESS = 1.05
+_SURE = 0.02  # of the smallest step's effect, to which a reading is known at best
 
 
 def controller_gain(record: LoopRecord) -> float | None:
@@ -33,106 +48,212 @@ def controller_gain(record: LoopRecord) -> float | None:
     return abs(float(gains[0])) if explained >= _EXPLAINED else None
 
 
-def travel_recorded(record: LoopRecord) -> TravelTest:
-    """Read S and J off the record of a valve travel test.
+class _Readings(NamedTuple):
+    """What a signal was at the end of every hold: OP (%), the signal, its standard error, and
+    whether it still moved in holds after a step.
+    """
 
-    Procedure 11.4 (Gerry and Ruel 2001). Steps add up until PV moves; the sum is J when it goes on
-    in the direction of the last movement, S when it goes against it. A sum that one step alone
-    makes up shows no more than that step: only sums of small steps, up to a third of the largest,
-    count.
+    op: np.ndarray
+    seen: np.ndarray
+    error: float
+    settled: bool
+
+
+class _Bands(NamedTuple):
+    """S and J (%) of the valves that explain the readings, from the least to the largest."""
+
+    S: Interval
+    J: Interval
+    moved: np.ndarray  # (n,) last direction in which the likeliest one moved
+
+
+def travel_recorded(record: LoopRecord) -> TravelTest:
+    """Read S and J off the record of a valve travel test: any staircase of OP in manual, of steps
+    of any size and order, up and down.
+
+    A valve that has moved moves on once OP has gone on by more than J, and back once OP has turned
+    by more than S from where the valve last moved; behind OP it stays by (S - J)/2 (Choudhury,
+    Thornhill and Shah 2005). All S and J are kept that explain the settled readings as well as the
+    best: S lies between the last sum of steps that moved nothing and the first that did, J is S
+    less the lost motion between steps up and down. In the words of ISA-75.25.01 S is the dead band
+    with the resolution, S - J the dead band, and J the step resolution. MV is read where it was
+    recorded and PV does not contradict it.
     """
     op = record.op if record.op_percent is None else record.op_percent
     starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])
     lengths = np.diff(np.append(starts, op.size))
     starts, lengths = starts[lengths >= _HELD], lengths[lengths >= _HELD]
-    if starts.size < 4:
+    if starts.size < _FEWEST:
         raise ParameterError(
-            f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least 4 are"
-            " needed"
+            f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least"
+            f" {_FEWEST} are needed"
         )
-    seen, error = _readings(record, starts, lengths)
-    steps = np.diff(op[starts])
-    small = float(np.abs(steps).max()) / 3.0
-    answer = 0.0  # of PV per % of OP, once the first step has shown it
-    sums: dict[bool, float | None] = {True: None, False: None}
-    phase, side, total = np.zeros(op.size, dtype=int), 0.0, 0.0
-    since, hidden = 0, 0.0
-    for k, step in enumerate(steps):
-        # with its sign: the valve is where it last moved, however OP wanders before it moves
-        # again
-        total += step
-        change = abs(seen[k + 1] - seen[since])
-        noise = SIGMAS * np.sqrt(2.0) * max(error[k + 1], error[since])
-        if side != 0.0 and abs(step) <= small and answer > 0.0:
-            # of OP, that a valve which follows must go before PV stands out of its noise
-            hidden = max(hidden, float(noise / answer))
-        if change <= max(noise, MOVE_SHARE * answer * abs(step), 1e-12):
-            continue
-        if side != 0.0 and abs(step) <= small:
-            same = bool(np.sign(total) == side)
-            phase[starts[since + 1] : starts[k + 1] + lengths[k + 1]] = 1 if same else 2
-            sums[same] = sums[same] if sums[same] is not None else round(abs(float(total)), 9)
-        elif side == 0.0 or abs(step) > small:
-            answer = change / max(abs(total), abs(step))
-        side, total, since = float(np.sign(total)), 0.0, k + 1
-    fine = np.abs(steps)[np.abs(steps) <= small]
-    increment = float(np.median(fine)) if fine.size else float(np.abs(steps).min())
-    return _outcome(
-        sums[True],
-        sums[False],
-        increment,
-        float(lengths.min()) * record.Ts,
-        phase,
-        record,
-        hidden,
-    )
+    by_pv = _readings(record.pv, record, starts, lengths, record.process == "integrating")
+    bands = _bands(by_pv) if _moves(by_pv) else None
+    if record.mv is not None:
+        by_mv = _readings(np.asarray(record.mv), record, starts, lengths, slope=False)
+        told = _bands(by_mv) if _moves(by_mv) else None
+        if told is not None and bands is not None and _meet(told.S, bands.S):
+            bands = told
+    return _outcome(record, op, (starts, lengths), by_pv, bands)
 
 
 def _readings(
-    record: LoopRecord, starts: np.ndarray, lengths: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """PV's settled mean in every hold, on an integrating process its slope per second, with
+    x: np.ndarray, record: LoopRecord, starts: np.ndarray, lengths: np.ndarray, slope: bool
+) -> _Readings:
+    """Return a signal's settled mean in every hold, or its slope per second."""
+    seen, errors, moving = np.empty((3, starts.size))
+    for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
+        late = x[start + int(_LATE * length) : start + length]
+        t = np.arange(late.size) * record.Ts
+        line = np.polyfit(t, late, 1) if late.size > 2 else np.array([0.0, late.mean()])
+        sigma = float(np.std(late - np.polyval(line, t)))
+        moving[k] = line[0] * (t[-1] + record.Ts)
+        seen[k], errors[k] = (line[0] if slope else late.mean()), sigma / np.sqrt(late.size)
+        if slope:
+            errors[k] *= np.sqrt(12.0) / (late.size * record.Ts)
+    op = np.asarray(record.op if record.op_percent is None else record.op_percent)[starts]
+    steps, error = np.diff(op), float(np.sqrt(np.mean(errors**2)))
+    gain = abs(float(np.polyfit(op, seen, 1)[0]))
+    # in the direction of each step, so that noise is no motion; a slope's error is that of a mean
+    # times the square root of 12
+    way = max(gain * float(np.abs(steps).sum()), 1e-300)
+    ahead = abs(float(np.sum(np.sign(steps) * moving[1:]))) / way
+    doubt = 2.0 * error * np.sqrt(12.0 * steps.size) / way
+    least = float(np.abs(steps[steps != 0.0]).min())
+    settled = slope or ahead + doubt < _UNSETTLED
+    return _Readings(op, seen, max(error, _SURE * gain * least), settled)
+
+
+def _moves(one: _Readings) -> bool:
+    """Return whether a signal moved by more than its noise in any step."""
+    return float(np.ptp(one.seen)) > SIGMAS * np.sqrt(2.0) * max(one.error, 1e-12)
+
+
+def _meet(one: Interval, other: Interval) -> bool:
+    return one[0] <= other[1] and other[0] <= one[1]
+
+
+def _bands(one: _Readings) -> _Bands:
+    """Return S and J of all valves that explain the readings as well as the likeliest."""
+    steps = np.abs(np.diff(one.op))
+    least, span = float(steps[steps > 0.0].min()), float(np.ptp(one.op))
+    sizes, jumps = (
+        np.append(0.0, np.geomspace(_SMALLEST * least, _LARGEST * span, count))
+        for count in (_SIZES, _JUMPS)
+    )
+    valves = np.array([
+        (S, J, side, begun)
+        for S in sizes for J in jumps[jumps <= _MOST_J * S]
+        for side in (-1.0, 1.0) for begun in _BEGUN
+    ])  # fmt: skip
+    parts = [_fitted(one, part) for part in np.array_split(valves, len(valves) // _AT_ONCE + 1)]
+    left, lost, sure = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    S = valves[:, 0]
+    # motion is lost between nothing and S, but for what noise makes of it
+    left = np.where((lost >= -sure) & (lost <= S + sure), left, np.inf)
+    best = int(np.argmin(left))
+    variance = max(float(left[best]) / max(one.op.size - _NUMBERS, 1), one.error**2)
+    kept = left <= left[best] + _WORSE * variance
+    apart = (_LARGEST * span / (_SMALLEST * least)) ** (1.0 / (_SIZES - 1))
+    S_of = float(S[kept].min()) / apart, float(S[kept].max()) * apart
+    lost_of = float((lost - sure)[kept].min()), float((lost + sure)[kept].max())
+    J_of = max(S_of[0] - lost_of[1], 0.0), min(max(S_of[1] - lost_of[0], 0.0), S_of[1])
+    moved = _moved(one.op, valves[best : best + 1])[1][:, 0]
+    return _Bands(S_of, J_of, moved)
+
+
+def _fitted(one: _Readings, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return of valves (p, 4), S, J, last direction and how far OP had gone on, the squares that
+    level, gain and lost motion leave of the readings, the lost motion (%), and three of its
     standard errors.
     """
-    seen, error = np.empty(starts.size), np.empty(starts.size)
-    for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
-        late = record.pv[start + int((1.0 - _LATE) * length) : start + length]
-        t = np.arange(late.size) * record.Ts
-        line = np.polyfit(t, late, 1)
-        sigma = float(np.std(late - np.polyval(line, t)))
-        if record.process == "integrating":
-            seen[k], error[k] = line[0], sigma * np.sqrt(12.0 / late.size) / (late.size * record.Ts)
-        else:
-            seen[k], error[k] = late.mean(), sigma / np.sqrt(late.size)
-    return seen, error
+    at, side = _moved(one.op, valves)
+    X = np.stack([np.ones_like(at), at - one.op.mean(), side], axis=2)[1:]
+    seen = one.seen[1:]
+    A, b = np.einsum("npq,npr->pqr", X, X), np.einsum("npq,n->pq", X, seen)
+    A += 1e-9 * np.trace(A, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    weights = np.linalg.solve(A, b[..., None])[..., 0]
+    left = ((seen[:, None] - np.einsum("npq,pq->np", X, weights)) ** 2).sum(axis=0)
+    gain = np.where(np.abs(weights[:, 1]) > 1e-12, weights[:, 1], np.inf)
+    variance = np.maximum(left / max(seen.size - _NUMBERS, 1), one.error**2)
+    sure = 6.0 * np.sqrt(variance * np.linalg.inv(A)[:, 2, 2]) / np.abs(gain)
+    return left, -2.0 * weights[:, 2] / gain, sure
 
 
-def _outcome(same, back, increment, wait, phase, record, hidden) -> TravelTest:
-    op = record.op if record.op_percent is None else record.op_percent
-    sticky = None if back is None else bool(back > 2 * increment + 1e-9)
-    if sticky and back <= 2 * increment + _HIDES * hidden:
-        sticky = None
-    if same is None and back is None:
-        reason = (
-            "PV did not move on small steps: the record holds no travel test, or noise hides it"
-        )
-    elif same is None or back is None:
-        reason = (
-            "the record holds no small steps"
-            f" {'in the direction of' if same is None else 'against'} the last movement"
-        )
-    elif sticky is None:
-        reason = (
-            f"in this noise, and with holds this short, PV shows no valve that moves by less than"
-            f" {hidden:.2g} %: larger steps, or longer holds, are needed"
-        )
+def _moved(op: np.ndarray, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return OP (%) at which each valve last moved, and the direction, in every hold (n, p)."""
+    S, J, side, begun = valves.T
+    at = op[0] - side * begun * S
+    where, ways = np.empty((op.size, len(S))), np.empty((op.size, len(S)))
+    for k, now in enumerate(op):
+        away = now - at
+        band = np.where(np.sign(away) == side, J, S)
+        goes = np.abs(away) > band * (1.0 + _APART) + _APART
+        at, side = np.where(goes, now, at), np.where(goes, np.sign(away), side)
+        where[k], ways[k] = at, side
+    return where, ways
+
+
+def _outcome(
+    record: LoopRecord,
+    op: np.ndarray,
+    holds: tuple[np.ndarray, np.ndarray],
+    by_pv: _Readings,
+    bands: _Bands | None,
+) -> TravelTest:
+    """Put what was read into words."""
+    starts, lengths = holds
+    steps = np.abs(np.diff(op[starts]))
+    increment = float(steps[steps > 0.0].min())
+    phase = np.zeros(op.size, dtype=int)
+    sticky, S, J = None, None, None
+    if bands is None:
+        reason = "PV did not move on any step: the valve stands, or noise hides what it does"
     else:
-        reason = (
-            f"the valve sticks: stick band S = {back:.3g} %, slip-jump J = {same:.3g} %"
-            if sticky
-            else "PV follows small steps both ways"
-        )
-    mv = np.full(op.size, np.nan) if record.mv is None else record.mv
+        S, J = bands.S, bands.J
+        turned = np.append(False, np.diff(bands.moved) != 0.0)
+        for start, length, back in zip(starts, lengths, turned, strict=True):
+            phase[start : start + length] = 2 if back else 1
+        if S[0] > (1.0 - _SURE) * increment and by_pv.settled:
+            sticky = True
+            reason = (
+                f"the valve sticks: stick band S = {_middle(S):.3g} % ({S[0]:.3g} to {S[1]:.3g}),"
+                f" slip-jump J = {_middle(J):.3g} % ({J[0]:.3g} to {J[1]:.3g})"
+            )
+        elif S[0] < increment and S[1] <= min(2.0 * increment, _HARMLESS):
+            sticky = False
+            reason = f"PV follows small steps both ways: S is at most {S[1]:.3g} %"
+        elif S[0] < increment and S[1] <= 2.0 * increment:
+            reason = (
+                f"PV follows steps of {increment:.3g} % both ways: S is at most {S[1]:.3g} %, and"
+                " smaller steps tell more"
+            )
+        elif not by_pv.settled:
+            reason = (
+                "PV had not settled when the next step came, which looks like lost motion: larger"
+                " steps, or longer holds, are needed"
+            )
+        else:
+            reason = (
+                f"in this noise, and with steps this large, PV shows no valve that moves by less"
+                f" than {S[1]:.2g} %: larger steps, or longer holds, are needed"
+            )
+    mv = np.full(op.size, np.nan) if record.mv is None else np.asarray(record.mv)
     return TravelTest(
-        same, back, increment, wait, sticky, reason, record.Ts, phase, Trace(op, record.pv, mv)
+        None if J is None else _middle(J),
+        None if S is None else _middle(S),
+        increment,
+        float(lengths.min()) * record.Ts,
+        sticky,
+        reason,
+        record.Ts,
+        phase,
+        Trace(op, record.pv, mv),
+        S,
+        J,
     )
+
+
+def _middle(x: Interval) -> float:
+    return 0.5 * (x[0] + x[1])

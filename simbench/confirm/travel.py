@@ -27,6 +27,9 @@ _SETTLED = 8.0  # lags waited after a step: e^-8 of the big step is left
 _LONGEST_WINDOW = 1000  # samples of PV averaged, once it has settled
 
 
+Interval = tuple[float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class TravelTest:
     """Outcome of a valve travel test."""
@@ -43,15 +46,18 @@ class TravelTest:
     Ts: float  # sampling period (s)
     phase: np.ndarray  # (n,) 0 big steps, 1 small steps in the same direction, 2 reversed
     trace: Trace  # OP (%), PV and MV (%) of the test
+    # from the least to the largest value (%) that the test leaves possible
+    S_interval: Interval | None = None
+    J_interval: Interval | None = None
 
     @property
     def J(self) -> float | None:
-        """Slip jump (%), up to one small step too large."""
+        """Slip jump (%)."""
         return self.same_direction
 
     @property
     def S(self) -> float | None:
-        """Dead-band plus stick band (%), up to one small step too large."""
+        """Dead-band plus stick band (%)."""
         return self.reversed
 
     @property
@@ -60,19 +66,17 @@ class TravelTest:
         return NO_DECISION if self.sticky is None else STICTION if self.sticky else NO_STICTION
 
     def as_json(self) -> dict[str, Any]:
-        """Return the outcome without its signals; S and J lie within a small step below what was
-        added up.
-        """
+        """Return the outcome without its signals."""
 
-        def interval(x: float | None) -> list[float] | None:
-            return None if x is None else [max(0.0, x - self.increment), x]
+        def ends(x: Interval | None) -> list[float] | None:
+            return None if x is None else [*x]
 
         return {
             "verdict": self.verdict,
             "S": self.S,
-            "S_interval": interval(self.S),
+            "S_interval": ends(self.S_interval),
             "J": self.J,
-            "J_interval": interval(self.J),
+            "J_interval": ends(self.J_interval),
             "S_minus_J": None if self.S is None or self.J is None else self.S - self.J,
             "increment": self.increment,
             "wait": self.wait,
@@ -83,14 +87,16 @@ class TravelTest:
     def as_text(self) -> str:
         """Return the outcome in three lines."""
 
-        def size(x: float | None) -> str:
-            step = f" % (true value up to {self.increment:g} % less)"
-            return "not measured" if x is None else f"{x:.3g}{step}"
+        def size(x: float | None, of: Interval | None) -> str:
+            between = "" if of is None else f" ({of[0]:.3g} to {of[1]:.3g})"
+            return "not measured" if x is None else f"{x:.3g} %{between}"
 
         return (
             f"{self.reason[:1].upper()}{self.reason[1:]}.\n"
-            f"OP change until PV moves, same direction (slip-jump J): {size(self.J)}\n"
-            f"OP change until PV moves, after a reversal (stick band S): {size(self.S)}"
+            f"OP change until PV moves, same direction (slip-jump J):"
+            f" {size(self.J, self.J_interval)}\n"
+            f"OP change until PV moves, after a reversal (stick band S):"
+            f" {size(self.S, self.S_interval)}"
         )
 
     def plot(self) -> Figure:
@@ -225,6 +231,9 @@ class _Manual:
             reason = (
                 f"the valve sticks: stick band S = {back:.3g} %, slip-jump J = {same:.3g} %{cycles}"
             )
+        # a sum of steps may be too large by one
+        S, J = (None if x is None else (max(0.0, x - self.increment), x) for x in (back, same))
+        phase = np.array(self.phase)
         return TravelTest(
-            same, back, self.increment, wait, sticky, reason, self.Ts, np.array(self.phase), trace
+            same, back, self.increment, wait, sticky, reason, self.Ts, phase, trace, S, J
         )

@@ -75,3 +75,88 @@ def test_noise_and_short_holds_make_no_valve_stick(T, noise):
         if test.sticky is None:
             assert "larger steps, or longer holds" in test.reason
     assert "stiction" not in verdicts
+
+
+def staircase(protocol, base=50.0):
+    """Return OP at each hold of a protocol that plants use."""
+    if protocol == "ISA-75.25":
+        return np.concatenate(
+            [[base], *([base + s, base, base - s, base] for s in (0.25, 0.5, 1, 2, 5, 10))]
+        )
+    if protocol == "ladder of 1 %":
+        return base + np.concatenate([np.arange(11), np.arange(9, -11, -1), np.arange(-9, 1)])
+    if protocol == "Gerry and Ruel":
+        up = base + 10 + 0.2 * np.arange(1, 26)
+        return np.concatenate([[base, base + 10], up, up[-1] - 0.2 * np.arange(1, 51)])
+    rng = np.random.default_rng(3)
+    steps = rng.choice([-1.0, 1.0], 40) * rng.choice([0.3, 0.7, 1.5, 3.0, 6.0], 40)
+    return np.clip(base + np.cumsum(np.append(0.0, steps)), 10.0, 90.0)
+
+
+def by_hand(levels, S, J, seed, model="choudhury", mv=False, hold=60):
+    op = np.repeat(levels, hold)
+    valve = op if S == 0.0 else valve_response(model, op, {"S": S, "J": J})
+    follow, noise = 1.0 - np.exp(-1.0 / 8.0), np.random.default_rng(seed).standard_normal(op.size)
+    pv = 20.0 - 1.4 * lfilter([follow], [1.0, follow - 1.0], valve - op[0]) + 0.04 * noise
+    recorded = valve if mv else None
+    return LoopRecord(op, pv, 1.0, mv=recorded, process="self-regulating")
+
+
+PROTOCOLS = ["ISA-75.25", "ladder of 1 %", "Gerry and Ruel", "steps of any size"]
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_any_staircase_tells_S_and_J_within_their_intervals(protocol):
+    rng, inside, told = np.random.default_rng(11), 0, []
+    for seed in range(10):
+        S = float(rng.uniform(1.2, 4.0))
+        J = S * float(rng.uniform(0.1, 1.0))
+        model = ("choudhury", "kano")[seed % 2]
+        test = travel_recorded(by_hand(staircase(protocol), S, J, seed, model))
+        ends = test.S_interval, test.J_interval
+        inside += all(lo <= x <= hi for (lo, hi), x in zip(ends, (S, J), strict=True))
+        told.append(test.verdict)
+        assert "did not move" not in test.reason
+    assert inside >= 9
+    assert "no_stiction" not in told
+    assert told.count("stiction") >= 7
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_a_valve_that_follows_any_staircase_does_not_stick(protocol):
+    for seed in range(4):
+        test = travel_recorded(by_hand(staircase(protocol), 0.0, 0.0, seed))
+        assert test.verdict == "no_stiction"
+        assert test.S_interval[0] < test.increment
+
+
+def test_the_band_lies_between_the_last_step_without_movement_and_the_first_with_it():
+    test = travel_recorded(by_hand(staircase("ISA-75.25"), 1.1, 1.1, 0))
+    assert test.S_interval == pytest.approx((1.0, 2.0), rel=0.06)
+    assert test.J_interval == pytest.approx((1.0, 2.0), rel=0.06), "it lost no motion"
+
+
+def test_mv_tells_more_closely_unless_pv_contradicts_it():
+    levels = staircase("steps of any size")
+    alone, both = (travel_recorded(by_hand(levels, 2.0, 0.5, 1, mv=mv)) for mv in (False, True))
+    width = [hi - lo for lo, hi in (alone.J_interval, both.J_interval)]
+    assert both.J_interval[0] <= 0.5 <= both.J_interval[1]
+    assert width[1] < width[0]
+    record = by_hand(levels, 2.0, 0.5, 1)
+    echo = travel_recorded(LoopRecord(record.op, record.pv, 1.0, mv=record.op))
+    assert echo.S_interval == alone.S_interval, "the feedback says that the valve follows"
+
+
+def test_a_valve_that_stands_is_the_only_one_that_did_not_move():
+    op = np.repeat(staircase("ladder of 1 %"), 60)
+    pv = 20.0 + 0.04 * np.random.default_rng(0).standard_normal(op.size)
+    test = travel_recorded(LoopRecord(op, pv, 1.0, process="self-regulating"))
+    assert (test.verdict, test.S, test.S_interval) == ("no_decision", None, None)
+    assert "PV did not move on any step" in test.reason
+
+
+def test_large_steps_that_a_valve_follows_leave_small_friction_open():
+    levels = 50.0 + 3.0 * np.concatenate([np.arange(5), np.arange(3, -4, -1)])
+    test = travel_recorded(by_hand(levels, 0.0, 0.0, 0))
+    assert test.verdict == "no_decision"
+    assert "smaller steps tell more" in test.reason
