@@ -22,6 +22,7 @@ _TRANSIENT = 3  # of a run one part in so many is cut off at its beginning
 # what a measured ratio of periods, and of amplitudes, scatters at least (logarithms)
 _LEAST = np.array([0.03, 0.15])
 _OUTSIDE = np.array([0.03, 0.7])  # of an oscillation from outside: its amplitude may change
+_FAR = 3.0  # standard deviations, beyond which a change is not the one that was simulated
 # S over the amplitude of OP of the friction that is tried where none is known, and J over S
 _SIZES, _JUMP = (0.6, 1.0, 1.4), 0.5
 _LIGHT = 0.2  # of S, a step of the load that starts a cycle which a large one does not
@@ -45,6 +46,24 @@ class Expected:
         """Median ratio of the periods; NaN where none goes on."""
         on = self.changes[np.isfinite(self.changes[:, 0]), 0]
         return float(np.exp(np.median(on))) if on.size else math.nan
+
+    def alike(self, other: Expected) -> bool:
+        """Return whether both do the same to the period, so that it cannot tell them apart."""
+        ends = np.isnan(self.period), np.isnan(other.period)
+        if any(ends):
+            return all(ends)
+        return abs(math.log(self.period / other.period)) <= 2.0 * float(_LEAST[0])
+
+    def near(self, before: Phase, after: Phase) -> bool:
+        """Return whether an observed change of the period is one that the simulations show, within
+        what these and the measurement scatter.
+        """
+        on = self.changes[np.isfinite(self.changes[:, 0]), 0]
+        if not after.goes_on or not on.size:
+            return not after.goes_on and on.size < len(self.changes)
+        spread = float(np.hypot(np.std(on), np.nan_to_num(ratio_error(before, after))))
+        off = abs(float(_change(before, after)[0]) - float(np.mean(on)))
+        return off <= _FAR * max(spread, float(_LEAST[0]))
 
     def likelihood(self, before: Phase, after: Phase) -> float:
         """Return the likelihood of an observed change of a loop that oscillates before it."""
@@ -120,6 +139,12 @@ def odds_of_friction(
     if outside:
         without = 0.5 * (without + _from_outside(before, after))
     return math.log(sticky.likelihood(before, after) / without)
+
+
+def kept(before: Phase, after: Phase) -> bool:
+    """Return whether an oscillation kept its period, as one from outside does."""
+    ratio = float(_change(before, after)[0]) if after.goes_on else math.inf
+    return abs(ratio) <= _FAR * float(_OUTSIDE[0])
 
 
 def _from_outside(before: Phase, after: Phase) -> float:

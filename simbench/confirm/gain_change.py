@@ -164,7 +164,8 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
         stuck = expect_change([(one, kick, gains) for one, kick in sticky], lengths, Ts, nudge)
         # what swings the loop from outside stands in its file
         odds = odds_of_friction(before, after, sound, stuck, outside=False)
-        verdict, reason = judge_change(odds, what, sound, stuck)
+        near = any(one.near(before, after) for one in (sound, stuck))
+        verdict, reason = judge_change(odds, what, sound, stuck, near)
     Ts = loop.sampling.Ts
     return GainChange(verdict, reason, before, after, shift, nudge, Ts, changed, trace)
 
@@ -192,14 +193,20 @@ def unfit(before: Phase, after: Phase) -> str:
     return ""
 
 
-def judge_change(odds: float, what: str, sound: Expected, stuck: Expected) -> tuple[str, str]:
-    """Return verdict and reason of the log-odds of friction that a change of gain shows."""
+def judge_change(
+    odds: float, what: str, sound: Expected, stuck: Expected, near: bool
+) -> tuple[str, str]:
+    """Return verdict and reason of the log-odds of friction that a change of gain shows; a change
+    that is not `near` to what either valve does, or where both do alike, tells nothing.
+    """
     words = [
         f"{who} {_of_period(one)}"
         for who, one in (("a sound valve", sound), ("a sticking one", stuck))
     ]
     why = f"{what}; in simulations {words[0]}, {words[1]}"
-    if abs(odds) <= TOLD_FROM:
+    if not near:
+        return "no_decision", f"{why}: neither is near what was measured"
+    if abs(odds) <= TOLD_FROM or (odds > 0.0 and sound.alike(stuck)):
         return "no_decision", f"{why}: the change does not tell which"
     return ("stiction" if odds > 0.0 else "no_stiction"), why
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from simbench.confirm.expected import expect_change, odds_of_friction, with_friction
+from simbench.confirm.expected import expect_change, kept, odds_of_friction, with_friction
 from simbench.confirm.gain_change import (
     TOLD_FROM,
     GainChange,
@@ -92,10 +92,16 @@ def _compared(
     expectations = [expect_change(some, lengths, Ts) for some in (sound, sticky)]
     odds = odds_of_friction(*phases, *expectations, outside=True)
     shown = pool_log_odds([one.log_odds for one in loops])
-    verdict, reason = judge_change(odds, describe_change(*phases), *expectations)
+    outside = kept(*phases)
+    near = outside or any(one.near(*phases) for one in expectations)
+    verdict, reason = judge_change(odds, describe_change(*phases), *expectations, near)
     alone = f"by themselves the records show stiction with probability {probability(shown):.2f}"
+    alike = expectations[0].alike(expectations[1]) and not outside
+    if not near or alike:
+        # what the records show by themselves is no confirmation
+        verdict = "no_decision"
     # the change may contradict what the records show, and take a side where they lean to it
-    if shown > TOLD_FROM:
+    elif shown > TOLD_FROM:
         verdict = "no_decision" if verdict == "no_stiction" else "stiction"
     elif verdict == "stiction" or shown > 0.0:
         verdict = "no_decision"

@@ -45,8 +45,16 @@ def test_a_level_that_rolls_slowly_with_a_sound_valve_is_never_called_sticky(rat
     assert outcome.verdict != "stiction"
 
 
-@pytest.mark.parametrize("ratio", [0.6, 1.4])
-def test_friction_in_the_same_loop_is_found_by_what_both_records_show(ratio):
+def test_a_change_to_which_both_valves_do_alike_confirms_nothing():
+    """A period that both predict within a few percent, and records that show friction."""
+    outcome = gain_change_recorded(*pair("level_sticky", 1.4), 1.4)
+    assert outcome.verdict == "no_decision"
+    assert "the change does not tell which" in outcome.reason
+    assert "by themselves the records show stiction" in outcome.reason
+
+
+def test_friction_in_the_same_loop_is_found_by_what_both_records_show():
+    ratio = 0.6
     records = pair("level_sticky", ratio)
     outcome = gain_change_recorded(*records, ratio)
     assert outcome.verdict == "stiction"
