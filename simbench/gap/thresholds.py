@@ -154,6 +154,13 @@ TIGHT_OPEN = AnswerThreshold(
     2.2, "largest sensitivity", "from which tuning may be the cause", _CAUSES
 )
 TIGHT_SURE = AnswerThreshold(4.0, "largest sensitivity", "from which it surely can", _CAUSES)
+RINGS = AnswerThreshold(
+    1.3,
+    "gain margin",
+    "below which a loop rings after steps of its set point, and its tuning is the cause",
+    "each cycle is then more than .44 of the one before, where a quarter is the least damping that"
+    " is asked for (Ziegler and Nichols 1942)",
+)
 RESONANT = AnswerThreshold(
     1.3,
     "times",

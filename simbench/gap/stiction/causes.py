@@ -29,6 +29,7 @@ from simbench.gap.thresholds import (
     NAMED_FROM,
     NOISY,
     RESONANT,
+    RINGS,
     TIGHT_OPEN,
     TIGHT_SURE,
 )
@@ -149,8 +150,10 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
             why = f"{few} are too few to tell a line of the load from a resonance"
             open_to = 0.3
         swung = [Cause(name, open_to, (), (why,)) for name in (TIGHT, FROM_OUTSIDE)]
+        if (rings := _ringing(known, prepared)) is not None:
+            swung[0] = rings
     weighed = [_stiction(loops, prepared.record.S_unit), *swung, _sensor(prepared, loops)]
-    weighed.append(_nothing(loops, swing))
+    weighed.append(_nothing(loops, swing, swung[0]))
     weighed.sort(key=lambda c: -c.confidence)
     first = weighed[0]
     # friction of this valve is a separate cause, whatever else oscillates with it
@@ -200,6 +203,18 @@ def _tuning(known: Margins | None, swing: Oscillation, line: bool, keeps: float)
     )
 
 
+def _ringing(known: Margins | None, prepared: Prepared) -> Cause | None:
+    """Return tuning as the cause of what a loop does after steps of its set point, where it is
+    close to instability; None where it is not, or its set point does not move.
+    """
+    sp = prepared.record.sp
+    if known is None or known.gain >= RINGS or sp is None or np.ptp(sp) <= 0.0:
+        return None
+    sure = float(np.interp(known.sensitivity, (TIGHT_OPEN, TIGHT_SURE), (0.5, 0.95)))
+    why = f"{known.sentence()}: the loop rings after every step of its set point"
+    return Cause(TIGHT, sure, (why,))
+
+
 def _outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) -> Cause:
     kept = f"over {periods:.0f} periods the phase coherence of the oscillation is {keeps:.2f}: "
     if keeps < KEPT_OPEN:
@@ -229,7 +244,9 @@ def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
     return Cause(SENSOR, 0.05, (), (noisy,))
 
 
-def _nothing(loops: CandidateLoops, swing: Oscillation) -> Cause:
+def _nothing(loops: CandidateLoops, swing: Oscillation, tuning: Cause) -> Cause:
+    if tuning.confidence >= NAMED_FROM:
+        return Cause(NO_CAUSE, 0.0, (), tuning.speaks_for)
     if swing.sustained:
         return Cause(NO_CAUSE, 0.0, (), (f"the loop swings ({swing.evidence})",))
     p = loops.probability

@@ -14,6 +14,7 @@ from simbench.detectors.prepared import Prepared
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.gap.stiction.causes import find_causes
+from simbench.gap.stiction.conclusion import judged
 from simbench.gap.stiction.margins import margins
 from simbench.loop.effects import BLOCKS
 from simbench.loop.simulate import simulate
@@ -47,6 +48,34 @@ def test_tuning_is_named_where_the_margin_is_small():
     result = causes_of(controller={"type": "PI", "Kc": 6.4, "Ti": 30.0})
     assert result.named.name == causes.TIGHT
     assert "gain margin" in result.named.speaks_for[0]
+
+
+TIGHT_LOOP = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 12.0, "Td": 4.0},
+    "sampling": {"Ts": 1.0, "n": 4000},
+    "noise": {"std": 0.03},
+    "setpoint": {"value": 50, "steps": [[800, 52], [2600, 50]]},
+}
+
+
+def concluded(Kc, **more):
+    loop = TIGHT_LOOP | {"controller": {"type": "PI", "Kc": Kc, "Ti": 12.0}} | more
+    return judged(simulate(Loop.from_table(loop), 4).record.without_mv())
+
+
+def test_a_loop_that_rings_after_steps_of_its_set_point_is_tuned_too_tightly():
+    conclusion, weighed = concluded(3.5)
+    assert conclusion.cause == causes.TIGHT
+    assert "rings after every step of its set point" in conclusion.reason
+    assert conclusion.next == "retune the controller"
+    rest = next(c for c in weighed.weighed if c.name == causes.NO_CAUSE)
+    assert rest.confidence == 0.0
+
+
+@pytest.mark.parametrize("more", [{}, {"setpoint": {"value": 50}}])
+def test_a_loop_that_is_damped_or_left_alone_is_not(more):
+    Kc = 3.5 if more else 2.4
+    assert concluded(Kc, **more)[0].cause != causes.TIGHT
 
 
 def test_a_loop_at_rest_has_no_cause():
