@@ -11,6 +11,7 @@ import numpy as np
 from simbench.detectors.record import LoopRecord
 from simbench.gap.candidates import proven
 from simbench.gap.intake.archive import find_archive, why_no_law
+from simbench.gap.intake.clock import on_one_clock, pv_late
 from simbench.gap.intake.observed import (
     data_of,
     is_frozen,
@@ -27,10 +28,14 @@ from simbench.gap.intake.refuse import (
     refuse_other_pace,
     refuse_unfit,
 )
+from simbench.gap.intake.units import refuse_pv_units, refuse_time_units
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.gap.situation import Seen, Situation
 from simbench.loop.effects import block_of
 from simbench.scenarios.spec import Loop
+
+# how a report says that PV is stamped late
+CLOCK = "clock: OP answers PV {:g} s before it is on record; judged with PV moved back by as much"
 
 
 def check(
@@ -47,12 +52,18 @@ def check(
     refuse_other_pace(record.Ts, baseline.sampling.Ts, where)
     if record.mv is not None:
         refuse_mv_units(record.mv, op, where)
+    late = pv_late(record, op, baseline.controller) if tuned else 0
+    if trusted:
+        refuse_pv_units(record, baseline, where)
+    if late:
+        record, op = on_one_clock(record, late), op[: record.n - late]
     noise = stated_noise(baseline, record.Ts) if trusted else 0.0
     law = law_of(record, op, baseline, tuned, noise)
     samples = inspect_samples(record.pv, record.op, noise=noise)
     if tuned:
         Kc = baseline.controller.sign * baseline.controller.Kc
         refuse_op_units(record.op, law, Kc, baseline.controller.Ti, where)
+        refuse_time_units(law, Kc, baseline.controller.Ti, where)
         if samples.step == 0.0:
             # what a coarse PV makes of an error can look like any gain
             refuse_other_controller(law, Kc, where)
@@ -73,6 +84,8 @@ def check(
     # what a block of the loop file is stated to do is not told from what else may happen there
     stated = sorted(part.name for part in baseline.effect)
     blocks, notes = {block_of(e) for e in stated}, notes_of(record, law)
+    if late:
+        notes.append(CLOCK.format(late * record.Ts))
     if stated:
         notes.append(f"the loop file states {', '.join(stated)}: that is no gap, of whatever size")
     if not trusted:

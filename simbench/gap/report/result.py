@@ -286,7 +286,9 @@ class GapReport:
         """
         p = self.ranking[0].probability
         if self.effect == NONE:
-            return f"No unmodelled effect is needed ({p:.2f})."
+            late = any(note.startswith("clock:") for note in self.notes)
+            once = ", once PV, which is stamped late, is moved back" if late else ""
+            return f"No unmodelled effect is needed ({p:.2f}){once}."
         if self.effect == UNKNOWN:
             said = f"No known effect explains what is missing ({p:.2f}; block: {self.block})"
             shown = self.behind.shown

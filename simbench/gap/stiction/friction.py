@@ -168,26 +168,26 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     """Return what a record with MV shows of friction: MV counts as far as it is the position of the
     valve, and OP and PV alone where it is not.
     """
-    alone = _asked(_weighed(record.without_mv(), known))
+    alone = _asked(_weighed(replace(record, mv=None), known))
     percent = in_percent(record)[0]
     op, mv = np.asarray(percent.op), np.asarray(record.mv, dtype=float)
     if standing(op, mv) is not None:
-        return replace(alone, told=Told(alone.log_odds, record.without_mv(), (FROZEN,)))
+        return replace(alone, told=Told(alone.log_odds, replace(record, mv=None), (FROZEN,)))
     copy = repeats(op, mv)
     true = chance_of_position(*_worth(alone, mv), alone.log_odds, copy)
     try:
         by_mv, scale = _in_scale(record, known, alone.fitted)
     except RecordError as why:
         notes = (f"{why}; the answer rests on OP and PV",)
-        return replace(alone, told=Told(alone.log_odds, record.without_mv(), notes))
+        return replace(alone, told=Told(alone.log_odds, replace(record, mv=None), notes))
     p = true * by_mv.probability + (1.0 - true) * alone.probability
     notes = [scale.sentence()] if record.op_percent is not None else []
     if true < LIKELIER:
         notes.append(ECHO if copy else NO_POSITION)
-    main, believed = alone, record.without_mv()
+    main, believed = alone, replace(record, mv=None)
     if true >= LIKELIER:
         main = by_mv
-        believed = record if scale == Scale() else replace(record, mv=scale.undone(mv))
+        believed = replace(record, mv=scale.undone(mv)) if scale.is_unit else record
     return replace(main, told=Told(float(logit(p)), believed, tuple(filter(None, notes))))
 
 
@@ -234,7 +234,9 @@ def as_believed(record: LoopRecord) -> tuple[LoopRecord, tuple[str, ...]]:
         told = friction_of(record).told
     except UserError:
         return record, ()
-    return (record, ()) if told is None else (told.record, told.notes)
+    if told is None or told.record is record:
+        return record, ()
+    return told.record, told.notes
 
 
 def stands(record: LoopRecord) -> bool:

@@ -43,6 +43,7 @@ _PART = 400  # samples in which valves are looked for first
 # of MV's noise, and of its standard deviation, up to which what OP leaves of it is noise
 _AS_OP, _LITTLE = 1.5, 0.2
 _NORMAL = 0.6745  # median of a standard normal's size
+_UNIT = 0.7, 1.4  # gains between which MV may be in % of travel behind a characteristic
 _ONE = 0.03  # from a gain of 1 and, times OP's range, from an offset of 0: MV is in OP's scale
 _NUMBERS = 5.0  # of a scaled valve: S, J, where it begins, gain and offset
 
@@ -53,6 +54,13 @@ class Scale:
 
     gain: float = 1.0
     offset: float = 0.0
+
+    @property
+    def is_unit(self) -> bool:
+        """Whether this is plainly another unit or direction: less may be a valve's characteristic,
+        which a loop file is asked for.
+        """
+        return not _UNIT[0] < self.gain < _UNIT[1]
 
     def undone(self, mv: np.ndarray) -> np.ndarray:
         """Return MV (n,) in the unit of OP."""
