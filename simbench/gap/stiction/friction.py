@@ -63,10 +63,11 @@ FROZEN = (
     "MV stands while PV follows OP, as no valve does: its transmitter is frozen, and the answer"
     " rests on OP and PV"
 )
-ECHO = "MV repeats OP, as an echo of the command does, and the answer rests on OP and PV"
+ECHO = "MV repeats OP, as an echo of the command does, and does not deny what OP and PV show"
 NO_POSITION = (
-    "PV follows from OP better than from MV: MV is not the position of the valve's trim (feedback"
-    " ahead of the fault, an echo of the command), and the answer rests on OP and PV"
+    "PV follows from OP through a valve that may stick better than from MV: MV is not the position"
+    " of the valve's trim (feedback ahead of the fault, an echo of the command), and does not deny"
+    " what OP and PV show"
 )
 _NOTHING = -10.0  # nats of friction that could not be fitted
 # of a signal's range, to which it is rounded: no converter tells less (24 bits: 6e-8)
@@ -173,8 +174,7 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     op, mv = np.asarray(percent.op), np.asarray(record.mv, dtype=float)
     if standing(op, mv) is not None:
         return replace(alone, told=Told(alone.log_odds, replace(record, mv=None), (FROZEN,)))
-    copy = repeats(op, mv)
-    true = chance_of_position(*_worth(alone, mv), alone.log_odds, copy)
+    true = chance_of_position(*_worth(alone, mv), alone.log_odds)
     try:
         by_mv, scale = _in_scale(record, known, alone.fitted)
     except RecordError as why:
@@ -183,7 +183,7 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     p = true * by_mv.probability + (1.0 - true) * alone.probability
     notes = [scale.sentence()] if record.op_percent is not None else []
     if true < LIKELIER:
-        notes.append(ECHO if copy else NO_POSITION)
+        notes.append(ECHO if repeats(op, mv) else NO_POSITION)
     main, believed = alone, replace(record, mv=None)
     if true >= LIKELIER:
         main = by_mv

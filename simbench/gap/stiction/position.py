@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 from scipy.special import expit, logit
 
 from simbench.detectors.signal.fits.regression import friction_nats
@@ -72,8 +72,8 @@ class Scale:
             return ""
         way = ", in the other direction" if self.gain < 0 else ""
         return (
-            f"MV is not written in the unit of OP{way}: it reads {self.offset:.3g}"
-            f" {self.gain:+.3g} x OP; sizes are in the unit of OP"
+            f"MV is not written in the unit of OP{way}: it reads {self.gain:.3g} x OP"
+            f" {self.offset:+.3g}; sizes are in the unit of OP"
         )
 
 
@@ -132,7 +132,7 @@ def _lowest(op: np.ndarray, mv: np.ndarray, starts: np.ndarray, kept: int) -> np
     """Return the valves (kept, 3) that leave least of MV near the best of some (p, 3)."""
     levels = np.array([_scaled(op, mv, x)[0] for x in starts])
     followed = [
-        minimize(lambda x: _scaled(op, mv, x)[0], start, method="Nelder-Mead")
+        scipy.optimize.minimize(lambda x: _scaled(op, mv, x)[0], start, method="Nelder-Mead")
         for start in starts[np.argsort(levels)[:kept]]
     ]
     return np.array([one.x for one in followed])
@@ -195,13 +195,11 @@ def answers(view: Assessment, mv: np.ndarray) -> bool:
     return not s.integrating and moved > MV_FOLLOWED * of_pv and gain > LEAST_NATS
 
 
-def chance_of_position(
-    over_sound: float, over_sticky: float, friction: float, is_copy: bool
-) -> float:
+def chance_of_position(over_sound: float, over_sticky: float, friction: float) -> float:
     """Return the probability that MV is the valve's position, where PV follows from it by so many
     nats rather than from OP through a sound and a sticking valve, and OP and PV alone have these
-    log-odds of `friction`: a copy of OP is as likely an echo of the command.
+    log-odds of `friction`.
     """
-    before = 0.0 if is_copy else float(logit(MV_TRUE))
+    before = float(logit(MV_TRUE))
     hidden = min(max(friction, 0.0), MV_PER_NAT * max(-over_sticky, 0.0))
     return float(expit(before - hidden - MV_PER_NAT * max(-over_sound, 0.0)))

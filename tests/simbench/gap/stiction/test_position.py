@@ -62,13 +62,12 @@ def test_a_scale_is_found_by_the_valve_behind_it():
 
 
 @pytest.mark.parametrize("late", [0, 2])
-def test_an_echo_of_op_tells_nothing_where_op_and_pv_show_friction(late):
+def test_an_echo_of_op_denies_nothing_where_op_and_pv_show_friction(late):
     echo = np.append(np.repeat(STICKY.op[0], late), STICKY.op[: STICKY.n - late])
     found = judged(with_mv(STICKY, echo))[0]
     assert found.verdict != "no_stiction"
     assert "MV repeats OP" in found.reason
-    alone = judged(STICKY.without_mv())[0]
-    assert found.probability == pytest.approx(alone.probability, abs=0.1)
+    assert found.probability > 0.5
 
 
 def test_a_feedback_ahead_of_the_fault_denies_nothing():
