@@ -75,9 +75,9 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     by more than S from where the valve last moved; behind OP it stays by (S - J)/2 (Choudhury,
     Thornhill and Shah 2005). All S and J are kept that explain the settled readings as well as the
     best: S lies between the last sum of steps that moved nothing and the first that did, J is S
-    less the lost motion between steps up and down. In the words of ISA-75.25.01 S is the dead band
-    with the resolution, S - J the dead band, and J the step resolution. MV is read where it was
-    recorded and PV does not contradict it.
+    less the lost motion between steps up and down. S is what ISA-51.1 calls dead band, the motion
+    of OP after a reversal that moves nothing. MV is read where it was recorded and PV does not
+    contradict it.
     """
     op = record.op if record.op_percent is None else record.op_percent
     starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])
@@ -88,31 +88,53 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
             f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least"
             f" {_FEWEST} are needed"
         )
-    by_pv = _readings(record.pv, record, starts, lengths, record.process == "integrating")
+    holds = op, starts, lengths
+    by_pv = _readings(record.pv, record.Ts, *holds, slope=record.process == "integrating")
     bands = _bands(by_pv) if _moves(by_pv) else None
     if record.mv is not None:
-        by_mv = _readings(np.asarray(record.mv), record, starts, lengths, slope=False)
+        by_mv = _readings(np.asarray(record.mv), record.Ts, *holds, slope=False)
         told = _bands(by_mv) if _moves(by_mv) else None
         if told is not None and bands is not None and _meet(told.S, bands.S):
             bands = told
-    return _outcome(record, op, (starts, lengths), by_pv, bands)
+    increment = float(np.abs(np.diff(by_pv.op))[np.diff(by_pv.op) != 0.0].min())
+    sticky, reason = _in_words(bands, increment, by_pv.settled)
+    S, J = (None, None) if bands is None else (bands.S, bands.J)
+    return TravelTest(
+        None if J is None else _middle(J),
+        None if S is None else _middle(S),
+        increment,
+        float(lengths.min()) * record.Ts,
+        sticky,
+        reason,
+        record.Ts,
+        _phase(*holds, bands),
+        Trace(op, record.pv, np.full(op.size, np.nan) if record.mv is None else record.mv),
+        S,
+        J,
+    )
 
 
 def _readings(
-    x: np.ndarray, record: LoopRecord, starts: np.ndarray, lengths: np.ndarray, slope: bool
+    x: np.ndarray,
+    Ts: float,
+    op: np.ndarray,
+    starts: np.ndarray,
+    lengths: np.ndarray,
+    *,
+    slope: bool,
 ) -> _Readings:
     """Return a signal's settled mean in every hold, or its slope per second."""
     seen, errors, moving = np.empty((3, starts.size))
     for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
         late = x[start + int(_LATE * length) : start + length]
-        t = np.arange(late.size) * record.Ts
+        t = np.arange(late.size) * Ts
         line = np.polyfit(t, late, 1) if late.size > 2 else np.array([0.0, late.mean()])
         sigma = float(np.std(late - np.polyval(line, t)))
-        moving[k] = line[0] * (t[-1] + record.Ts)
+        moving[k] = line[0] * (t[-1] + Ts)
         seen[k], errors[k] = (line[0] if slope else late.mean()), sigma / np.sqrt(late.size)
         if slope:
-            errors[k] *= np.sqrt(12.0) / (late.size * record.Ts)
-    op = np.asarray(record.op if record.op_percent is None else record.op_percent)[starts]
+            errors[k] *= np.sqrt(12.0) / (late.size * Ts)
+    op = op[starts]
     steps, error = np.diff(op), float(np.sqrt(np.mean(errors**2)))
     gain = abs(float(np.polyfit(op, seen, 1)[0]))
     # in the direction of each step, so that noise is no motion; a slope's error is that of a mean
@@ -195,63 +217,46 @@ def _moved(op: np.ndarray, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return where, ways
 
 
-def _outcome(
-    record: LoopRecord,
-    op: np.ndarray,
-    holds: tuple[np.ndarray, np.ndarray],
-    by_pv: _Readings,
-    bands: _Bands | None,
-) -> TravelTest:
-    """Put what was read into words."""
-    starts, lengths = holds
-    steps = np.abs(np.diff(op[starts]))
-    increment = float(steps[steps > 0.0].min())
+def _phase(
+    op: np.ndarray, starts: np.ndarray, lengths: np.ndarray, bands: _Bands | None
+) -> np.ndarray:
+    """Return of every sample 1, or 2 in a hold in which the valve turned; 0 outside of holds."""
     phase = np.zeros(op.size, dtype=int)
-    sticky, S, J = None, None, None
-    if bands is None:
-        reason = "PV did not move on any step: the valve stands, or noise hides what it does"
-    else:
-        S, J = bands.S, bands.J
+    if bands is not None:
         turned = np.append(False, np.diff(bands.moved) != 0.0)
         for start, length, back in zip(starts, lengths, turned, strict=True):
             phase[start : start + length] = 2 if back else 1
-        if S[0] > (1.0 - _SURE) * increment and by_pv.settled:
-            sticky = True
-            reason = (
-                f"the valve sticks: stick band S = {_middle(S):.3g} % ({S[0]:.3g} to {S[1]:.3g}),"
-                f" slip-jump J = {_middle(J):.3g} % ({J[0]:.3g} to {J[1]:.3g})"
-            )
-        elif S[0] < increment and S[1] <= min(2.0 * increment, _HARMLESS):
-            sticky = False
-            reason = f"PV follows small steps both ways: S is at most {S[1]:.3g} %"
-        elif S[0] < increment and S[1] <= 2.0 * increment:
-            reason = (
-                f"PV follows steps of {increment:.3g} % both ways: S is at most {S[1]:.3g} %, and"
-                " smaller steps tell more"
-            )
-        elif not by_pv.settled:
-            reason = (
-                "PV had not settled when the next step came, which looks like lost motion: larger"
-                " steps, or longer holds, are needed"
-            )
-        else:
-            reason = (
-                f"in this noise, and with steps this large, PV shows no valve that moves by less"
-                f" than {S[1]:.2g} %: larger steps, or longer holds, are needed"
-            )
-    mv = np.full(op.size, np.nan) if record.mv is None else np.asarray(record.mv)
-    return TravelTest(
-        None if J is None else _middle(J),
-        None if S is None else _middle(S),
-        increment,
-        float(lengths.min()) * record.Ts,
-        sticky,
-        reason,
-        record.Ts,
-        phase,
-        Trace(op, record.pv, mv),
-        S,
-        J,
+    return phase
+
+
+def _in_words(bands: _Bands | None, increment: float, settled: bool) -> tuple[bool | None, str]:
+    """Return whether the valve sticks, None where that is open, and why; `increment` is the
+    smallest step (%).
+    """
+    if bands is None:
+        return None, "PV did not move on any step: the valve stands, or noise hides what it does"
+    (lo, hi), J = bands.S, bands.J
+    if lo > (1.0 - _SURE) * increment and settled:
+        sizes = (
+            f"stick band S = {_middle(bands.S):.3g} % ({lo:.3g} to {hi:.3g}), slip-jump J ="
+            f" {_middle(J):.3g} % ({J[0]:.3g} to {J[1]:.3g})"
+        )
+        return True, f"the valve sticks: {sizes}"
+    if lo < increment and hi <= min(2.0 * increment, _HARMLESS):
+        return False, f"PV follows small steps both ways: S is at most {hi:.3g} %"
+    if lo < increment and hi <= 2.0 * increment:
+        return None, (
+            f"PV follows steps of {increment:.3g} % both ways: S is at most {hi:.3g} %, and smaller"
+            " steps tell more"
+        )
+    if not settled:
+        return None, (
+            "PV had not settled when the next step came, which looks like lost motion: larger"
+            " steps, or longer holds, are needed"
+        )
+    return None, (
+        f"in this noise, and with steps this large, PV shows no valve that moves by less than"
+        f" {hi:.2g} %: larger steps, or longer holds, are needed"
     )
 
 

@@ -22,7 +22,7 @@ _BIG_STEP = 10.0  # %, to overcome the band (Gerry and Ruel 2001: 5 to 10 %)
 _SMALL_STEP = 0.2  # %
 _CYCLES_ABOVE = 0.2  # %, stiction that will usually cycle (Gerry and Ruel 2001)
 SIGMAS = 5.0  # PV has moved when it changed by more than this many standard errors ...
-MOVE_SHARE = 0.2  # ... and by more than this share of what one small step does to it
+_MOVE_SHARE = 0.2  # ... and by more than this share of what one small step does to it
 _SETTLED = 8.0  # lags waited after a step: e^-8 of the big step is left
 _LONGEST_WINDOW = 1000  # samples of PV averaged, once it has settled
 
@@ -198,7 +198,7 @@ class _Manual:
         comes first.
         """
         before, count = self.seen, 0
-        bar = max(SIGMAS * np.sqrt(2) * self.error, MOVE_SHARE * self.least_answer, 1e-12)
+        bar = max(SIGMAS * np.sqrt(2) * self.error, _MOVE_SHARE * self.least_answer, 1e-12)
         while 0 <= self.op + step <= 100:
             self.op += step
             count += 1

@@ -40,6 +40,10 @@ _AT_LIMIT = 0.02  # share of OP's samples at its largest or smallest value, from
 AS_STATED, AS_SHOWN = "as stated", "as the samples show"
 
 
+# the table of a plant, OP at which it rests, what it leaves of PV, and the filter that this passes
+_Left = tuple[dict[str, Any], float, np.ndarray, list[float] | None]
+
+
 class Copy(NamedTuple):
     """A loop that copies a record, and in words what it is made of."""
 
@@ -62,27 +66,38 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
     position, kick = op, max((kick_of(effect) for effect in effects), default=0.0)
     for effect in effects:
         position = through_valve(position, s.baseline, s.record.Ts, effect)
-    tables = [("first order", _as_stated(fitted.plant, position, pv, s))]
+    tables: list[tuple[str, _Left]] = [("first order", _as_stated(fitted.plant, position, pv, s))]
     plant_shown = regress_plant(position, pv)
     if plant_shown is not None:
         tables.append((AS_SHOWN, _as_shown(plant_shown, s, s.record.Ts)))
+    around = {**_around(s, fitted, effects), "controller": controller_of(law, s.record.Ts)}
+    of_op = {"op": (law.left + law.constant).tolist()}
+    for copy in _drawn_again(s, s.record.Ts, tables, around, of_op):
+        yield copy._replace(loop=moved(copy.loop, kick))
+
+
+def _drawn_again(
+    s: Situation,
+    Ts: float,
+    tables: Sequence[tuple[str, _Left]],
+    around: Mapping[str, Any],
+    of_op: Mapping[str, list[float]],
+) -> Iterator[Copy]:
+    """Yield loops of some plants whose load is drawn again from what they leave of PV, and from
+    what a controller left of OP, in short pieces and in long ones.
+    """
     for name, (plant, op0, left, law_of_left) in tables:
-        residuals = {
-            "op": (law.left + law.constant).tolist(),
-            "output": left.tolist(),
-        }
-        for piece in _pieces(op, left.size):
-            load = _drawn_again(piece * s.record.Ts, law_of_left, residuals)
+        for piece in _pieces(s.op[: held_out(s)], left.size):
+            load = {"type": "resampled", "piece": piece * Ts, **of_op, "output": left.tolist()}
+            load |= {} if law_of_left is None else {"filter": law_of_left}
             table = {
-                **_around(s, fitted, effects),
+                **around,
                 "plant": plant,
-                "controller": controller_of(law, s.record.Ts),
                 "operating_point": {"op0": op0, "pv0": float(s.sp[0])},
                 "disturbance": [load],
             }
             try:
-                loop = moved(Loop.from_table(table, "copy"), kick)
-                yield Copy(loop, name, f"{piece * s.record.Ts:.3g}")
+                yield Copy(Loop.from_table(table, "copy"), name, f"{piece * Ts:.3g}")
             except SpecError:
                 continue  # a pole at the edge of stability
 
@@ -117,7 +132,10 @@ def _with_shown_law(s: Situation, loop: Loop) -> Iterator[Copy]:
         {"type": "resampled", "piece": piece, "op": left},
         *table["disturbance"],
     ]
-    yield Copy(Loop.from_table(table, "loop"), AS_STATED, AS_STATED)
+    try:
+        yield Copy(Loop.from_table(table, "loop"), AS_STATED, AS_STATED)
+    except SpecError:
+        return  # it acts the other way
 
 
 def _with_shown_load(s: Situation, loop: Loop, plant_too: bool) -> Iterator[Copy]:
@@ -127,30 +145,11 @@ def _with_shown_load(s: Situation, loop: Loop, plant_too: bool) -> Iterator[Copy
     end, Ts = held_out(s), loop.sampling.Ts
     op, pv = s.op[:end], s.record.pv[:end]
     position = through_valve(op, loop, Ts)
-    tables = [(AS_STATED, _as_stated(loop.plant, position, pv, s))]
+    tables: list[tuple[str, _Left]] = [(AS_STATED, _as_stated(loop.plant, position, pv, s))]
     if plant_too and (plant := regress_plant(position, pv)) is not None:
         tables.append((AS_SHOWN, _as_shown(plant, s, Ts)))
-    for name, (table, op0, left, law_of_left) in tables:
-        for piece in _pieces(op, left.size):
-            load = _drawn_again(piece * Ts, law_of_left, {"output": left.tolist()})
-            changed = loop.to_table() | {
-                "plant": table,
-                "operating_point": {"op0": op0, "pv0": float(s.sp[0])},
-                "disturbance": [load],
-            }
-            changed.pop("noise", None)
-            try:
-                yield Copy(Loop.from_table(changed, "loop"), name, f"{piece * Ts:.3g}")
-            except SpecError:
-                continue  # a pole at the edge of stability
-
-
-def _drawn_again(
-    piece: float, law_of_left: list[float] | None, residuals: Mapping[str, list[float]]
-) -> dict[str, Any]:
-    """Return the load that draws residuals again in pieces (s), behind the filter they pass."""
-    load = {"type": "resampled", "piece": piece, **residuals}
-    return load | ({} if law_of_left is None else {"filter": law_of_left})
+    around = {name: part for name, part in loop.to_table().items() if name != "noise"}
+    yield from _drawn_again(s, Ts, tables, around, {})
 
 
 def _in_travel(s: Situation) -> Situation:
@@ -197,9 +196,7 @@ def controller_of(law: Arx, Ts: float) -> dict[str, Any]:
     return {"type": "tf", "num": num.tolist(), "den": den.tolist(), "dt": Ts}
 
 
-def _as_shown(
-    plant: Arx, s: Situation, Ts: float
-) -> tuple[dict[str, Any], float, np.ndarray, list[float]]:
+def _as_shown(plant: Arx, s: Situation, Ts: float) -> _Left:
     """Return the table of a plant that was regressed, OP at which it rests on the first set point,
     its residuals with what is left of that, and the filter they pass.
     """
@@ -216,9 +213,7 @@ def _as_shown(
     return table, op0, plant.left + plant.constant - (rest - gain * op0), den.tolist()
 
 
-def _as_stated(
-    plant: Plant, position: np.ndarray, pv: np.ndarray, s: Situation
-) -> tuple[dict[str, Any], float, np.ndarray, list[float] | None]:
+def _as_stated(plant: Plant, position: np.ndarray, pv: np.ndarray, s: Situation) -> _Left:
     """Return as `_as_shown` does what a given plant leaves: noise on PV that follows from its own
     past.
     """

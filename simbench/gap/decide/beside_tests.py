@@ -76,8 +76,12 @@ def least_band(mv: np.ndarray) -> float:
     """Return the narrowest band (%) that MV (n,) tells: three steps of its digits, or three
     standard deviations of its noise.
     """
-    noise = float(np.median(np.abs(np.diff(mv, 2)))) / (_NORMAL * np.sqrt(6.0))
-    return _STEPS * max(written_unit(mv), noise)
+    return _STEPS * max(written_unit(mv), noise_of(mv))
+
+
+def noise_of(mv: np.ndarray) -> float:
+    """Return the standard deviation of MV's noise (%), by its second differences (n,)."""
+    return float(np.median(np.abs(np.diff(mv, 2)))) / (_NORMAL * np.sqrt(6.0))
 
 
 def joint_engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> JointEngine:

@@ -13,7 +13,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 from simbench.scenarios.spec import Loop
 
-_CLOSE = 2e-3  # of what the loop file's set point is, or of its range, within which both agree
+_CLOSE = 2e-3  # of what the loop file's set point spans, within which both agree
+_LEAST_SPAN = 0.1  # of its size, that a set point which hardly moves counts as spanning
 _TIMES = 60.0  # seconds of a minute
 _SAME = 0.03  # relative, within which two numbers of a controller are one
 
@@ -66,9 +67,9 @@ def refuse_pv_units(record: LoopRecord, baseline: Loop, where: str) -> None:
 
 
 def _agree(one: np.ndarray, other: np.ndarray) -> bool:
-    scale = max(float(np.ptp(other)), float(np.abs(other).max()) * _CLOSE)
-    near = _CLOSE * max(scale, 0.1 * float(np.abs(other).max()))
-    return bool(np.abs(one - other).max() <= near)
+    """Return whether two ranges are the same, within a share of what they span."""
+    span = max(float(np.ptp(other)), _LEAST_SPAN * float(np.abs(other).max()))
+    return bool(np.abs(one - other).max() <= _CLOSE * span)
 
 
 def refuse_time_units(law: Law, Kc: float, Ti: float | None, where: str) -> None:

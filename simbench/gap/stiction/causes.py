@@ -198,9 +198,7 @@ def _tuning(known: Margins | None, swing: Oscillation, line: bool, keeps: float)
     ratio = swing.period_s / known.period
     if known.sensitivity < TIGHT_OPEN or not 1.0 / RESONANT <= ratio <= RESONANT:
         return Cause(TIGHT, 0.05, (), (swings,))
-    return Cause(
-        TIGHT, float(np.interp(known.sensitivity, (TIGHT_OPEN, TIGHT_SURE), (0.5, 0.95))), (swings,)
-    )
+    return Cause(TIGHT, _sure_of_tuning(known), (swings,))
 
 
 def _ringing(known: Margins | None, prepared: Prepared) -> Cause | None:
@@ -210,9 +208,13 @@ def _ringing(known: Margins | None, prepared: Prepared) -> Cause | None:
     sp = prepared.record.sp
     if known is None or known.gain >= RINGS or sp is None or np.ptp(sp) <= 0.0:
         return None
-    sure = float(np.interp(known.sensitivity, (TIGHT_OPEN, TIGHT_SURE), (0.5, 0.95)))
     why = f"{known.sentence()}: the loop rings after every step of its set point"
-    return Cause(TIGHT, sure, (why,))
+    return Cause(TIGHT, _sure_of_tuning(known), (why,))
+
+
+def _sure_of_tuning(known: Margins) -> float:
+    """Return how sure the largest sensitivity makes tuning as a cause."""
+    return float(np.interp(known.sensitivity, (TIGHT_OPEN, TIGHT_SURE), (0.5, 0.95)))
 
 
 def _outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) -> Cause:

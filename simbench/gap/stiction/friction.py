@@ -28,7 +28,6 @@ from simbench.gap.intake.partial import Partial, complete_baseline
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import SKIP
-from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.likelihood.valves import friction_regressed
 from simbench.gap.situation import Situation, load_memory
@@ -39,6 +38,7 @@ from simbench.gap.stiction.position import (
     Scale,
     answers,
     chance_of_position,
+    price_of,
     repeats,
     scale_of,
     standing,
@@ -404,9 +404,7 @@ def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
     price of the numbers fitted.
     """
     base, s = assessment.base, assessment.situation
-    # a time constant is one number more
-    price = 0.0 if s.integrating else size_penalty(s.data.n, 1.0)
-    fit = base
+    fit, price = base, price_of(assessment)
     if effect is not None:
         one = assessment.candidates.get(effect)
         if one is None:

@@ -15,7 +15,7 @@ from scipy.special import expit, logit
 from simbench.detectors.signal.fits.regression import friction_nats
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.decide.beside_tests import least_band
+from simbench.gap.decide.beside_tests import least_band, noise_of
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import size_penalty
@@ -42,7 +42,6 @@ _KEPT = 4  # valves that are followed
 _PART = 400  # samples in which valves are looked for first
 # of MV's noise, and of its standard deviation, up to which what OP leaves of it is noise
 _AS_OP, _LITTLE = 1.5, 0.2
-_NORMAL = 0.6745  # median of a standard normal's size
 _UNIT = 0.7, 1.4  # gains between which MV may be in % of travel behind a characteristic
 _ONE = 0.03  # from a gain of 1 and, times OP's range, from an offset of 0: MV is in OP's scale
 _NUMBERS = 5.0  # of a scaled valve: S, J, where it begins, gain and offset
@@ -167,19 +166,18 @@ def worth(
 def _says_op(op: np.ndarray, mv: np.ndarray) -> bool:
     """Return whether MV (n,) says no more than OP but for its noise."""
     left = mv - np.polyval(np.polyfit(op, mv, 1), op)
-    noise = float(np.median(np.abs(np.diff(mv, 2)))) / (_NORMAL * np.sqrt(6.0))
-    return float(np.std(left)) <= max(_AS_OP * noise, _LITTLE * float(np.std(mv)))
+    return float(np.std(left)) <= max(_AS_OP * noise_of(mv), _LITTLE * float(np.std(mv)))
 
 
 def _given(view: Assessment, mv: np.ndarray) -> np.ndarray:
     """Return the log-likelihood of each sample of PV given MV, plant, load and noise fitted."""
     s = view.situation
     data = replace(s.data, u=np.ascontiguousarray(mv, dtype=float))
-    return nats_of(Engine(data, load_memory(s)).base(), _price(view))
+    return nats_of(Engine(data, load_memory(s)).base(), price_of(view))
 
 
-def _price(view: Assessment) -> float:
-    """Return what the numbers of a view cost: a time constant is one more."""
+def price_of(view: Assessment) -> float:
+    """Return what the numbers of a view's plant cost (nats): a time constant is one more."""
     s = view.situation
     return 0.0 if s.integrating else size_penalty(s.data.n, 1.0)
 
