@@ -88,6 +88,10 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
             f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least"
             f" {_FEWEST} are needed"
         )
+    if np.ptp(op[starts]) == 0.0:
+        raise ParameterError(
+            f"travel test: OP rests at {op[starts][0]:g} % alone; two levels at least are needed"
+        )
     holds = op, starts, lengths
     by_pv = _readings(record.pv, record.Ts, *holds, slope=record.process == "integrating")
     bands = _bands(by_pv) if _moves(by_pv) else None

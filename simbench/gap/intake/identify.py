@@ -26,6 +26,10 @@ _BAND = min(
 _HALF = 0.5  # of what OP does, that a law may leave unexplained and still show its direction
 
 
+class NoAnswer(RecordError):
+    """No plant can be identified, as PV does not answer to OP."""
+
+
 def identify(
     record: LoopRecord,
     plant: Plant | None = None,
@@ -101,7 +105,7 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
     _, integrating, fit = max(tries, key=lambda t: t[0])
     K = sign * abs(fit.K) if sign else fit.K
     if not (np.isfinite(K) and K != 0.0):
-        raise RecordError(
+        raise NoAnswer(
             f"{_where(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"
         )
     dead, noise = fit.theta["Td"] * r.Ts, fit.theta["noise_std"]

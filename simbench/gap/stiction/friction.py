@@ -23,7 +23,7 @@ from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.evidence import nats_of as nats_of_rows
 from simbench.gap.effects import is_friction, recogniser
 from simbench.gap.intake.check import check
-from simbench.gap.intake.identify import identify, law_of
+from simbench.gap.intake.identify import NoAnswer, identify, law_of
 from simbench.gap.intake.partial import Partial, complete_baseline
 from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
@@ -252,10 +252,13 @@ def stands(record: LoopRecord) -> bool:
         return False
     part = without_last_bits(percent.without_mv()).with_signals(lambda x: x[here], Ts=record.Ts)
     try:
+        refuse_unweighable(part)
         with one_thread():
             return not any(answers(view, mv[here]) for view in _identified(part))
+    except NoAnswer:
+        return True
     except UserError:
-        return True  # PV does not answer to OP at all
+        return False  # whether PV follows OP cannot be told
 
 
 def _weighed(record: LoopRecord, known: Partial | None) -> Friction:

@@ -57,6 +57,12 @@ def test_the_band_counts_from_the_valves_last_move_however_op_wandered_before_it
     assert answer["J_interval"][0] <= 2.0 + 1e-9 <= answer["J_interval"][1]
 
 
+def test_pulses_on_one_level_are_no_travel_test():
+    op = np.tile(np.append(np.full(40, 50.0), np.full(3, 51.0)), 8)
+    with pytest.raises(ParameterError, match="OP rests at 50 % alone"):
+        travel_recorded(LoopRecord(op, np.cos(np.arange(op.size)), 1.0))
+
+
 def test_a_record_in_automatic_mode_holds_no_travel_test():
     with pytest.raises(ParameterError, match="OP rests"):
         travel_recorded(wave(90.3))

@@ -122,6 +122,15 @@ def test_detect_and_gap_say_the_same_of_it(seized):
     assert report.conclusion.cause == "the valve does not move"
 
 
+@pytest.mark.parametrize("n", [50, 300])
+def test_what_cannot_be_weighed_is_not_called_seized(n):
+    """Too short a record, or OP moved by hand with PV behind it, tells nothing about MV."""
+    t = np.arange(n)
+    op = 50.0 + 5.0 * np.sin(t / 5.0) if n == 50 else 50.0 + 5.0 * (t > 100)
+    record = LoopRecord(op, 50.0 + 0.9 * (op - 50.0), 1.0, mv=np.full(n, 50.0))
+    assert judged(record)[0].verdict != "stiction"
+
+
 @pytest.mark.parametrize("what", ["moves", "at its end", "behind a limit", "OP rests too"])
 def test_a_valve_that_moves_or_stands_with_reason_is_not_seized(what):
     op = 50.0 + 8.0 * np.sin(np.arange(1000) / 30.0)
