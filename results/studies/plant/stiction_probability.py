@@ -23,6 +23,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from results.studies.plant.answers import answered
+from results.studies.plant.real_loops import share
 from results.studies.withheld.files import write_item
 from results.studies.withheld.making import PLANTS, STRENGTHS
 from results.studies.worlds import load_world
@@ -299,7 +300,11 @@ def _table(
     rows: list[dict[str, Any]], rule: Callable[[FrictionEvidence], Sequence[float]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x = np.array([rule(evidence_of(r)) for r in rows])
-    return x, np.array([r["sticky"] for r in rows]), np.array([r["simulator"] for r in rows])
+    return x, _labels(rows), np.array([r["simulator"] for r in rows])
+
+
+def _labels(rows: list[dict[str, Any]]) -> np.ndarray:
+    return np.array([r["sticky"] for r in rows])
 
 
 def scores(p: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
@@ -348,6 +353,20 @@ def compared(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
+def reliability(p: np.ndarray, y: np.ndarray) -> list[str]:
+    """Return in ten bins of a probability how many loops have it and what share of them sticks,
+    with its 95 % interval.
+    """
+    bins = np.minimum((p * BINS).astype(int), BINS - 1)
+    lines = []
+    for b in np.unique(bins):
+        here = y[bins == b]
+        lines.append(
+            f"  {b / BINS:.1f} to {(b + 1) / BINS:.1f}: {share(int(here.sum()), here.size)} sticks"
+        )
+    return lines
+
+
 def by_form(rows: list[dict[str, Any]]) -> list[str]:
     """Return log-loss and AUC by how records were written."""
     p = np.array([probability(log_odds(evidence_of(r))) if r["evidence"] else 0.5 for r in rows])
@@ -392,6 +411,11 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     rows = kept(given.out, given.n, given.simulators, given.seed)
     print("\n".join([*compared(rows), "", *by_form(rows), ""]))
+    told = [r for r in rows if r["evidence"]]
+    for name in given.simulators:
+        here = [r for r in told if r["simulator"] == name]
+        p = np.array([probability(log_odds(evidence_of(r))) for r in here])
+        print("\n".join([f"{name}, by its probability:", *reliability(p, _labels(here))]))
     for name, rule in RULES.items():
         numbers = learned(*_table([r for r in rows if r["evidence"]], rule))
         print(f"{name}: {' '.join(f'{w:+.3f}' for w in numbers)}")
