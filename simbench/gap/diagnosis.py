@@ -51,7 +51,7 @@ from simbench.gap.stiction.conclusion import (
 )
 from simbench.gap.stiction.friction import as_believed, refuse_unweighable, stands
 from simbench.gap.stiction.probability import pool_log_odds
-from simbench.gap.stiction.visible import visible
+from simbench.gap.stiction.visible import visible_in
 from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
 from simbench.loop import resolve
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN, block_of
@@ -369,7 +369,7 @@ def report(
     shown = None
     stated = s.trusted and bool(resolve.friction(s.baseline))
     if s.trusted and not (loops or stated) and weights.friction < DENIED_BELOW:
-        shown = visible([assessment])
+        shown = visible_in(assessment)
         if shown.open:
             weights = weights.with_friction(DENIED_BELOW)
     weights, main, left = _beside_simulations(assessment, weights, runs)

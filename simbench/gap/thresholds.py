@@ -33,6 +33,11 @@ _WEIGHTS = (
     " python -m results.studies.plant.stiction_probability FOLDER -n 100 --seed 79;"
     " n = 47 prints results/stiction_probability.txt"
 )
+_CURVE = (
+    "a choice on 240 oscillating loops of each of four grids, seed 11; on 240 others, seed 12, and"
+    " of real loops: python -m results.studies.plant.calibration"
+    " (results/stiction_probability.txt)"
+)
 _DENIALS = "python -m results.studies.plant.denials (results/denials.txt)"
 _CAUSES = (
     "a choice; how often causes are then right: python -m results.studies.plant.causes"
@@ -98,8 +103,19 @@ LEAST_REGRESSED = AnswerThreshold(
     "that a regression takes away at most: noise or a moving set point may hide a valve from it",
     "AUC on loops of refinery .79 without, .85 with it (results/stiction_probability.txt)",
 )
-SPARED = AnswerThreshold(
-    0.7, "share", "of the log-odds against stiction, that count", f"{_DENIALS}, seeds 77 and 78"
+SEEN = AnswerThreshold(
+    1.9,
+    "factor",
+    "on how far log-odds are below those of a claim, where friction would have shown plainly",
+    _CURVE,
+)
+HARDLY_SEEN = AnswerThreshold(0.9, "factor", "the same where it would hardly have shown", _CURVE)
+SEEN_CYCLES = AnswerThreshold(
+    20.0, "cycles", "from which friction would have shown plainly", _CURVE
+)
+SEEN_PACE = AnswerThreshold(15.0, "samples per period", "that this takes at least", _CURVE)
+EXPLAINS = AnswerThreshold(
+    50.0, "nats", "of friction, from which a narrow band does not speak against it", _CURVE
 )
 NARROW = AnswerThreshold(
     0.02, "share of OP's range", "below which a band counts as this wide", _WEIGHTS
@@ -108,6 +124,15 @@ FEW_CYCLES = AnswerThreshold(6.0, "cycles", "fewer count as so many", _WEIGHTS)
 MANY_CYCLES = AnswerThreshold(33.0, "cycles", "more count as so many", _WEIGHTS)
 
 # --- which stiction would have shown -------------------------------------------------------------
+WORTH_REPAIRING = AnswerThreshold(
+    1.0, "% of travel", "S below which a valve need not be repaired", _CHOICE
+)
+NARROWEST = AnswerThreshold(
+    0.2,
+    "share of OP's range",
+    "below which a band may be there though stiction is denied",
+    f"10 of 14 sticky valves that are denied have a narrower one: {_DENIALS}",
+)
 CLEARLY = AnswerThreshold(
     0.88,
     "probability",

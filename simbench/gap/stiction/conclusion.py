@@ -74,7 +74,7 @@ class Conclusion:
     where the record cannot be judged; `cause` what moves the loop, or with a loop file what the
     simulation does not model; `reason` one sentence; `next` what to do; `notes` what reading the
     record assumed or left out; `S` and `J` the valve's, with their intervals, where friction is
-    more probable than not.
+    more probable than not; `above` the S from which stiction is denied, in words.
     """
 
     verdict: str
@@ -85,6 +85,7 @@ class Conclusion:
     notes: tuple[str, ...] = ()
     S: Size | None = None
     J: Size | None = None
+    above: str = ""
 
     def __repr__(self) -> str:
         """Return one line."""
@@ -95,13 +96,15 @@ class Conclusion:
 
     def as_json(self) -> dict[str, Any]:
         """Return the conclusion in JSON types, without the sizes, which stand beside it."""
-        known = {k: v for k, v in asdict(self).items() if k not in ("S", "J")}
+        known = {k: v for k, v in asdict(self).items() if k not in ("S", "J", "above")}
         return {**known, "notes": [*self.notes]}
 
     def sentence(self) -> str:
         """Return verdict, probability and cause in one line."""
         p = "unknown" if self.probability is None else f"{self.probability:.2f}"
         word = WORDS[self.verdict]
+        if self.verdict == NO_STICTION and self.above:
+            word = f"no stiction worth repairing, {self.above} or more"
         return f"{word[0].upper()}{word[1:]} (probability of stiction {p}). Cause: {self.cause}."
 
     def as_lines(self) -> list[str]:
@@ -163,7 +166,8 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     if answer != NO_STICTION:
         to_do = _open_to_do(answer, swings, loops.shown)
     S, J = (loops.sizes if p > LIKELIER else None) or (None, None)
-    return Conclusion(answer, p, cause, "; ".join(reasons), to_do, notes, S, J), causes
+    above = _denied(loops.shown, loops.percent, prepared.record.S_unit)
+    return Conclusion(answer, p, cause, "; ".join(reasons), to_do, notes, S, J, above), causes
 
 
 def from_posterior(
@@ -201,7 +205,13 @@ def from_posterior(
         to_do = f"add {words} to the simulation (`--write-loop`)"
     S, J = sizes or (None, None)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
-    return Conclusion(answer, p, cause, "; ".join(reasons), to_do, (), S, J)
+    above = _denied(shown, 1.0, "% of travel")
+    return Conclusion(answer, p, cause, "; ".join(reasons), to_do, (), S, J, above)
+
+
+def _denied(shown: Visible | None, percent: float, unit: str) -> str:
+    """Return the S from which stiction is denied, in words; "" where none is."""
+    return "" if shown is None or shown.open else shown.size(percent, unit)
 
 
 def _open_to_do(answer: str, swings: bool, shown: Visible | None) -> str:

@@ -18,6 +18,7 @@ from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.conditioning import snapped
 from simbench.detectors.signal.fits.regression import friction_nats
 from simbench.detectors.signal.lattice import written_unit
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.evidence import nats_of as nats_of_rows
@@ -162,7 +163,7 @@ def _asked(weighed: Friction) -> Friction:
     """Return what was weighed, with what would have shown where it speaks against friction."""
     if probability(log_odds(weighed.evidence)) >= DENIED_BELOW:
         return weighed
-    return replace(weighed, shown=visible(weighed.views or (weighed.assessment,)))
+    return replace(weighed, shown=visible(weighed.assessment))
 
 
 def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
@@ -361,11 +362,14 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     gain = friction_nats(sticky, none)
     known = [i for i, v in enumerate(views) if _is(v, v.situation.record.process)]
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
-    data = views[first].situation.data
+    data, likeliest = views[first].situation.data, views[at[FRICTION]]
     regressed = friction_regressed(data.u, data.y)
-    likeliest = views[at[FRICTION]]
+    swing = find_oscillation(data.u, data.y, 1.0)
     evidence = FrictionEvidence(
-        gain + max(regressed.gain, LEAST_REGRESSED), _band_of(likeliest), regressed.cycles
+        gain + max(regressed.gain, LEAST_REGRESSED),
+        _band_of(likeliest),
+        regressed.cycles,
+        swing.period_s if swing.sustained else 0.0,
     )
     order = (views[first], *(v for v in views if v is not views[first]))
     return Friction(views[first], evidence, order, unclaimed=_unclaimed(likeliest, gain))

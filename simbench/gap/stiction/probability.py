@@ -8,13 +8,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from scipy.special import logit
+
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap.thresholds import (
     CLAIMED_FROM,
     DENIED_BELOW,
     EDGE,
+    EXPLAINS,
     FEW_CYCLES,
     FULL_NATS,
+    HARDLY_SEEN,
     MANY_CYCLES,
     NARROW,
     OFFSET,
@@ -22,8 +26,12 @@ from simbench.gap.thresholds import (
     PER_CYCLES,
     PER_GAIN,
     POOLED,
-    SPARED,
+    SEEN,
+    SEEN_CYCLES,
+    SEEN_PACE,
 )
+
+_CLAIMED = float(logit(CLAIMED_FROM))
 
 
 @dataclass(frozen=True)
@@ -32,12 +40,21 @@ class FrictionEvidence:
 
     `gain` (nats) of friction over whatever else may explain the record, its numbers paid for;
     `share` the fitted band over OP's range; `cycles` of the record, in each of which friction would
-    have shown.
+    have shown; `pace` the samples per period of an oscillation, 0 of a record that has none.
     """
 
     gain: float
     share: float = 1.0
     cycles: float = 10.0
+    pace: float = 0.0
+
+    @property
+    def seen(self) -> bool:
+        """Whether friction would have shown plainly: in many cycles, with enough samples in each,
+        and where it does not explain much all the same.
+        """
+        often = self.cycles >= SEEN_CYCLES and self.pace >= SEEN_PACE
+        return often and self.gain < EXPLAINS
 
 
 def regressors(e: FrictionEvidence) -> tuple[float, float, float]:
@@ -54,13 +71,19 @@ def regressors(e: FrictionEvidence) -> tuple[float, float, float]:
     )
 
 
-def log_odds(e: FrictionEvidence) -> float:
-    """Return the log-odds of stiction, even odds before looking; at most the nats gained."""
+def log_odds(e: FrictionEvidence, seen: float = SEEN, hardly: float = HARDLY_SEEN) -> float:
+    """Return the log-odds of stiction, even odds before looking; at most the nats gained.
+
+    What is learned of claims overstates the odds of what is not claimed: the less so, the less
+    friction would have shown. `seen` and `hardly` are the factors on how far these lie below.
+    """
     odds = OFFSET + sum(
         weight * x for weight, x in zip((PER_GAIN, PER_BAND, PER_CYCLES), regressors(e))
     )
-    odds = min(odds, max(e.gain, 0.0))
-    return odds if odds > 0.0 else SPARED * odds
+    most = max(e.gain, 0.0)
+    odds = min(odds, most)
+    factor = seen if e.seen else hardly
+    return min(odds + (factor - 1.0) * min(odds - _CLAIMED, 0.0), most)
 
 
 def pool_log_odds(odds: Sequence[float]) -> float:

@@ -18,6 +18,7 @@ from simbench.gap.decide.posterior import Posterior
 from simbench.gap.diagnosis import diagnose, name_effects, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pool_log_odds, probability
+from simbench.gap.stiction.visible import Visible
 from simbench.loop.effects import EFFECTS
 
 P = {
@@ -137,8 +138,8 @@ def stubs(monkeypatch):
         diagnosis, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")}
     )
     monkeypatch.setattr(diagnosis, "load_memory", lambda s: 60.0)
-    shown = SimpleNamespace(open="", again="", sentence=lambda percent, unit: "S would have shown")
-    monkeypatch.setattr(diagnosis, "visible", lambda views: shown)
+    shown = Visible(2.0)
+    monkeypatch.setattr(diagnosis, "visible_in", lambda view: shown)
     monkeypatch.setattr(diagnosis.resolve, "friction", lambda loop: [])
     monkeypatch.setattr(diagnosis, "find_look_alikes", lambda e, s, p: (e, str(p)))
     return seen

@@ -4,6 +4,7 @@ it.
 
 import json
 import math
+from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -37,6 +38,17 @@ def test_the_more_often_friction_would_have_shown_the_more_it_must_explain():
     few, many, more = (log_odds(FrictionEvidence(20.0, cycles=c)) for c in (6.0, 20.0, 33.0))
     assert few > many > more
     assert log_odds(FrictionEvidence(20.0, cycles=500.0)) == more
+
+
+def test_what_would_have_shown_plainly_is_denied_the_sooner():
+    hardly, seen = FrictionEvidence(-5.0, 0.1, 30.0), FrictionEvidence(-5.0, 0.1, 30.0, pace=30.0)
+    assert log_odds(seen) < log_odds(hardly) < 0.0
+    for other in (replace(seen, cycles=19.0), replace(seen, pace=14.0)):
+        assert not other.seen
+    # what friction explains in full does not speak against it, however narrow its band
+    assert not replace(seen, gain=60.0).seen
+    claimed = FrictionEvidence(45.0, 1.0, 22.0)
+    assert log_odds(claimed) == log_odds(replace(claimed, pace=30.0)) > math.log(4.0)
 
 
 @pytest.mark.parametrize("gain", [-9.0, 0.0, 1.0])
