@@ -15,7 +15,8 @@ fitted valve's.
 Not for: loops that were retuned or changed their plant within the record, plants far from first
 order with dead time.
 Source: generalised likelihood ratio, Kay (1998), Detection Theory, section 6.4.2; weights learned
-on simulated loops (`results/stiction_probability.txt`).
+on simulated loops of three simulators and of `ci`, the curve from them to the probability on
+oscillating loops of `chapter`, `ci`, `plant` and `families` (`results/stiction_probability.txt`).
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ METHOD = Method(
     front_end=False,
     whole=True,
     takes_mv=True,
-    fitted_on=("plant", "ci", "own", "refinery"),
+    fitted_on=("chapter", "ci", "plant", "families", "own", "refinery"),
     learned=True,
     thresholds={
         "yes": Threshold(CLAIMED_FROM, "-", 0.0, 1.0, "own, simulated loops", "above: stiction"),
