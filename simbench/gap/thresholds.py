@@ -131,16 +131,16 @@ NARROWEST = AnswerThreshold(
     0.2,
     "share of OP's range",
     "below which a band may be there though stiction is denied",
-    f"10 of 14 sticky valves that are denied have a narrower one: {_DENIALS}",
+    f"a choice; 7 of 17 sticky valves that are denied have a narrower one: {_DENIALS}",
 )
 CLEARLY = AnswerThreshold(
     0.88,
     "probability",
     "from which stiction put into the loop counts as called, where no search may miss it",
-    f"{_DENIALS}: what is claimed from .8 on is called in three quarters of them again",
+    _CHOICE,
 )
 CALLED = AnswerThreshold(
-    6, "of 8 simulations", "in which stiction of a size must be called", _DENIALS
+    6, "of 8 simulations", "in which stiction of a size must be called", _CHOICE
 )
 REVERSALS = AnswerThreshold(
     6, "turns of OP", "by more than S, that friction of this size needs", "three cycles of a valve"

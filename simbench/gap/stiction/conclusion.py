@@ -166,7 +166,7 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     if answer != NO_STICTION:
         to_do = _open_to_do(answer, swings, loops.shown)
     S, J = (loops.sizes if p > LIKELIER else None) or (None, None)
-    above = _denied(loops.shown, loops.percent, prepared.record.S_unit)
+    above = loops.shown.size(loops.percent, prepared.record.S_unit) if loops.shown else ""
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do, notes, S, J, above), causes
 
 
@@ -205,13 +205,8 @@ def from_posterior(
         to_do = f"add {words} to the simulation (`--write-loop`)"
     S, J = sizes or (None, None)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
-    above = _denied(shown, 1.0, "% of travel")
+    above = shown.size(1.0, "% of travel") if shown else ""
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do, (), S, J, above)
-
-
-def _denied(shown: Visible | None, percent: float, unit: str) -> str:
-    """Return the S from which stiction is denied, in words; "" where none is."""
-    return "" if shown is None or shown.open else shown.size(percent, unit)
 
 
 def _open_to_do(answer: str, swings: bool, shown: Visible | None) -> str:

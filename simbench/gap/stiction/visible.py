@@ -65,8 +65,8 @@ class Visible:
         return self.open or f"friction smaller than {self.size(percent, unit)} cannot be excluded"
 
     def size(self, percent: float, unit: str) -> str:
-        """Return S in words, in such a unit."""
-        return f"S = {self.S * percent:.2g} {unit}"
+        """Return the S from which stiction is denied, in such a unit, "" where it is not."""
+        return "" if self.open else f"S = {self.S * percent:.2g} {unit}"
 
 
 def visible(view: Assessment) -> Visible:
