@@ -124,7 +124,7 @@ def diagnose(source: Source | None = None, **about: Unpack[RecordSignals]) -> Lo
     >>> import numpy as np
     >>> t = np.arange(3000) / 10
     >>> diagnose(LoopRecord(np.sin(t), -np.sin(t), 1.0, process="self-regulating")).verdict
-    'no_decision'
+    'no_stiction'
     """
     from simbench.gap.stiction.conclusion import judged
 

@@ -215,7 +215,7 @@ def test_the_costs_of_the_slower_methods_are_those_in_results():
     kept = (ROOT / "results" / "chapter_likelihood.txt").read_text(encoding="utf-8")
     text = " ".join(README.split())
     costs = re.search(
-        r"`arx_stiction\*` costs (\S+) on \[(\d+) other loops\]\S+ `likelihood` (\S+),"
+        r"`arx_stiction\*` costs (\S+) on \[(\d+) other loops\]\S+ `likelihood\*` (\S+),"
         r" `procedure\*` (\S+?)\. ",
         text,
     )

@@ -80,14 +80,15 @@ def test_how_near_the_loop_of_the_replicates_is_to_the_record_is_said_as_a_diagn
     assert not [n for n in far.notes if n.startswith("simulations of this loop")]
 
 
-def test_a_quiet_loop_is_denied_only_above_what_would_have_shown():
+def test_a_quiet_loop_is_denied_only_above_a_size_that_is_said():
     answer = trust(resting(2), **FEW, help_wanted=False)
     assert answer.conclusion.verdict in (NO_STICTION, NO_DECISION)
     assert answer.probability is not None
     assert answer.probability < 0.75
     if answer.smallest_visible is not None:
         assert f"{answer.smallest_visible[0]:.2g}" in answer.as_text()
-    assert "would have shown in this record" in answer.conclusion.reason
+    assert answer.conclusion.above in answer.conclusion.reason
+    assert bool(answer.conclusion.above) == (answer.conclusion.verdict == NO_STICTION)
 
 
 def test_a_record_whose_twins_do_not_move_as_it_does_is_still_judged(sticky, monkeypatch):
