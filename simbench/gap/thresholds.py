@@ -34,8 +34,8 @@ _WEIGHTS = (
     " n = 47 prints results/stiction_probability.txt"
 )
 _CURVE = (
-    "a choice on 240 oscillating loops of each of four grids, seed 11; on 240 others, seed 12, and"
-    " of real loops: python -m results.studies.plant.calibration"
+    "a choice on 240 oscillating loops of each of four grids, seed 11, and with an eye on labelled"
+    " real loops; on 240 others, seed 12: python -m results.studies.plant.calibration"
     " (results/stiction_probability.txt)"
 )
 _DENIALS = "python -m results.studies.plant.denials (results/denials.txt)"
