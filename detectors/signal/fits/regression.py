@@ -71,14 +71,6 @@ def regression(op: np.ndarray, pv: np.ndarray, period: float, beside: bool = Fal
     return Regression(_gain_of(data, best, beside), np.vstack([points for points, _ in found]))
 
 
-def known_valve(
-    op: np.ndarray, pv: np.ndarray, period: float, valve: np.ndarray, beside: bool = False
-) -> float:
-    """Return the nats that one valve (S, J, stops) explains, as `regression` does for the best."""
-    data = _averaged(op, pv, period, beside)
-    return 0.0 if data is None else _gain_of(data, valve, beside)
-
-
 def _averaged(op: np.ndarray, pv: np.ndarray, period: float, beside: bool) -> _Data | None:
     """Return the averages of signals that oscillate with a period (samples), as they are
     regressed.

@@ -18,7 +18,6 @@ from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.conditioning import snapped
 from simbench.detectors.signal.fits.regression import friction_nats
 from simbench.detectors.signal.lattice import written_unit
-from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.decide.assess import Assessment, assess
 from simbench.gap.decide.evidence import nats_of as nats_of_rows
@@ -364,12 +363,11 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
     data, likeliest = views[first].situation.data, views[at[FRICTION]]
     regressed = friction_regressed(data.u, data.y)
-    swing = find_oscillation(data.u, data.y, 1.0)
     evidence = FrictionEvidence(
         gain + max(regressed.gain, LEAST_REGRESSED),
         _band_of(likeliest),
         regressed.cycles,
-        swing.period_s if swing.sustained else 0.0,
+        regressed.pace,
     )
     order = (views[first], *(v for v in views if v is not views[first]))
     return Friction(views[first], evidence, order, unclaimed=_unclaimed(likeliest, gain))

@@ -71,7 +71,7 @@ NOTHING = np.full(400 - SKIP, -1.0)
 @pytest.fixture
 def as_made_up(monkeypatch):
     """Leave the likelihood of made-up views as it is: no spectrum, no regression."""
-    silent = Regressed(0.0, np.empty((0, 3)), 10.0)
+    silent = Regressed(0.0, np.empty((0, 3)), 10.0, 0.0)
     monkeypatch.setattr(module, "friction_regressed", lambda op, pv: silent)
     monkeypatch.setattr(spectrum, "any_spectrum", lambda left: -0.5 * left**2)
 
@@ -130,7 +130,7 @@ def test_a_band_that_op_passed_both_ways_is():
 
 @pytest.mark.usefixtures("as_made_up")
 def test_what_a_regression_alone_finds_is_not_claimed(monkeypatch):
-    loud = Regressed(500.0, np.empty((0, 3)), 10.0)
+    loud = Regressed(500.0, np.empty((0, 3)), 10.0, 0.0)
     monkeypatch.setattr(module, "friction_regressed", lambda op, pv: loud)
     weighed = module._seen_in([view(NOTHING, NOTHING - 0.001)])
     assert 0.5 < weighed.probability <= CLAIMED_FROM
