@@ -31,6 +31,8 @@ def signals(n, seed=0, load=0.0, noise=0.0, sp=PV0, **changed):
         "manual": np.zeros(n, dtype=bool),
         "hand": np.full(n, np.nan),
         "between": np.zeros(n, dtype=bool),
+        "missed": np.zeros(n, dtype=int),
+        "shift": nothing,
     }
     return Signals(**{**base, **changed})
 
@@ -73,14 +75,17 @@ class Twin:
             u = clip(c.bias + c.Kc * e)
         else:
             free = c.bias + c.Kc * p + d + self.integral + step
-            if c.windup == 0:
+            if c.windup == 3:
+                free -= step
+                self.integral += c.Ts / c.Ti * (clip(free) - c.bias - self.integral)
+            elif c.windup == 0:
                 if c.lo <= free <= c.hi or (free > c.hi) != (step > 0):
                     self.integral += step
             elif c.windup == 1:
                 self.integral += step + min(1.0, c.Ts / (c.Ti / 2)) * (clip(free) - free)
             else:
                 self.integral = clip(c.bias + self.integral + step) - c.bias
-            u = clip(free if c.windup == 1 else c.bias + c.Kc * p + d + self.integral)
+            u = clip(free if c.windup in (1, 3) else c.bias + c.Kc * p + d + self.integral)
         self.e1, self.u1, self.p1, self.f1, self.d1 = e, u, p, f, d
         return round(u / c.quantum) * c.quantum if c.quantum else u
 
@@ -104,6 +109,7 @@ class Twin:
                 i = math.floor(back)
                 at = lambda q: inputs[q] if q >= 0 else 0.0  # noqa: E731
                 w = at(i) + (back - i) * (at(i + 1) - at(i)) if back > i else at(i)
+                w += p.bend / 2 * w * w
                 before = [y, *lags]
                 y = (
                     y + p.K * h * w
@@ -127,6 +133,8 @@ CONTROLLERS = [
     *[{"velocity": v, "rule": r} for v in (False, True) for r in (0, 1, 2)],
     *[{"windup": w, "rule": r, "lo": 45.0, "hi": 56.0} for w in (0, 1, 2) for r in (0, 2)],
     {"velocity": True, "lo": 45.0, "hi": 56.0},
+    {"windup": 3, "rule": 1},
+    {"windup": 3, "rule": 1, "lo": 45.0, "hi": 56.0},
     {"dead_width": 3.0},
     {"quantum": 0.7},
     *[{"Td": 4.0, "b": b, "c": c} for b, c in ((1.0, 0.0), (1.0, 1.0), (0.0, 0.0))],
@@ -154,7 +162,7 @@ PARTS = [
     (Plant(False, 2.0, 20.0, 7.7, extra_lag=9.0), Valve(), Sensor(lag=4.0)),
     (Plant(False, 2.0, 20.0, 5.0), Valve(play=2.0), Sensor(quantum=0.8)),
     (Plant(False, 2.0, 20.0, 5.0), Valve(zone=3.0, zone_centre=51.0), Sensor()),
-    (Plant(False, 2.0, 20.0, 5.0), Valve(lag=6.0), Sensor()),
+    (Plant(False, 2.0, 20.0, 5.0, bend=0.03), Valve(lag=6.0), Sensor()),
     (Plant(False, 2.0, 20.0, 5.0), Valve(friction=valves.CHOUDHURY, fs=2.0, fd=1.0), Sensor()),
     (Plant(True, 0.05, 1.0, 3.3), Valve(friction=valves.HE, fs=1.5, fd=0.5), Sensor()),
 ]
@@ -201,6 +209,34 @@ def test_manual_holds_op_and_returns_without_a_bump():
         assert np.all(op[100:150] == op[99])
         usual = np.abs(np.diff(op[:100])).max()
         assert abs(op[150] - op[149]) < 2 * usual
+
+
+def test_external_reset_is_a_pi_of_the_forward_rule_between_its_limits():
+    x, c = signals(300, load=2.0, noise=0.3), Controller(Kc=0.5, Ti=30.0, Ts=TS, bias=M0, rule=1)
+    plain, reset = (loop(x, controller=c._replace(windup=w))[1] for w in (0, 3))
+    np.testing.assert_allclose(np.diff(reset)[5:], np.diff(plain)[5:], atol=1e-9)
+
+
+@pytest.mark.parametrize("tracks", [False, True])
+def test_missed_scans_hold_op_and_the_controller_goes_on_from_what_it_knows(tracks):
+    missed = np.zeros(300, dtype=int)
+    missed[100:108] = 1 + tracks
+    # a positional law goes on from where it stopped either way
+    c = Controller(Kc=0.5, Ti=30.0, Ts=TS, bias=M0, velocity=True)
+    pv, op = loop(signals(300, load=2.0, missed=missed), controller=c)[:2]
+    assert np.all(op[99:108] == op[99])
+    e = PV0 - pv
+    before = e[107] if tracks else e[99]
+    asked = c.Kc * (e[108] - before) + c.Kc * TS / c.Ti * e[108]
+    assert op[108] - op[107] == pytest.approx(asked, abs=1e-9)
+
+
+def test_a_zero_shift_jumps_within_one_scan_whatever_filter_there_is():
+    shift = np.where(np.arange(300) < 150, 0.0, 4.0)
+    still = signals(300, shift=shift)
+    pv = loop(still, sensor=Sensor(lag=20.0))[0]
+    assert np.all(pv[:150] == PV0)
+    assert pv[150] == PV0 + 4.0
 
 
 def test_only_one_version_of_the_loop_is_compiled():

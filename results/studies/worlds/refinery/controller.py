@@ -1,5 +1,5 @@
 """The DCS controller, once per scan: P, PI and PID in velocity and positional form, three integral
-rules, three anti-windups.
+rules, four anti-windups.
 
 The foreign kinds of this block live here too, since they are other laws: error squared, derivative
 action, a ramp on closing, manual episodes. Textbook: Astrom and Hagglund, Advanced PID Control
@@ -15,6 +15,8 @@ import numpy as np
 FORMS = ("positional", "velocity")
 RULES = ("backward", "forward", "trapezoidal")
 WINDUPS = ("conditional", "back_calculation", "clamped")
+# the integral is a lag of what went to the valve (Shinskey 1996, external reset)
+RESET = "external_reset"
 # places in the state array: integral, last error, last OP before rounding, last PV, filtered
 # derivative, first scan done, first set point, last set point
 _INTEGRAL, ERROR, OUT, PV, _DERIVATIVE, _STARTED, _SP0, _SP = range(8)
@@ -64,6 +66,10 @@ def _area(e, last, c):
 
 def positional(proportional, step, lo, hi, state, c):
     """bias + P + I with the anti-windup on I; returns the limited output (%)."""
+    if c.windup == 3:
+        out = min(max(c.bias + proportional + state[_INTEGRAL], lo), hi)
+        state[_INTEGRAL] += min(c.Ts / c.Ti, 1.0) * (out - c.bias - state[_INTEGRAL])
+        return out
     free = c.bias + proportional + state[_INTEGRAL] + step
     out = min(max(free, lo), hi)
     if c.windup == 0:
@@ -129,6 +135,13 @@ def take(sp, pv, out, state, c):
     """
     state[OUT] = min(max(out, c.lo), c.hi)
     return execute(sp, pv, True, state, c)
+
+
+def watch(sp, pv, state, c):
+    """A scan in which the controller does not run, but keeps track of SP and PV, as blocks that
+    are executed out of turn do.
+    """
+    state[ERROR], state[PV], state[_SP] = _shaped(sp - pv, c), pv, sp
 
 
 def at_rest():

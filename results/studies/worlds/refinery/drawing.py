@@ -52,7 +52,7 @@ def _names(entry: dict, rng: np.random.Generator) -> tuple[str, ...]:
         return ()
     if kind == "two":
         return _pair(rng)
-    known = {"single": WORLD_EFFECTS, "foreign": foreign.FOREIGN}.get(str(kind))
+    known = {"single": WORLD_EFFECTS, "foreign": foreign.EVERY}.get(str(kind))
     if known is None:
         raise ParameterError(
             f"entry: kind = {kind!r} is unknown; allowed: none, single, two, foreign"
@@ -69,7 +69,7 @@ def _names(entry: dict, rng: np.random.Generator) -> tuple[str, ...]:
 def _answer(entry: dict, case: dict, effects: list[dict], ratio: float, seed: int) -> dict:
     ids = [item["effect"] for item in effects]
     kind = entry["kind"]
-    block = [WORLD_EFFECTS[i].block if i in WORLD_EFFECTS else foreign.FOREIGN[i] for i in ids]
+    block = [WORLD_EFFECTS[i].block if i in WORLD_EFFECTS else foreign.EVERY[i] for i in ids]
     strength = (
         next((s for s, (low, high) in oracle.BANDS.items() if low <= ratio <= high), "")
         if effects
@@ -109,7 +109,8 @@ def _try(
         classes,
         frozenset(_EXACT[n] for n in names if n in _EXACT),
         any(n in _VALVE for n in names),
-        habits,
+        # nobody states a filter whose lag is what is wrong
+        habits._replace(filter_stated=0.0) if "sensor_lag" in names else habits,
     )
     if case is None:
         raise Misfit

@@ -36,6 +36,13 @@ FOREIGN: dict[str, str] = {
     "rain_bursts": "disturbance",  # showers on air coolers: episodes of strong load
 }
 
+# kinds that sites of `worlds.nuisances` have besides
+MORE: dict[str, str] = {
+    "missed_scans": "controller",  # an overloaded processor: OP stands for a few scans
+    "zero_shift": "sensor",  # a loose terminal, a bumped transmitter: PV jumps and stays there
+}
+EVERY = FOREIGN | MORE
+
 # parameter -> unit, lowest, highest
 PARAMETERS: dict[str, dict[str, tuple[str, float, float]]] = {
     "error_squared": {"share": ("-", 0.0, 1.0), "error_of_full_gain": ("PV units", 1e-12, 1e9)},
@@ -61,6 +68,12 @@ PARAMETERS: dict[str, dict[str, tuple[str, float, float]]] = {
         "length": ("s", 1e-9, 1e9),
         "share": ("-", 0.01, 0.9),
     },
+    "missed_scans": {
+        "length": ("scans", 1.0, 1e6),
+        "share": ("-", 0.0, 0.9),
+        "tracks": ("1 = in velocity form it goes on from PV as it is", 0.0, 1.0),
+    },
+    "zero_shift": {"rate": ("1/s", 0.0, 1e9), "size": ("PV units", 0.0, 1e9)},
 }
 
 
@@ -163,4 +176,14 @@ def rain_bursts(setup: Setup, p: dict, case: dict) -> None:
     setup.loads.append(burst)
 
 
-APPLY: dict[str, Apply] = {kind: globals()[kind] for kind in FOREIGN}
+def missed_scans(setup: Setup, p: dict, case: dict) -> None:
+    """The controller does not run for spells of scans."""
+    setup.missed = (float(p["length"]), float(p["share"]), bool(p["tracks"]))
+
+
+def zero_shift(setup: Setup, p: dict, case: dict) -> None:
+    """The reading's error is a new one at Poisson times; controller and record see it."""
+    setup.shifts = (float(p["rate"]), float(p["size"]))
+
+
+APPLY: dict[str, Apply] = {kind: globals()[kind] for kind in EVERY}

@@ -122,10 +122,11 @@ def noise(rng: np.random.Generator, n: int, spec: dict) -> np.ndarray:
     proportional.
     """
     if spec["kind"] == "ar1":
-        a = spec["phi"]
+        a, share = spec["phi"], spec.get("share", 1.0)
         x = rng.standard_normal(n)
         x[1:] *= np.sqrt(1.0 - a * a)
-        return np.asarray(lfilter([1.0], [1.0, -a], x))
+        x = np.asarray(lfilter([1.0], [1.0, -a], x))
+        return x if share == 1.0 else share**0.5 * x + (1.0 - share) ** 0.5 * rng.standard_normal(n)
     if spec["kind"] == "heavy":
         # Student t with 6 degrees of freedom: variance 1.5; the far tail is cut so that none is a
         # spike

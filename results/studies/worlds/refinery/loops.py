@@ -71,6 +71,10 @@ class Habits(NamedTuple):
     load_told: float = 0.0  # share of the loops whose load the baseline states
     jitter: float = 0.0  # largest error of a time stamp, of a scan
     lost: float = 0.0  # share of rows that never reach the archive
+    filter_stated: float = 0.0  # share of the loops with a filter whose file states it
+    reset: float = 0.0  # share of the PI controllers with external reset
+    bend: float = 0.0  # largest change of a plant's gain per % of travel, of the gain
+    share: float = 1.0  # of the variance of coloured noise that is coloured
 
 
 REFINERY = Habits()
@@ -250,7 +254,10 @@ def draw_case(
     time = classes["time"]
     # a mismatch is one of numbers that the plant's own model has
     small = _instruments(rng, time, habits) if not exact else {}
-    true, base = _plants(rng, classes, span, exact, habits, small)
+    stated = habits.filter_stated > 0.0 and "filter" in small
+    stated = stated and rng.random() < habits.filter_stated
+    in_plant = {k: lag for k, lag in small.items() if not (stated and k == "filter")}
+    true, base = _plants(rng, classes, span, exact, habits, in_plant)
     Kc, Ti = _tuning(rng, classes, base, time)
     n, Ts = classes["n"], classes["Ts"]
     tuned = {
@@ -262,6 +269,8 @@ def draw_case(
     }  # fmt: skip
     if Ti and habits.PID and rng.random() < habits.PID:
         tuned |= _with_derivative(rng, Ti, base["Td"], Ts)
+    elif Ti and habits.reset and rng.random() < habits.reset:
+        tuned |= {"form": "positional", "rule": "forward", "windup": controller.RESET}
     m0 = rounded(float(rng.uniform(25.0, 75.0)), 3)
     case = {
         "service": service.name,
@@ -307,6 +316,13 @@ def draw_case(
         },
         **small,
     }
+    if stated:
+        case["filter_stated"] = True
+        case["baseline"]["effect"] = [{"name": "sensor_lag", "tau": rounded(case["filter"])}]
+    if habits.bend:
+        case["bend"] = float(rng.uniform(-1.0, 1.0) * habits.bend)
+    if habits.share < 1.0:
+        case["noise"]["share"] = habits.share
     if classes["load"] == "pink":
         case["load"]["time"] = time * log_uniform(rng, 0.1, 0.5)
     rates = {"shot": (0.2, 2.0), "telegraph": (0.04, 0.3), "steps": (0.02, 0.08)}
@@ -328,9 +344,10 @@ def _before_filter(case: dict) -> float:
     """Return how many times as large noise is before a transmitter's filter: what is drawn and
     stated is what is seen of it.
     """
-    keep = math.exp(-case["Ts"] / case["filter"])
-    phi = case["noise"]["phi"] if case["noise"]["kind"] == "ar1" else 0.0
-    return math.sqrt((1.0 + keep) / (1.0 - keep) * (1.0 - keep * phi) / (1.0 + keep * phi))
+    keep, noise = math.exp(-case["Ts"] / case["filter"]), case["noise"]
+    phi, share = (noise["phi"], noise.get("share", 1.0)) if noise["kind"] == "ar1" else (0.0, 1.0)
+    passes = share * (1.0 + keep * phi) / (1.0 - keep * phi) + 1.0 - share
+    return math.sqrt((1.0 + keep) / (1.0 - keep) / passes)
 
 
 def _with_derivative(rng: np.random.Generator, Ti: float, Td: float, Ts: float) -> dict:
@@ -394,7 +411,9 @@ def _scaled(
     case["noise"]["std"] = rounded(case["noise"]["std"])
     if case.get("filter"):
         case["noise"]["gain"] = _before_filter(case)
-    said = case["noise"]["std"]
+    # a file that states the filter states the noise before it
+    said = case["noise"]["std"] * (case["noise"]["gain"] if case.get("filter_stated") else 1.0)
+    said = rounded(said)
     if habits.noise_known:
         said = rounded(said * rng.uniform(1.0 - habits.noise_known, 1.0 + habits.noise_known))
     case["baseline"]["noise"]["std"] = said

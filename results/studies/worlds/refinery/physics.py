@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from results.studies.worlds.refinery.controller import OUT, at_rest, execute, take
+from results.studies.worlds.refinery.controller import OUT, at_rest, execute, take, watch
 from results.studies.worlds.refinery.valves import play, scan, stroke
 
 SUBSTEPS = 24
@@ -38,6 +38,7 @@ class Plant(NamedTuple):
     # foreign: share of the output that comes back through the feed-effluent exchanger
     recycle: float = 0.0
     recycle_delay: float = 0.0
+    bend: float = 0.0  # change of the gain per % of travel, of the gain
 
 
 class Sensor(NamedTuple):
@@ -67,6 +68,8 @@ class Signals(NamedTuple):
     manual: np.ndarray  # bool: OP does not move
     hand: np.ndarray  # what an operator's test adds to the OP at which he took over, %; NaN without
     between: np.ndarray  # bool: a row of a log faster than the scan
+    missed: np.ndarray  # int: 1 where the controller does not run, 2 where it still tracks PV
+    shift: np.ndarray  # error of the reading behind its filter
 
 
 def _delayed(line, head, steps):
@@ -105,6 +108,9 @@ def _react(x, w, back, h, p, keeps):
     """One fine step of the main plant from delayed input `w`; x[0] main state, x[1] swell; `back`
     the recycled output.
     """
+    if p.bend != 0.0:
+        # half, at a distance from the balance, of what the slope there has changed by
+        w *= max(1.0 + 0.5 * p.bend * w, 0.3)
     if p.integrating:
         x[0] += p.K * h * w
         if p.swell > 0.0:
@@ -159,14 +165,16 @@ def close_loop(p, c, v, s, x, m0, pv0, stem):
     taken = m0
     for k in range(n):
         if not x.held[k]:
-            reading = _digitise(filtered, s) + x.spikes[k]
-            average += x.spikes[k]
+            reading = _digitise(filtered + x.shift[k], s) + x.spikes[k]
+            average += x.spikes[k] + x.shift[k]
         else:
             average = reading
         pv[k], pv_mean[k], mv_mean[k] = reading, average, valve_average
         true[k] = pv0 + chain[3]
-        if x.between[k]:
+        if x.between[k] or (x.missed[k] and k):
             op[k] = op[k - 1] if k else m0
+            if x.missed[k] == 2:
+                watch(x.sp[k], reading, state, c)
         elif np.isnan(x.hand[k]):
             op[k] = execute(x.sp[k], reading, x.manual[k], state, c)
         else:

@@ -35,10 +35,10 @@ def prepared(case: dict, wanted: list[dict], nominal: bool = False) -> Setup:
         name, parameters = item["effect"], dict(item.get("parameters", {}))
         if name in WORLD_EFFECTS:
             APPLY[name](setup, complete(name, parameters, case), case)
-        elif name in foreign.FOREIGN:
+        elif name in foreign.EVERY:
             foreign.APPLY[name](setup, foreign.check(name, parameters), case)
         else:
-            raise UnknownName("effect", str(name), [*WORLD_EFFECTS, *foreign.FOREIGN])
+            raise UnknownName("effect", str(name), [*WORLD_EFFECTS, *foreign.EVERY])
     return setup
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from results.studies.withheld.world import TestPlan, operated
 from results.studies.worlds.refinery import archive, loads, physics, valves
-from results.studies.worlds.refinery.controller import FORMS, RULES, WINDUPS, Controller
+from results.studies.worlds.refinery.controller import FORMS, RESET, RULES, WINDUPS, Controller
 from results.studies.worlds.refinery.physics import SUBSTEPS, Plant, Sensor, Signals
 from results.studies.worlds.refinery.setpoint import pattern
 from results.studies.worlds.refinery.valves import Valve
@@ -20,7 +20,8 @@ from simbench.detectors.compiled import compiled
 # random streams of one realisation: an added effect never changes the load or the noise of the loop
 # itself
 _LOAD, _NOISE, _WHITE, _DRIFT, _SPIKES_LOOP, _SPIKES_RECORD, _HELD, _MANUAL, _EFFECT_LOAD = range(9)
-_CLOCK, _LOST = 50, 51  # beyond those of the effects' loads
+# beyond those of the effects' loads
+_CLOCK, _LOST, _MISSED, _SHIFT = range(50, 54)
 
 _LoadMaker = Callable[[np.random.Generator, int, float, int], np.ndarray]
 
@@ -42,6 +43,9 @@ class Setup:
     spikes_record: tuple[float, float] = (0.0, 0.0)
     frozen: tuple[float, float] = (0.0, 0.0)  # length in scans, share
     manual: tuple[float, float] = (0.0, 0.0)
+    # length in scans, share, whether PV is tracked
+    missed: tuple[float, float, bool] = (0.0, 0.0, False)
+    shifts: tuple[float, float] = (0.0, 0.0)  # rate, size
     record_quantum: float = 0.0
     door: float = 0.0
 
@@ -51,8 +55,10 @@ def build(case: dict, nominal: bool = False) -> Setup:
     plant, controller = case["baseline"]["plant"] if nominal else case["plant"], case["controller"]
     integrating = plant["type"] == "integrating"
     sign = 1.0 if controller["direction"] == "reverse" else -1.0
-    # the baseline's plant has the lags of sound instruments in it
+    # the baseline's plant has the lags of sound instruments in it, unless it states them
     lag = {k: 0.0 if nominal else float(case.get(k, 0.0)) for k in ("actuator", "filter")}
+    if case.get("filter_stated"):
+        lag["filter"] = float(case["filter"])
     return Setup(
         Plant(
             integrating=integrating,
@@ -61,6 +67,7 @@ def build(case: dict, nominal: bool = False) -> Setup:
             Td=float(plant["Td"]),
             lag1=float(plant.get("lag1", 0.0)),
             lag2=float(plant.get("lag2", 0.0)),
+            bend=0.0 if nominal else float(case.get("bend", 0.0)),
         ),
         Controller(
             Kc=sign * controller["Kc"],
@@ -69,7 +76,7 @@ def build(case: dict, nominal: bool = False) -> Setup:
             bias=float(case["m0"]),
             velocity=controller["form"] == FORMS[1],
             rule=RULES.index(controller["rule"]),
-            windup=WINDUPS.index(controller["windup"]),
+            windup=(*WINDUPS, RESET).index(controller["windup"]),
             op_step=float(controller["op_step"]),
             Td=float(controller.get("Td", 0.0)),
             b=float(controller.get("b", 1.0)),
@@ -84,7 +91,7 @@ def build(case: dict, nominal: bool = False) -> Setup:
         ),
         # and what a filter will take away of the noise, which it does not have
         noise_std=float(case["noise"]["std"])
-        * (1.0 if nominal else case["noise"].get("gain", 1.0)),
+        * (1.0 if nominal and not case.get("filter_stated") else case["noise"].get("gain", 1.0)),
     )
 
 
@@ -112,6 +119,13 @@ def _signals(setup: Setup, case: dict, seed: int) -> Signals:
         held = loads.gate(_stream(seed, _HELD), count, *setup.frozen)
     if setup.manual[1] > 0.0:
         manual = loads.gate(_stream(seed, _MANUAL), count, *setup.manual)
+    missed, shift = np.zeros(count, dtype=int), np.zeros(count)
+    if setup.missed[1] > 0.0:
+        idle = loads.gate(_stream(seed, _MISSED), count, *setup.missed[:2])
+        missed[idle] = 1 + setup.missed[2]
+    if setup.shifts[0] > 0.0:
+        h = case["Ts"]
+        shift = setup.shifts[1] * loads.jumps(_stream(seed, _SHIFT), count, h, setup.shifts[0])
     none, scans = np.full(count, np.nan), np.zeros(count, dtype=bool)
     return Signals(
         pattern(case["setpoint"], warm, n, case["Ts"]),
@@ -123,6 +137,8 @@ def _signals(setup: Setup, case: dict, seed: int) -> Signals:
         manual,
         none,
         scans,
+        missed,
+        shift,
     )
 
 

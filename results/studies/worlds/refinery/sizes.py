@@ -199,6 +199,11 @@ def _episode(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {"length": min(max(log_uniform(rng, 0.5, 8.0) * time, 4.0), case["n"] / 15.0)}
 
 
+def _missed(rng: _Rng, case: dict, seen: _Columns) -> dict:
+    """Two to twelve scans on end, from where the controller stopped or from PV as it is."""
+    return {"length": log_uniform(rng, 2.0, 12.0), "tracks": float(rng.integers(2))}
+
+
 def _squared(rng: _Rng, case: dict, seen: _Columns) -> dict:
     return {"full": case["scales"]["e"] * float(rng.uniform(1.5, 3.0))}
 
@@ -273,5 +278,9 @@ FOREIGN_SIZES: dict[str, Size] = {
     ),
     "rain_bursts": Size(
         _showers, lambda s, q, c: {"std": min(s * c["scales"]["op"], 40.0), **q}, 0.2, 60.0
+    ),
+    "missed_scans": Size(_missed, lambda s, q, c: {"share": s, **q}, 0.02, 0.7),
+    "zero_shift": Size(
+        _dwell, lambda s, q, c: {"rate": q["rate"], "size": s * c["scales"]["e"]}, 0.1, 100.0
     ),
 }

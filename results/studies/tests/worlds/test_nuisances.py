@@ -1,0 +1,62 @@
+"""Sites with the nuisances of another author: what they draw, and that it runs again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from results.studies.worlds import nuisances, recipes
+from results.studies.worlds.refinery import drawing, foreign
+from results.studies.worlds.refinery.loops import REFINERY
+from results.studies.worlds.refinery.simulation import build
+from simbench.scenarios.spec import Loop
+
+ENTRY = {"kind": "none", "mv": True}
+
+
+def test_sites_are_the_same_for_every_seed_and_none_is_one_of_the_recipes():
+    sites = [nuisances.site(k) for k in range(recipes.SITES)]
+    assert sites == [nuisances.site(k) for k in range(recipes.SITES)]
+    plain = {recipes.site(k).loads for k in range(recipes.SITES)}
+    assert not plain & {s.loads for s in sites}
+
+
+@pytest.mark.parametrize("kind", foreign.MORE)
+def test_a_fault_of_its_own_is_drawn_and_runs_again(kind):
+    entry = {"kind": "foreign", "effect": kind, "strength": "strong", "mv": False}
+    item = nuisances.draw(5, 3, entry)
+    a = item.answer
+    assert (a["foreign"], a["block"]) == (kind, nuisances.FOREIGN[kind])
+    hidden = [{"effect": kind, "parameters": a["parameters"]}]
+    again = nuisances.simulate(a, hidden, a["seed"])
+    assert all(np.array_equal(again[name], x) for name, x in item.columns.items())
+    without = nuisances.simulate(a, [], a["seed"])
+    assert not np.array_equal(without["pv"], item.columns["pv"])
+
+
+def test_a_stated_filter_is_in_the_file_and_not_in_its_plant():
+    habits = REFINERY._replace(filter=0.3, filter_stated=1.0, knows=0.0, higher_order=0.0)
+    for i in range(4):
+        item = drawing.draw(5, i, ENTRY, habits)
+        case, file = item.answer["case"], Loop.from_table(item.baseline)
+        [stated] = item.baseline["effect"]
+        assert stated == {"name": "sensor_lag", "tau": pytest.approx(case["filter"], rel=1e-3)}
+        assert file.plant.T == pytest.approx(case["plant"]["T"], rel=1e-3) or file.integrating
+        # the noise that a file states enters before the filter, in the simulation of the file too
+        wanted = case["noise"]["std"] * case["noise"]["gain"]
+        assert file.noise.std == pytest.approx(wanted, rel=1e-3)
+        nominal = build(case, nominal=True)
+        assert nominal.sensor.lag == case["filter"]
+        assert nominal.noise_std == pytest.approx(wanted)
+
+
+def test_noise_that_is_coloured_in_part_is_as_large_as_drawn():
+    noises = (0.0, 1.0, 0.0, 0.0)
+    habits = REFINERY._replace(noises=noises, share=0.2, phi=(0.9, 0.9), late=0.0)
+    answer = drawing.draw(5, 1, ENTRY, habits).answer
+    answer["case"]["load"]["scale"] = 0.0
+    without = [{"effect": "noise", "parameters": {"factor": 1e-6, "std": 0.0}}]
+    seen, still = (nuisances.simulate(answer, e, 3)["pv"] for e in ([], without))
+    # four fifths are white
+    expected = answer["case"]["noise"]["std"] * np.sqrt(2 * (0.8 + 0.2 * 0.1))
+    assert np.std(np.diff(seen - still)) == pytest.approx(expected, rel=0.15)
