@@ -171,7 +171,7 @@ class _Examination:
     and PV may hide of a change of OP (%). Where OP is off its `limits` and stored with PV: `inside`
     (n,) by sample, `rows` (n - 1,) by change; `told`: changes, too, of which the archive would have
     stored what the baseline asks; `size` of the changes; `rounding`: the standard deviation that
-    the digits of OP and PV leave of them.
+    the `digits` of OP and PV leave of them.
     """
 
     def __init__(
@@ -217,6 +217,7 @@ class _Examination:
         self.inside, self.rows = inside, rows
         self.told = told & (rows | (of_pv[1:] & of_pv[:-1] & loud))
         self.rounding = float(np.hypot(digits[0], per_pv * digits[1])) / np.sqrt(6.0)
+        self.digits = digits
 
     def law(self, trusted: bool) -> Law:
         """Return the law; of settings that are not `trusted` no other tuning is told."""
@@ -242,8 +243,10 @@ class _Examination:
         if not trusted:
             reason = "" if self.exact else "the recorded PV does not explain OP through a PI law"
             return replace(law, reason=reason, strays=np.empty(0, dtype=int))
-        unit = max(self.op_is.unit, self.op_is.step)
-        if self.plain and skips_scans(self.op, self.e, self._error_at, self.told, self.size, unit):
+        unit, exact = max(self.op_is.unit, self.op_is.step), max(EXACT, self.tolerance)
+        if self.plain and skips_scans(
+            self.op, self.e, self._error_at, self.told, self.size, unit, exact
+        ):
             return replace(
                 law,
                 foreign="OP stands still where the law would move it: the controller skips scans",
@@ -265,16 +268,23 @@ class _Examination:
             off = off[rows & (du != 0.0)] - np.median(off[rows])
             coarse = not off.size or bool(np.quantile(np.abs(off), 0.9) > _FINER * step)
         own = self.level - self.pv
-        gap, errors = error_gap(op, own, self.told), [e]
+        gap, still, errors = 0.0, du == 0.0, [e]
+        # a derivative of PV moves OP within the band, too
+        for still in (still, self.acts.rests(op, self.pv, self.level, self.digits)):
+            gap = gap or error_gap(still, own, self.told)
         if gap > 0.0:
-            if not coarse and (rows & (du != 0.0)).sum() > 20:
-                rows = rows & (du != 0.0)
+            if not coarse and (rows & ~still).sum() > 20:
+                rows = rows & ~still
                 size = about_zero(du[rows])
             # beyond the band the error counts in full, or (in some controllers) only by what
             # exceeds it
             full = np.where(np.abs(own) <= gap / 2, 0.0, own)
             counted = full, full - np.sign(full) * gap / 2
-            errors = [self.acts.error(op, self.level - x, self.level) for x in counted]
+            pvs = (None, self.pv) if self.acts.settings else (None,)
+            errors = [
+                self.acts.error(op, self.level - x, self.level, slope_of=pv)
+                for x in counted for pv in pvs
+            ]  # fmt: skip
         fits = [(by_steps(du, x, rows, Kc, Ki, size, no_sp), x) for x in errors]
         fit, e = min(fits, key=lambda f: f[0].residual)
         if coarse:

@@ -15,6 +15,7 @@ from simbench.loop.controller import PID, pid_numbers
 from simbench.scenarios.spec import Controller
 
 _OTHER_TI = 1e-3  # |ln ratio| of Ti from which another one explains more than the digits do
+_LAST_BITS = 1e-9  # % of OP
 _EXPLAINS = 0.5  # share of OP's moves, left by another Ti, from which it is not examined
 
 
@@ -50,21 +51,53 @@ class Stated:
         endless = -np.inf, np.inf
         return pid_numbers(self.settings, 1.0, self.Ti or np.inf, self.Ts, self.pv0, *endless)
 
-    def error(self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> np.ndarray:
+    def error(
+        self,
+        op: np.ndarray,
+        pv: np.ndarray,
+        sp: np.ndarray,
+        slope_of: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Return the error (PV units) of which a PI of the same Kc and Ti moves OP as this
-        controller does between its limits; its own, of a PI.
+        controller does between its limits; its own, of a PI. The derivative is that of another PV
+        where `slope_of` is given.
         """
         e, p = sp - pv, self._terms
         if p is None:
             return e
-        of_sp = sp - p.pv0
-        gain = np.interp((pv, np.append(op[0], op[:-1]), sp)[int(p.on)], p.at, p.factor)
-        rate = np.append(0.0, np.diff(e - (1.0 - p.c) * of_sp))
-        slope = lfilter([1.0], [1.0, -p.fade], gain * p.kd * rate)
-        other = np.diff(gain * (e - (1.0 - p.b) * of_sp) + slope - e)
+        gain = self._gain(op, pv, sp)
+        slope = self._slope(gain, pv if slope_of is None else slope_of, sp)
+        other = np.diff(gain * (e - (1.0 - p.b) * (sp - p.pv0)) + slope - e)
         other += p.Ki * (self._adds(gain * e) - e[1:])
         forget = 1.0 / (1.0 + p.Ki)
         return e + lfilter([forget], [1.0, -forget], np.append(0.0, other))
+
+    def _gain(self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> np.ndarray:
+        """Return a PID's scheduled gain (n,), over Kc."""
+        p = self._terms
+        assert p is not None
+        return np.interp((pv, np.append(op[0], op[:-1]), sp)[int(p.on)], p.at, p.factor)
+
+    def _slope(self, gain: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> np.ndarray:
+        """Return a PID's derivative term (n,), in PV units."""
+        p = self._terms
+        assert p is not None
+        rate = np.append(0.0, np.diff(sp - pv - (1.0 - p.c) * (sp - p.pv0)))
+        return lfilter([1.0], [1.0, -p.fade], gain * p.kd * rate)
+
+    def rests(
+        self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray, digits: tuple[float, float]
+    ) -> np.ndarray:
+        """Return in which changes (n - 1,) OP rests but for the derivative, up to what the digits
+        of OP and PV hide.
+        """
+        p = self._terms
+        if p is None:
+            return np.diff(op) == 0.0
+        by_slope = self.Kc * np.diff(self._slope(self._gain(op, pv, sp), pv, sp))
+        # a change of the slope is made of three readings, the middle one twice
+        hidden = digits[0] + 2.0 * abs(self.Kc) * p.kd * digits[1] + _LAST_BITS
+        return np.abs(np.diff(op) - by_slope) <= hidden
 
     def unshaped(self, change: np.ndarray) -> np.ndarray | None:
         """Return the change of PV (n,) that takes `change` (n,) from the error of the PI; None

@@ -7,8 +7,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 
-from simbench.gap.controller.regression import EXACT, about_zero, by_steps, solve_by_majority
+from simbench.gap.controller.regression import EXACT, about_zero, solve_by_majority
 
 # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else: without
 # it one of 11 limits in 164 records is overlooked
@@ -16,6 +17,11 @@ _RESTS = 6
 # share of samples in which OP rests away from its extremes; above it, rests at the extremes can be
 # chance
 _OFTEN = 0.01
+# share of OP's range at one end of it, in which its turning points are looked at, and the chance
+# that as many of them are at the very same extreme without a limit, below which there is one
+_END, _BY_CHANCE = 0.1, 1e-4
+# times what a law may leave, by which it would move OP where it was not computed
+_FAR = 3.0
 # share of the rarer kind of samples, resting or moving, that a band must separate from the other;
 # less can be chance
 _SEPARATED = 0.4
@@ -47,20 +53,34 @@ def limits_of(
         # often rests
         repeated = at & np.append(False, at[:-1]) & still
         fine = step == 0.0 and elsewhere <= _OFTEN * op.size
-        plain = pushed.sum() >= 2 if fine else repeated.sum() >= 2 and pushed.sum() >= 4
+        pushes = pushed.sum() >= 0.7 * at.sum()
         # a controller that tracks its limit by another law need not push; but OP rests nowhere
-        # else
-        rests = repeated.sum() >= _RESTS and at_ends > 9 * elsewhere
-        if rests or (plain and pushed.sum() >= 0.7 * at.sum()):
+        # else, or comes back to this value and never passes it
+        stands = repeated.sum() >= _RESTS
+        back = (stands or pushes) and comes_back(sign * op, max(step, unit))
+        if back or (stands and at_ends > 9 * elsewhere) or (fine and pushes and pushed.sum() >= 2):
             out[name] = edge
     return out
 
 
-def error_gap(op: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
-    """Return the width of the band of |e| within which OP rests exactly, 0 when there is
-    none.
+def comes_back(op: np.ndarray, unit: float) -> bool:
+    """Return whether more of OP's turning points (n,) lie at its very maximum than chance brings:
+    where nothing limits OP, they get rarer towards it.
     """
-    still = np.diff(op) == 0.0
+    moves = np.flatnonzero(np.append(True, np.diff(op) != 0.0))
+    x = op[moves]
+    turns = x[1:-1][(x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])]
+    near = turns[turns >= x.max() - _END * np.ptp(x)]
+    chance = min(unit / (_END * float(np.ptp(x)) or 1.0), 1.0)
+    at_maximum = int(np.count_nonzero(near == x.max()))
+    rare = scipy.special.bdtrc(at_maximum - 1, near.size, chance) < _BY_CHANCE
+    return bool(at_maximum > 1 and rare)
+
+
+def error_gap(still: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
+    """Return the width of the band of |e| within which, and only within which, OP is `still`
+    (n - 1,), 0 when there is none.
+    """
     if still[rows].sum() < 8:
         return 0.0
     # still exactly when this error and the one before are inside the band
@@ -86,9 +106,11 @@ def skips_scans(
     free: np.ndarray,
     size: float,
     unit: float,
+    exact: float = EXACT,
 ) -> bool:
     """Return whether OP rests exactly in some `free` changes (n - 1,) and obeys a PI law from one
-    move to the next; `error_at` gives the errors at the samples in which the controller ran.
+    move to the next, up to the share `exact` of what is left of it; `error_at` gives the errors at
+    the samples in which the controller ran.
     """
     still = np.diff(op) == 0.0
     by_chance = min(unit / (2.5 * size), 1.0)  # that a rounded OP repeats itself
@@ -100,11 +122,10 @@ def skips_scans(
     of_runs = error_at(moves)
     du, now, before = np.diff(op[moves]), of_runs[1:], of_runs[:-1]
     rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
-    every = by_steps(np.diff(op), e, free, 1.0, 0.0, size, False)
     X, y = np.column_stack([now, before])[rows], du[rows]
-    off = np.abs(y - X @ solve_by_majority(X, y)) / (about_zero(y) or 1.0)
-    # nearly every move obeys; over all samples the standstills stay unexplained
-    unexplained = (
-        np.isin(every.strays, np.flatnonzero(still) + 1).sum() >= 0.5 * (still & free).sum()
-    )
-    return bool(np.quantile(off, 0.8) < EXACT and (every.residual > EXACT or unexplained))
+    law, usual = solve_by_majority(X, y), about_zero(y) or 1.0
+    off = np.abs(y - X @ law)
+    # nearly every move obeys, and would move OP where it stands
+    asked = np.abs(np.column_stack([e[1:], e[:-1]]) @ law)[still & free]
+    moved = np.mean(asked > _FAR * exact * usual) > 0.5
+    return bool(np.quantile(off, 0.8) < exact * usual and moved)

@@ -16,7 +16,7 @@ from simbench.detectors.signal.holds import holds, runs_of
 from simbench.detectors.signal.lattice import lattice, root_lattice, written_unit
 from simbench.gap.controller.examine import examine_controller
 from simbench.gap.controller.pi_law import LAW_ROWS, Law
-from simbench.gap.likelihood.model import Data
+from simbench.gap.likelihood.model import Data, before_filter
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Seen, coloured_on_pv, through_valve
 from simbench.loop.plant import beyond_first_order, first_order_like, polynomials
@@ -38,10 +38,20 @@ def op_in_percent(r: LoopRecord, compared: bool, where: str) -> np.ndarray:
 
 def stated_noise(baseline: Loop, Ts: float) -> float:
     """Return the standard deviation of PV's noise as the baseline states it, coloured noise on PV
-    counted in.
+    counted in, behind the filter that it states.
     """
     coloured = [load["amplitude"] for load in coloured_on_pv(baseline, Ts, slow=False)]
-    return float(np.linalg.norm([baseline.noise.std, *coloured]))
+    keep = _filter_keeps(baseline, Ts)
+    passes = np.sqrt((1.0 - keep) / (1.0 + keep))
+    return float(np.linalg.norm([baseline.noise.std, *coloured]) * passes)
+
+
+def _filter_keeps(baseline: Loop, Ts: float) -> float:
+    """Return the share of its last value that the sensor keeps over a sample, 0 where no filter is
+    stated.
+    """
+    tau = sum(float(p.parameters["tau"]) for p in baseline.effect if p.name == "sensor_lag")
+    return float(np.exp(-Ts / tau)) if tau > 0.0 else 0.0
 
 
 def _stated(baseline: Loop, kind: str, at: str) -> list[dict[str, Any]]:
@@ -139,15 +149,21 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
     """
     r, baseline = seen.record, seen.baseline
     plant = first_order_like(baseline.plant)
+    y = np.ascontiguousarray(plant_pv, dtype=float)
+    noise, keep = seen.noise, _filter_keeps(baseline, r.Ts)
+    if keep > 0.0:
+        # noise is white before the filter; digits are errors behind it
+        y, noise = before_filter(y, -1.0 / np.log(keep)), noise * np.sqrt((1 + keep) / (1 - keep))
+        resolution *= float(np.hypot(1.0, keep)) / (1.0 - keep)
     data = Data(
         u=through_valve(seen.op, baseline, r.Ts) if r.mv is None else r.mv,
-        y=np.ascontiguousarray(plant_pv, dtype=float),
+        y=y,
         K=plant.K * (r.Ts if plant.integrating else 1.0),
         T=0.0 if plant.integrating else float(plant.T or 0.0) / r.Ts,
         Td=baseline.plant.Td / r.Ts,
         shape=beyond_first_order(baseline.plant, r.Ts),
         resolution=resolution,
-        noise=seen.noise,
+        noise=noise,
         trusted=seen.trusted,
         late=seen.law.late,
     )

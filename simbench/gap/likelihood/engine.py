@@ -20,6 +20,7 @@ from simbench.gap.likelihood.model import (
     Data,
     Fit,
     Spec,
+    before_filter,
     jumps_of,
     lag_of,
     load_std,
@@ -157,9 +158,7 @@ class Engine:
         T = theta["T"] if d.T > 0 else 0.0
         y, tau = d.y, theta.get("tau", 0.0) if spec.pole else 0.0
         if spec.pole == "sensor":
-            follow = -np.expm1(-1.0 / tau)
-            y = np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
-            tau = 0.0
+            y, tau = before_filter(y, tau), 0.0
         moved = d.shaped(valve_of(spec, theta, d.u))
         # the input before the record may have stood elsewhere
         inputs = [moved, d.shaped(self.onset)]

@@ -93,6 +93,12 @@ class Free:
     shapes: bool = True
 
 
+def before_filter(y: np.ndarray, tau: float) -> np.ndarray:
+    """Return what a first-order filter of time constant `tau` (samples, above 0) made y (n,) of."""
+    follow = -np.expm1(-1.0 / tau)
+    return np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
+
+
 def _nothing(d: Data) -> float:
     return 0.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.controller.regression import spread
-from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
+from simbench.gap.controller.standstill import comes_back, error_gap, limits_of, skips_scans
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def rest(pairs, n, wrong=0):
 )
 def test_a_dead_band_wants_some_samples_that_stand(pairs, n, limited):
     op, e = rest(pairs, n)
-    width = error_gap(op, e, np.ones(n - 1, dtype=bool))
+    width = error_gap(np.diff(op) == 0.0, e, np.ones(n - 1, dtype=bool))
     assert (0.2 < width < 4.2) == limited
     assert limited or width == 0.0
 
@@ -55,12 +55,15 @@ def test_a_dead_band_wants_some_samples_that_stand(pairs, n, limited):
 @pytest.mark.parametrize(("wrong", "limited"), [(0, True), (40, True), (200, False)])
 def test_a_dead_band_is_where_op_rests_and_nowhere_else(wrong, limited):
     op, e = rest(100, 1000, wrong)
-    assert (error_gap(op, e, np.ones(999, dtype=bool)) > 0.0) == limited
+    assert (error_gap(np.diff(op) == 0.0, e, np.ones(999, dtype=bool)) > 0.0) == limited
 
 
 def test_an_error_of_exactly_nothing_has_no_dead_band():
     op, e = rest(100, 1000)
-    assert error_gap(op, np.where(np.abs(e) < 1.0, 0.0, e), np.ones(999, dtype=bool)) == 0.0
+    assert (
+        error_gap(np.diff(op) == 0.0, np.where(np.abs(e) < 1.0, 0.0, e), np.ones(999, dtype=bool))
+        == 0.0
+    )
 
 
 def scans(missed, n=1000, noise=0.0, Kc=0.8, Ki=0.05):
@@ -121,3 +124,32 @@ def test_an_op_that_often_rests_does_so_at_its_extreme_by_chance(rests, limited)
         op[k + 1] = op[k]
     limits = limits_of(op, e, 1.0, 0.0, 0.0, 1e-6)
     assert ("hi" in limits) == limited
+
+
+@pytest.mark.parametrize(("times", "limited"), [(1, False), (2, True), (6, True)])
+def test_a_value_that_op_comes_back_to_and_never_passes_is_a_limit_whatever_law_there_is(
+    times, limited
+):
+    rng = np.random.default_rng(4)
+    op = 50.0 + 4.0 * np.sin(np.arange(2000) * 0.11) + rng.uniform(-0.3, 0.3, 2000)
+    peaks = (np.arange(times) * 5 + 3) * 57  # near every fifth crest OP rests for eight samples
+    for k in peaks:
+        op[k : k + 8] = 55.0
+    rests = rng.choice(1800, 80)  # and elsewhere for two
+    op[rests + 1] = op[rests]
+    op = np.where(op > 55.0, 54.9, op)
+    assert ("hi" in limits_of(op, np.zeros(2000), 1.0, 0.0, 0.0, 1e-4)) == limited
+
+
+def test_coarse_values_meet_at_their_extreme_by_chance():
+    rng = np.random.default_rng(5)
+    op = np.round(50.0 + 4.0 * np.sin(np.arange(2000) * 0.11) + rng.uniform(-0.3, 0.3, 2000))
+    assert not comes_back(op, 1.0)
+    assert comes_back(op, 1e-3)  # as if it could be anything between
+
+
+@pytest.mark.parametrize(("exact", "skips"), [(0.03, False), (0.2, True)])
+def test_where_digits_blur_the_law_missed_scans_show_as_far_as_it_holds(exact, skips):
+    op, e, size = scans(100, noise=0.1)
+    free = np.ones(op.size - 1, dtype=bool)
+    assert skips_scans(op, e, e.take, free, size, 0.0, exact) == skips

@@ -229,6 +229,15 @@ def test_spikes_that_op_did_not_see_are_the_records_and_the_plants_pv_is_what_op
     )
 
 
+def test_samples_that_were_lost_and_bridged_are_no_spikes_of_op_or_pv():
+    pv, k = PV.copy(), np.array([30, 75, 120])
+    pv[k] = 0.5 * (pv[k - 1] + pv[k + 1])
+    # the controller saw another PV there, or in the sample beside, where OP was lost as well
+    saw = PV.copy()
+    saw[k - np.array([0, 1, 1])] += 2.0
+    assert _spikes(seen_in(replace(LAW, recovered_pv=saw), PLAIN, pv), pv, False)[::2] == (None, "")
+
+
 @pytest.mark.parametrize(
     ("height", "reason"), [(2.0, "OP moves as no PV on record makes it move"), (0.1, "")]
 )

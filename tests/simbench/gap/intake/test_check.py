@@ -10,6 +10,9 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.gap.intake.check import check
 from simbench.gap.intake.other_loop import refuse_other_plant
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood import residual_tests
+from simbench.gap.situation import load_memory
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -238,3 +241,20 @@ def test_stated_steps_and_drifts_count_where_they_enter_before_the_plant():
     assert seen["steps"] == pytest.approx(3.0 * np.sqrt(2.0))
     assert seen["slow"] == pytest.approx(np.hypot(4.0 * far, 2.0 * 1.5 * np.sqrt(far)))
     assert check(record, stated, trusted=False).data.loads == {}
+
+
+def test_a_stated_filter_is_taken_off_pv_whose_noise_is_then_the_stated_one():
+    filtered = {"effect": [{"name": "sensor_lag", "tau": 3.0}]}
+    situation = admitted(run(**filtered), loop(**filtered))
+    plain = admitted(run(), loop())
+    assert situation.data.noise == pytest.approx(plain.data.noise)
+    assert situation.noise == pytest.approx(0.1 * np.sqrt(np.tanh(1 / 6.0)))  # what is seen of it
+    quick = [float(np.std(np.diff(one.data.y, 3))) for one in (situation, plain)]
+    assert quick[0] == pytest.approx(quick[1], rel=0.05)
+    # the model of the unfiltered record holds for this one
+    assert residual_free(situation)
+
+
+def residual_free(situation):
+    engine = Engine(situation.data, load_memory(situation))
+    return max(residual_tests.tests_of(engine, engine.base()).values()) < 5.0
