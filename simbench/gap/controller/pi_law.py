@@ -268,10 +268,12 @@ class _Examination:
             off = off[rows & (du != 0.0)] - np.median(off[rows])
             coarse = not off.size or bool(np.quantile(np.abs(off), 0.9) > _FINER * step)
         own = self.level - self.pv
-        gap, still, errors = 0.0, du == 0.0, [e]
-        # a derivative of PV moves OP within the band, too
-        for still in (still, self.acts.rests(op, self.pv, self.level, self.digits)):
-            gap = gap or error_gap(still, own, self.told)
+        still, errors = du == 0.0, [e]
+        gap = error_gap(still, own, self.told)
+        if gap == 0.0:
+            # a derivative of PV moves OP within the band, too
+            still = self.acts.rests(op, self.pv, self.level, self.digits)
+            gap = error_gap(still, own, self.told)
         if gap > 0.0:
             if not coarse and (rows & ~still).sum() > 20:
                 rows = rows & ~still

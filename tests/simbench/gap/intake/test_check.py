@@ -10,8 +10,8 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.gap.intake.check import check
 from simbench.gap.intake.other_loop import refuse_other_plant
-from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood import residual_tests
+from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import load_memory
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
