@@ -255,6 +255,12 @@ INPUT_LIMIT = AnswerThreshold(
 BURSTS_LIMIT = AnswerThreshold(
     40.0, "nats", "that changes of variance may bring: 98 to 99 % of records", _DEVELOPMENT
 )
+SHIFTS_LIMIT = AnswerThreshold(
+    5.0,
+    "nats",
+    "that a jump of PV within a sample may bring: all of 37 records without an effect",
+    "ten sites: python -m results.studies.nuisances (results/nuisances.txt)",
+)
 GUESSED = AnswerThreshold(
     4.0, "factor", "on these limits where slips of a valve are guessed", _DEVELOPMENT
 )

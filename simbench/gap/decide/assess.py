@@ -33,7 +33,7 @@ from simbench.gap.effects import NOT_IN_PLANT, Recogniser, is_friction, recognis
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
-from simbench.gap.likelihood.residual_tests import tests_of
+from simbench.gap.likelihood.residual_tests import shifts, tests_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory
 from simbench.gap.thresholds import (
     BURSTS_LIMIT,
@@ -46,6 +46,7 @@ from simbench.gap.thresholds import (
     MEMORY_LIMIT,
     MORE_NOISE,
     SECOND_NATS,
+    SHIFTS_LIMIT,
     TERM_NATS,
 )
 from simbench.loop.effects import NONE, block_of
@@ -56,6 +57,7 @@ RESIDUAL_LIMITS = {
     "memory": (MEMORY_LIMIT, "disturbance"),
     "input": (INPUT_LIMIT, "process"),
     "bursts": (BURSTS_LIMIT, "sensor"),
+    "shifts": (SHIFTS_LIMIT, "sensor"),
 }
 
 
@@ -147,6 +149,7 @@ def assess(
     left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
     fits = (base, final, *(c.fit for c in every.values()))
     alone = {id(f): engine.main(f) for f in fits}
+    left["shifts"] = shifts(engine, alone[id(base)])
     return Assessment(
         situation=replace(s, data=situation.data),
         base=alone[id(base)],

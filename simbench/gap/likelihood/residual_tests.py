@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
@@ -13,6 +14,10 @@ from simbench.gap.likelihood.model import Data, Fit
 # share of PV's standard deviation: innovations below it are a simulation's, and nothing can be
 # missing from them
 _NOTHING = 1e-4
+# samples over which a jump of PV is compared with what it may be else, and the first that are not
+# asked
+_REACH, _START = 400, 10
+_BESIDE = 7  # samples about a jump in which the others may lie
 
 
 def tests_of(engine: Engine, fit: Fit) -> dict[str, float]:
@@ -21,6 +26,31 @@ def tests_of(engine: Engine, fit: Fit) -> dict[str, float]:
     if innovation_std(fit) < _NOTHING * engine.data.size:
         return dict.fromkeys(results, 0.0)
     return results
+
+
+def shifts(engine: Engine, fit: Fit) -> float:
+    """Return the nats of the clearest jump of PV within a sample, to stay, on top of a wild sample
+    and of a jump of the load in its place, less those that chance brings.
+    """
+    residual = np.asarray(fit.residual).copy()
+    residual[: kernels.SKIP] = 0.0
+    n, reach = residual.size, min(_REACH, residual.size // 3)
+    model = engine.noise_model(fit.spec, fit.theta)
+    step = (np.arange(n) >= reach).astype(float)
+    wild = (np.arange(n) == reach).astype(float)
+    load = np.roll(kernels.plant(step, model.T, 0.0, model.tau), -1)
+    seen = kernels.whiten(np.array([step, wild, load]), model, kernels.NO_JUMPS)[0]
+    seen = seen[:, reach : 2 * reach]
+    along = np.array([np.correlate(residual, one, "valid") for one in seen])
+
+    def nats(rows: slice) -> np.ndarray:
+        squares = seen[rows] @ seen[rows].T
+        least = _NOTHING**2 * np.trace(squares) * np.eye(len(squares))
+        return 0.5 * np.sum(along[rows] * np.linalg.solve(squares + least, along[rows]), axis=0)
+
+    # what is beside explains a part of it too
+    others = scipy.ndimage.maximum_filter1d(nats(slice(1, 3)), _BESIDE)
+    return float((nats(slice(3)) - others)[_START:].max() - np.log(n))
 
 
 def innovation_std(fit: Fit) -> float:

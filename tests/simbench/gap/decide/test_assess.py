@@ -11,6 +11,7 @@ BLOCKS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
     "bursts": (40.0, "sensor"),
+    "shifts": (5.0, "sensor"),
 }
 QUIET = dict.fromkeys(BLOCKS, 0.0)
 

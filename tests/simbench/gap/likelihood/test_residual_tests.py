@@ -7,8 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from simbench.detectors.signal.filters import lfilter
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.residual_tests import residual_tests
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.likelihood.model import Data
+from simbench.gap.likelihood.residual_tests import residual_tests, shifts
 
 N = 4000 + kernels.SKIP
 RNG = np.random.default_rng(0)
@@ -60,3 +63,28 @@ def test_one_huge_innovation_counts_as_six_standard_deviations():
     odd[[2000, 2300]], six[[2000, 2300]] = (50.0, -50.0), (6.0, -6.0)
     assert of(odd) == pytest.approx(of(six), abs=0.05)
     assert of(six)["memory"] != pytest.approx(of(WHITE)["memory"], abs=1e-3)
+
+
+def a_loop(shift=0.0, jump=0.0, wild=0.0):
+    """The fit without an effect of a loop whose PV shifts, or whose load jumps, or with one wild
+    sample.
+    """
+    n, T, rng = 1500, 15.0, np.random.default_rng(7)
+    u = 50.0 + np.cumsum(0.2 * rng.standard_normal(n))
+    v = u - 50.0 + lfilter([0.3], [1.0, -0.95], rng.standard_normal(n))
+    v[700:] += jump
+    a = np.exp(-1.0 / T)
+    y = lfilter([0.0, 1.0 - a], [1.0, -a], v) + 0.1 * rng.standard_normal(n)
+    y[700:] += shift
+    y[900] += wild
+    engine = Engine(Data(u, y, K=1.0, T=T, Td=0.0, noise=0.1), 60.0)
+    return engine, engine.base()
+
+
+@pytest.mark.parametrize(
+    ("shows", "changed"),
+    [(False, {}), (True, {"shift": 1.5}), (False, {"jump": 8.0}), (False, {"wild": 1.5})],
+)
+def test_a_jump_of_pv_is_told_from_a_jump_of_the_load_and_from_a_wild_sample(shows, changed):
+    nats = shifts(*a_loop(**changed))
+    assert nats > 20.0 if shows else nats < 0.0
