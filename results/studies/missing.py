@@ -13,22 +13,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
 from scipy.optimize import minimize
 from scipy.special import expit, logit
 
-from results.studies.withheld.files import write_item
-from results.studies.withheld.sites import ask_sites
+from results.studies.withheld.sites import ask_sites, diagnosed
 from results.studies.withheld.world import right_names
 from results.studies.worlds import recipes
 from simbench.bench.statistics import auc, rate
-from simbench.detectors.compiled import one_thread
-from simbench.detectors.errors import UserError
-from simbench.gap.command import diagnose_files
 from simbench.gap.decide.posterior import TESTED
 from simbench.gap.diagnosis import weigh_evidence
 from simbench.gap.report.result import CONFIDENCE
@@ -47,12 +41,9 @@ def asked(seed: int, i: int, entry: dict) -> dict[str, object]:
     refused.
     """
     item = recipes.draw(seed, i, entry)
-    with TemporaryDirectory() as place, one_thread():
-        record, baseline = write_item(item, Path(place), "record")
-        try:
-            report = diagnose_files([record], baseline)
-        except UserError:
-            return {}
+    report = diagnosed(item)
+    if report is None:
+        return {}
     found = report.behind.found
     before = weigh_evidence(found).probability
     true = right_names(item.answer)

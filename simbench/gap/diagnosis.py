@@ -373,8 +373,10 @@ def report(
         if shown.open:
             weights = weights.with_friction(DENIED_BELOW)
     weights, main, left = _beside_simulations(assessment, weights, runs)
-    if s.trusted and (stated or weights.first == UNKNOWN):
-        # what is not known may be friction, and a valve whose friction is stated is not sound
+    unseen = not assessment.valve_seen or assessment.mv_unexplained
+    if s.trusted and (stated or (weights.first == UNKNOWN and unseen)):
+        # what is not known may be friction, where no MV shows the valve, and a valve whose friction
+        # is stated is not sound
         weights = weights.with_friction(max(weights.friction, DENIED_BELOW))
     otherwise = None
     if s.trusted and weights.first == UNKNOWN:

@@ -95,7 +95,7 @@ def fixed_loop(
         "pv0": float(sp[0]),
     }
     table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
-    if jumps and source.spec.jumps:
+    if jumps and source.spec.jumps and not source.spec.fade:
         table["effect"].append({"name": "load_steps", **load_steps.numbers(source, situation)})
     loop = Loop.from_table(table, "fixed loop")
     return loop if situation.trusted else stable(loop)
@@ -129,7 +129,7 @@ def _loads(
     loads = [
         {"type": "coloured", "amplitude": std / K, "period": period * Ts}
         | ({"lag": lag * Ts} if lag > 0.0 else {})
-        for std, period, lag in load_parts(source.theta)
+        for std, period, lag in load_parts(_with_kicks(source, d.n))
         if std > _NIL * d.size
     ]
     wanders = source.spec.walk or "noise_std" in source.spec.free
@@ -161,6 +161,17 @@ def _noise(situation: Situation, fit: Fit) -> float:
         return situation.data.noise
     resolution = situation.data.resolution
     return float(np.sqrt(max(fit.theta["noise_std"] ** 2 - resolution**2 / 12.0, 0.0)))
+
+
+def _with_kicks(source: Fit, n: int) -> Mapping[str, float]:
+    """Return a fit's numbers with the variance of the kicks of its load, over n samples, in that of
+    the load.
+    """
+    if not source.spec.fade:
+        return source.theta
+    kick, period = source.theta["load_jump"], source.theta["load_time"]
+    kicks = kick * np.sqrt(0.5 * period * len(source.spec.jumps) / n)  # Campbell's theorem
+    return {**source.theta, "load": float(np.hypot(source.theta["load"], kicks))}
 
 
 def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:

@@ -26,8 +26,14 @@ _REMAINING = 0.25
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
-    """Let the load jump wherever that explains the innovations well; the heights have one std."""
+    """Let the load jump wherever that explains the innovations well; the heights have one std.
+
+    Where jumps explain more that fade as the load does, they are kicks of the load, and no steps.
+    """
     n, best = engine.data.n, _jumping(engine, base)
+    if best is not base:
+        kicks = engine.fit(replace(best.spec, fade=True), best.theta, steps=8)
+        best = max(best, kicks, key=lambda f: f.loglik)
     # their std is one more number
     return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
 
@@ -122,7 +128,7 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
     """Return the size (%) of jumps that may be all that an ordinary load does: a single one, petty,
-    stated, or with nothing else; None of more. The load of an identified loop is its own.
+    stated, fading, or with nothing else; None of more. The load of an identified loop is its own.
     """
     data, n = s.data, s.record.n
     # one in as many samples as the record has
@@ -130,7 +136,7 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
     day = max(0.0 if data.measured else PETTY_STEPS, LARGER * data.loads.get("steps", 0.0))
     petty = fit.theta["load_jump"] < day * abs(input_gain(fit, data))
     alone = not data.loads and fit.theta["load"] < _REMAINING * base.theta["load"]
-    plain = not s.trusted or once or petty or alone
+    plain = not s.trusted or once or petty or alone or fit.spec.fade
     return float(numbers(fit, s)["size"]) if plain else None
 
 

@@ -59,15 +59,17 @@ class NoiseModel(NamedTuple):
 class Jumps(NamedTuple):
     """Jumps of the load at each of the samples `places`, in order, and the one after it.
 
-    Their heights are unknown, of std `size` (steady effect on PV).
+    Their heights are unknown, of std `size` (steady effect on PV). They stay, or fade as the load
+    itself does.
     """
 
     places: np.ndarray
     size: float
+    fade: bool = False
 
 
 # whoever has no jumps passes these: a None would be compiled to kernels of its own
-NO_JUMPS = Jumps(np.zeros(0, np.int64), 0.0)
+NO_JUMPS = Jumps(np.zeros(0, np.int64), 0.0, False)
 
 
 class _Filter(NamedTuple):
@@ -296,6 +298,7 @@ def _state_space(model, jumps):
     T, tau, load_time, load_lag, load, noise, colour, spread, load_walk, walk = model
     smooth, parts = load_lag > 0.1, 3 if load_lag == PINK_LOAD else 1
     has_tau, coloured, jumping = tau > 1e-3, abs(colour) > 0.01, jumps.places.size > 0
+    jumping = jumping and not jumps.fade
     s = 1 + parts + smooth + has_tau + (load_walk > 0.0) + (walk > 0.0) + coloured + jumping
     F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
     phi = math.exp(-1.0 / load_time)

@@ -138,7 +138,7 @@ class Moves:
 @dataclass(frozen=True)
 class Spec:
     """Which effects are switched on in the engine; `jumps` are the samples at which the load jumps,
-    to stay or to fade as the load does.
+    to stay, or (`fade`) to die away as the load does.
     """
 
     free: frozenset[str] = frozenset()
@@ -151,6 +151,7 @@ class Spec:
     start: float = 0.0
     moves: Moves | None = None
     jumps: tuple[int, ...] = ()
+    fade: bool = False
 
     def join(self, other: Spec) -> Spec:
         """Return both specs together; of two valve maps or poles the second wins."""
@@ -165,6 +166,7 @@ class Spec:
             other.start or self.start,
             other.moves or self.moves,
             tuple(sorted({*self.jumps, *other.jumps})),
+            self.fade or other.fade,
         )
 
     @property
@@ -233,7 +235,7 @@ def jumps_of(spec: Spec, theta: Mapping[str, float]) -> kernels.Jumps:
     """Return the jumps of the load."""
     if not spec.jumps:
         return kernels.NO_JUMPS
-    return kernels.Jumps(np.array(spec.jumps), theta["load_jump"])
+    return kernels.Jumps(np.array(spec.jumps), theta["load_jump"], spec.fade)
 
 
 def valve_of(spec: Spec, theta: Mapping[str, float], u: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 fitted.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -257,3 +258,10 @@ def test_jumps_of_the_load_are_load_steps_of_the_loop_unless_they_are_in_questio
     assert steps.name == "load_steps"
     assert steps.parameters == pytest.approx({"rate": 3 / (2.0 * N), "size": 3.0 / 1.5})
     assert built(fit, jumps=False).effect == ()
+    # kicks that fade are part of a load that moves by more
+    kicks = replace(fit, spec=replace(fit.spec, fade=True))
+    assert built(kicks).effect == ()
+    amplitude = [x.disturbance[0].parameters["amplitude"] for x in (built(kicks), built(fit))]
+    period = fit.theta["load_time"]
+    more = 3.0 / 1.5 * np.sqrt(0.5 * period * 3 / N)
+    assert amplitude[0] == pytest.approx(np.hypot(amplitude[1], more))

@@ -25,7 +25,7 @@ SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
 
 def fit(K=1.0, linear=(), jumps=(), **theta):
     """Return a fit with gain K, its bias and onset, and an effect's own linear numbers."""
-    spec = SimpleNamespace(jumps=jumps, pole="")
+    spec = SimpleNamespace(jumps=jumps, pole="", fade=False)
     return SimpleNamespace(K=K, beta=np.array([K, 0.3, 0.7, *linear]), theta=theta, spec=spec)
 
 
@@ -103,6 +103,10 @@ def test_jumps_that_the_ordinary_load_may_make_are_ordinary(rest, height, ordina
     for size, is_ordinary in ((2.9, True), (3.1, False)):
         jumping = fit(K=-1.0, jumps=(100, 200), load=0.5, load_jump=size)
         assert plain(load_steps, jumping, stated) is is_ordinary
+    # and those that fade as the load does: its kicks
+    kicks = fit(K=-0.6, jumps=(100, 200), load=0.5, load_jump=3.0)
+    kicks.spec.fade = True
+    assert plain(load_steps, kicks, TRUSTED)
     # the load of an identified loop is its own
     size = load_steps.ordinary(jumping, fit(load=1.0), beside(stated, trusted=False))
     assert size == pytest.approx(3.1)
