@@ -117,7 +117,8 @@ def read_record(
         `simbench.detectors.records.loop_table`.
     automatic : bool
         Where the controller's mode is recorded, return the longest stretch in automatic; else all,
-        `meta["manual"]` marks where OP was the operator's.
+        `meta["manual"]` marks where OP was the operator's, and `meta["rows"]` holds the sample of
+        each row.
     **about
         Other fields of the record: process, kind, op_span, pv_span, meta.
 
@@ -516,6 +517,9 @@ def _record(
     if about.get("kind") is None:
         notes = [*notes, *_kind_by_tag(str(about.get("tag", "")))]
     record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
+    if not automatic:
+        rows = np.rint((recorded - begins) / Ts).astype(int)
+        record = replace(record, meta={"rows": rows, **record.meta})
     if held is not None and not automatic and (held == MAN).any():
         times = begins + (np.arange(record.n) + 0.5) * Ts
         manual = held[np.searchsorted(recorded, times) - 1] == MAN

@@ -558,7 +558,7 @@ def _notes(
         notes.insert(0, note)
     if no_test:
         notes.append(f"next test: none, {no_test}")
-    if not main.resolvable:
+    if not main.resolvable and within_reach(main.after, main.plant_floor):
         notes.append(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
             " shrinkage is claimed"

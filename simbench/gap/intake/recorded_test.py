@@ -69,7 +69,7 @@ def read_test(given: str, baseline: Loop, **about: Any) -> RecordedTest:
         file,
         record,
         manual,
-        _lab_samples(file, record.n),
+        _lab_samples(file, record),
         settings,
         _loop(baseline, settings, record, file),
     )
@@ -85,8 +85,8 @@ def files_of(given: str) -> tuple[str, str]:
     return file, more
 
 
-def _lab_samples(path: str | Path, n: int) -> np.ndarray | None:
-    """Return the `lab` samples of a record (NaN between), None where it has none."""
+def _lab_samples(path: str | Path, record: LoopRecord) -> np.ndarray | None:
+    """Return the `lab` samples of a record, shape (n,), NaN between; None where it has none."""
     if Path(path).suffix.lower() == ".mat":
         return None
     columns = {str(k).strip().lower(): v for k, v in read_sheet(Path(path)).columns.items()}
@@ -100,11 +100,13 @@ def _lab_samples(path: str | Path, n: int) -> np.ndarray | None:
         raise RecordError(f"{path}: lab holds text where a number should be ({error})") from None
     if not np.isfinite(lab).any():
         return None
-    if lab.size != n:
-        raise RecordError(
-            f"{path}: lab has {lab.size} rows, the signals {n}; a record without holes is needed"
-        )
-    return lab
+    rows = record.meta["rows"]
+    if lab.size != rows.size:
+        raise RecordError(f"{path}: lab has {lab.size} rows, the signals {rows.size}")
+    taken = np.isfinite(lab) & (rows >= 0) & (rows < record.n)
+    placed = np.full(record.n, np.nan)
+    placed[rows[taken]] = lab[taken]
+    return placed
 
 
 def _settings(table: dict[str, Any], where: str) -> dict[str, dict[str, Any]]:

@@ -288,9 +288,10 @@ class GapReport:
         if self.effect == NONE:
             late = any(note.startswith("clock:") for note in self.notes)
             once = ", once PV, which is stamped late, is moved back" if late else ""
-            return f"No unmodelled effect is needed ({p:.2f}){once}."
+            return f"{_hedged('no unmodelled effect is needed', p)} ({p:.2f}){once}."
         if self.effect == UNKNOWN:
-            said = f"No known effect explains what is missing ({p:.2f}; block: {self.block})"
+            said = _hedged("no known effect explains what is missing", p)
+            said += f" ({p:.2f}; block: {self.block})"
             shown = self.behind.shown
             return said + ("." if shown is None else f": {shown_words(shown, self.block)}.")
         first, *second = (
@@ -434,6 +435,13 @@ class GapReport:
         """
         one = self.next_test
         return [] if one is None else [f"Next test, {one['test']}: {one['says']}."]
+
+
+def _hedged(said: str, p: float) -> str:
+    """Return a sentence without its stop as one that is likely, or as the likeliest of many."""
+    if p > LIKELIER:
+        return said[0].upper() + said[1:]
+    return f"Nothing is likely; the likeliest is that {said}"
 
 
 def words(effect: str) -> str:

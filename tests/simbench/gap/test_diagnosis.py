@@ -76,6 +76,8 @@ def assessed(*chosen, parameters=None, shown=(), s=None, rows=(), friction=0.5):
         base=SimpleNamespace(theta={"noise_std": 0.1}, residual=np.array([1.0, -1.0])),
         rows=rows,
         friction=friction,
+        valve_seen=False,
+        mv_unexplained=False,
         asked=(),
         load=(),
         tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0),
@@ -210,6 +212,14 @@ def test_friction_that_is_denied_is_never_the_answer(stubs):
     # and what is not known may be friction
     assert answer.probability_of_stiction == pytest.approx(0.2)
     assert answer.conclusion.verdict == "no_decision"
+
+
+@pytest.mark.parametrize(("seen", "strays", "p"), [(1, 0, 0.1), (1, 1, 0.2), (0, 0, 0.2)])
+def test_what_is_not_known_may_be_friction_unless_mv_shows_a_sound_valve(stubs, seen, strays, p):
+    found = assessed()
+    found.valve_seen, found.mv_unexplained = bool(seen), bool(strays)
+    answer = report(found, weighed(unknown=0.9, stiction=0.1), Loops())
+    assert answer.probability_of_stiction == pytest.approx(p)
 
 
 def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):

@@ -97,3 +97,16 @@ def test_a_log_of_another_pace_is_taken_where_it_is_declared(tmp_path):
 
 def test_every_test_that_is_recommended_can_be_read():
     assert set(ORDER) < set(TEST_IDS)
+
+
+def test_lab_samples_keep_their_time_where_rows_were_lost(tmp_path):
+    lab = ["" if k % 10 else str(k) for k in range(100)]
+    file = write(tmp_path, lab=lab)
+    lines = (tmp_path / "test.csv").read_text().splitlines()
+    # rows 25, 26 and 71 never reached the archive
+    kept = [line for k, line in enumerate(lines[1:]) if k not in (25, 26, 71)]
+    (tmp_path / "test.csv").write_text("\n".join([lines[0], *kept]) + "\n")
+    test = read_test(file, LOOP)
+    assert test.record.n == 100
+    assert test.lab[::10].tolist() == list(range(0, 100, 10))
+    assert np.isfinite(test.lab).sum() == 10

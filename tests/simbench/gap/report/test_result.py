@@ -118,6 +118,12 @@ def test_an_unknown_effect_is_placed():
         "No known effect explains what is missing (0.62; block: process). It is 1.25 from the"
         " record (parts of the record are 0.90 apart). Near the record: yes."
     )
+    open_ = ranked("unknown", 0.32, "process")
+    answer = report("unknown", "process", (something,), value=None, ranking=open_).answer()
+    assert answer == (
+        "Nothing is likely; the likeliest is that no known effect explains what is missing (0.32;"
+        " block: process)."
+    )
 
 
 def test_none_is_an_answer():
