@@ -67,12 +67,13 @@ def fixed_loop(
                 slower,
                 numbers.get("Td", base.plant.Td),
             )
-    sp = situation.sp
+    # in the samples of the loop: those of a record whose clock is a little off are others
+    sp, period = situation.sp, base.sampling.Ts
     table["setpoint"] = {
         "value": float(sp[0]),
-        "steps": [[float(k * Ts), float(sp[k])] for k in np.flatnonzero(np.diff(sp)) + 1],
+        "steps": [[float(k * period), float(sp[k])] for k in np.flatnonzero(np.diff(sp)) + 1],
     }
-    table["sampling"] = {"Ts": base.sampling.Ts, "n": n}
+    table["sampling"] = {"Ts": period, "n": n}
     source = load or fit
     as_stated = situation.trusted and plant == "baseline"
     if not (as_stated and base.disturbance):

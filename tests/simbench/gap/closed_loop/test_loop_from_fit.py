@@ -149,7 +149,7 @@ def test_the_records_set_point_is_the_files():
     sp = np.where(np.arange(N) < 100, 60.0, np.where(np.arange(N) < 500, 65.0, 58.0))
     loop = built(sp=sp)
     assert (loop.setpoint.value, loop.operating_point.pv0) == (60.0, 60.0)
-    assert [tuple(step) for step in loop.setpoint.steps] == [(200.0, 65.0), (1000.0, 58.0)]
+    assert [tuple(step) for step in loop.setpoint.steps] == [(202.0, 65.0), (1010.0, 58.0)]
 
 
 @pytest.mark.parametrize(("fit", "amplitude"), [
