@@ -37,7 +37,7 @@ RULES: dict[str, dict[str, Any]] = {
     "what any loop does by itself is no evidence": {
         "simbench.gap.decide.assess._plain": lambda s, base, candidates: {}
     },
-    "nothing is lacking of a simulation as near as its own runs": {
+    "nothing is lacking where no effect is likely and the simulation is near": {
         "simbench.gap.decide.posterior.Posterior.enough": lambda self: self
     },
     "the distance from the baseline as given parts none and unknown": {

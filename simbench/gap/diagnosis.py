@@ -439,29 +439,25 @@ def _beside_simulations(
     """
     named = name_effects(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
-    if not known_by(assessment.rows):
-        if _near_without(assessment, weights, main):
-            weights = weights.enough()
-            main = runs.shrink([e for e in name_effects(weights, assessment) if e in EFFECTS])
-        if _unexplained(weights, main):
-            far = remaining(assessment.situation, main.features)
-            block = far[0].block if far else "disturbance"
-            weights = weights.far(main.after / (NEAR * main.plant_floor), block)
-            main = runs.shrink([])
+    known = known_by(assessment.rows)
+    if not known and _needs_none(weights, main):
+        weights = weights.enough()
+        main = runs.shrink([e for e in name_effects(weights, assessment) if e in EFFECTS])
+    if not known and _unexplained(weights, main):
+        far = remaining(assessment.situation, main.features)
+        block = far[0].block if far else "disturbance"
+        weights = weights.far(main.after / (NEAR * main.plant_floor), block)
+        main = runs.shrink([])
     return weights, main, remaining(assessment.situation, main.features)
 
 
-def _near_without(assessment: Assessment, weights: Posterior, main: Shrinkage) -> bool:
-    """Return whether the simulation needs no effect: it is as near as its own runs, and PV alone
-    speaks for one without friction; or it is near the record, and no effect has a probability of
-    which less is denied.
+def _needs_none(weights: Posterior, main: Shrinkage) -> bool:
+    """Return whether the simulation without an effect is near the record, and no effect has a
+    probability of which less is denied.
     """
     first = weights.first
-    if first not in EFFECTS:
-        return False
-    if weights.probability[first] < DENIED_BELOW:
-        return within_reach(main.before, main.plant_floor)
-    return main.before <= main.floor and not (assessment.shown(first) or is_friction(first))
+    unlikely = first in EFFECTS and weights.probability[first] < DENIED_BELOW
+    return unlikely and within_reach(main.before, main.plant_floor)
 
 
 def _with_gap(assessment: Assessment, weights: Posterior, runs: ClosedLoops) -> Posterior:

@@ -1,7 +1,8 @@
 """Worlds: plant simulators that share no code with the product and judge its diagnosis.
 
-`own` and `refinery` are two plants, `recipes` twenty sites. The diagnosis has been calibrated on
-the first two, so they no longer count as unseen data.
+`own` and `refinery` are two plants, `recipes` twenty sites, `nuisances` twenty more, which have
+what the diagnosis stumbled over elsewhere. It has been calibrated on the first two, so they no
+longer count as unseen data.
 """
 
 from __future__ import annotations

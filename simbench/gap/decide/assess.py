@@ -36,7 +36,6 @@ from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.residual_tests import shifts, tests_of
 from simbench.gap.situation import ModelledTest, Situation, load_memory
 from simbench.gap.thresholds import (
-    BURSTS_LIMIT,
     BY_MV,
     FACT,
     GUESSED,
@@ -56,7 +55,6 @@ NOISE_EFFECT = "noise"
 RESIDUAL_LIMITS = {
     "memory": (MEMORY_LIMIT, "disturbance"),
     "input": (INPUT_LIMIT, "process"),
-    "bursts": (BURSTS_LIMIT, "sensor"),
     "shifts": (SHIFTS_LIMIT, "sensor"),
 }
 

@@ -83,8 +83,8 @@ class Posterior:
         return replace(self, probability=p | {UNKNOWN: share * rest, NONE: (1.0 - share) * rest})
 
     def enough(self) -> Posterior:
-        """Return the posterior where the simulation without an effect is as near to the record as
-        its own runs are to each other: none has what all effects but friction had.
+        """Return the posterior where no effect is needed: none has what all effects but friction
+        had.
         """
         p = {
             e: v if e in (NONE, UNKNOWN) or is_friction(e) else 0.0

@@ -66,8 +66,7 @@ def residual_tests(fit: Fit, data: Data) -> dict[str, float]:
     """Return what is left in the innovations of a fit; each is near 0 (in standard deviations) when
     the model is whole.
 
-    `memory`: correlation over 25 lags; `input`: correlation with past OP; `bursts`: variance that
-    changes along the record, other than with the flow, as turbulence makes it.
+    `memory`: correlation over 25 lags; `input`: correlation with past OP.
     """
     x = np.asarray(fit.residual)[kernels.SKIP :]
     x = np.clip(x, -6.0, 6.0) - np.mean(x)
@@ -80,19 +79,7 @@ def residual_tests(fit: Fit, data: Data) -> dict[str, float]:
     cross = np.array(
         [float(np.mean(x[k:] * du[: n - k])) / np.sqrt(power) for k in range(1, lags + 1)]
     )
-    flow = np.clip(data.u[kernels.SKIP :] / (float(np.mean(data.u)) or 1.0), 0.1, 10.0)
     return {
         "memory": float((n * np.sum(rho**2) - lags) / np.sqrt(2 * lags)),
         "input": float((n * np.sum(cross**2) - lags) / np.sqrt(2 * lags)),
-        "bursts": min(_bursts(x), _bursts(x / flow)),
     }
-
-
-def _bursts(x: np.ndarray) -> float:
-    """Return by how many standard deviations the variances of ten parts differ more than white
-    noise lets them.
-    """
-    parts = np.array([float(np.mean(p**2)) for p in np.array_split(x, 10)]) / (
-        float(np.mean(x**2)) or 1.0
-    )
-    return float((np.sum((parts - 1) ** 2) * x.size / 20 - 9) / np.sqrt(18))

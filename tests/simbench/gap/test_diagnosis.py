@@ -185,15 +185,14 @@ def test_what_samples_prove_is_named_though_the_simulation_stays_far(stubs):
 @pytest.mark.parametrize(
     ("p", "before", "named"),
     [
-        # as near as the simulation's own runs are to each other, or near and unlikely
-        ({"drift": 0.9, "none": 0.1}, 0.7, "none"),
         ({"drift": 0.19, "noise": 0.18, "extra_lag": 0.18, "none": 0.15}, 1.5, "none"),
-        ({"drift": 0.45, "none": 0.4}, 1.5, "drift"),
-        ({"drift": 0.9, "none": 0.1}, 1.5, "drift"),
-        ({"stiction": 0.9, "none": 0.1}, 0.7, "stiction"),
+        ({"drift": 0.21, "noise": 0.18, "extra_lag": 0.18, "none": 0.15}, 1.5, "drift"),
+        ({"drift": 0.9, "none": 0.1}, 0.7, "drift"),
     ],
 )
-def test_nothing_is_lacking_where_the_simulation_is_near_without_it(stubs, p, before, named):
+def test_nothing_is_lacking_where_no_effect_is_likely_and_the_simulation_is_near(
+    stubs, p, before, named
+):
     loops = Loops(gap(before=before, after=0.8))
     assert report(assessed("drift"), weighed(**p), loops).effect == named
 

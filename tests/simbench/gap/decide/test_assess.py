@@ -10,7 +10,6 @@ from simbench.gap.decide.assess import RESIDUAL_LIMITS, Assessment
 BLOCKS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
-    "bursts": (40.0, "sensor"),
     "shifts": (5.0, "sensor"),
 }
 QUIET = dict.fromkeys(BLOCKS, 0.0)

@@ -43,14 +43,6 @@ def test_memory_and_input_count_squared_correlations_over_25_lags(lag, share):
     assert abs(values["memory"]) < 4.0
 
 
-@pytest.mark.parametrize("factor", [1.2, 1.5, 2.0])
-def test_bursts_count_the_variances_of_ten_parts(factor):
-    size = np.where(np.arange(N) - kernels.SKIP < 2000, 1.0, factor)
-    off = (factor**2 - 1.0) / (factor**2 + 1.0)
-    expected = 10 * off**2 * 4000 / 20 / np.sqrt(18.0)
-    assert of(size * WHITE / factor)["bursts"] == pytest.approx(expected, abs=4.0 + 0.1 * expected)
-
-
 @pytest.mark.parametrize("where", [0, kernels.SKIP - 1])
 def test_the_start_is_not_judged(where):
     odd = WHITE.copy()
