@@ -253,9 +253,9 @@ INPUT_LIMIT = AnswerThreshold(
     10.0, "nats", "that OP may tell of innovations: 98 to 99 % of records", _DEVELOPMENT
 )
 SHIFTS_LIMIT = AnswerThreshold(
-    5.0,
+    10.0,
     "nats",
-    "that a jump of PV within a sample may bring: all of 37 records without an effect",
+    "that a jump of PV within a sample may bring: 76 of 77 records without an effect",
     "ten sites: python -m results.studies.nuisances (results/nuisances.txt)",
 )
 GUESSED = AnswerThreshold(

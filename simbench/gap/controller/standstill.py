@@ -124,8 +124,7 @@ def skips_scans(
     rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
     X, y = np.column_stack([now, before])[rows], du[rows]
     law, usual = solve_by_majority(X, y), about_zero(y) or 1.0
-    off = np.abs(y - X @ law)
+    left = float(np.quantile(np.abs(y - X @ law), 0.8))
     # nearly every move obeys, and would move OP where it stands
     asked = np.abs(np.column_stack([e[1:], e[:-1]]) @ law)[still & free]
-    moved = np.mean(asked > _FAR * exact * usual) > 0.5
-    return bool(np.quantile(off, 0.8) < exact * usual and moved)
+    return bool(left < exact * usual and np.mean(asked > _FAR * left) > 0.5)

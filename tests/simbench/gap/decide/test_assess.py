@@ -10,7 +10,7 @@ from simbench.gap.decide.assess import RESIDUAL_LIMITS, Assessment
 BLOCKS = {
     "memory": (15.0, "disturbance"),
     "input": (10.0, "process"),
-    "shifts": (5.0, "sensor"),
+    "shifts": (10.0, "sensor"),
 }
 QUIET = dict.fromkeys(BLOCKS, 0.0)
 
