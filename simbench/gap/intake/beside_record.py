@@ -13,7 +13,7 @@ from simbench.detectors.signal.holds import runs_of
 from simbench.detectors.signal.spikes import cleaned
 from simbench.gap.controller.pi_law import find_retuning
 from simbench.gap.intake.check import check
-from simbench.gap.intake.observed import law_in_automatic, moving
+from simbench.gap.intake.observed import before_sensor, law_in_automatic, moving
 from simbench.gap.intake.recorded_test import SAME_TS, RecordedTest
 from simbench.gap.intake.refuse import refuse_mv_units
 from simbench.gap.sensor.samples import inspect_samples
@@ -43,14 +43,13 @@ def model_test(test: RecordedTest, s: Situation) -> ModelledTest:
         other |= {e for e in situation.proven if s.archive.faithful and block_of(e) == "sensor"}
         proven = {e: p for e, p in situation.proven.items() if e not in other}
     else:
-        samples = inspect_samples(r.pv, op, noise=s.data.noise)
+        samples = inspect_samples(r.pv, op, noise=s.noise)
         pv = cleaned(r.pv, samples.spikes)
         u = through_valve(op, s.baseline, r.Ts) if r.mv is None else r.mv
-        data = replace(
-            s.data, u=np.ascontiguousarray(u), y=np.ascontiguousarray(pv), resolution=samples.hidden
-        )
+        y, resolution = before_sensor(s.baseline, r.Ts, pv, samples.hidden)
+        data = replace(s.data, u=np.ascontiguousarray(u), y=y, resolution=resolution)
         if abs(pace - 1.0) <= SAME_TS or test.id == "raw":
-            law = law_in_automatic(r, op, ~test.manual, test.loop, s.tuned, s.data.noise)
+            law = law_in_automatic(r, op, ~test.manual, test.loop, s.tuned, s.noise)
     return ModelledTest(
         test.name,
         r.Ts,

@@ -41,17 +41,32 @@ def stated_noise(baseline: Loop, Ts: float) -> float:
     counted in, behind the filter that it states.
     """
     coloured = [load["amplitude"] for load in coloured_on_pv(baseline, Ts, slow=False)]
-    keep = _filter_keeps(baseline, Ts)
-    passes = np.sqrt((1.0 - keep) / (1.0 + keep))
-    return float(np.linalg.norm([baseline.noise.std, *coloured]) * passes)
+    return float(np.linalg.norm([baseline.noise.std, *coloured]) * _passes(baseline, Ts))
 
 
-def _filter_keeps(baseline: Loop, Ts: float) -> float:
-    """Return the share of its last value that the sensor keeps over a sample, 0 where no filter is
-    stated.
-    """
+def _filter_of(baseline: Loop, Ts: float) -> float:
+    """Return the time constant (samples) of the stated filter of PV, 0 where there is none."""
     tau = sum(float(p.parameters["tau"]) for p in baseline.effect if p.name == "sensor_lag")
-    return float(np.exp(-Ts / tau)) if tau > 0.0 else 0.0
+    return tau / Ts
+
+
+def _passes(baseline: Loop, Ts: float) -> float:
+    """Return the share of the standard deviation of white noise that passes the stated filter."""
+    tau = _filter_of(baseline, Ts)
+    return float(np.sqrt(np.tanh(0.5 / tau))) if tau > 0.0 else 1.0
+
+
+def before_sensor(
+    baseline: Loop, Ts: float, pv: np.ndarray, resolution: float
+) -> tuple[np.ndarray, float]:
+    """Return PV (n,) before the filter that the baseline states, where noise is white, and the step
+    of the digits of the PV behind it, as they count there.
+    """
+    y, tau = np.ascontiguousarray(pv, dtype=float), _filter_of(baseline, Ts)
+    if tau == 0.0:
+        return y, resolution
+    keep = float(np.exp(-1.0 / tau))
+    return before_filter(y, tau), resolution * float(np.hypot(1.0, keep)) / (1.0 - keep)
 
 
 def _stated(baseline: Loop, kind: str, at: str) -> list[dict[str, Any]]:
@@ -149,12 +164,7 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
     """
     r, baseline = seen.record, seen.baseline
     plant = first_order_like(baseline.plant)
-    y = np.ascontiguousarray(plant_pv, dtype=float)
-    noise, keep = seen.noise, _filter_keeps(baseline, r.Ts)
-    if keep > 0.0:
-        # noise is white before the filter; digits are errors behind it
-        y, noise = before_filter(y, -1.0 / np.log(keep)), noise * np.sqrt((1 + keep) / (1 - keep))
-        resolution *= float(np.hypot(1.0, keep)) / (1.0 - keep)
+    y, resolution = before_sensor(baseline, r.Ts, plant_pv, resolution)
     data = Data(
         u=through_valve(seen.op, baseline, r.Ts) if r.mv is None else r.mv,
         y=y,
@@ -163,7 +173,7 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
         Td=baseline.plant.Td / r.Ts,
         shape=beyond_first_order(baseline.plant, r.Ts),
         resolution=resolution,
-        noise=noise,
+        noise=seen.noise / _passes(baseline, r.Ts),
         trusted=seen.trusted,
         late=seen.law.late,
     )

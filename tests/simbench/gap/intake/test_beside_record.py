@@ -61,6 +61,16 @@ def test_nothing_speaks_against_a_sound_test(id_, situation):
     assert refusal(made(id_, situation), situation) == ""
 
 
+@pytest.mark.parametrize("id_", ["sp_steps", "bump"])
+def test_a_stated_filter_is_taken_off_the_pv_of_a_test_as_off_the_records(id_):
+    lagging = LOOP.with_("effect", [{"name": "sensor_lag", "tau": 4.0}])
+    s = check(simulate(lagging, 1).record, lagging)
+    test = model_test(made(id_, s, lagging, lagging), s)
+    assert test.data.noise == pytest.approx(s.data.noise)
+    quick = [float(np.std(np.diff(one.data.y, 3))) for one in (s, test)]
+    assert quick[1] == pytest.approx(quick[0], rel=0.2)
+
+
 @pytest.mark.parametrize(
     ("id_", "moved"),
     [
