@@ -7,7 +7,6 @@ prints how many are answered rightly with it, and alike.
 
 from __future__ import annotations
 
-import argparse
 import copy
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -17,7 +16,7 @@ import pandas as pd
 from joblib import delayed
 
 from results.studies.withheld.levels import calibration_error
-from results.studies.withheld.sites import ask_sites, diagnosed
+from results.studies.withheld.sites import ask_drawn, diagnosed, options
 from results.studies.withheld.world import Item, right_names
 from results.studies.worlds import nuisances
 from results.studies.worlds.refinery import drawing
@@ -143,7 +142,7 @@ def table(rows: pd.DataFrame) -> list[str]:
         out.append(f"{name:60} {area.value:.3f} ({area.lo:.3f} to {area.hi:.3f})")
     for low, high in zip(SURE, (1.01, *SURE)):
         here = sure[(sure.p >= low) & (sure.p < high)]
-        out.append(f"{f'right where p is {low:g} or more':60} {_share(here.right)}")
+        out.append(f"{f'right where p is {low:g} to {min(high, 1.0):g}':60} {_share(here.right)}")
     for near, what in ((True, "near"), (False, "not near")):
         named = sure[~sure.answer.isin([NONE, UNKNOWN]) & (sure.near == near)]
         out.append(f"{f'right where an effect is named and {what}':60} {_share(named.right)}")
@@ -191,18 +190,16 @@ def _pairs(seed: int, n: int, jobs: int) -> list[str]:
 
 def run(argv: Sequence[str] | None = None) -> int:
     """Draw, ask and print."""
-    parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("--pairs", type=int, default=0)
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("-j", type=int, default=-1)
-    given, _ = parser.parse_known_args(argv)
+    parser = options(__doc__, SEED, N)
+    parser.add_argument("--pairs", type=int, default=0, help="loops with each nuisance by itself")
+    given = parser.parse_args(argv)
     if given.pairs:
         print(f"seed {given.seed}, {given.pairs} loops with each nuisance")
         print("\n".join(_pairs(given.seed, given.pairs, given.j)))
         return 0
-    asked_for = ask_sites(asked, __doc__, argv, SEED, N, nuisances)
-    rows = pd.DataFrame([row for row in asked_for.answers if row])
-    print(f"seed {asked_for.seed}, {len(rows)} records of the judging sites")
+    answers = ask_drawn(asked, given, nuisances)
+    rows = pd.DataFrame([row for row in answers if row])
+    print(f"seed {given.seed}, {len(rows)} records of the judging sites")
     print("\n".join(table(rows)))
     return 0
 

@@ -31,7 +31,7 @@ def test_the_figures_by_hand():
     assert said["none: unknown"].startswith("0.333")
     assert said["set holds the truth, 4.7 answers in the mean"].startswith("0.833")
     assert said["AUC of 'is anything lacking?', single"].startswith("1.000")
-    assert said["right where p is 0 or more"].startswith("0.000")
+    assert said["right where p is 0 to 0.5"].startswith("0.000")
     assert said["right where an effect is named and not near"].startswith("0.000")
 
 

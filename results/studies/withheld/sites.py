@@ -36,19 +36,30 @@ def ask_sites(
     argv: Sequence[str] | None,
     seed: int,
     n: int,
-    world: ModuleType = recipes,
 ) -> Asked:
     """Read seed, number of records and processes off a command line, and ask about every record by
     the seed, its number and what it must hold.
     """
+    given = options(about, seed, n).parse_args(argv)
+    return Asked(given.seed, given.n, ask_drawn(asked, given, recipes))
+
+
+def ask_drawn(
+    asked: Callable[[int, int, dict], Any], given: argparse.Namespace, world: ModuleType
+) -> list[Any]:
+    """Return the answers to one question about every record of a world that was asked for."""
+    entries = Plan.of(given.n).entries(list(world.FOREIGN))
+    calls = [delayed(asked)(given.seed, i, entry) for i, entry in enumerate(entries)]
+    return run_parallel(calls, given.j, "records")
+
+
+def options(about: str | None, seed: int, n: int) -> argparse.ArgumentParser:
+    """Return the command line of a study that asks about drawn records."""
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--seed", type=int, default=seed)
     parser.add_argument("-n", type=int, default=n, help=f"records (default {n})")
     parser.add_argument("-j", type=int, default=-1, help="processes (default: all)")
-    given = parser.parse_args(argv)
-    entries = Plan.of(given.n).entries(list(world.FOREIGN))
-    calls = [delayed(asked)(given.seed, i, entry) for i, entry in enumerate(entries)]
-    return Asked(given.seed, given.n, run_parallel(calls, given.j, "records"))
+    return parser
 
 
 def diagnosed(item: Item) -> GapReport | None:

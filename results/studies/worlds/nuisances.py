@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from results.studies.worlds import recipes
-from results.studies.worlds.recipes import part, simulate, site_at, site_of, test
-from results.studies.worlds.refinery import drawing
+from results.studies.worlds.recipes import drawn_at, part, simulate, site_at, site_of, test
 from results.studies.worlds.refinery.drawing import Item
 from results.studies.worlds.refinery.foreign import EVERY as FOREIGN
 from results.studies.worlds.refinery.loops import Habits
@@ -19,15 +18,12 @@ from results.studies.worlds.refinery.loops import Habits
 TITLE = "nuisances: twenty sites with what the diagnosis stumbled over in another author's hands"
 _STREAM = 97  # of the random numbers that make a site
 
-__all__ = ["FOREIGN", "TITLE", "Item", "draw", "part", "simulate", "site_of", "test"]
+__all__ = ["FOREIGN", "TITLE", "Item", "draw", "part", "simulate", "site_at", "site_of", "test"]
 
 
 def draw(seed: int, index: int, entry: dict) -> Item:
     """Draw one labelled record of the site that has its number."""
-    number = site_at(index)
-    item = drawing.draw(seed, index, entry, site(number))
-    item.answer["case"]["site"] = number
-    return item
+    return drawn_at(site, seed, index, entry)
 
 
 def site(number: int) -> Habits:

@@ -8,7 +8,7 @@ others. The machine is the refinery's; its effects and faults are drawn as there
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,13 @@ __all__ = ["FOREIGN", "TITLE", "Item", "draw", "part", "simulate", "site_of", "t
 
 def draw(seed: int, index: int, entry: dict) -> Item:
     """Draw one labelled record of the site that has its number."""
+    return drawn_at(site, seed, index, entry)
+
+
+def drawn_at(habits_of: Callable[[int], Habits], seed: int, index: int, entry: dict) -> Item:
+    """Draw one labelled record of the site that has its number, whose habits are given."""
     number = site_at(index)
-    item = drawing.draw(seed, index, entry, site(number))
+    item = drawing.draw(seed, index, entry, habits_of(number))
     item.answer["case"]["site"] = number
     return item
 

@@ -243,9 +243,9 @@ class _Examination:
         if not trusted:
             reason = "" if self.exact else "the recorded PV does not explain OP through a PI law"
             return replace(law, reason=reason, strays=np.empty(0, dtype=int))
-        unit, exact = max(self.op_is.unit, self.op_is.step), max(EXACT, self.tolerance)
+        unit = max(self.op_is.unit, self.op_is.step)
         if self.plain and skips_scans(
-            self.op, self.e, self._error_at, self.told, self.size, unit, exact
+            self.op, self.e, self._error_at, self.told, self.size, unit, self.tolerance
         ):
             return replace(
                 law,
@@ -270,7 +270,8 @@ class _Examination:
         own = self.level - self.pv
         still, errors = du == 0.0, [e]
         gap = error_gap(still, own, self.told)
-        if gap == 0.0:
+        of_pv = self.acts.settings is not None
+        if gap == 0.0 and of_pv:
             # a derivative of PV moves OP within the band, too
             still = self.acts.rests(op, self.pv, self.level, self.digits)
             gap = error_gap(still, own, self.told)
@@ -282,7 +283,7 @@ class _Examination:
             # exceeds it
             full = np.where(np.abs(own) <= gap / 2, 0.0, own)
             counted = full, full - np.sign(full) * gap / 2
-            pvs = (None, self.pv) if self.acts.settings else (None,)
+            pvs = (None, self.pv) if of_pv else (None,)
             errors = [
                 self.acts.error(op, self.level - x, self.level, slope_of=pv)
                 for x in counted for pv in pvs

@@ -88,12 +88,11 @@ class Stated:
     def rests(
         self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray, digits: tuple[float, float]
     ) -> np.ndarray:
-        """Return in which changes (n - 1,) OP rests but for the derivative, up to what the digits
-        of OP and PV hide.
+        """Return in which changes (n - 1,) OP of a PID rests but for its derivative, up to what the
+        digits of OP and PV hide.
         """
         p = self._terms
-        if p is None:
-            return np.diff(op) == 0.0
+        assert p is not None
         by_slope = self.Kc * np.diff(self._slope(self._gain(op, pv, sp), pv, sp))
         # a change of the slope is made of three readings, the middle one twice
         hidden = digits[0] + 2.0 * abs(self.Kc) * p.kd * digits[1] + _LAST_BITS

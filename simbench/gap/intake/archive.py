@@ -96,8 +96,7 @@ def _spikes(
         only, sizes = only[strong], sizes[strong]
         plain = only.size >= 2 and samples.step == 0.0
         # an archive lost some samples, which were bridged, of OP as well
-        bridged = np.convolve(on_line(pv, samples.digits), np.ones(3), "same") > 0.0
-        if plain and np.all(bridged[only]):
+        if plain and np.all(_bridged(pv, samples.digits)[only]):
             return None, seen, ""
         if plain and not stands_out(pv, only, sizes):
             # or drops the samples least missed
@@ -113,6 +112,11 @@ def _spikes(
     if place == "loop" or seen is None:
         plant_pv = cleaned(plant_pv, spikes)
     return (spikes.size / pv.size, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
+
+
+def _bridged(pv: np.ndarray, digits: float) -> np.ndarray:
+    """Return the samples (n,) on straight lines, and those beside them."""
+    return np.convolve(on_line(pv, digits), np.ones(3), "same") > 0.0
 
 
 def _answered(s: Seen, spikes: np.ndarray, heights: np.ndarray) -> bool:
