@@ -14,8 +14,10 @@ from typing import Any
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, printable
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.io import read_record
+from simbench.detectors.records.io import read_labels, read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
+from simbench.gap.benchmark.measure import grid as grid_gap
+from simbench.gap.benchmark.result import GridGap
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
@@ -170,6 +172,36 @@ def plan_files(
 
         write_plan_page(planned, report, html)
     return planned
+
+
+def grid_files(
+    grid: str,
+    folder: str | Path,
+    *,
+    labels: str | Path | None = None,
+    html: str | Path | None = None,
+    picture: str | Path | None = None,
+    **options: Any,
+) -> GridGap:
+    """Return how a grid differs from the records of a folder; a table of labels states their
+    units.
+    """
+    refuse_own_input([html, picture], [folder, labels])
+    if picture is not None:
+        picture_kind(picture)
+    table = {} if labels is None else read_labels(labels)
+    units = {name: row["unit_group"] for name, row in table.items()}
+    found = grid_gap(grid, folder, units=units, **options)
+    if picture is not None:
+        from simbench.figures._style import write_picture
+        from simbench.gap.benchmark.page import draw
+
+        write_picture(draw(found), picture)
+    if html is not None:
+        from simbench.gap.benchmark.page import write_page
+
+        write_page(found, html)
+    return found
 
 
 def _far(report: GapReport, probability: Mapping[str, float]) -> str:

@@ -44,6 +44,7 @@ RIGHT = [
     "confirm travel LOOP --picture PIC",
     "gap diagnose REC --baseline LOOP --html OUT -j 1",
     "gap plan REC --baseline LOOP --html OUT",
+    "gap grid GRID RECS --method METHOD --html OUT",
     "simulate LOOP --seeds 2 --set controller.Kc=1",
 ]
 # what stands for a word where another is wrong, and wrong words with what the sentence then holds
@@ -157,6 +158,10 @@ WRONG = [
     ("gap diagnose REC --identify --healthy REC", "states [plant]"),
     ("gap plan REC --baseline LOOP --kind smell", "smell"),
     ("gap plan REC --baseline LOOP --limits LOOP", "loop.toml"),
+    ("gap grid smoke RECS", "at least 10"),
+    ("gap grid smoke RECS --n 3", "at least 10"),
+    ("gap grid smoke RECS --labels LOOP", "loop.toml"),
+    ("gap grid smoke RECS --picture OUT", "OUT"),
     ("simulate LOOP --seeds 2 --set controller.Kc", "NAME=VALUE"),
     ("simulate LOOP --seeds 2 --set controller.Kcc=2", "Kc"),
     ("simulate LOOP --seeds 2 --set controller.Kc=0", "greater"),
@@ -180,7 +185,7 @@ WRONG = [
     ("detect REC --ts 0", "Ts"),
     ("detect REC --ts nan", "Ts"),
     ("detect REC --ts 1e-300", "Ts"),
-    ("detect TAGS --loop FIC101", "FIC101"),
+    ("detect TAGS --tag FIC101", "FIC101"),
     ("detect REC --method horch@publishd", "horch@publishd"),
     ("detect RECS --labels LABELS", "stictoin"),
     ("simulate LOOP -o x.parquet", ".csv"),

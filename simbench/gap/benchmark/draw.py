@@ -1,0 +1,131 @@
+"""Draw loops from a grid, and simulate them as they are or with nuisances: their records' features,
+what they are labelled, and what detectors say of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbench.bench.scenario.resolve import resolve
+from simbench.bench.scenario.truth import NO, YES, simulate_with_truth
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import NO_DECISION, STICTION
+from simbench.gap.benchmark.classifier import Sample
+from simbench.gap.benchmark.features import describe
+from simbench.gap.benchmark.nuisances import NUISANCES, Source
+from simbench.loop.simulate import simulate
+from simbench.scenarios.grid import Grid
+from simbench.scenarios.spec import Loop
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnLoop:
+    """A loop of a grid with its seed and its unit, and its record as it is."""
+
+    loop: Loop
+    seed: int
+    unit: str
+    record: LoopRecord
+
+
+# a nuisance by its name, and its strength
+Chosen = tuple[str, float]
+
+
+def draw_loops(grid: Grid, n: int, seed: int) -> list[DrawnLoop]:
+    """Return `n` or a few more loops of whole groups of a grid, those that it ranks; fewer where it
+    has no more.
+    """
+    order = np.random.default_rng([seed, 1]).permutation(grid.group_count)
+    drawn: list[DrawnLoop] = []
+    for index in order.tolist():
+        if len(drawn) >= n:
+            break
+        if not grid.size(index):
+            continue
+        for one in resolve(grid.group(index)):
+            if one.tags.get("ranked", 1.0) == 0.0:
+                continue
+            try:
+                record = simulate(one.loop, one.seed).record
+            except UserError:
+                continue
+            drawn.append(DrawnLoop(one.loop, one.seed, f"group {index}", record))
+    return drawn
+
+
+def with_nuisances(
+    drawn: Sequence[DrawnLoop], chosen: Sequence[Chosen], lent: Sequence[LoopRecord], seed: int
+) -> list[DrawnLoop]:
+    """Return loops with nuisances in them, one after the other, and their records; those that run
+    away with them are left out.
+    """
+    found = []
+    for number, one in enumerate(drawn):
+        loop, record = one.loop, one.record
+        try:
+            for name, strength in chosen:
+                place = list(NUISANCES).index(name)
+                rng = np.random.default_rng([seed, 2, number, place])
+                source = Source(rng, lent[int(rng.integers(len(lent)))])
+                loop = NUISANCES[name].add(loop, one.record, source, strength)
+            if chosen:
+                record = simulate(loop, one.seed).record
+        except UserError:
+            continue
+        if np.isfinite(record.pv).all() and np.ptp(record.op) > 0.0 and np.ptp(record.pv) > 0.0:
+            found.append(DrawnLoop(loop, one.seed, one.unit, record))
+    return found
+
+
+def sample_of(records: Sequence[LoopRecord], units: Sequence[str]) -> Sample:
+    """Return records by their features."""
+    with one_thread():
+        rows = [list(describe(record).values()) for record in records]
+    return Sample(np.array(rows), tuple(units))
+
+
+@dataclass(frozen=True)
+class Told:
+    """What one method is right of on some loops: the mean of the shares of sticky and of healthy
+    loops that it answers right, half of one that it does not decide; and the number of both.
+    """
+
+    right: float
+    sticky: int
+    healthy: int
+
+
+def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> dict[str, Told]:
+    """Return how right methods are on loops that cycle because of their valve and on those that do
+    not; others are not counted.
+    """
+    kinds, said = [], []
+    with one_thread():
+        for one in drawn:
+            try:
+                run, cycled = simulate_with_truth(one.loop, one.seed)
+            except UserError:
+                continue
+            if cycled.answer in (YES, NO):
+                kinds.append(cycled.answer == YES)
+                said.append([v.verdict for v in judge(run.record.without_mv(), methods)])
+    sticky = np.array(kinds, dtype=bool)
+    out = {}
+    for number, method in enumerate(methods):
+        credit = np.array(
+            [
+                0.5 if row[number] == NO_DECISION else float((row[number] == STICTION) == is_sticky)
+                for row, is_sticky in zip(said, kinds, strict=True)
+            ]
+        )
+        both = [credit[kind].mean() for kind in (sticky, ~sticky) if kind.any()]
+        right = float(np.mean(both)) if len(both) == 2 else float("nan")
+        out[method] = Told(right, int(sticky.sum()), int((~sticky).sum()))
+    return out

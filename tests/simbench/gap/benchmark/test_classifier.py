@@ -1,0 +1,45 @@
+"""The two-sample classifier: calibrated where there is no difference, sure where there is one."""
+
+import numpy as np
+
+from simbench.gap.benchmark.classifier import Sample, tell_apart
+
+
+def _sample(rng, n, shift=0.0, each=1, name=""):
+    """`each` records of every unit, which share most of what they are."""
+    own = np.repeat(rng.standard_normal((n // each, 6)), each, axis=0)
+    x = own + (0.0 if each == 1 else 0.05) * rng.standard_normal((n, 6))
+    x[:, 0] += shift
+    return Sample(x, tuple(f"{name}{k // each}" for k in range(n)))
+
+
+def test_two_samples_of_one_distribution_are_not_told_apart():
+    found = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        found.append(tell_apart(_sample(rng, 80), _sample(rng, 60), seed))
+    assert abs(np.mean([one.value for one in found]) - 0.5) < 0.04
+    assert np.mean([one.lo <= 0.5 <= one.hi for one in found]) >= 0.75
+
+
+def test_a_shift_is_told():
+    rng = np.random.default_rng(1)
+    found = tell_apart(_sample(rng, 80), _sample(rng, 60, shift=6.0))
+    assert found.value > 0.97
+    assert found.lo > 0.9
+
+
+def test_a_unit_that_was_learned_is_not_asked_again():
+    rng = np.random.default_rng(2)
+    one, other = _sample(rng, 60, each=10, name="a"), _sample(rng, 60, each=10, name="b")
+    whole = tell_apart(one, other)
+    alone = [Sample(s.features, tuple(f"{k}" for k in range(60))) for s in (one, other)]
+    assert tell_apart(*alone).value > 0.95  # records of one unit recognise each other
+    assert whole.value < 0.8
+    assert whole.hi - whole.lo > 0.15
+
+
+def test_the_same_numbers_twice():
+    rng = np.random.default_rng(4)
+    one, other = _sample(rng, 50), _sample(rng, 50, shift=1.0)
+    assert tell_apart(one, other, 3) == tell_apart(one, other, 3)
