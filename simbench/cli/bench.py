@@ -29,6 +29,7 @@ from simbench.cli.common import (
     examples,
     number,
     pairs,
+    reads,
     say,
     show,
     show_result,
@@ -64,8 +65,10 @@ AllowFailed = Annotated[
         "run --again runs/theirs/manifest.json -o runs/ours",
         "run runs/chapter --add --plugin mine.py --method mine",
         "run runs/chapter --answers theirs.csv",
+        "run records -o runs/ours -j 2",
     )
 )
+@reads
 def run(
     grid: GridName = None,
     out: Annotated[
@@ -155,11 +158,17 @@ def run(
     ] = None,
     full: Full = False,
     as_json: Json = False,
+    *,
+    about: dict,
 ) -> None:
     """Simulate a grid of scenarios, judge every record by the chosen methods, and score.
 
     GRID may be the folder of a run or a baseline: its loops are simulated again, under their ids;
     with --add or --answers, methods are added to that run.
+
+    GRID may be a record, or a folder of records: of each the loop that copies it is simulated with
+    a sound valve and with friction of several sizes, under fresh loads. That ranks the methods on
+    loops like these. A record to which no loop is near is left out and named.
 
     `simbench score` prints the same table again; its help explains the columns.
     """
@@ -216,9 +225,10 @@ def run(
                 "GRID is missing: name a grid (`simbench list grids`), or give --again MANIFEST"
             )
         else:
+            out = out or Path("runs") / Path(grid).stem
             folder, scores = run_scored(
-                grid,
-                out or Path("runs") / Path(grid).stem,
+                _made_from_records(grid, out, deciding, resume, jobs, about) or grid,
+                out,
                 tuple(method or ["fast", ORACLE]),
                 jobs,
                 **deciding,
@@ -235,6 +245,37 @@ def run(
         lines += [text if key == "added" else f"again: {text}" for key, text in told.items()]
         show("\n".join(lines), as_json)
     _end(failed, allow_failed)
+
+
+def _made_from_records(
+    grid: str, out: Path, deciding: dict[str, Any], resume: bool, jobs: int, about: dict
+) -> Any:
+    """Return the grid of the loops that copy records, where these are given in place of a grid;
+    None elsewhere.
+    """
+    from simbench.gap.benchmark.from_records import is_records, read_grid
+
+    if not is_records(grid):
+        if about:
+            raise ParameterError(
+                f"--{next(iter(about)).lower().replace('_', '-')} says how records are read, and"
+                f" {grid} is a grid"
+            )
+        return None
+    sets = deciding.pop("sets")
+    if set(sets) - {"seed"} or any(deciding.values()):
+        raise ParameterError(
+            f"{grid} holds records: a grid made from them is run without --n, --axis,"
+            " --fresh-seeds and --with-reference, and --set changes its seed alone"
+        )
+    deciding.clear()
+    if out.is_dir() and any(out.iterdir()) and not resume:
+        raise ParameterError(
+            f"folder {out} is not empty; continue its run with --resume, or choose another"
+        )
+    made = read_grid(grid, seed=int(sets.get("seed", 0)), jobs=jobs, kept=out / ".near", **about)
+    say(made.as_text(), aside=True)
+    return made.grid
 
 
 def _refuse_beside_add(grid: str | None, again: Path | None, deciding: dict[str, Any]) -> None:

@@ -270,7 +270,8 @@ def grid_completion(incomplete: str) -> list[str]:
 _GRID = Argument(
     metavar="GRID",
     help="Name a grid (a set of scenarios; `simbench list grids` names them), or give a TOML"
-    " file, or the folder of a run or baseline.",
+    " file, or the folder of a run or baseline; for `simbench run` also a record, or a folder of"
+    " records.",
     autocompletion=grid_completion,
 )
 GridName = Annotated[str | None, _GRID]

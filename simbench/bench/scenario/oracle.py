@@ -39,12 +39,12 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     the sensor, so the ratio of likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J
     are not known to the oracle: the maximum over all of them is taken (Kay 1998, section 6.4.2).
     """
-    loop = scenario.loop
-    # the plant's state is known where the run starts, not where the record does
-    if warm_up := loop.sampling.warm_up:
-        loop = loop.model_copy(
-            update={"sampling": Sampling(Ts=loop.sampling.Ts, n=warm_up + loop.sampling.n)}
-        )
+    loop, sampling = scenario.loop, scenario.loop.sampling
+    # the plant's state is known where the run starts, not where the record does, and OP and PV as
+    # they were, not as they were archived
+    if sampling.warm_up or loop.archive is not None:
+        whole = Sampling(Ts=sampling.Ts, n=(sampling.warm_up or 0) + sampling.n)
+        loop = loop.model_copy(update={"sampling": whole, "archive": None})
         run = simulate(loop, scenario.seed)
     setup = resolve_loop(loop, scenario.seed)
     n, op, pv = setup.end, run.record.op, run.record.pv
@@ -100,13 +100,19 @@ def _best_valve(misfit: Callable[[float, float], float]) -> tuple[float, float, 
 
 
 def _predictor(setup: Setup, load_in: np.ndarray):
-    sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
-    column = [np.reshape(B, (-1, 1)) for B in (sampled.B_new, sampled.B_old)]
-    (new, den), (old, _) = (
-        scipy.signal.ss2tf(sampled.A, B, np.reshape(sampled.C, (1, -1)), [[0.0]]) for B in column
-    )
-    b = np.concatenate([new[0], [0.0]]) + np.concatenate([[0.0], old[0]])
-    delay = sampled.delay
+    if setup.loop.plant.dt is not None:
+        # stated in z: its numbers as they stand, behind whole samples
+        b, den = np.append(0.0, setup.loop.plant.num or ()), np.array(setup.loop.plant.den)
+        delay = round(setup.Td / setup.Ts)
+    else:
+        sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
+        column = [np.reshape(B, (-1, 1)) for B in (sampled.B_new, sampled.B_old)]
+        (new, den), (old, _) = (
+            scipy.signal.ss2tf(sampled.A, B, np.reshape(sampled.C, (1, -1)), [[0.0]])
+            for B in column
+        )
+        b = np.concatenate([new[0], [0.0]]) + np.concatenate([[0.0], old[0]])
+        delay = sampled.delay
 
     def predict(mv: np.ndarray) -> np.ndarray:
         """PV (n,) as deviation from its rest, without output load and noise."""

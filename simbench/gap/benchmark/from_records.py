@@ -1,0 +1,254 @@
+"""A grid made from records: of each record the loop that copies it, with a sound valve and with
+friction of several sizes (`simbench run FOLDER`).
+
+Every sticky loop that cycles has a healthy sibling that moves as it does (load `echo`), so that
+neither amplitude nor rhythm tells them apart. Labels are those of the simulation, as in every grid.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import delayed
+
+from simbench.bench.execute.compute_piece import record_hash
+from simbench.bench.scenario.kept import run_once
+from simbench.bench.scenario.truth import YES, simulate_with_truth
+from simbench.bench.store.manifest import MANIFEST
+from simbench.detectors.compiled import one_thread
+from simbench.detectors.errors import RecordError, UserError
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.io import RECORD_FILES, read_folder
+from simbench.files import whole_file
+from simbench.gap.benchmark.near_loop import NearLoop, near_loop
+from simbench.loop import echo
+from simbench.parallel import run_parallel
+from simbench.scenarios.cell import ECHOES, loop_axes
+from simbench.scenarios.grid import Block, Grid, GridFile, grid_names
+from simbench.scenarios.settled import SettledGrid, table_of
+from simbench.scenarios.spec import Loop, Part, Scenario, content_hash
+
+VERSION = 1
+# S of the cells, in what would show in the record, and J in S
+SIZES, JUMPS = (0.5, 1.0, 2.0, 4.0), (0.25, 0.5, 1.0)
+_LARGEST = 30.0  # % of travel; no valve that sticks so much is left in a loop
+_VALVE = "choudhury"
+_SEEDS = 4  # with which a sibling's cycle is looked for
+_FEWEST = 5  # records from which those of one are one group, and none is learned from and judged
+
+
+@dataclass(frozen=True, eq=False)
+class RecordsGrid:
+    """A grid from records, the loops that copy them, and why others were left out."""
+
+    grid: SettledGrid
+    loops: Mapping[str, NearLoop]
+    left_out: Mapping[str, str]
+
+    def as_text(self) -> str:
+        """Return how many records have a loop that is near, and a line per record that has none."""
+        lines = [f"{self.grid.title}."]
+        lines += [f"{name} is left out: {why}." for name, why in self.left_out.items()]
+        return "\n".join(lines)
+
+
+def is_records(grid: str | Path | Grid) -> bool:
+    """Return whether a grid is asked for by a record, or by a folder of records."""
+    if isinstance(grid, Grid) or str(grid) in grid_names():
+        return False
+    path = Path(grid)
+    if path.is_dir():
+        names = [one.name for one in path.iterdir()]
+        return MANIFEST not in names and any(Path(n).suffix.lower() in RECORD_FILES for n in names)
+    return path.is_file() and path.suffix.lower() in RECORD_FILES
+
+
+def read_grid(
+    path: str | Path, *, seed: int = 0, jobs: int = 1, kept: Path | None = None, **about: Any
+) -> RecordsGrid:
+    """Return the grid of the loops that copy the record, or the records of the folder, at a path;
+    `about` is what is known of them, as in `read_record`.
+    """
+    records, refused = read_folder(path, **about)
+    name = Path(path).stem
+    name = f"{name} records" if name in grid_names() else name
+    found = grid_from_records(records, name, seed=seed, jobs=jobs, kept=kept)
+    return replace(found, left_out={**refused, **found.left_out})
+
+
+def grid_from_records(
+    records: Mapping[str, LoopRecord],
+    name: str = "records",
+    *,
+    seed: int = 0,
+    jobs: int = 1,
+    kept: Path | None = None,
+) -> RecordsGrid:
+    """Return the grid of the loops that copy records.
+
+    Parameters
+    ----------
+    records : mapping of str to LoopRecord
+        Records by their names.
+    name : str
+        Name of the grid.
+    seed : int
+        Root of every random stream.
+    jobs : int
+        Worker processes; -1 uses all cores.
+    kept : Path, optional
+        Folder in which the loops are kept as they are found; those that are there are not
+        identified again.
+
+    Returns
+    -------
+    RecordsGrid
+        The grid, ready to be run, and what was left out.
+
+    Raises
+    ------
+    RecordError
+        Where no record has a loop that is near it.
+
+    Notes
+    -----
+    Not for a record whose operation changes: one loop copies all of it.
+    """
+    calls = [delayed(_kept_loop)(record, seed, kept) for record in records.values()]
+    answers = dict(zip(records, run_parallel(calls, jobs, "loops identified"), strict=True))
+    loops = {n: one for n, one in answers.items() if isinstance(one, NearLoop)}
+    left_out = {n: one for n, one in answers.items() if isinstance(one, str)}
+    if not loops:
+        why = "; ".join(f"{n}: {reason}" for n, reason in list(left_out.items())[:3])
+        raise RecordError(f"{name}: no record has a loop that is near it ({why})")
+    calls = [delayed(_scenarios)(n, one, name, seed) for n, one in loops.items()]
+    rows, group = [], 0
+    for scenarios in run_parallel(calls, jobs, "scenarios settled"):
+        for cell, ones in enumerate(scenarios):
+            if cell and len(loops) < _FEWEST:
+                group += 1
+            rows += [_row(one, group) for one in ones]
+        group += 1
+    content = GridFile(
+        title=(
+            f"Loops that copy {len(loops)} of {len(records)} records, with sound valves and with"
+            " sticking ones"
+        ),
+        source="simbench run on records",
+        version=VERSION,
+        seed=seed,
+        block=tuple(Block(name=n) for n in loops),
+    )
+    grid = SettledGrid(name, content, {}, table_of(rows), len(rows))
+    return RecordsGrid(grid, loops, left_out)
+
+
+def _row(one: Scenario, group: int) -> dict[str, Any]:
+    return {
+        "group": group,
+        "scenario_id": one.id,
+        "seed": one.seed,
+        "loop": json.dumps(one.loop.to_table()),
+        "tags": json.dumps({**one.tags}),
+    }
+
+
+def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | str:
+    """Return the loop of a record, from where it was kept if it was."""
+    if kept is None:
+        return near_loop(record, seed)
+    file = kept / f"{record_hash(record)}.json"
+    if file.is_file():
+        stored = json.loads(file.read_text(encoding="utf-8"))
+        return stored if isinstance(stored, str) else NearLoop.from_json(stored)
+    found = near_loop(record, seed)
+    kept.mkdir(parents=True, exist_ok=True)
+    with whole_file(file) as f:
+        f.write(json.dumps(found if isinstance(found, str) else found.as_json()))
+    return found
+
+
+def _scenarios(name: str, near: NearLoop, grid: str, seed: int) -> list[list[Scenario]]:
+    """Return the scenarios of one record, those of each cell together: sticky and healthy."""
+    cells = [(size * near.S, jump) for jump in JUMPS for size in SIZES]
+    found = []
+    with one_thread():
+        for cell, (S, jump) in enumerate(cells):
+            tags = {
+                "grid": grid,
+                "benchmark": f"{grid}-{VERSION}",
+                "block": name,
+                "cell": cell,
+                "repeat": 0,
+            }
+            members = _cell(near, min(S, _LARGEST), jump, tags, [seed, cell])
+            if members:
+                found.append(members)
+    return found
+
+
+def _cell(
+    near: NearLoop, S: float, jump: float, tags: dict[str, Any], stream: list[int]
+) -> list[Scenario]:
+    """Return a sticky loop and its healthy sibling; the sibling of one that does not cycle has
+    fresh loads, and stands in every other cell. What cannot be simulated is left out.
+    """
+    rng = np.random.default_rng([*stream, int(near.digest[:8], 16)])
+    first, other = (int(x) for x in rng.integers(2**31, size=2))
+    valve = {"S": S, "J": jump * S}
+    sticky = near.loop.model_copy(update={"valve": Part(name=_VALVE, parameters=valve)})
+    try:
+        cycles = simulate_with_truth(sticky, first)[1].answer == YES
+        found = [_scenario(near, sticky, first, {**tags, "member": "sticky"}, sticky)]
+        healthy, kind = (near.loop, other), "none"
+        if cycles:
+            kind = str(rng.choice(ECHOES))
+            healthy = _echo(near.loop, valve, kind, other)
+        elif tags["cell"] % 2:
+            healthy = None
+        if healthy is not None:
+            run_once(*healthy)
+            told = {**tags, "member": "healthy", "echo": kind}
+            found.append(_scenario(near, *healthy, told, sticky))
+    except UserError:
+        return []
+    return found
+
+
+def _echo(loop: Loop, valve: dict[str, float], kind: str, seed: int) -> tuple[Loop, int] | None:
+    """Return the healthy loop that moves as a sticky one does, and a seed with which that cycles;
+    None where none of a few does.
+    """
+    load = Part(name=echo.NAME, parameters={echo.VALVE: _VALVE, **valve, "kind": kind})
+    healthy = loop.model_copy(update={"disturbance": (*loop.disturbance, load)})
+    for k in range(seed, seed + _SEEDS):
+        try:
+            run_once(healthy, k)
+        except echo.NoCycleError:
+            continue
+        return healthy, k
+    return None
+
+
+def _scenario(
+    near: NearLoop, loop: Loop, seed: int, tags: dict[str, Any], sticky: Loop
+) -> Scenario:
+    """Return a scenario whose id is a hash of the record, the cell and the member."""
+    axes = {
+        **loop_axes(loop),
+        "cell_S_over_2J": loop_axes(sticky)["S_over_2J"],
+        "echo": tags.get("echo", "none"),
+        "disturbance": "record",
+        "process": "integrating" if loop.plant.integrating else "foptd",
+        "S": float(loop.valve.parameters.get("S", 0.0)),
+        "record": tags["block"],
+        "ranked": 1.0,
+    }
+    asked = {key: tags[key] for key in ("benchmark", "cell", "member")}
+    ident = content_hash({**asked, "record": near.digest, "seed": str(seed)})
+    return Scenario(loop=loop, seed=seed, tags={**axes, **tags}, asked=ident)

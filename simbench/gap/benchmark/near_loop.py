@@ -1,0 +1,86 @@
+"""The loop that copies one record, for a grid made from records: with a sound valve, and with the
+friction that the record shows taken out of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from simbench.bench.execute.compute_piece import record_hash
+from simbench.detectors.errors import UserError
+from simbench.detectors.faults import sentence_of
+from simbench.detectors.record import LoopRecord
+from simbench.gap.closed_loop.gap import describe_gap, within_reach
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.effects import is_friction
+from simbench.gap.stiction.altered import FRICTION
+from simbench.gap.stiction.measured import op_range
+from simbench.gap.thresholds import LIKELIER, NARROWEST, WORTH_REPAIRING
+from simbench.scenarios.spec import Loop
+
+
+@dataclass(frozen=True)
+class NearLoop:
+    """The loop that copies a record, its valve sound, and the S (%) from which friction would show
+    in the record.
+
+    `digest` is the record's; `friction` whether the model that was fitted had friction, which was
+    then taken out.
+    """
+
+    digest: str
+    loop: Loop
+    S: float
+    friction: bool
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return {
+            "digest": self.digest,
+            "loop": self.loop.to_table(),
+            "S": self.S,
+            "friction": self.friction,
+        }
+
+    @classmethod
+    def from_json(cls, kept: dict[str, Any]) -> NearLoop:
+        """Return what `as_json` wrote."""
+        return cls(**{**kept, "loop": Loop.from_table(kept["loop"], "near loop")})
+
+
+def near_loop(record: LoopRecord, seed: int = 0) -> NearLoop | str:
+    """Return the loop that copies a record, or why there is none, in a sentence.
+
+    What its load is drawn again from is what the likelier model left: where friction is likelier
+    than not, the residuals of a model without it would carry its motion into a healthy loop.
+    """
+    try:
+        report = diagnose(record, identify=True, seed=seed)
+        runs, situation = report.behind.loops, report.behind.found.situation
+        likely = report.conclusion.probability is not None and (
+            report.conclusion.probability > LIKELIER
+        )
+        effects = [FRICTION] if likely and FRICTION in runs.fitted.parameters else []
+        gap = runs.shrink(effects)
+        if not within_reach(gap.after, gap.plant_floor):
+            far = describe_gap(gap.after, gap.plant_floor)
+            return f"no loop is near the record: the nearest is {far}"
+        loop = _sound(runs.corrected(effects))
+        S = max(WORTH_REPAIRING, NARROWEST * op_range(np.asarray(situation.op)))
+        return NearLoop(record_hash(record), loop, float(S), bool(effects))
+    except UserError as why:
+        return str(why)
+    except Exception as fault:
+        return sentence_of(fault)
+
+
+def _sound(loop: Loop) -> Loop:
+    """Return a loop without the effects of a valve that sticks, and without the push that set it
+    moving.
+    """
+    effects = tuple(e for e in loop.effect if not is_friction(e.name))
+    loads = tuple(d for d in loop.disturbance if d.parameters.get("at") != "op")
+    return loop.model_copy(update={"effect": effects, "disturbance": loads})
