@@ -99,7 +99,7 @@ methods = [mine, Level(2.0), "horch"]
 own = sb.detect(op=[1.0, 2.0], pv=[1.0, 2.0], Ts=1.0, methods=methods, process="integrating")
 table = sb.detect({"op": [1.0], "pv": [1.0], "t": [0.0]}, mine, kind="flow")
 folder = sb.run("smoke", ["horch", mine, Level()], sets={"repeats": 2}, resume=True)
-sure = sb.trust({"op": [1.0], "pv": [1.0]}, loop, [mine], Ts=1.0).probability
+sure = sb.trust({"op": [1.0], "pv": [1.0]}, [mine], Ts=1.0).probability
 gap = sb.gap.diagnose(op=[1.0], pv=[1.0], Ts=1.0, baseline=loop).effect
 travel = sb.confirm(op=[1.0], pv=[1.0], Ts=1.0).same_direction
 changed = sb.confirm(run, run.record, ratio=0.6).verdict
@@ -116,7 +116,7 @@ WRONG = {
     "sb.detect('a.csv', lambda r: 3)": "detect",
     "sb.run('smoke', jobs='2')": "jobs",
     "sb.run('smoke', resum=True)": "resum",
-    "sb.trust('a.csv', methods=['horch'], heathy=3)": "heathy",
+    "sb.trust('a.csv', methods=['horch'], repaets=3)": "repaets",
     "sb.gap.diagnose('a.csv', None, proces='integrating')": "proces",
     "sb.confirm('a.csv', 'b.csv', ratio='0.6')": "confirm",
 }

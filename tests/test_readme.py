@@ -159,7 +159,6 @@ def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_
     assert len(done) >= 12
     written = {
         "verdict.html",
-        "trust.html",
         "plant.html",
         "fixed.toml",
         "again.csv",

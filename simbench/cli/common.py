@@ -192,8 +192,8 @@ Power = Annotated[
     Option(
         "--power",
         help=(
-            "Also report the smallest stiction that this record could have shown, from simulated "
-            "replicates of its loop."
+            "Also report which method is most reliable on loops like this one, and from which size "
+            "of stiction on it finds it there, as `simbench trust` does."
         ),
     ),
 ]

@@ -163,9 +163,10 @@ def diagnose(
 
 
 def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
-    from simbench.trust.command import power_lines
+    from simbench.detectors.records.io import read_folder, read_record
+    from simbench.trust.trust import trust
 
-    # nothing but JSON may be on stdout
-    print(
-        "\n".join(power_lines(path, methods, **about)), file=sys.stderr if as_json else sys.stdout
-    )
+    records = read_folder(path, **about)[0] if path.is_dir() else {"": read_record(path, **about)}
+    for name, record in records.items():
+        line = trust(record, methods).line()
+        say(f"{name}: {line}" if name else f"{line[0].upper()}{line[1:]}.", as_json)

@@ -1,29 +1,20 @@
-"""Draw a loop: its trend, PV against OP, and the share of each size of stiction detected."""
+"""Draw a record: its trend, and PV against OP."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from simbench.detectors.record import LoopRecord
 from simbench.figures._style import (
-    BLACK,
     BLUE,
-    GREY,
-    ORANGE,
-    RED,
     SIGNAL,
-    SKY,
     label,
     panels,
     styled,
 )
-from simbench.trust.power import POWER, Cell
 
 _POINTS = 700  # drawn of a trend; a longer record is drawn by the extremes of its pieces
-_LINES = (BLACK, BLUE, ORANGE, RED, SKY)
 
 
 @styled
@@ -53,31 +44,6 @@ def draw_pv_op(record: LoopRecord) -> Figure:
     k = np.unique(np.linspace(0, record.n - 1, min(record.n, 2 * _POINTS)).astype(int))
     ax.plot(record.op[k], record.pv[k], color=BLUE, lw=0.5, alpha=0.8)
     label(ax, _op(record), "PV")
-    return figure
-
-
-@styled
-def draw_power(curves: Mapping[str, Sequence[Cell]], ratio: float, unit: str) -> Figure:
-    """Draw the share called stiction over S, one line per detector, for one J over S."""
-    figure, axes = panels(1, 1, 5.6, 2.6)
-    ax = axes.ravel()[0]
-    S: list[float] = []
-    for colour, (name, cells) in zip(_LINES, curves.items()):
-        line = [c for c in cells if round(c.J / c.S, 6) == ratio]
-        S = [c.S for c in line]
-        ax.plot(S, [c.share for c in line], "o-", color=colour, ms=3, lw=1.0, label=name)
-        if name == next(iter(curves)):
-            ax.fill_between(
-                S, [c.lo for c in line], [c.hi for c in line], color=colour, alpha=0.15, lw=0
-            )
-    ax.axhline(POWER, color=GREY, lw=0.7, ls="--")
-    ax.set_xscale("log")
-    ax.set_xticks(S, [f"{s:.2g}" for s in S])
-    ax.minorticks_off()
-    ax.set_ylim(-0.02, 1.02)
-    label(ax, f"S ({unit})", "share called stiction", f"J = {ratio:.3g} S")
-    # beside the curves, none of which it may hide
-    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 

@@ -215,7 +215,7 @@ def test_trust_gap_and_confirm_take_the_same():
         setpoint={"steps": [[100, 55], [300, 48]]},
     ).simulate(1)
     frame = run.to_frame()
-    held = sb.trust(frame, methods=[mean_op, "horch"], healthy=6, each=1, help_wanted=False)
+    held = sb.trust(frame, methods=[mean_op, "horch"], repeats=1)
     assert {m.verdict.method for m in held.methods} == {"mean_op", "horch"}
     t = np.arange(2000.0)
     one, two = (

@@ -39,24 +39,25 @@ Chosen = tuple[str, float]
 
 
 def draw_loops(grid: Grid, n: int, seed: int) -> list[DrawnLoop]:
-    """Return `n` or a few more loops of whole groups of a grid, those that it ranks; fewer where it
-    has no more.
+    """Return about `n` loops of a grid, those that it ranks, as many of each group; fewer where it
+    has no more. A loop that copies a record is of the unit of that record.
     """
-    order = np.random.default_rng([seed, 1]).permutation(grid.group_count)
+    rng = np.random.default_rng([seed, 1])
+    order = [k for k in rng.permutation(grid.group_count).tolist() if grid.size(k)]
+    each = -(-n // max(len(order), 1))
     drawn: list[DrawnLoop] = []
-    for index in order.tolist():
+    for index in order:
         if len(drawn) >= n:
             break
-        if not grid.size(index):
-            continue
-        for one in resolve(grid.group(index)):
-            if one.tags.get("ranked", 1.0) == 0.0:
-                continue
+        ranked = [s for s in resolve(grid.group(index)) if s.tags.get("ranked", 1.0) != 0.0]
+        for k in rng.permutation(len(ranked))[:each].tolist():
+            one = ranked[k]
+            unit = str(one.tags.get("record", f"group {index}"))
             try:
                 record = simulate(one.loop, one.seed).record
             except UserError:
                 continue
-            drawn.append(DrawnLoop(one.loop, one.seed, f"group {index}", record))
+            drawn.append(DrawnLoop(one.loop, one.seed, unit, record))
     return drawn
 
 

@@ -139,7 +139,9 @@ def _load(error: np.ndarray, pv: np.ndarray, fits: np.ndarray) -> dict[str, floa
     sizes = [float(np.std(part)) for part in np.array_split(error, 6)]
     return out | {
         "sharpness": np.log(_POWER + np.sort(power)[-3:].sum() / total),
-        "changes of size": np.log(max(sizes) / (min(sizes) + _POWER * max(sizes) + _SMALLEST)),
+        "changes of size": np.log(
+            (max(sizes) + _SMALLEST) / (min(sizes) + _POWER * max(sizes) + _SMALLEST)
+        ),
         "unexplained by OP": np.log(_POWER + np.std(left) / (np.std(pv) + _SMALLEST)),
         "colour of that": np.mean(left[1:] * left[:-1]) / (np.var(left) + _SMALLEST),
     }

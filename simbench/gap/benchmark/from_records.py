@@ -126,7 +126,26 @@ def grid_from_records(
     if not loops:
         why = "; ".join(f"{n}: {reason}" for n, reason in list(left_out.items())[:3])
         raise RecordError(f"{name}: no record has a loop that is near it ({why})")
-    calls = [delayed(_scenarios)(n, one, name, seed) for n, one in loops.items()]
+    title = (
+        f"Loops that copy {len(loops)} of {len(records)} records, with sound valves and with"
+        " sticking ones"
+    )
+    return RecordsGrid(grid_of_loops(loops, name, title, seed=seed, jobs=jobs), loops, left_out)
+
+
+def grid_of_loops(
+    loops: Mapping[str, NearLoop],
+    name: str,
+    title: str,
+    *,
+    repeats: int = 1,
+    seed: int = 0,
+    jobs: int = 1,
+) -> SettledGrid:
+    """Return the grid of some loops that copy records; loads and noise of every cell are drawn
+    `repeats` times.
+    """
+    calls = [delayed(_scenarios)(n, one, name, seed, repeats) for n, one in loops.items()]
     rows, group = [], 0
     for scenarios in run_parallel(calls, jobs, "scenarios settled"):
         for cell, ones in enumerate(scenarios):
@@ -135,17 +154,13 @@ def grid_from_records(
             rows += [_row(one, group) for one in ones]
         group += 1
     content = GridFile(
-        title=(
-            f"Loops that copy {len(loops)} of {len(records)} records, with sound valves and with"
-            " sticking ones"
-        ),
+        title=title,
         source="simbench run on records",
         version=VERSION,
         seed=seed,
         block=tuple(Block(name=n) for n in loops),
     )
-    grid = SettledGrid(name, content, {}, table_of(rows), len(rows))
-    return RecordsGrid(grid, loops, left_out)
+    return SettledGrid(name, content, {}, table_of(rows), len(rows))
 
 
 def _row(one: Scenario, group: int) -> dict[str, Any]:
@@ -173,20 +188,25 @@ def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | s
     return found
 
 
-def _scenarios(name: str, near: NearLoop, grid: str, seed: int) -> list[list[Scenario]]:
+def _scenarios(
+    name: str, near: NearLoop, grid: str, seed: int, repeats: int
+) -> list[list[Scenario]]:
     """Return the scenarios of one record, those of each cell together: sticky and healthy."""
     cells = [(size * near.S, jump) for jump in JUMPS for size in SIZES]
     found = []
     with one_thread():
         for cell, (S, jump) in enumerate(cells):
-            tags = {
-                "grid": grid,
-                "benchmark": f"{grid}-{VERSION}",
-                "block": name,
-                "cell": cell,
-                "repeat": 0,
-            }
-            members = _cell(near, min(S, _LARGEST), jump, tags, [seed, cell])
+            members: list[Scenario] = []
+            for repeat in range(repeats):
+                tags = {
+                    "grid": grid,
+                    "benchmark": f"{grid}-{VERSION}",
+                    "block": name,
+                    "cell": cell,
+                    "repeat": repeat,
+                }
+                stream = [seed, cell, repeat]
+                members += _cell(near, min(S, _LARGEST), jump, tags, stream)
             if members:
                 found.append(members)
     return found
@@ -209,7 +229,7 @@ def _cell(
         if cycles:
             kind = str(rng.choice(ECHOES))
             healthy = _echo(near.loop, valve, kind, other)
-        elif tags["cell"] % 2:
+        elif (tags["cell"] + tags["repeat"]) % 2:
             healthy = None
         if healthy is not None:
             run_once(*healthy)
@@ -249,6 +269,6 @@ def _scenario(
         "record": tags["block"],
         "ranked": 1.0,
     }
-    asked = {key: tags[key] for key in ("benchmark", "cell", "member")}
+    asked = {key: tags[key] for key in ("benchmark", "cell", "repeat", "member")}
     ident = content_hash({**asked, "record": near.digest, "seed": str(seed)})
     return Scenario(loop=loop, seed=seed, tags={**axes, **tags}, asked=ident)

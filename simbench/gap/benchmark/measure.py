@@ -5,6 +5,7 @@ it shrinks once that effect is added (`simbench gap grid`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -115,13 +116,16 @@ def grid(
         )
     lent = list(named.values())
     recorded = sample_of(lent, [(units or {}).get(name, name) for name in named])
-    drawn = draw_loops(plan, n, seed)
+    drawn = [
+        replace(one, unit=(units or {}).get(one.unit, one.unit))
+        for one in draw_loops(plan, n, seed)
+    ]
     if len(drawn) < _FEWEST:
         raise ParameterError(
             f"gap grid: {plan.name} has {len(drawn)} loops that can be simulated; at least"
             f" {_FEWEST} are needed"
         )
-    search = _Search(drawn, lent, recorded, seed, jobs)
+    search = Search(drawn, lent, recorded, seed, jobs)
     before = search.asked([()])[0]
     singles = search.asked([(one,) for one in _every()])
     together = search.combined(before, singles)
@@ -148,7 +152,7 @@ def _every() -> list[Chosen]:
     ]
 
 
-class _Search:
+class Search:
     """What every question has in common: the loops, the records, and who works."""
 
     def __init__(
@@ -238,7 +242,7 @@ def _by_block(simulated: Sample, recorded: Sample, kept: np.ndarray, seed: int) 
 
 
 def _accuracies(
-    search: _Search, methods: Sequence[str], several: Sequence[Added]
+    search: Search, methods: Sequence[str], several: Sequence[Added]
 ) -> dict[tuple[Chosen, ...], dict[str, float]]:
     """Return how right methods are on the loops with each of some sets of nuisances."""
     if not methods:

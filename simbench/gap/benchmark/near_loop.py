@@ -16,6 +16,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.gap import describe_gap, within_reach
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.effects import is_friction
+from simbench.gap.report.result import GapReport
 from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.measured import op_range
 from simbench.gap.thresholds import LIKELIER, NARROWEST, WORTH_REPAIRING
@@ -52,13 +53,23 @@ class NearLoop:
 
 
 def near_loop(record: LoopRecord, seed: int = 0) -> NearLoop | str:
-    """Return the loop that copies a record, or why there is none, in a sentence.
+    """Return the loop that copies a record, or why there is none, in a sentence."""
+    try:
+        return loop_of(diagnose(record, identify=True, seed=seed), record)
+    except UserError as why:
+        return str(why)
+    except Exception as fault:
+        return sentence_of(fault)
+
+
+def loop_of(report: GapReport, record: LoopRecord) -> NearLoop | str:
+    """Return the loop that copies the record of a diagnosis whose loop was identified, or why there
+    is none.
 
     What its load is drawn again from is what the likelier model left: where friction is likelier
     than not, the residuals of a model without it would carry its motion into a healthy loop.
     """
     try:
-        report = diagnose(record, identify=True, seed=seed)
         runs, situation = report.behind.loops, report.behind.found.situation
         likely = report.conclusion.probability is not None and (
             report.conclusion.probability > LIKELIER
@@ -73,8 +84,6 @@ def near_loop(record: LoopRecord, seed: int = 0) -> NearLoop | str:
         return NearLoop(record_hash(record), loop, float(S), bool(effects))
     except UserError as why:
         return str(why)
-    except Exception as fault:
-        return sentence_of(fault)
 
 
 def _sound(loop: Loop) -> Loop:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.gap import describe_gap, within_reach
 from simbench.gap.closed_loop.identified import IdentifiedLoops
 from simbench.gap.closed_loop.runs import ClosedLoops
@@ -33,7 +32,7 @@ from simbench.gap.stiction.sizes import Size, sizes_of
 from simbench.gap.stiction.visible import Visible
 from simbench.scenarios.spec import Loop
 
-ARCHIVE = (
+_ARCHIVE = (
     "quantisation",
     "compression",
     "outliers",
@@ -47,10 +46,9 @@ class CandidateLoops:
     plausible first, and the one with friction.
 
     `fitted` are S and J (%) of `sticky`; `gain` and `outside` the nats that friction, and an
-    oscillation from outside, bring over none; `period` (s) is that of a sustained oscillation,
-    `percent` how many of the record's `S_unit` one % is; `shown` is which stiction would have
-    shown, where the evidence speaks against it, `unclaimed` why friction is not claimed, `of_mv`
-    what is wrong with MV. `likelier` are the effects of the likelier loop, `closed` simulates it.
+    oscillation from outside, bring over none; `percent` how many of the record's `S_unit` one % is;
+    `shown` is which stiction would have shown, where the evidence speaks against it, `unclaimed`
+    why friction is not claimed, `of_mv` what is wrong with MV; `closed` simulates them.
     """
 
     record: LoopRecord
@@ -58,8 +56,6 @@ class CandidateLoops:
     sticky: Loop | None
     fitted: tuple[float, float] | None
     log_odds: float
-    trusted: bool
-    period: float | None
     percent: float
     notes: tuple[str, ...]
     gain: float = 0.0
@@ -67,17 +63,7 @@ class CandidateLoops:
     shown: Visible | None = None
     unclaimed: str = ""
     of_mv: tuple[str, ...] = ()
-    likelier: tuple[str, ...] = ()
     closed: ClosedLoops | None = None
-
-    def nearness(self) -> tuple[float, float] | None:
-        """Return how far simulations of the likelier loop are from the record and how far parts of
-        the record are apart, by the measure of a diagnosis; None where nothing was identified.
-        """
-        if self.closed is None:
-            return None
-        shrinkage = self.closed.shrink(self.likelier)
-        return shrinkage.after, shrinkage.plant_floor
 
     @cached_property
     def misfit(self) -> str:
@@ -149,8 +135,8 @@ def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> Candidat
     """
     record, percent = in_percent(record)
     loops = ClosedLoops(found, 0)
-    archive = [e for e in ARCHIVE if e in found.situation.proven]
-    sound, stuck = [archive], [*archive, FRICTION]
+    archive = [e for e in _ARCHIVE if e in found.situation.proven]
+    sound = [archive]
     swung = found.candidates.get(OUTSIDE)
     outside = max(float(swung.log_likelihood_gain), 0.0) if swung else 0.0
     if OUTSIDE in found.parameters:
@@ -158,25 +144,15 @@ def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> Candidat
         if outside:
             sound.reverse()
     sizes = found.parameters.get(FRICTION)
-    sticky = None if sizes is None else loops.loop(stuck)
-    likelier = sound[0] if sticky is None or log_odds <= 0.0 else stuck
-    swing = find_oscillation(record.op, record.pv, record.Ts)
+    sticky = None if sizes is None else loops.loop([*archive, FRICTION])
     return CandidateLoops(
         record=record,
         healthy=tuple(loops.loop(effects) for effects in sound),
         sticky=sticky,
         fitted=None if sizes is None else (float(sizes["S"]), float(sizes["J"])),
         log_odds=log_odds,
-        trusted=found.situation.trusted,
-        period=swing.period_s if swing.sustained else None,
         percent=percent,
         notes=tuple(found.situation.notes),
         outside=outside,
-        likelier=tuple(likelier),
         closed=loops,
     )
-
-
-def archive_effects(loop: Loop) -> list[Mapping[str, Any]]:
-    """Return the effects of archive and transmitter on the loop's record."""
-    return [e for e in loop.to_table().get("effect", []) if e["name"] in ARCHIVE]

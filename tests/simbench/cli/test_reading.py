@@ -16,7 +16,6 @@ from simbench import cli
 from simbench.detectors.example_loop import example_loop
 from simbench.detectors.records.io import read_record
 from simbench.gap import command as gap_command
-from simbench.trust import command as trust_command
 from tests.detectors.records import test_exports as exports
 
 
@@ -52,7 +51,8 @@ def caught(monkeypatch):
         got.append(record)
         raise _Read
 
-    monkeypatch.setattr(trust_command, "trust", stop)
+    # `simbench.trust` is a function, too
+    monkeypatch.setattr(importlib.import_module("simbench.trust.trust"), "trust", stop)
     monkeypatch.setattr(gap_command, "diagnose", stop)
     monkeypatch.setattr("simbench.gap.stiction.conclusion.judged", stop)
     # `simbench.confirm` is a function too

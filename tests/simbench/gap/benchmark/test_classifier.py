@@ -17,14 +17,14 @@ def test_two_samples_of_one_distribution_are_not_told_apart():
     found = []
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        found.append(tell_apart(_sample(rng, 80), _sample(rng, 60), seed))
+        found.append(tell_apart(_sample(rng, 80, name="s"), _sample(rng, 60, name="r"), seed))
     assert abs(np.mean([one.value for one in found]) - 0.5) < 0.04
     assert np.mean([one.lo <= 0.5 <= one.hi for one in found]) >= 0.75
 
 
 def test_a_shift_is_told():
     rng = np.random.default_rng(1)
-    found = tell_apart(_sample(rng, 80), _sample(rng, 60, shift=6.0))
+    found = tell_apart(_sample(rng, 80, name="s"), _sample(rng, 60, shift=6.0, name="r"))
     assert found.value > 0.97
     assert found.lo > 0.9
 
@@ -33,7 +33,9 @@ def test_a_unit_that_was_learned_is_not_asked_again():
     rng = np.random.default_rng(2)
     one, other = _sample(rng, 60, each=10, name="a"), _sample(rng, 60, each=10, name="b")
     whole = tell_apart(one, other)
-    alone = [Sample(s.features, tuple(f"{k}" for k in range(60))) for s in (one, other)]
+    alone = [
+        Sample(s.features, tuple(f"{n}{k}" for k in range(60))) for n, s in zip("sr", (one, other))
+    ]
     assert tell_apart(*alone).value > 0.95  # records of one unit recognise each other
     assert whole.value < 0.8
     assert whole.hi - whole.lo > 0.15
@@ -41,5 +43,5 @@ def test_a_unit_that_was_learned_is_not_asked_again():
 
 def test_the_same_numbers_twice():
     rng = np.random.default_rng(4)
-    one, other = _sample(rng, 50), _sample(rng, 50, shift=1.0)
+    one, other = _sample(rng, 50, name="s"), _sample(rng, 50, shift=1.0, name="r")
     assert tell_apart(one, other, 3) == tell_apart(one, other, 3)

@@ -102,7 +102,7 @@ def answer(capsys, *words):
 
 
 def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
-    monkeypatch.setattr(MODULE, "draw_replicates", lambda *a, **k: [])
+    monkeypatch.setattr(MODULE, "loop_of", lambda *a: "none")
     answers = answer(capsys, "detect", folder, "--method", "likelihood")
     listed = {one["record"]: one for one in answers}
     record = folder / "sticky.csv"
