@@ -45,7 +45,8 @@ _Range = Real | tuple[Real, Real]
 _Names = str | tuple[str, ...]
 _Scale = Literal["S", "J", "period", "pv"]
 _GRID_KEYS = ("seed", "repeats")
-_UNHASHED = ("title", "source", "version", "expected")  # they change no scenario
+# they change no scenario
+_UNHASHED = ("title", "source", "version", "expected", "told_from_recorded")
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
 
@@ -148,6 +149,8 @@ class GridFile(_Table):
     source: str = "own"
     version: Annotated[Whole, Field(ge=1)] = 1
     expected: int | None = None
+    # AUC with which a classifier tells its loops from recorded ones (results/grid_gaps.txt)
+    told_from_recorded: Annotated[Real, Field(ge=0.0, le=1.0)] | None = None
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
     repeats: Annotated[Whole, Field(ge=1, le=_MOST_REPEATS)] = 1
     draw: dict[str, _Range | _Names] = Field(default_factory=dict)

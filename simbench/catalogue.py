@@ -5,16 +5,20 @@ each (`simbench list`).
 from __future__ import annotations
 
 from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.plugins.registry import PluginFolder, methods
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import VALVES
 
+if TYPE_CHECKING:
+    from simbench.scenarios.grid import Grid
+
 FIGURES = PluginFolder("figure", "simbench.figures", "simbench.figures", ("SOURCE", "data", "draw"))
 LISTED_KINDS = ("detectors", "valves", "grids", "effects", "figures")
 
 
-def catalogue(what: str) -> list[dict[str, str]]:
+def catalogue(what: str) -> list[dict[str, Any]]:
     """List the plug-ins of one kind.
 
     Examples
@@ -25,9 +29,7 @@ def catalogue(what: str) -> list[dict[str, str]]:
     if what == "grids":
         from simbench.scenarios.grid import grid_names, load_grid
 
-        return [
-            {"name": n, "says": (g := load_grid(n)).title, "source": g.source} for n in grid_names()
-        ]
+        return [_grid_row(load_grid(name)) for name in grid_names()]
     folder = {"detectors": methods, "valves": VALVES, "effects": PLUGINS, "figures": FIGURES}[what]
     rows = []
     for name in folder.every_name():
@@ -37,6 +39,17 @@ def catalogue(what: str) -> list[dict[str, str]]:
         shown = name.replace("_", "-") if what == "figures" else name
         rows.append({"name": shown, "says": _first_sentence(module), "source": source})
     return rows
+
+
+def _grid_row(grid: Grid) -> dict[str, Any]:
+    """Return what a grid is for, its source, and how plainly its loops are told from recorded
+    ones.
+    """
+    told = grid.content.told_from_recorded
+    says = grid.title
+    if told is not None:
+        says += f"; told from recorded loops with AUC {told:.2f}"
+    return {"name": grid.name, "says": says, "source": grid.source, "told_from_recorded": told}
 
 
 def _first_sentence(module: ModuleType) -> str:

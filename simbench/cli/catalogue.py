@@ -52,8 +52,10 @@ def list_(
     """List the available detectors, valve models, grids, effects, figures or thresholds.
 
     Each line has the name, what it is, and its source in brackets. A grid is a set of scenarios to
-    simulate. An effect is a property of a plant that a simulation may lack, such as sensor lag.
-    The thresholds are those of the conclusion and of the diagnosis, each with its unit.
+    simulate; the AUC behind it is that with which a classifier tells its loops from recorded ones
+    (0.5: not at all, 1: always; see `simbench gap grid`). An effect is a property of a plant that a
+    simulation may lack, such as sensor lag. The thresholds are those of the conclusion and of the
+    diagnosis, each with its unit.
     """
     from simbench.catalogue import LISTED_KINDS, catalogue
     from simbench.gap import thresholds
