@@ -26,7 +26,7 @@ from simbench.gap.benchmark import measure
 from simbench.gap.benchmark.classifier import tell_apart
 from simbench.gap.benchmark.draw import draw_loops, sample_of, with_nuisances
 from simbench.gap.benchmark.from_records import grid_from_records
-from simbench.gap.benchmark.nuisances import NUISANCES
+from simbench.gap.benchmark.nuisances import ADDITIONS
 from simbench.parallel import run_parallel
 from simbench.scenarios.grid import Grid, grid_names
 from simbench.scenarios.settled import settled_grid
@@ -106,10 +106,10 @@ def known_difference(name: str, draw: int) -> tuple[str, float, float]:
     lent = [one.record for one in changed]
     search = measure.Search(list(here), lent, recorded, seed, 1)
     before = search.asked([()])[0]
-    singles = search.asked([((one, 1.0),) for one in NUISANCES])
+    singles = search.asked([((one, 1.0),) for one in ADDITIONS])
     best = min(singles, key=lambda one: one.distance)
     right = next(one for one in singles if one.chosen[0][0] == name)
-    return NUISANCES[best.chosen[0][0]].block, before.auc.value, right.auc.value
+    return ADDITIONS[best.chosen[0][0]].block, before.auc.value, right.auc.value
 
 
 def of_known(draws: int, jobs: int) -> list[str]:
@@ -119,7 +119,7 @@ def of_known(draws: int, jobs: int) -> list[str]:
     rows = [("lacking", "right block", "AUC before", "with it", "largest with it")]
     for place, name in enumerate(KNOWN):
         own = found[place * draws : (place + 1) * draws]
-        right = sum(block == NUISANCES[name].block for block, _, _ in own)
+        right = sum(block == ADDITIONS[name].block for block, _, _ in own)
         before, after = (np.array([x[k] for x in own]) for k in (1, 2))
         numbers = (before.mean(), after.mean(), after.max())
         rows.append((name, f"{right} of {draws}", *(f"{x:.2f}" for x in numbers)))

@@ -25,8 +25,8 @@ def test_units_stay_whole():
 
 
 def test_a_known_difference_is_told(monkeypatch):
-    few = {name: nuisances.NUISANCES[name] for name in (KNOWN[0], "white noise", "valve lag")}
-    monkeypatch.setattr("results.studies.grid_gaps.NUISANCES", few)
+    few = {name: nuisances.ADDITIONS[name] for name in (KNOWN[0], "white noise", "valve lag")}
+    monkeypatch.setattr("results.studies.grid_gaps.ADDITIONS", few)
     block, before, after = known_difference(KNOWN[0], 0)
     assert block == "lattice"
     assert before > 0.95

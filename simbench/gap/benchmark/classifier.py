@@ -24,14 +24,16 @@ _ENDS = (0.025, 0.975)
 
 
 @dataclass(frozen=True)
-class Sample:
+class FeatureSample:
     """Records by their features, shape (records, features), and the unit that each belongs to."""
 
     features: np.ndarray
     units: tuple[str, ...]
 
 
-def tell_apart(simulated: Sample, recorded: Sample, seed: int = 0, trees: int = TREES) -> Estimate:
+def tell_apart(
+    simulated: FeatureSample, recorded: FeatureSample, seed: int = 0, trees: int = TREES
+) -> Estimate:
     """Return the AUC with which records are told from simulated ones, units whole, and its 95 %
     interval by drawing units again. A record and the simulations of its loop are of one unit.
     """

@@ -16,9 +16,9 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import NO_DECISION, STICTION
-from simbench.gap.benchmark.classifier import Sample
+from simbench.gap.benchmark.classifier import FeatureSample
 from simbench.gap.benchmark.features import describe
-from simbench.gap.benchmark.nuisances import NUISANCES, Source
+from simbench.gap.benchmark.nuisances import ADDITIONS, Source
 from simbench.loop.simulate import simulate
 from simbench.scenarios.grid import Grid
 from simbench.scenarios.spec import Loop
@@ -72,10 +72,10 @@ def with_nuisances(
         loop, record = one.loop, one.record
         try:
             for name, strength in chosen:
-                place = list(NUISANCES).index(name)
+                place = list(ADDITIONS).index(name)
                 rng = np.random.default_rng([seed, 2, number, place])
                 source = Source(rng, lent[int(rng.integers(len(lent)))])
-                loop = NUISANCES[name].add(loop, one.record, source, strength)
+                loop = ADDITIONS[name].add(loop, one.record, source, strength)
             if chosen:
                 record = simulate(loop, one.seed).record
         except UserError:
@@ -85,15 +85,15 @@ def with_nuisances(
     return found
 
 
-def sample_of(records: Sequence[LoopRecord], units: Sequence[str]) -> Sample:
+def sample_of(records: Sequence[LoopRecord], units: Sequence[str]) -> FeatureSample:
     """Return records by their features."""
     with one_thread():
         rows = [list(describe(record).values()) for record in records]
-    return Sample(np.array(rows), tuple(units))
+    return FeatureSample(np.array(rows), tuple(units))
 
 
 @dataclass(frozen=True)
-class Told:
+class MethodAccuracy:
     """What one method is right of on some loops: the mean of the shares of sticky and of healthy
     loops that it answers right, half of one that it does not decide; and the number of both.
     """
@@ -103,7 +103,7 @@ class Told:
     healthy: int
 
 
-def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> dict[str, Told]:
+def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> dict[str, MethodAccuracy]:
     """Return how right methods are on loops that cycle because of their valve and on those that do
     not; others are not counted.
     """
@@ -128,5 +128,5 @@ def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> dict[str,
         )
         both = [credit[kind].mean() for kind in (sticky, ~sticky) if kind.any()]
         right = float(np.mean(both)) if len(both) == 2 else float("nan")
-        out[method] = Told(right, int(sticky.sum()), int((~sticky).sum()))
+        out[method] = MethodAccuracy(right, int(sticky.sum()), int((~sticky).sum()))
     return out

@@ -18,7 +18,7 @@ from simbench.detectors.errors import ParameterError, RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
 from simbench.detectors.report.report import choose_methods
-from simbench.gap.benchmark.classifier import FEW_TREES, Sample, tell_apart
+from simbench.gap.benchmark.classifier import FEW_TREES, FeatureSample, tell_apart
 from simbench.gap.benchmark.draw import (
     Chosen,
     DrawnLoop,
@@ -28,8 +28,8 @@ from simbench.gap.benchmark.draw import (
     with_nuisances,
 )
 from simbench.gap.benchmark.features import BLOCKS, describe
-from simbench.gap.benchmark.nuisances import NUISANCES, STRENGTHS
-from simbench.gap.benchmark.result import Added, GridGap
+from simbench.gap.benchmark.nuisances import ADDITIONS, STRENGTHS
+from simbench.gap.benchmark.result import GridGap, TriedAddition
 from simbench.parallel import run_parallel
 from simbench.scenarios.grid import Grid
 
@@ -147,7 +147,7 @@ def grid(
 def _every() -> list[Chosen]:
     return [
         (name, strength)
-        for name, one in NUISANCES.items()
+        for name, one in ADDITIONS.items()
         for strength in (STRENGTHS if one.sized else (1.0,))
     ]
 
@@ -159,14 +159,14 @@ class Search:
         self,
         drawn: list[DrawnLoop],
         lent: list[LoopRecord],
-        recorded: Sample,
+        recorded: FeatureSample,
         seed: int,
         jobs: int,
     ) -> None:
         self.drawn, self.lent, self.recorded = drawn, lent, recorded
         self.seed, self.jobs = seed, jobs
 
-    def asked(self, several: Sequence[tuple[Chosen, ...]]) -> list[Added]:
+    def asked(self, several: Sequence[tuple[Chosen, ...]]) -> list[TriedAddition]:
         """Return how well the loops with some nuisances can be told from the records."""
         calls = [
             delayed(_told)(self.drawn, chosen, self.lent, self.recorded, self.seed)
@@ -174,7 +174,9 @@ class Search:
         ]
         return run_parallel(calls, self.jobs, "nuisances")
 
-    def combined(self, before: Added, singles: Sequence[Added]) -> list[Added]:
+    def combined(
+        self, before: TriedAddition, singles: Sequence[TriedAddition]
+    ) -> list[TriedAddition]:
         """Return what is added one after the other: each time what brings the loops nearest to the
         records, as long as that is worth it.
         """
@@ -192,11 +194,11 @@ class Search:
         return steps
 
 
-def _best_of_each(before: Added, singles: Sequence[Added]) -> list[Added]:
+def _best_of_each(before: TriedAddition, singles: Sequence[TriedAddition]) -> list[TriedAddition]:
     """Return each nuisance in its best strength where it brings the loops nearer, the best
     first.
     """
-    best: dict[str, Added] = {}
+    best: dict[str, TriedAddition] = {}
     for one in singles:
         name = one.chosen[0][0]
         if name not in best or one.distance < best[name].distance:
@@ -205,11 +207,11 @@ def _best_of_each(before: Added, singles: Sequence[Added]) -> list[Added]:
     return sorted(helpful, key=lambda one: one.distance)
 
 
-def _best_of_blocks(helpful: Sequence[Added]) -> list[Added]:
+def _best_of_blocks(helpful: Sequence[TriedAddition]) -> list[TriedAddition]:
     """Return the best nuisance of each block."""
-    best: dict[str, Added] = {}
+    best: dict[str, TriedAddition] = {}
     for one in helpful:
-        best.setdefault(NUISANCES[one.chosen[0][0]].block, one)
+        best.setdefault(ADDITIONS[one.chosen[0][0]].block, one)
     return list(best.values())
 
 
@@ -217,18 +219,20 @@ def _told(
     drawn: Sequence[DrawnLoop],
     chosen: tuple[Chosen, ...],
     lent: Sequence[LoopRecord],
-    recorded: Sample,
+    recorded: FeatureSample,
     seed: int,
-) -> Added:
+) -> TriedAddition:
     """Return how well loops with nuisances are told from records: by all features, and by those of
     each block.
     """
     changed = with_nuisances(drawn, chosen, lent, seed)
     if len(changed) < _FEWEST:
-        return Added(chosen, Estimate(1.0, 0.0, 1.0), dict.fromkeys(BLOCKS, 1.0), len(changed))
+        return TriedAddition(
+            chosen, Estimate(1.0, 0.0, 1.0), dict.fromkeys(BLOCKS, 1.0), len(changed)
+        )
     simulated = sample_of([one.record for one in changed], [one.unit for one in changed])
     of_block = np.array([block for block, _ in describe(drawn[0].record)])
-    return Added(
+    return TriedAddition(
         chosen,
         tell_apart(simulated, recorded, seed),
         {b: _by_block(simulated, recorded, of_block == b, seed) for b in BLOCKS},
@@ -236,13 +240,15 @@ def _told(
     )
 
 
-def _by_block(simulated: Sample, recorded: Sample, kept: np.ndarray, seed: int) -> float:
-    one, other = (Sample(s.features[:, kept], s.units) for s in (simulated, recorded))
+def _by_block(
+    simulated: FeatureSample, recorded: FeatureSample, kept: np.ndarray, seed: int
+) -> float:
+    one, other = (FeatureSample(s.features[:, kept], s.units) for s in (simulated, recorded))
     return tell_apart(one, other, seed, FEW_TREES).value
 
 
 def _accuracies(
-    search: Search, methods: Sequence[str], several: Sequence[Added]
+    search: Search, methods: Sequence[str], several: Sequence[TriedAddition]
 ) -> dict[tuple[Chosen, ...], dict[str, float]]:
     """Return how right methods are on the loops with each of some sets of nuisances."""
     if not methods:

@@ -2,8 +2,8 @@
 loads and noise whose sizes are drawn in units of the loop's own motion, and what a record of the
 folder lends: its archive, set point, length and samples per period.
 
-The sizes are those of the grids `plant` and `families` (docs/plant_grid.md), where these have the
-effect. Each is tried in three strengths.
+Effects and loads stand in `nuisances.toml`, with the ranges of their sizes. Each is tried in three
+strengths.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.lattice import read_lattice
 from simbench.gap.benchmark.features import samples_per_period
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.spec import Loop, Part, read_toml
 
 STRENGTHS = (0.3, 1.0, 3.0)  # factors on the sizes
 # samples of a loop whose length or sampling is a record's
@@ -26,7 +27,7 @@ _SHORTEST, _LONGEST = 100, 8000
 _SMALLEST = 1e-12
 
 
-class Drawn(NamedTuple):
+class SizeRange(NamedTuple):
     """A parameter drawn evenly in logarithm, in a unit of `units_of`; one that is `sized` is
     multiplied by the strength.
     """
@@ -37,7 +38,7 @@ class Drawn(NamedTuple):
     sized: bool = False
 
 
-Parameters = Mapping[str, Drawn | str]
+Parameters = Mapping[str, SizeRange | str]
 # (loop, its record as it is, what is drawn from, strength) -> the loop with the nuisance
 _Adding = Callable[[Loop, LoopRecord, "Source", float], Loop]
 
@@ -171,101 +172,26 @@ def _lend_sampling(loop: Loop, record: LoopRecord, source: Source, strength: flo
     return loop.with_all(changed)
 
 
-def _effect(block: str, name: str, **wanted: Drawn | str) -> Nuisance:
-    return Nuisance(block, partial(_add_effect, name, wanted), _has_size(wanted))
+def _of_table(table: Mapping[str, Any]) -> Nuisance:
+    """Return what a section of `nuisances.toml` states."""
+    add = _add_effect if "effect" in table else _add_load
+    wanted: dict[str, SizeRange | str] = {}
+    for key, value in table["parameters"].items():
+        of_size = key == table.get("sized")
+        wanted[key] = value if isinstance(value, str) else SizeRange(*value, of_size)
+    part = table.get("effect") or table["disturbance"]
+    return Nuisance(table["block"], partial(add, part, wanted), "sized" in table)
 
 
-def _load(block: str, name: str, **wanted: Drawn | str) -> Nuisance:
-    return Nuisance(block, partial(_add_load, name, wanted), _has_size(wanted))
-
-
-def _has_size(wanted: Parameters) -> bool:
-    return any(isinstance(one, Drawn) and one.sized for one in wanted.values())
-
-
-_SPELL = {"share": Drawn(0.05, 0.2, sized=True), "length": Drawn(0.05, 0.5, "period")}
-NUISANCES: dict[str, Nuisance] = {
-    "white noise": _effect("noise", "noise", std=Drawn(0.05, 0.3, "pv", sized=True)),
-    "coloured noise": _load(
-        "noise",
-        "coloured",
-        amplitude=Drawn(0.1, 0.6, "pv", sized=True),
-        period=Drawn(0.01, 0.1, "period"),
-        at="output",
-    ),
-    "outliers": _effect(
-        "noise", "outliers", rate=Drawn(0.001, 0.01), size=Drawn(2.0, 6.0, "pv", sized=True)
-    ),
-    "sensor lag": _effect("noise", "sensor_lag", tau=Drawn(0.01, 0.05, "period", sized=True)),
-    "quantisation": _effect("lattice", "quantisation", step=Drawn(0.1, 0.8, "pv", sized=True)),
-    "quantisation in the archive": _effect(
-        "lattice", "quantisation", step=Drawn(0.1, 0.8, "pv", sized=True), at="record"
-    ),
-    "OP quantisation": _effect(
-        "lattice", "op_quantisation", step=Drawn(0.1, 0.8, "op", sized=True)
-    ),
-    "compression": _effect("lattice", "compression", band=Drawn(0.05, 0.4, "pv", sized=True)),
-    "frozen sensor": _effect("lattice", "frozen_sensor", **_SPELL),
+ADDITIONS: dict[str, Nuisance] = {
+    **{
+        name: _of_table(table)
+        for name, table in read_toml(Path(__file__).with_suffix(".toml")).items()
+    },
     "the records' archives": Nuisance("lattice", _lend_archive, sized=False),
-    "coloured load on PV": _load(
-        "load",
-        "coloured",
-        amplitude=Drawn(0.5, 2.0, "pv", sized=True),
-        period=Drawn(0.1, 2.0, "period"),
-        at="output",
-    ),
-    "coloured load": _load(
-        "load",
-        "coloured",
-        amplitude=Drawn(0.5, 2.0, "op", sized=True),
-        period=Drawn(0.1, 2.0, "period"),
-        at="input",
-    ),
-    "load steps": _effect(
-        "load",
-        "load_steps",
-        rate=Drawn(0.1, 0.7, "per period"),
-        size=Drawn(0.5, 2.0, "op", sized=True),
-    ),
-    "load drift": _effect(
-        "load", "load_drift", walk=Drawn(0.2, 1.0, "op/sqrt(period)", sized=True)
-    ),
-    "oscillation from outside": _effect(
-        "load",
-        "oscillation",
-        amplitude=Drawn(0.7, 2.0, "op", sized=True),
-        period=Drawn(0.4, 2.5, "period"),
-    ),
-    "sensor drift": _effect("load", "drift", walk=Drawn(0.1, 0.5, "pv/sqrt(period)", sized=True)),
     "the records' set points": Nuisance("set point", _lend_setpoint, sized=False),
     "the records' lengths": Nuisance("length", _lend_length, sized=False),
     "the records' samples per period": Nuisance("samples per period", _lend_sampling, sized=False),
-    "extra lag": _effect(
-        "samples per period", "extra_lag", tau=Drawn(0.02, 0.2, "period", sized=True)
-    ),
-    "longer dead time": _effect(
-        "samples per period", "dead_time_mismatch", extra=Drawn(0.02, 0.2, "period", sized=True)
-    ),
-    "another gain": _effect("samples per period", "gain_mismatch", factor=Drawn(0.5, 2.0)),
-    "another time constant": _effect(
-        "samples per period", "time_constant_mismatch", factor=Drawn(0.5, 2.0)
-    ),
-    "derivative action": _effect(
-        "controller",
-        "derivative_action",
-        Td=Drawn(0.02, 0.1, "period", sized=True),
-        filter=Drawn(0.002, 0.01, "period"),
-    ),
-    "detuning": Nuisance("controller", _add_detuning),
-    "error dead-band": _effect(
-        "controller", "error_deadband", width=Drawn(0.2, 1.5, "pv", sized=True)
-    ),
+    "another tuning": Nuisance("controller", _add_detuning),
     "limits of OP": Nuisance("controller", _add_limits),
-    "missed executions": _effect("controller", "missed_executions", **_SPELL),
-    "valve lag": _effect("valve", "valve_lag", tau=Drawn(0.01, 0.05, "period", sized=True)),
-    "slew limit": _effect(
-        "valve", "slew_limit", slowness=Drawn(0.02, 0.2, "period/op", sized=True)
-    ),
-    "valve characteristic": _effect("valve", "valve_characteristic", R=Drawn(10.0, 50.0)),
-    "dead-zone": _effect("valve", "deadzone", D=Drawn(0.3, 1.5, "op", sized=True)),
 }

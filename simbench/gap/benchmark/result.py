@@ -18,7 +18,7 @@ _SHOWN = 12  # nuisances in the table on the screen
 
 
 @dataclass(frozen=True)
-class Added:
+class TriedAddition:
     """How well the loops with some nuisances, each in a strength, are told from the records: AUC
     with its interval, and by the features of each block alone; `loops` could be simulated so.
     """
@@ -43,17 +43,35 @@ class Added:
 
 @dataclass(frozen=True, eq=False)
 class GridGap:
-    """How a grid differs from recorded loops."""
+    """How a grid differs from recorded loops.
+
+    Parameters
+    ----------
+    grid : str
+        Name and version of the grid.
+    loops, records, units : int
+        How many loops of the grid, records and units of records were compared.
+    before : TriedAddition
+        The grid as it is.
+    singles : tuple of TriedAddition
+        Each addition that brings the grid nearer by itself, the best first.
+    together : tuple of TriedAddition
+        The best with one, two, ... additions.
+    accuracy : mapping
+        Accuracy of each method by the additions.
+    refused : mapping of str to str
+        Why a file is no record.
+    """
 
     grid: str
     loops: int
     records: int
     units: int
-    before: Added
-    singles: tuple[Added, ...]  # each that brings the grid nearer by itself, the best first
-    together: tuple[Added, ...]  # the best with one, two, ... nuisances
+    before: TriedAddition
+    singles: tuple[TriedAddition, ...]
+    together: tuple[TriedAddition, ...]
     accuracy: Mapping[tuple[tuple[str, float], ...], Mapping[str, float]]
-    refused: Mapping[str, str]  # why a file is no record
+    refused: Mapping[str, str]
 
     def __repr__(self) -> str:
         """Return one line."""
@@ -65,7 +83,7 @@ class GridGap:
         return self.before.auc
 
     @cached_property
-    def after(self) -> Added:
+    def after(self) -> TriedAddition:
         """The grid with all nuisances that help together."""
         return self.together[-1] if self.together else self.before
 
@@ -79,25 +97,37 @@ class GridGap:
         """The block that tells the records apart: that of `effect`; where no nuisance helps, the
         block whose features tell most, "none" where the grid cannot be told from the records.
         """
-        from simbench.gap.benchmark.nuisances import NUISANCES
+        from simbench.gap.benchmark.nuisances import ADDITIONS
 
         if self.together:
-            return NUISANCES[self.effect].block
+            return ADDITIONS[self.effect].block
         if self.auc.lo <= _CHANCE:
             return "none"
         return max(self.before.blocks, key=lambda b: self.before.blocks[b])
 
     def sentence(self) -> str:
-        """Return the answer in one sentence."""
+        """Return the answer in one sentence.
+
+        Returns
+        -------
+        str
+            The AUC before and after what helps.
+        """
         said = f"{self.grid} is told from these {self.records} records with AUC {_words(self.auc)}"
         if not self.together:
             return f"{said}; no effect that was tried brings it nearer."
         return f"{said}; with {self.after.name()} added, with AUC {_words(self.after.auc)}."
 
     def as_json(self) -> dict[str, Any]:
-        """Return everything as JSON types."""
+        """Return everything as JSON types.
 
-        def told(one: Added) -> dict[str, Any]:
+        Returns
+        -------
+        dict
+            AUC, blocks, additions and accuracies.
+        """
+
+        def told(one: TriedAddition) -> dict[str, Any]:
             return {
                 "added": [{"name": n, "strength": s} for n, s in one.chosen],
                 "auc": one.auc.value,
@@ -126,7 +156,13 @@ class GridGap:
         }
 
     def as_text(self) -> str:
-        """Return the answer and three tables for a terminal."""
+        """Return the answer and three tables for a terminal.
+
+        Returns
+        -------
+        str
+            Lines for a terminal.
+        """
         lines = [self.sentence(), f"Plainest: {self.block}.", ""]
         lines += [f"{AUC}, by the features of one block, before and after:"]
         lines += columns(self.block_rows())
@@ -145,7 +181,13 @@ class GridGap:
         return "\n".join(lines)
 
     def block_rows(self) -> list[tuple[str, ...]]:
-        """Return a head and a row per block, the plainest first."""
+        """Return a head and a row per block, the plainest first.
+
+        Returns
+        -------
+        list of tuple of str
+            The block, and its AUC before and after.
+        """
         order = sorted(self.before.blocks, key=lambda b: -self.before.blocks[b])
         rows = [("all", self.before.auc.value, self.after.auc.value)]
         rows += [(b, self.before.blocks[b], self.after.blocks[b]) for b in order]
@@ -154,19 +196,34 @@ class GridGap:
     def single_rows(self) -> list[tuple[str, ...]]:
         """Return a head and a row per nuisance that brings the grid nearer, the best first: the AUC
         by all features, and by those of its block.
+
+        Returns
+        -------
+        list of tuple of str
+            The addition, its block, and its AUC.
         """
-        from simbench.gap.benchmark.nuisances import NUISANCES
+        from simbench.gap.benchmark.nuisances import ADDITIONS
 
         rows = [("added", "block", "all", "its block", "before")]
         for one in self.singles:
-            block = NUISANCES[one.chosen[0][0]].block
+            block = ADDITIONS[one.chosen[0][0]].block
             numbers = (one.auc.value, one.blocks[block], self.before.blocks[block])
             rows.append((one.name(), block, *(f"{x:.2f}" for x in numbers)))
         return rows
 
-    def accuracy_rows(self, several: Iterable[Added] = ()) -> list[tuple[str, ...]]:
+    def accuracy_rows(self, several: Iterable[TriedAddition] = ()) -> list[tuple[str, ...]]:
         """Return a head and a row per method: its accuracy on the grid with some sets of
         nuisances, without any set on all that were asked about.
+
+        Parameters
+        ----------
+        several : iterable of TriedAddition
+            Sets of additions.
+
+        Returns
+        -------
+        list of tuple of str
+            The method, and its accuracy with each set.
         """
         asked = several or (self.before, *self.singles, self.after)
         sets = {one.chosen: one for one in asked if one.chosen in self.accuracy}

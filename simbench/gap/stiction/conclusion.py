@@ -1,8 +1,7 @@
 """Conclude about one valve: stiction, no stiction or cannot tell, with probability, cause, reason
 and next step.
 
-Every verb shows this conclusion; detectors, the chapter's procedure and simulated replicates stand
-below it as evidence.
+Every verb shows this conclusion; detectors and the chapter's procedure stand below it as evidence.
 """
 
 from __future__ import annotations

@@ -128,8 +128,8 @@ _KEPT: dict[tuple[Any, ...], Friction] = {}
 
 
 def friction_of(record: LoopRecord) -> Friction:
-    """Return `friction` of a record alone; the last one is kept, as method, conclusion and
-    replicates ask in turn.
+    """Return `friction` of a record alone; the last one is kept, as method and conclusion ask in
+    turn.
     """
     signals = (record.op, record.pv, record.sp, record.mv, record.meta.get("manual"))
     about = (record.Ts, record.process, record.kind, record.op_span, record.pv_span, record.tag)

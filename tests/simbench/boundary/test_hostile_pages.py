@@ -66,7 +66,7 @@ def assert_harmless(page):
 
 VERBS = [
     "detect plant --method horch_histogram,hostile --plugin hostile.py --html page.html",
-    "trust IMAGE --method horch --html page.html",
+    "detect IMAGE --method horch --html page.html",
     "gap diagnose IMAGE --identify --html page.html",
 ]
 

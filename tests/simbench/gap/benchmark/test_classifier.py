@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbench.gap.benchmark.classifier import Sample, tell_apart
+from simbench.gap.benchmark.classifier import FeatureSample, tell_apart
 
 
 def _sample(rng, n, shift=0.0, each=1, name=""):
@@ -10,7 +10,7 @@ def _sample(rng, n, shift=0.0, each=1, name=""):
     own = np.repeat(rng.standard_normal((n // each, 6)), each, axis=0)
     x = own + (0.0 if each == 1 else 0.05) * rng.standard_normal((n, 6))
     x[:, 0] += shift
-    return Sample(x, tuple(f"{name}{k // each}" for k in range(n)))
+    return FeatureSample(x, tuple(f"{name}{k // each}" for k in range(n)))
 
 
 def test_two_samples_of_one_distribution_are_not_told_apart():
@@ -34,7 +34,8 @@ def test_a_unit_that_was_learned_is_not_asked_again():
     one, other = _sample(rng, 60, each=10, name="a"), _sample(rng, 60, each=10, name="b")
     whole = tell_apart(one, other)
     alone = [
-        Sample(s.features, tuple(f"{n}{k}" for k in range(60))) for n, s in zip("sr", (one, other))
+        FeatureSample(s.features, tuple(f"{n}{k}" for k in range(60)))
+        for n, s in zip("sr", (one, other))
     ]
     assert tell_apart(*alone).value > 0.95  # records of one unit recognise each other
     assert whole.value < 0.8

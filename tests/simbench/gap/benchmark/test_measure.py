@@ -2,6 +2,7 @@
 
 import inspect
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.benchmark import nuisances
 from simbench.gap.benchmark.draw import draw_loops, with_nuisances
 from simbench.gap.benchmark.measure import grid
-from simbench.gap.benchmark.nuisances import NUISANCES
+from simbench.gap.benchmark.nuisances import ADDITIONS
 from simbench.gap.benchmark.page import write_page
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.errors import SpecError
@@ -44,7 +45,7 @@ def test_a_known_difference_is_found_and_closed(halves, monkeypatch, name):
     changed = with_nuisances(halves[1], [(name, 1.0)], [halves[0][0].record], seed=2)
     found = grid("chapter", _records(changed), n=60, seed=4, methods=["horch"])
     assert found.auc.lo > 0.9
-    assert (found.block, found.effect) == (NUISANCES[name].block, name)
+    assert (found.block, found.effect) == (ADDITIONS[name].block, name)
     assert found.after.auc.value < 0.65
     whole = found.as_json()
     assert json.loads(json.dumps(whole, allow_nan=False)) == whole
@@ -71,7 +72,7 @@ def test_what_cannot_be_compared_is_said(halves):
         grid("smok", _records(halves[0][:12]))
 
 
-@pytest.mark.parametrize("name", NUISANCES)
+@pytest.mark.parametrize("name", ADDITIONS)
 def test_every_nuisance_changes_a_record(halves, name):
     lent = halves[1][0].record
     sp = np.asarray(lent.sp) + (np.arange(lent.n) > lent.n // 3)
@@ -83,7 +84,7 @@ def test_every_nuisance_changes_a_record(halves, name):
 
 
 def test_every_effect_but_friction_and_tuning_is_tried():
-    tried = inspect.getsource(nuisances)
+    tried = inspect.getsource(nuisances) + Path(nuisances.__file__).with_suffix(".toml").read_text()
     left = [e for e in EFFECTS if f'"{e}"' not in tried]
     # friction is what is asked about, and labels would change with it
     assert left == ["stiction", "deadband"]
