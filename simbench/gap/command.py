@@ -9,15 +9,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, printable
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_labels, read_record
 from simbench.files import picture_kind, refuse_own_input, whole_file
-from simbench.gap.benchmark.measure import grid as grid_gap
-from simbench.gap.benchmark.result import GridGap
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
@@ -27,6 +25,9 @@ from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, PLUGINS, UNKNOWN
 from simbench.scenarios.columns import in_a_file
 from simbench.scenarios.spec import checked, read_toml, toml_of
+
+if TYPE_CHECKING:
+    from simbench.gap.benchmark.result import GridGap
 
 
 @dataclass(frozen=True)
@@ -186,6 +187,9 @@ def grid_files(
     """Return how a grid differs from the records of a folder; a table of labels states their
     units.
     """
+    # here, for it loads the benchmark
+    from simbench.gap.benchmark.measure import grid as grid_gap
+
     refuse_own_input([html, picture], [folder, labels])
     if picture is not None:
         picture_kind(picture)

@@ -11,11 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
-import pandas as pd
 
-from simbench.bench.execute.run import run_scored
-from simbench.bench.score.result import Scores
-from simbench.bench.store.reading import read_table
 from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.registry import methods as registry
@@ -24,12 +20,14 @@ from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.report import choose_methods, columns
 from simbench.detectors.sources import Methods, RecordSignals, as_plugin, as_record, named_methods
 from simbench.detectors.verdict import PROBABILITY, STICTION, Verdict
-from simbench.gap.benchmark.from_records import grid_of_loops
 from simbench.gap.benchmark.near_loop import NearLoop, loop_of
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.stiction.conclusion import Conclusion, judged
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from simbench.bench.score.result import Scores
     from simbench.detectors.sources import Source
 
 _REPEATS = 3  # draws of loads and noise in each of twelve cells of S and J
@@ -228,6 +226,11 @@ def _run(
     """Return the scores of a run over the loops that copy a record, and the smallest S that each
     method finds in it.
     """
+    # here, for it loads pandas
+    from simbench.bench.execute.run import run_scored
+    from simbench.bench.store.reading import read_table
+    from simbench.gap.benchmark.from_records import grid_of_loops
+
     grid = grid_of_loops(
         {name: near}, "record", f"Loops that copy {name}", repeats=repeats, seed=seed, jobs=jobs
     )

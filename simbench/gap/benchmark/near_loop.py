@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from simbench.bench.execute.compute_piece import record_hash
 from simbench.detectors.errors import UserError
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
@@ -69,6 +68,9 @@ def loop_of(report: GapReport, record: LoopRecord) -> NearLoop | str:
     What its load is drawn again from is what the likelier model left: where friction is likelier
     than not, the residuals of a model without it would carry its motion into a healthy loop.
     """
+    # here, for it loads the benchmark
+    from simbench.bench.execute.compute_piece import record_hash
+
     try:
         runs, situation = report.behind.loops, report.behind.found.situation
         likely = report.conclusion.probability is not None and (

@@ -252,8 +252,6 @@ LOOPS = CandidateLoops(
     sticky=None,
     fitted=None,
     log_odds=1.0,
-    trusted=False,
-    period=None,
     percent=1.0,
     notes=(),
 )
