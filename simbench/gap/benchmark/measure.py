@@ -47,6 +47,7 @@ def grid(
     *,
     methods: Sequence[str] = ("fast",),
     units: Mapping[str, str] | None = None,
+    additions: Sequence[str] | None = None,
     n: int = LOOPS,
     seed: int = 0,
     jobs: int = 1,
@@ -67,6 +68,8 @@ def grid(
         Unit (a vessel, a column, one loop recorded several times) of a record by its name: a
         classifier that has learned a record of a unit is not asked about another of it. A record
         that is not named is a unit by itself.
+    additions : sequence of str, optional
+        Names of the effects and nuisances that are tried, those of `ADDITIONS`; None tries all.
     n : int
         Loops that are drawn from the grid.
     seed : int
@@ -97,7 +100,8 @@ def grid(
     >>> from simbench.gap.benchmark.draw import draw_loops
     >>> from simbench.scenarios.settled import settled_grid
     >>> drawn = draw_loops(settled_grid("smoke"), 12, seed=1)
-    >>> found = grid("smoke", {str(k): one.record for k, one in enumerate(drawn)}, n=12, methods=())
+    >>> records = {str(k): one.record for k, one in enumerate(drawn)}
+    >>> found = grid("smoke", records, n=12, methods=(), additions=["outliers"])
     >>> found.auc.lo <= found.auc.value <= found.auc.hi
     True
     """
@@ -127,7 +131,8 @@ def grid(
         )
     search = Search(drawn, lent, recorded, seed, jobs)
     before = search.asked([()])[0]
-    singles = search.asked([(one,) for one in _every()])
+    tried = [one for one in _every() if additions is None or one[0] in additions]
+    singles = search.asked([(one,) for one in tried])
     together = search.combined(before, singles)
     helpful = _best_of_each(before, singles)
     accuracy = _accuracies(search, asked, [before, *helpful[:_MOST_TOLD], *together[-1:]])
