@@ -42,14 +42,12 @@ def catalogue(what: str) -> list[dict[str, Any]]:
 
 
 def _grid_row(grid: Grid) -> dict[str, Any]:
-    """Return what a grid is for, its source, and how plainly its loops are told from recorded
-    ones.
+    """Return what a grid is for, its source, and the AUC with which its loops are told from
+    recorded ones.
     """
     told = grid.content.told_from_recorded
-    says = grid.title
-    if told is not None:
-        says += f"; told from recorded loops with AUC {told:.2f}"
-    return {"name": grid.name, "says": says, "source": grid.source, "told_from_recorded": told}
+    about = {"name": grid.name, "says": grid.title, "source": grid.source}
+    return {**about, "told_from_recorded": told}
 
 
 def _first_sentence(module: ModuleType) -> str:

@@ -176,7 +176,14 @@ def run(
     from simbench.bench.execute.run import run_scored
     from simbench.bench.scenario.oracle import ORACLE
     from simbench.bench.score.scoring import score_run
+    from simbench.bench.store.benchmark import is_records
 
+    if about and not (grid is not None and is_records(grid)):
+        option, value = next(iter(about.items()))
+        raise ParameterError(
+            f"--{option.lower().replace('_', '-')} {value} says how records are read; GRID is"
+            f" {grid}: a record, or a folder of records, is needed"
+        )
     axes = {
         k: [number(v) for v in str(values).split(",")]
         for k, values in pairs(axis or [], "--axis", text=True).items()
@@ -226,13 +233,12 @@ def run(
             )
         else:
             out = out or Path("runs") / Path(grid).stem
+            plan: Any = grid
+            if is_records(grid):
+                seed = _refuse_beside_records(grid, out, deciding, resume)
+                plan, deciding = _grid_of_records(grid, out, seed, jobs, about), {}
             folder, scores = run_scored(
-                _made_from_records(grid, out, deciding, resume, jobs, about) or grid,
-                out,
-                tuple(method or ["fast", ORACLE]),
-                jobs,
-                **deciding,
-                **working,
+                plan, out, tuple(method or ["fast", ORACLE]), jobs, **deciding, **working
             )
     if scores is None or allow_failed:
         scores = score_run(folder, allow_failed=allow_failed)
@@ -247,33 +253,35 @@ def run(
     _end(failed, allow_failed)
 
 
-def _made_from_records(
-    grid: str, out: Path, deciding: dict[str, Any], resume: bool, jobs: int, about: dict
-) -> Any:
-    """Return the grid of the loops that copy records, where these are given in place of a grid;
-    None elsewhere.
-    """
-    from simbench.gap.benchmark.from_records import is_records, read_grid
-
-    if not is_records(grid):
-        if about:
-            raise ParameterError(
-                f"--{next(iter(about)).lower().replace('_', '-')} says how records are read, and"
-                f" {grid} is a grid"
-            )
-        return None
-    sets = deciding.pop("sets")
-    if set(sets) - {"seed"} or any(deciding.values()):
+def _refuse_beside_records(grid: str, out: Path, deciding: dict[str, Any], resume: bool) -> int:
+    """Refuse what a grid made from records does not have, and return its seed."""
+    sets = dict(deciding["sets"])
+    seed = sets.pop("seed", 0)
+    given = [f"--set {key}={value}" for key, value in sets.items()] + [
+        f"{_DECIDING[key]} {value}"
+        for key, value in deciding.items()
+        if key != "sets" and value not in (None, False, {})
+    ]
+    if given:
         raise ParameterError(
-            f"{grid} holds records: a grid made from them is run without --n, --axis,"
-            " --fresh-seeds and --with-reference, and --set changes its seed alone"
+            f"{given[0]}: {grid} holds records, and of the options that change a grid only"
+            " --set seed=N is allowed beside them"
         )
-    deciding.clear()
+    if isinstance(seed, str) or not 0 <= seed < 2**63 or seed != int(seed):
+        raise ParameterError(f"--set seed={seed}: a whole number from 0 is needed")
+    # before the loops are identified, which takes seconds each
     if out.is_dir() and any(out.iterdir()) and not resume:
         raise ParameterError(
             f"folder {out} is not empty; continue its run with --resume, or choose another"
         )
-    made = read_grid(grid, seed=int(sets.get("seed", 0)), jobs=jobs, kept=out / ".near", **about)
+    return int(seed)
+
+
+def _grid_of_records(grid: str, out: Path, seed: int, jobs: int, about: dict) -> Any:
+    """Return the grid of the loops that copy records, and say which records have none."""
+    from simbench.gap.benchmark.from_records import read_grid
+
+    made = read_grid(grid, seed=seed, jobs=jobs, kept=out / ".near", **about)
     say(made.as_text(), aside=True)
     return made.grid
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Exit
 
 from simbench.cli.common import Json, app, examples, show, show_result
 from simbench.detectors.errors import ParameterError, nearest
+from simbench.detectors.report.report import columns
 
 
 @app.command(epilog=examples("contract my_detector.py"))
@@ -52,7 +53,7 @@ def list_(
     """List the available detectors, valve models, grids, effects, figures or thresholds.
 
     Each line has the name, what it is, and its source in brackets. A grid is a set of scenarios to
-    simulate; the AUC behind it is that with which a classifier tells its loops from recorded ones
+    simulate; its AUC is that with which a classifier tells its loops from recorded ones
     (0.5: not at all, 1: always; see `simbench gap grid`). An effect is a property of a plant that a
     simulation may lack, such as sensor lag. The thresholds are those of the conclusion and of the
     diagnosis, each with its unit.
@@ -67,10 +68,15 @@ def list_(
     if what not in kinds:
         raise ParameterError(f"nothing to list under {what!r}: {nearest(what, kinds)}")
     rows = thresholds.rows() if what == "thresholds" else catalogue(what)
-    width = max((len(r["name"]) for r in rows), default=0)
-    show(
-        rows
-        if as_json
-        else "\n".join(f"{r['name']:<{width}}  {r['says']} [{r['source']}]" for r in rows),
-        as_json,
-    )
+    show(rows if as_json else "\n".join(_listed(rows)), as_json)
+
+
+def _listed(rows: list[dict[str, Any]]) -> list[str]:
+    """Return a line per row, of grids under a head and with their AUC."""
+    lines = [(r["name"], f"{r['says']} [{r['source']}]") for r in rows]
+    if any("told_from_recorded" in r for r in rows):
+        told = [r["told_from_recorded"] for r in rows]
+        aucs = ["" if auc is None else f"{auc:.2f}" for auc in told]
+        head = ("grid", "AUC", "what it is for (AUC: how plainly it is told from recorded loops)")
+        lines = [head, *((n, auc, says) for (n, says), auc in zip(lines, aucs, strict=True))]
+    return columns(lines)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from simbench.detectors.errors import UserError
+from simbench.detectors.errors import ParameterError, UserError
 from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
@@ -84,9 +84,12 @@ class Trust:
 
     @property
     def best(self) -> MethodTrust | None:
-        """The method that costs least on loops like this one; None where none was counted."""
-        first = self.methods[0] if self.methods else None
-        return first if first is not None and first.cost is not None else None
+        """The method that costs least on loops like this one, of those that apply to it; None where
+        none was counted.
+        """
+        first = next(iter(self.methods), None)
+        counted = first is not None and first.cost is not None and self._applies(first)
+        return first if counted else None
 
     def line(self) -> str:
         """Return in one line which method is most reliable here, and what it finds."""
@@ -196,6 +199,8 @@ def trust(
     >>> 0.0 <= trusted.probability <= 1.0
     True
     """
+    if repeats < 1:
+        raise ParameterError(f"trust: repeats = {repeats}; at least 1 is needed")
     asked, own = named_methods(methods)
     adopted = {name: as_plugin(name, detector) for name, detector in own.items()}
     record = repair_record(as_record(record, **signals))
@@ -207,9 +212,10 @@ def trust(
         report = diagnose(record, identify=True)
     except UserError as why:
         return Trust(judged(record)[0], _rows(verdicts), 0, str(why), record)
-    near = loop_of(report, record)
-    if isinstance(near, str):
-        return Trust(report.conclusion, _rows(verdicts), 0, near, record)
+    try:
+        near = loop_of(report, record)
+    except UserError as why:
+        return Trust(report.conclusion, _rows(verdicts), 0, str(why), record)
     scores, sizes = _run(near, record.tag or "the record", names, own, repeats, seed, jobs)
     return _weighed(report.conclusion, record, verdicts, scores, sizes)
 

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from simbench.bench.store.folder import RunError, refuse_unfinished
-from simbench.bench.store.manifest import read_manifest
+from simbench.bench.store.manifest import MANIFEST, read_manifest
 from simbench.bench.store.reading import read_table, without_loops
+from simbench.detectors.records.io import RECORD_FILES
 from simbench.scenarios.grid import Grid, GridFile, grid_names
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.settled import COLUMNS, SettledGrid, settled_grid, table_of
@@ -148,6 +149,21 @@ def _each(value: Any, change: Callable[[Any], Any]) -> Any:
 def is_stored(grid: str | Path | Grid) -> bool:
     """Return whether a grid is asked for by the folder of a run or baseline."""
     return not isinstance(grid, Grid) and str(grid) not in grid_names() and Path(grid).is_dir()
+
+
+def is_records(grid: str | Path | Grid) -> bool:
+    """Return whether a grid is asked for by a record, or by a folder of records."""
+    if isinstance(grid, Grid) or str(grid) in grid_names():
+        return False
+    path = Path(grid)
+    if path.is_dir():
+        files = list(path.iterdir())
+        return not (path / MANIFEST).exists() and any(map(_may_be_record, files))
+    return path.is_file() and _may_be_record(path)
+
+
+def _may_be_record(file: Path) -> bool:
+    return file.suffix.lower() in RECORD_FILES
 
 
 def stored_grid(folder: str | Path) -> SettledGrid:

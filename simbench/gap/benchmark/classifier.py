@@ -25,10 +25,18 @@ _ENDS = (0.025, 0.975)
 
 @dataclass(frozen=True)
 class FeatureSample:
-    """Records by their features, shape (records, features), and the unit that each belongs to."""
+    """Records by their features, shape (records, features), the unit that each record belongs to,
+    and the block of each feature.
+    """
 
     features: np.ndarray
     units: tuple[str, ...]
+    blocks: tuple[str, ...]
+
+    def of(self, block: str) -> FeatureSample:
+        """Return the records by the features of one block."""
+        kept = [k for k, name in enumerate(self.blocks) if name == block]
+        return FeatureSample(self.features[:, kept], self.units, (block,) * len(kept))
 
 
 def tell_apart(

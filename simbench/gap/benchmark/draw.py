@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from zlib import crc32
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.gap.benchmark.classifier import FeatureSample
 from simbench.gap.benchmark.features import describe
 from simbench.gap.benchmark.nuisances import ADDITIONS, Source
+from simbench.gap.benchmark.result import MethodAccuracy
 from simbench.loop.simulate import simulate
 from simbench.scenarios.grid import Grid
 from simbench.scenarios.spec import Loop
@@ -72,8 +74,8 @@ def with_nuisances(
         loop, record = one.loop, one.record
         try:
             for name, strength in chosen:
-                place = list(ADDITIONS).index(name)
-                rng = np.random.default_rng([seed, 2, number, place])
+                # by its name: one nuisance more must not shift the draws of the others
+                rng = np.random.default_rng([seed, 2, number, crc32(name.encode())])
                 source = Source(rng, lent[int(rng.integers(len(lent)))])
                 loop = ADDITIONS[name].add(loop, one.record, source, strength)
             if chosen:
@@ -88,22 +90,12 @@ def with_nuisances(
 def sample_of(records: Sequence[LoopRecord], units: Sequence[str]) -> FeatureSample:
     """Return records by their features."""
     with one_thread():
-        rows = [list(describe(record).values()) for record in records]
-    return FeatureSample(np.array(rows), tuple(units))
+        rows = [describe(record) for record in records]
+    blocks = tuple(block for block, _ in rows[0])
+    return FeatureSample(np.array([list(row.values()) for row in rows]), tuple(units), blocks)
 
 
-@dataclass(frozen=True)
-class MethodAccuracy:
-    """What one method is right of on some loops: the mean of the shares of sticky and of healthy
-    loops that it answers right, half of one that it does not decide; and the number of both.
-    """
-
-    right: float
-    sticky: int
-    healthy: int
-
-
-def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> dict[str, MethodAccuracy]:
+def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> MethodAccuracy:
     """Return how right methods are on loops that cycle because of their valve and on those that do
     not; others are not counted.
     """
@@ -118,15 +110,14 @@ def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> dict[str,
                 kinds.append(cycled.answer == YES)
                 said.append([v.verdict for v in judge(run.record.without_mv(), methods)])
     sticky = np.array(kinds, dtype=bool)
-    out = {}
-    for number, method in enumerate(methods):
+    right: dict[str, float | None] = dict.fromkeys(methods)
+    if 0 < sticky.sum() < sticky.size:
         credit = np.array(
             [
-                0.5 if row[number] == NO_DECISION else float((row[number] == STICTION) == is_sticky)
-                for row, is_sticky in zip(said, kinds, strict=True)
+                [0.5 if v == NO_DECISION else float((v == STICTION) == kind) for v in row]
+                for row, kind in zip(said, kinds, strict=True)
             ]
         )
-        both = [credit[kind].mean() for kind in (sticky, ~sticky) if kind.any()]
-        right = float(np.mean(both)) if len(both) == 2 else float("nan")
-        out[method] = MethodAccuracy(right, int(sticky.sum()), int((~sticky).sum()))
-    return out
+        means = 0.5 * (credit[sticky].mean(axis=0) + credit[~sticky].mean(axis=0))
+        right = dict(zip(methods, means.tolist(), strict=True))
+    return MethodAccuracy(right, int(sticky.sum()), int((~sticky).sum()))

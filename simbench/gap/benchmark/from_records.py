@@ -19,17 +19,16 @@ from joblib import delayed
 from simbench.bench.execute.compute_piece import record_hash
 from simbench.bench.scenario.kept import run_once
 from simbench.bench.scenario.truth import YES, simulate_with_truth
-from simbench.bench.store.manifest import MANIFEST
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import RecordError, UserError
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.io import RECORD_FILES, read_folder
+from simbench.detectors.records.io import read_folder
 from simbench.files import whole_file
 from simbench.gap.benchmark.near_loop import NearLoop, near_loop
 from simbench.loop import echo
 from simbench.parallel import run_parallel
 from simbench.scenarios.cell import ECHOES, loop_axes
-from simbench.scenarios.grid import Block, Grid, GridFile, grid_names
+from simbench.scenarios.grid import Block, GridFile, grid_names
 from simbench.scenarios.settled import SettledGrid, table_of
 from simbench.scenarios.spec import Loop, Part, Scenario, content_hash
 
@@ -55,17 +54,6 @@ class RecordsGrid:
         lines = [f"{self.grid.title}."]
         lines += [f"{name} is left out: {why}." for name, why in self.left_out.items()]
         return "\n".join(lines)
-
-
-def is_records(grid: str | Path | Grid) -> bool:
-    """Return whether a grid is asked for by a record, or by a folder of records."""
-    if isinstance(grid, Grid) or str(grid) in grid_names():
-        return False
-    path = Path(grid)
-    if path.is_dir():
-        names = [one.name for one in path.iterdir()]
-        return MANIFEST not in names and any(Path(n).suffix.lower() in RECORD_FILES for n in names)
-    return path.is_file() and path.suffix.lower() in RECORD_FILES
 
 
 def read_grid(
@@ -177,7 +165,9 @@ def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | s
     """Return the loop of a record, from where it was kept if it was."""
     if kept is None:
         return near_loop(record, seed)
-    file = kept / f"{record_hash(record)}.json"
+    about = (record.Ts, record.process, record.kind, record.op_span, record.pv_span)
+    told = {"record": record_hash(record), "about": [str(x) for x in about], "seed": seed}
+    file = kept / f"{content_hash(told)}.json"
     if file.is_file():
         stored = json.loads(file.read_text(encoding="utf-8"))
         return stored if isinstance(stored, str) else NearLoop.from_json(stored)

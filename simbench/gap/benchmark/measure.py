@@ -9,12 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from joblib import delayed
 
 from simbench.bench.execute.run import RunOptions, read_plan
 from simbench.bench.statistics import Estimate
-from simbench.detectors.errors import ParameterError, RecordError
+from simbench.detectors.errors import ParameterError, RecordError, nearest
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
 from simbench.detectors.report.report import choose_methods
@@ -27,13 +26,13 @@ from simbench.gap.benchmark.draw import (
     sample_of,
     with_nuisances,
 )
-from simbench.gap.benchmark.features import BLOCKS, describe
+from simbench.gap.benchmark.features import BLOCKS
 from simbench.gap.benchmark.nuisances import ADDITIONS, STRENGTHS
-from simbench.gap.benchmark.result import GridGap, TriedAddition
+from simbench.gap.benchmark.result import GridGap, MethodAccuracy, TriedAddition
 from simbench.parallel import run_parallel
 from simbench.scenarios.grid import Grid
 
-LOOPS = 130  # drawn from the grid, as many as there are records in `results/grid_gaps.txt`
+LOOPS = 130  # drawn from the grid where no other number is asked for
 _FEWEST = 10  # records, and loops that a nuisance leaves, for a classifier
 # by which a nuisance must bring down the mean of the AUC and those of the blocks to be added
 _WORTH = 0.01
@@ -87,7 +86,7 @@ def grid(
     Raises
     ------
     simbench.detectors.errors.UserError
-        For an unknown grid or method, or fewer than 10 records.
+        For an unknown grid, method or addition, or fewer than 10 records.
 
     Notes
     -----
@@ -107,6 +106,9 @@ def grid(
     """
     if n < _FEWEST:
         raise ParameterError(f"gap grid: n = {n} loops; at least {_FEWEST} are needed")
+    for name in additions or ():
+        if name not in ADDITIONS:
+            raise ParameterError(f"gap grid: addition {name!r}: {nearest(name, ADDITIONS)}")
     asked = choose_methods(methods) if methods else []
     plan = read_plan(grid, RunOptions())
     named, refused = (
@@ -236,25 +238,15 @@ def _told(
             chosen, Estimate(1.0, 0.0, 1.0), dict.fromkeys(BLOCKS, 1.0), len(changed)
         )
     simulated = sample_of([one.record for one in changed], [one.unit for one in changed])
-    of_block = np.array([block for block, _ in describe(drawn[0].record)])
-    return TriedAddition(
-        chosen,
-        tell_apart(simulated, recorded, seed),
-        {b: _by_block(simulated, recorded, of_block == b, seed) for b in BLOCKS},
-        len(changed),
-    )
-
-
-def _by_block(
-    simulated: FeatureSample, recorded: FeatureSample, kept: np.ndarray, seed: int
-) -> float:
-    one, other = (FeatureSample(s.features[:, kept], s.units) for s in (simulated, recorded))
-    return tell_apart(one, other, seed, FEW_TREES).value
+    by_block = {
+        b: tell_apart(simulated.of(b), recorded.of(b), seed, FEW_TREES).value for b in BLOCKS
+    }
+    return TriedAddition(chosen, tell_apart(simulated, recorded, seed), by_block, len(changed))
 
 
 def _accuracies(
     search: Search, methods: Sequence[str], several: Sequence[TriedAddition]
-) -> dict[tuple[Chosen, ...], dict[str, float]]:
+) -> dict[tuple[Chosen, ...], MethodAccuracy]:
     """Return how right methods are on the loops with each of some sets of nuisances."""
     if not methods:
         return {}
@@ -272,6 +264,5 @@ def _accuracy(
     lent: Sequence[LoopRecord],
     seed: int,
     methods: Sequence[str],
-) -> dict[str, float]:
-    told = accuracy_on(with_nuisances(drawn, chosen, lent, seed), methods)
-    return {method: one.right for method, one in told.items()}
+) -> MethodAccuracy:
+    return accuracy_on(with_nuisances(drawn, chosen, lent, seed), methods)

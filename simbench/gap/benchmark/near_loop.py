@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from simbench.detectors.errors import UserError
+from simbench.detectors.errors import RecordError, UserError
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.gap import describe_gap, within_reach
@@ -61,9 +61,9 @@ def near_loop(record: LoopRecord, seed: int = 0) -> NearLoop | str:
         return sentence_of(fault)
 
 
-def loop_of(report: GapReport, record: LoopRecord) -> NearLoop | str:
-    """Return the loop that copies the record of a diagnosis whose loop was identified, or why there
-    is none.
+def loop_of(report: GapReport, record: LoopRecord) -> NearLoop:
+    """Return the loop that copies the record of a diagnosis whose loop was identified; RecordError
+    where none is near it.
 
     What its load is drawn again from is what the likelier model left: where friction is likelier
     than not, the residuals of a model without it would carry its motion into a healthy loop.
@@ -71,21 +71,17 @@ def loop_of(report: GapReport, record: LoopRecord) -> NearLoop | str:
     # here, for it loads the benchmark
     from simbench.bench.execute.compute_piece import record_hash
 
-    try:
-        runs, situation = report.behind.loops, report.behind.found.situation
-        likely = report.conclusion.probability is not None and (
-            report.conclusion.probability > LIKELIER
-        )
-        effects = [FRICTION] if likely and FRICTION in runs.fitted.parameters else []
-        gap = runs.shrink(effects)
-        if not within_reach(gap.after, gap.plant_floor):
-            far = describe_gap(gap.after, gap.plant_floor)
-            return f"no loop is near the record: the nearest is {far}"
-        loop = _sound(runs.corrected(effects))
-        S = max(WORTH_REPAIRING, NARROWEST * op_range(np.asarray(situation.op)))
-        return NearLoop(record_hash(record), loop, float(S), bool(effects))
-    except UserError as why:
-        return str(why)
+    runs, situation = report.behind.loops, report.behind.found.situation
+    probability = report.conclusion.probability
+    likely = probability is not None and probability > LIKELIER
+    effects = [FRICTION] if likely and FRICTION in runs.fitted.parameters else []
+    gap = runs.shrink(effects)
+    if not within_reach(gap.after, gap.plant_floor):
+        far = describe_gap(gap.after, gap.plant_floor)
+        raise RecordError(f"no loop is near the record: the nearest is {far}")
+    S = max(WORTH_REPAIRING, NARROWEST * op_range(np.asarray(situation.op)))
+    loop = _sound(runs.corrected(effects))
+    return NearLoop(record_hash(record), loop, float(S), bool(effects))
 
 
 def _sound(loop: Loop) -> Loop:

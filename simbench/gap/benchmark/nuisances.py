@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ import numpy as np
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.lattice import read_lattice
 from simbench.gap.benchmark.features import samples_per_period
+from simbench.scenarios.grid import draw
 from simbench.scenarios.spec import Loop, Part, read_toml
 
 STRENGTHS = (0.3, 1.0, 3.0)  # factors on the sizes
@@ -83,39 +83,30 @@ def _parameters(
         if isinstance(one, str):
             out[name] = one
             continue
-        size = float(np.exp(source.rng.uniform(np.log(one.lo), np.log(one.hi)))) * units[one.unit]
+        size = float(draw((one.lo, one.hi), source.rng)) * units[one.unit]
         out[name] = size * strength if one.sized else size
     return out
 
 
-def _add_effect(
-    name: str, wanted: Parameters, loop: Loop, record: LoopRecord, source: Source, strength: float
-) -> Loop:
-    part = Part(name=name, parameters=_parameters(wanted, record, source, strength))
-    return loop.model_copy(update={"effect": (*loop.effect, part)})
-
-
-def _add_load(
-    name: str, wanted: Parameters, loop: Loop, record: LoopRecord, source: Source, strength: float
-) -> Loop:
-    part = Part(name=name, parameters=_parameters(wanted, record, source, strength))
-    return loop.model_copy(update={"disturbance": (*loop.disturbance, part)})
+def _with_part(loop: Loop, section: str, name: str, parameters: dict[str, Any]) -> Loop:
+    """Return a loop with one effect or disturbance more."""
+    part = Part(name=name, parameters=parameters)
+    return loop.model_copy(update={section: (*getattr(loop, section), part)})
 
 
 def _add_detuning(loop: Loop, record: LoopRecord, source: Source, strength: float) -> Loop:
     """Return a loop with another tuning, up or down by up to a factor."""
     most = np.log(1.0 + strength)
     Kc, Ti = np.exp(source.rng.uniform(-most, most, 2))
-    part = Part(name="detuning", parameters={"Kc_factor": float(Kc), "Ti_factor": float(Ti)})
-    return loop.model_copy(update={"effect": (*loop.effect, part)})
+    factors = {"Kc_factor": float(Kc), "Ti_factor": float(Ti)}
+    return _with_part(loop, "effect", "detuning", factors)
 
 
 def _add_limits(loop: Loop, record: LoopRecord, source: Source, strength: float) -> Loop:
     """Return a loop whose OP ends within what it does now."""
     share = min(0.1 * strength, 0.4)
     lo, hi = (float(x) for x in np.quantile(record.op, (share, 1.0 - share)))
-    part = Part(name="saturation", parameters={"lo": lo, "hi": hi})
-    return loop.model_copy(update={"effect": (*loop.effect, part)})
+    return _with_part(loop, "effect", "saturation", {"lo": lo, "hi": hi})
 
 
 def _lend_archive(loop: Loop, record: LoopRecord, source: Source, strength: float) -> Loop:
@@ -174,13 +165,17 @@ def _lend_sampling(loop: Loop, record: LoopRecord, source: Source, strength: flo
 
 def _of_table(table: Mapping[str, Any]) -> Nuisance:
     """Return what a section of `nuisances.toml` states."""
-    add = _add_effect if "effect" in table else _add_load
+    section = "effect" if "effect" in table else "disturbance"
     wanted: dict[str, SizeRange | str] = {}
     for key, value in table["parameters"].items():
         of_size = key == table.get("sized")
         wanted[key] = value if isinstance(value, str) else SizeRange(*value, of_size)
-    part = table.get("effect") or table["disturbance"]
-    return Nuisance(table["block"], partial(add, part, wanted), "sized" in table)
+
+    def add(loop: Loop, record: LoopRecord, source: Source, strength: float) -> Loop:
+        numbers = _parameters(wanted, record, source, strength)
+        return _with_part(loop, section, table[section], numbers)
+
+    return Nuisance(table["block"], add, "sized" in table)
 
 
 ADDITIONS: dict[str, Nuisance] = {

@@ -18,6 +18,18 @@ _SHOWN = 12  # nuisances in the table on the screen
 
 
 @dataclass(frozen=True)
+class MethodAccuracy:
+    """How right methods are on some loops: the mean of the shares of sticky and of healthy loops
+    that a method answers right, half of one that it does not decide, None where one kind is
+    missing; and how many loops there are of both.
+    """
+
+    right: Mapping[str, float | None]
+    sticky: int
+    healthy: int
+
+
+@dataclass(frozen=True)
 class TriedAddition:
     """How well the loops with some nuisances, each in a strength, are told from the records: AUC
     with its interval, and by the features of each block alone; `loops` could be simulated so.
@@ -57,8 +69,8 @@ class GridGap:
         Each addition that brings the grid nearer by itself, the best first.
     together : tuple of TriedAddition
         The best with one, two, ... additions.
-    accuracy : mapping
-        Accuracy of each method by the additions.
+    accuracy : mapping of tuple to MethodAccuracy
+        How right the methods are, by the additions.
     refused : mapping of str to str
         Why a file is no record.
     """
@@ -70,7 +82,7 @@ class GridGap:
     before: TriedAddition
     singles: tuple[TriedAddition, ...]
     together: tuple[TriedAddition, ...]
-    accuracy: Mapping[tuple[tuple[str, float], ...], Mapping[str, float]]
+    accuracy: Mapping[tuple[tuple[str, float], ...], MethodAccuracy]
     refused: Mapping[str, str]
 
     def __repr__(self) -> str:
@@ -128,6 +140,7 @@ class GridGap:
         """
 
         def told(one: TriedAddition) -> dict[str, Any]:
+            asked = self.accuracy.get(one.chosen)
             return {
                 "added": [{"name": n, "strength": s} for n, s in one.chosen],
                 "auc": one.auc.value,
@@ -135,10 +148,7 @@ class GridGap:
                 "hi": one.auc.hi,
                 "blocks": dict(one.blocks),
                 "loops": one.loops,
-                "accuracy": {
-                    m: x if np.isfinite(x) else None
-                    for m, x in self.accuracy.get(one.chosen, {}).items()
-                },
+                "accuracy": {} if asked is None else dict(asked.right),
             }
 
         return {
@@ -170,7 +180,12 @@ class GridGap:
             lines += ["", f"{AUC}, with one effect or nuisance added to every loop of the grid:"]
             lines += columns(self.single_rows()[: _SHOWN + 1])
         if self.accuracy:
-            lines += ["", "Accuracy of the detectors (0.5: no better than chance):"]
+            counts = self.accuracy[self.before.chosen]
+            lines += [
+                "",
+                "Accuracy of the detectors (0.5: no better than chance) on the grid's"
+                f" {counts.sticky} sticky and {counts.healthy} healthy loops:",
+            ]
             lines += columns(self.accuracy_rows([self.before, self.after]))
         lines += [
             "",
@@ -230,11 +245,11 @@ class GridGap:
         heads = ["as it is", *(f"with {one.name()}" for chosen, one in sets.items() if chosen)]
         if several:
             heads = ["as it is", "with what helps"][: len(sets)]
-        said = [self.accuracy[chosen] for chosen in sets]
-        return [
-            ("method", *heads),
-            *((m, *(f"{told[m]:.2f}" for told in said)) for m in said[0]),
+        said = [self.accuracy[chosen].right for chosen in sets]
+        rows = [
+            (m, *("-" if told[m] is None else f"{told[m]:.2f}" for told in said)) for m in said[0]
         ]
+        return [("method", *heads), *rows]
 
 
 def _words(auc: Estimate) -> str:

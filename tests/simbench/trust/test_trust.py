@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from recorded import STICKY as STUCK
-from recorded import resting
+from recorded import no_loop_near, resting
 
 from simbench.cli import main
+from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.files import write_record
@@ -85,7 +86,7 @@ def test_a_wild_sample_changes_no_verb_s_conclusion(sticky, trusted, tmp_path, c
 
 
 def test_a_record_without_a_near_loop_is_judged_and_ranks_no_method(sticky, monkeypatch):
-    monkeypatch.setattr(MODULE, "loop_of", lambda *_: "no loop is near the record")
+    monkeypatch.setattr(MODULE, "loop_of", no_loop_near)
     trusted = trust(sticky, **FEW)
     assert trusted.conclusion.verdict == STICTION
     assert trusted.best is None
@@ -104,11 +105,17 @@ def test_a_dead_record_is_no_error_and_no_verdict():
 
 
 def test_methods_that_need_mv_are_counted_where_the_record_has_it(sticky):
-    assert sticky.mv is None or sticky.without_mv().mv is None
-    trusted = trust(sticky.without_mv(), methods=["yamashita,he"], repeats=1)
-    costs = {m.verdict.method: m.cost for m in trusted.methods}
-    assert costs["he"] is not None
-    assert costs["yamashita"] is not None or MODULE.registry.load("yamashita").METHOD.needs_mv
+    seen = replace(sticky, mv=np.array(sticky.op))
+    for record, counted in ((sticky.without_mv(), False), (seen, True)):
+        trusted = trust(record, methods=["yamashita,he"], repeats=1)
+        costs = {m.verdict.method: m.cost for m in trusted.methods}
+        assert costs["he"] is not None
+        assert (costs["yamashita"] is not None) is counted
+
+
+def test_at_least_one_draw_is_needed(sticky):
+    with pytest.raises(ParameterError, match="repeats = 0"):
+        trust(sticky, repeats=0)
 
 
 def test_the_verb_answers_on_a_file(tmp_path, capsys, sticky):

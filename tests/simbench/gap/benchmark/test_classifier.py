@@ -4,13 +4,15 @@ import numpy as np
 
 from simbench.gap.benchmark.classifier import FeatureSample, tell_apart
 
+BLOCKS = ("load",) * 6
+
 
 def _sample(rng, n, shift=0.0, each=1, name=""):
     """`each` records of every unit, which share most of what they are."""
     own = np.repeat(rng.standard_normal((n // each, 6)), each, axis=0)
     x = own + (0.0 if each == 1 else 0.05) * rng.standard_normal((n, 6))
     x[:, 0] += shift
-    return FeatureSample(x, tuple(f"{name}{k // each}" for k in range(n)))
+    return FeatureSample(x, tuple(f"{name}{k // each}" for k in range(n)), BLOCKS)
 
 
 def test_two_samples_of_one_distribution_are_not_told_apart():
@@ -34,7 +36,7 @@ def test_a_unit_that_was_learned_is_not_asked_again():
     one, other = _sample(rng, 60, each=10, name="a"), _sample(rng, 60, each=10, name="b")
     whole = tell_apart(one, other)
     alone = [
-        FeatureSample(s.features, tuple(f"{n}{k}" for k in range(60)))
+        FeatureSample(s.features, tuple(f"{n}{k}" for k in range(60)), BLOCKS)
         for n, s in zip("sr", (one, other))
     ]
     assert tell_apart(*alone).value > 0.95  # records of one unit recognise each other
@@ -46,3 +48,11 @@ def test_the_same_numbers_twice():
     rng = np.random.default_rng(4)
     one, other = _sample(rng, 50, name="s"), _sample(rng, 50, shift=1.0, name="r")
     assert tell_apart(one, other, 3) == tell_apart(one, other, 3)
+
+
+def test_a_sample_of_a_block_has_its_features_alone():
+    x = np.arange(12.0).reshape(3, 4)
+    whole = FeatureSample(x, ("a", "b", "c"), ("noise", "load", "noise", "valve"))
+    part = whole.of("noise")
+    assert part.features.tolist() == x[:, [0, 2]].tolist()
+    assert (part.units, part.blocks) == (whole.units, ("noise", "noise"))

@@ -2,24 +2,15 @@
 
 import numpy as np
 import pytest
+from recorded import FLOW, recorded
 
 from simbench.detectors.record import LoopRecord
 from simbench.gap.benchmark.features import BLOCKS, describe, samples_per_period
-from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop
 
 
 @pytest.fixture(scope="module")
 def record():
-    table = {
-        "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
-        "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
-        "valve": {"model": "choudhury", "S": 4.0, "J": 2.0},
-        "sampling": {"Ts": 1.0, "n": 1200},
-        "noise": {"std": 0.1},
-        "setpoint": {"steps": [[10.0, 52.0]]},
-    }
-    return simulate(Loop.from_table(table), 1).record
+    return recorded(FLOW, valve={"model": "choudhury", "S": 4.0, "J": 2.0})
 
 
 def _changed(record: LoopRecord, **signals) -> LoopRecord:

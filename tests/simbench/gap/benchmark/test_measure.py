@@ -68,6 +68,8 @@ def test_what_cannot_be_compared_is_said(halves):
         grid("smoke", _records(halves[0][:3]))
     with pytest.raises(UserError, match="n = 2 loops"):
         grid("smoke", _records(halves[0][:12]), n=2)
+    with pytest.raises(UserError, match=r"addition 'outlires'.*'outliers'"):
+        grid("smoke", _records(halves[0][:12]), additions=["outlires"])
     with pytest.raises(SpecError, match="unknown grid"):
         grid("smok", _records(halves[0][:12]))
 

@@ -10,6 +10,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 from random_case import random_case
+from recorded import no_loop_near
 
 from simbench.cli import main
 from simbench.detectors.judge import judge
@@ -102,7 +103,7 @@ def answer(capsys, *words):
 
 
 def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
-    monkeypatch.setattr(MODULE, "loop_of", lambda *a: "none")
+    monkeypatch.setattr(MODULE, "loop_of", no_loop_near)
     answers = answer(capsys, "detect", folder, "--method", "likelihood")
     listed = {one["record"]: one for one in answers}
     record = folder / "sticky.csv"
