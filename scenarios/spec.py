@@ -642,9 +642,10 @@ def _no_key(key: str, value: Any) -> str:
     section, dot, _ = key.partition(".")
     if section not in Loop.model_fields:
         near = suggestion(section, Loop.model_fields)
-        return f"unknown key {key!r}: no section {section!r}, {near}"
+        form = "" if dot else "; section.name is needed, such as valve.S"
+        return f"unknown key {key!r}: no section {section!r}, {near}{form}"
     if dot:
-        return f"key {key!r} names section {section} and no key of it"
+        return f"key {key!r} names section {section} and no key of it; section.name is needed"
     fields = getattr(Loop.model_fields[section].annotation, "model_fields", {})
     names = [f"{section}.{name}" for name in fields if section != "valve"] or [f"{section}.S"]
     return (
