@@ -15,13 +15,13 @@ from simbench.loop.simulate import simulate as simulate
 from simbench.loop.simulate import simulate_batch as simulate_batch
 from simbench.notebook import Loop as Loop
 from simbench.notebook import load_loop as load_loop
-from simbench.notebook import run as run
-from simbench.notebook import score as score
-from simbench.notebook import table as table
 from simbench.theory.predict import predict as predict
 from simbench.trust.trust import trust as trust
 from simbench.verbs import check as check
 from simbench.verbs import contract as contract
 from simbench.verbs import diagnose as diagnose
+from simbench.verbs import run as run
+from simbench.verbs import score as score
+from simbench.verbs import table as table
 
 __version__: str

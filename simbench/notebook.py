@@ -1,27 +1,16 @@
-"""Functions for notebooks: a loop that simulates and plots itself, and runs with the defaults of
-the command line.
-"""
+"""For notebooks: a loop that simulates and plots itself."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, Required, Self, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Protocol, Required, Self, TypedDict, Unpack
 
-from simbench.bench.execute.add import add_to_run
-from simbench.bench.execute.run import run_grid
-from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.score.result import Scores
-from simbench.bench.score.scoring import score_run
-from simbench.bench.score.show import paper
-from simbench.detectors.errors import UserError, nearest
-from simbench.detectors.sources import Methods, named_methods
 from simbench.detectors.views import page_part
 from simbench.loop.plant import table_of
 from simbench.loop.run import Run
 from simbench.loop.simulate import simulate
 from simbench.scenarios import spec
-from simbench.scenarios.grid import Grid
 from simbench.theory.predict import predict
 
 if TYPE_CHECKING:
@@ -52,29 +41,6 @@ class _Sections(TypedDict, total=False):
     disturbance: Sequence[_Table]
     effect: Sequence[_Table]
     outer: _Table
-
-
-class _Settings(TypedDict, total=False):
-    """Further settings of a run."""
-
-    resume: bool
-    sets: Mapping[str, Any] | None
-    axes: Mapping[str, Sequence[Any]] | None
-    plugins: Iterable[str | Path]
-    valve_plugins: Iterable[str | Path]
-    effect_plugins: Iterable[str | Path]
-    plant_plugins: Iterable[str | Path]
-    controller_plugins: Iterable[str | Path]
-    time_limit: float
-    n: int | None
-    keep: int
-    fresh_seeds: bool
-    with_reference: bool
-    progress: bool | None
-    add: bool
-    answers: Iterable[str | Path]
-    backend: Literal["loky", "dask", "ray"]
-    address: str | None
 
 
 class Loop(spec.Loop):
@@ -233,113 +199,3 @@ def load_loop(path: str | Path) -> Loop:
         When the file is missing, is no TOML (with the line), or asks for something impossible.
     """
     return Loop.from_table(spec.read_loop(path), str(path))
-
-
-def run(
-    grid: str | Path | Grid,
-    methods: Methods = ("fast", ORACLE),
-    *,
-    out: str | Path | None = None,
-    jobs: int = 1,
-    **settings: Unpack[_Settings],
-) -> Path:
-    """Simulate a grid of scenarios, judge every record by every method, and write both tables.
-
-    Parameters
-    ----------
-    grid : str, Path or Grid
-        Name, TOML file, or a grid at hand.
-    methods : str, function, object with `detect`, or iterable of them
-        Method ids, "fast", "full", "oracle", and detectors of the caller, as in `simbench.detect`.
-    out : str or Path, optional
-        Folder of the run; runs/GRID when absent.
-    jobs : int
-        Worker processes; -1 = all cores.
-    **settings
-        Further arguments of `simbench.bench.execute.run.run_grid`: resume, n, sets,
-        axes, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins, time_limit,
-        keep, fresh_seeds, progress, backend, address, with_reference; and of
-        `simbench.bench.execute.add.add_to_run`: add and answers, which add methods, or answers from
-        files, to the finished run whose folder is `grid`.
-
-    Returns
-    -------
-    Path
-        Folder of the run; give it to `score`.
-
-    Raises
-    ------
-    UserError
-        For what the user can put right.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = run("smoke", "horch", out=tempfile.mkdtemp(), sets={"disturbance": "none"})
-    >>> score(folder).to_frame().method.tolist()[0]
-    'horch'
-    """
-    names, own = named_methods(methods)
-    if not (settings.get("add") or settings.get("answers")):
-        settings.pop("add", None)
-        settings.pop("answers", None)
-        return run_grid(grid, out, names, jobs, own=own, **settings)
-    if isinstance(grid, Grid):
-        raise UserError("add and answers add methods to a finished run: its folder is needed")
-    add = {"add": False, **settings}
-    return add_to_run(grid, names, out, jobs, own=own, **add).folder
-
-
-def score(folder: str | Path) -> Scores:
-    """Score a run: cost, accuracy, sensitivity, false positives and no decision, with intervals.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Folder of a run.
-
-    Returns
-    -------
-    Scores
-        Tables of every method; `to_frame()` is the ranking.
-
-    Raises
-    ------
-    UserError
-        When the folder holds no complete run.
-    """
-    return score_run(folder)
-
-
-def table(folder: str | Path, kind: str = "paper", truth: str = "cycled") -> pd.DataFrame:
-    """Return one table of a run's scores.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Folder of a run.
-    kind : str
-        paper (values with their 95 % intervals as text, = after a rank that methods share), ranking
-        (the same as numbers), or pairs (wins, ties, losses and p of every two methods).
-    truth : str
-        The label that answers are compared with: cycled, predicted or sticky.
-
-    Returns
-    -------
-    DataFrame
-        One row per method, best first; of pairs, one row per pair.
-
-    Raises
-    ------
-    UserError
-        When the folder holds no complete run, or for another kind.
-    """
-    scores = score_run(folder)
-    kinds = {
-        "paper": lambda: paper.ranking_text(scores, truth),
-        "ranking": lambda: paper.ranking_numbers(scores, truth),
-        "pairs": lambda: scores.compare(truth).pairs,
-    }
-    if kind not in kinds:
-        raise UserError(f"table {kind!r}: {nearest(kind, kinds)}")
-    return kinds[kind]()

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
+from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.procedure import Diagnosis
 from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repair_record
 from simbench.detectors.sources import (
+    Methods,
     RecordSignals,
     as_record,
+    named_methods,
 )
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
@@ -22,14 +25,39 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from simbench.bench.score.check_result import Check
+    from simbench.bench.score.result import Scores
     from simbench.detectors.contract.engine import Contract
     from simbench.detectors.sources import Source
     from simbench.gap.stiction.causes import Causes
     from simbench.gap.stiction.conclusion import Conclusion
+    from simbench.scenarios.grid import Grid
 
 # sets of methods, and the method, with which all evidence is weighed; single methods are asked for
 # their verdicts alone, and answer at once
 _WEIGHED = {"all", "full", "likelihood"}
+
+
+class _Settings(TypedDict, total=False):
+    """Further settings of a run."""
+
+    resume: bool
+    sets: Mapping[str, Any] | None
+    axes: Mapping[str, Sequence[Any]] | None
+    plugins: Iterable[str | Path]
+    valve_plugins: Iterable[str | Path]
+    effect_plugins: Iterable[str | Path]
+    plant_plugins: Iterable[str | Path]
+    controller_plugins: Iterable[str | Path]
+    time_limit: float
+    n: int | None
+    keep: int
+    fresh_seeds: bool
+    with_reference: bool
+    progress: bool | None
+    add: bool
+    answers: Iterable[str | Path]
+    backend: Literal["loky", "dask", "ray"]
+    address: str | None
 
 
 @dataclass(frozen=True)
@@ -201,3 +229,122 @@ def contract(path: str | Path) -> Contract:
     from simbench.contract import check_in_subprocess
 
     return check_in_subprocess(path)
+
+
+def run(
+    grid: str | Path | Grid,
+    methods: Methods = ("fast", "oracle"),
+    *,
+    out: str | Path | None = None,
+    jobs: int = 1,
+    **settings: Unpack[_Settings],
+) -> Path:
+    """Simulate a grid of scenarios, judge every record by every method, and write both tables.
+
+    Parameters
+    ----------
+    grid : str, Path or Grid
+        Name, TOML file, or a grid at hand.
+    methods : str, function, object with `detect`, or iterable of them
+        Method ids, "fast", "full", "oracle", and detectors of the caller, as in `simbench.detect`.
+    out : str or Path, optional
+        Folder of the run; runs/GRID when absent.
+    jobs : int
+        Worker processes; -1 = all cores.
+    **settings
+        Further arguments of `simbench.bench.execute.run.run_grid`: resume, n, sets,
+        axes, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins, time_limit,
+        keep, fresh_seeds, progress, backend, address, with_reference; and of
+        `simbench.bench.execute.add.add_to_run`: add and answers, which add methods, or answers from
+        files, to the finished run whose folder is `grid`.
+
+    Returns
+    -------
+    Path
+        Folder of the run; give it to `score`.
+
+    Raises
+    ------
+    UserError
+        For what the user can put right.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = run("smoke", "horch", out=tempfile.mkdtemp(), sets={"disturbance": "none"})
+    >>> score(folder).to_frame().method.tolist()[0]
+    'horch'
+    """
+    from simbench.bench.execute.add import add_to_run
+    from simbench.bench.execute.run import run_grid
+    from simbench.scenarios.grid import Grid
+
+    names, own = named_methods(methods)
+    if not (settings.get("add") or settings.get("answers")):
+        settings.pop("add", None)
+        settings.pop("answers", None)
+        return run_grid(grid, out, names, jobs, own=own, **settings)
+    if isinstance(grid, Grid):
+        raise UserError("add and answers add methods to a finished run: its folder is needed")
+    add = {"add": False, **settings}
+    return add_to_run(grid, names, out, jobs, own=own, **add).folder
+
+
+def score(folder: str | Path) -> Scores:
+    """Score a run: cost, accuracy, sensitivity, false positives and no decision, with intervals.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of a run.
+
+    Returns
+    -------
+    Scores
+        Tables of every method; `to_frame()` is the ranking.
+
+    Raises
+    ------
+    UserError
+        When the folder holds no complete run.
+    """
+    from simbench.bench.score.scoring import score_run
+
+    return score_run(folder)
+
+
+def table(folder: str | Path, kind: str = "paper", truth: str = "cycled") -> pd.DataFrame:
+    """Return one table of a run's scores.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of a run.
+    kind : str
+        paper (values with their 95 % intervals as text, = after a rank that methods share), ranking
+        (the same as numbers), or pairs (wins, ties, losses and p of every two methods).
+    truth : str
+        The label that answers are compared with: cycled, predicted or sticky.
+
+    Returns
+    -------
+    DataFrame
+        One row per method, best first; of pairs, one row per pair.
+
+    Raises
+    ------
+    UserError
+        When the folder holds no complete run, or for another kind.
+    """
+    from simbench.bench.score.scoring import score_run
+    from simbench.bench.score.show import paper
+
+    scores = score_run(folder)
+    kinds = {
+        "paper": lambda: paper.ranking_text(scores, truth),
+        "ranking": lambda: paper.ranking_numbers(scores, truth),
+        "pairs": lambda: scores.compare(truth).pairs,
+    }
+    if kind not in kinds:
+        raise UserError(f"table {kind!r}: {nearest(kind, kinds)}")
+    return kinds[kind]()
