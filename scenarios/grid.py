@@ -231,6 +231,13 @@ class Grid:
         """Whether it asks what a grid of the package of this name asks, whatever its seed."""
         return self.name in grid_names() and self.cells_hash == packaged_grid(self.name).cells_hash
 
+    @property
+    def frozen(self) -> bool:
+        """Whether its scenarios stand in a table alone: it has no member from which others could be
+        drawn.
+        """
+        return bool(self.content.block) and not any(b.member for b in self.content.block)
+
     @cached_property
     def benchmark(self) -> str:
         """Name and version; of a grid that is not one of the package, with a hash of its cells."""
@@ -278,6 +285,8 @@ class Grid:
 
     def __len__(self) -> int:
         """Number of scenarios."""
+        if self.frozen:
+            return self.content.expected or 0
         return self._members * self.content.repeats
 
     def samples(self, most: int = 200) -> list[int]:
@@ -542,8 +551,15 @@ def load_grid(
 ) -> Grid:
     """Read a grid by name or from a file; one with more cells is refused."""
     if str(name) in grid_names():
+        grid = packaged_grid(str(name))
         if not (sets or axes):
-            return packaged_grid(str(name))
+            return grid
+        if grid.frozen:
+            key, value = next(iter({**(sets or {}), **(axes or {})}.items()))
+            raise SpecError(
+                f"{name}: {key} = {value}: its scenarios stand as they are, and only --n, which"
+                " takes some of them, is allowed"
+            )
         label, table = str(name), _packaged_table(str(name))
     elif Path(name).suffix == ".toml" or Path(name).exists():
         label, table = Path(name).stem, read_toml(name)

@@ -7,13 +7,16 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from hashlib import sha256
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
+
 from simbench.scenarios.cell import Draft, Rules
+from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import Grid, Group, packaged_grid
 from simbench.scenarios.spec import Loop, content_hash
 
@@ -66,6 +69,20 @@ class SettledGrid(Grid):
     def samples(self, most: int = 200) -> list[int]:
         """Return one group: they were all tried when they were settled."""
         return list(self._rows)[:1]
+
+    def some(self, points: int) -> SettledGrid:
+        """Return the grid of `points` of these scenarios, each as likely as any other; SpecError
+        where there are fewer.
+        """
+        rows = [row for index in sorted(self._rows) for row in self._rows[index]]
+        if not 1 <= points <= len(rows):
+            raise SpecError(
+                f"{self.name}: {points} points; 1 to {len(rows)} are allowed, as it has so many"
+                " scenarios"
+            )
+        rng = np.random.default_rng([self.content.seed, points])
+        chosen = np.sort(rng.choice(len(rows), points, replace=False))
+        return replace(self, table=table_of(rows[i] for i in chosen), planned=points)
 
     def group(self, index: int) -> Group:
         """Return a group with nothing left to settle."""

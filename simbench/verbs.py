@@ -244,7 +244,9 @@ def run(
     Parameters
     ----------
     grid : str, Path or Grid
-        Name, TOML file, or a grid at hand.
+        Name, TOML file, a grid at hand, the folder of a run, or a record or a folder of records:
+        the loops that copy them, with sound valves and with sticking ones. Records that no loop is
+        near are left out.
     methods : str, function, object with `detect`, or iterable of them
         Method ids, "fast", "full", "oracle", and detectors of the caller, as in `simbench.detect`.
     out : str or Path, optional
@@ -277,12 +279,21 @@ def run(
     """
     from simbench.bench.execute.add import add_to_run
     from simbench.bench.execute.run import run_grid
+    from simbench.bench.store.benchmark import is_records
     from simbench.scenarios.grid import Grid
 
     names, own = named_methods(methods)
     if not (settings.get("add") or settings.get("answers")):
         settings.pop("add", None)
         settings.pop("answers", None)
+        if is_records(grid):
+            from simbench.gap.benchmark.from_records import plan_of_records
+
+            out = Path("runs") / Path(str(grid)).stem if out is None else Path(out)
+            keys = ("sets", "axes", "fresh_seeds", "with_reference")
+            deciding = {key: settings.pop(key) for key in keys if key in settings}
+            resume = settings.get("resume", False)
+            grid = plan_of_records(str(grid), out, deciding, resume=resume, jobs=jobs).grid
         return run_grid(grid, out, names, jobs, own=own, **settings)
     if isinstance(grid, Grid):
         raise UserError("add and answers add methods to a finished run: its folder is needed")

@@ -235,8 +235,11 @@ def run(
             out = out or Path("runs") / Path(grid).stem
             plan: Any = grid
             if is_records(grid):
-                seed = _refuse_beside_records(grid, out, deciding, resume)
-                plan, deciding = _grid_of_records(grid, out, seed, jobs, about), {}
+                from simbench.gap.benchmark.from_records import plan_of_records
+
+                made = plan_of_records(grid, out, deciding, resume=resume, jobs=jobs, **about)
+                say(made.as_text(), aside=True)
+                plan, deciding = made.grid, {"n": n}
             folder, scores = run_scored(
                 plan, out, tuple(method or ["fast", ORACLE]), jobs, **deciding, **working
             )
@@ -251,39 +254,6 @@ def run(
         lines += [text if key == "added" else f"again: {text}" for key, text in told.items()]
         show("\n".join(lines), as_json)
     _end(failed, allow_failed)
-
-
-def _refuse_beside_records(grid: str, out: Path, deciding: dict[str, Any], resume: bool) -> int:
-    """Refuse what a grid made from records does not have, and return its seed."""
-    sets = dict(deciding["sets"])
-    seed = sets.pop("seed", 0)
-    given = [f"--set {key}={value}" for key, value in sets.items()] + [
-        f"{_DECIDING[key]} {value}"
-        for key, value in deciding.items()
-        if key != "sets" and value not in (None, False, {})
-    ]
-    if given:
-        raise ParameterError(
-            f"{given[0]}: {grid} holds records, and of the options that change a grid only"
-            " --set seed=N is allowed beside them"
-        )
-    if isinstance(seed, str) or not 0 <= seed < 2**63 or seed != int(seed):
-        raise ParameterError(f"--set seed={seed}: a whole number from 0 is needed")
-    # before the loops are identified, which takes seconds each
-    if out.is_dir() and any(out.iterdir()) and not resume:
-        raise ParameterError(
-            f"folder {out} is not empty; continue its run with --resume, or choose another"
-        )
-    return int(seed)
-
-
-def _grid_of_records(grid: str, out: Path, seed: int, jobs: int, about: dict) -> Any:
-    """Return the grid of the loops that copy records, and say which records have none."""
-    from simbench.gap.benchmark.from_records import read_grid
-
-    made = read_grid(grid, seed=seed, jobs=jobs, kept=out / ".near", **about)
-    say(made.as_text(), aside=True)
-    return made.grid
 
 
 def _refuse_beside_add(grid: str | None, again: Path | None, deciding: dict[str, Any]) -> None:

@@ -47,7 +47,7 @@ from simbench.loop.part_files import added_parts
 from simbench.scenarios.grid import Grid, chunks, grid_names, load_grid
 from simbench.scenarios.grid_check import MOST_CELLS, MOST_DRAWN_FROM
 from simbench.scenarios.sample import Sample
-from simbench.scenarios.settled import settled_grid
+from simbench.scenarios.settled import SettledGrid, settled_grid
 
 KINDS_OF_PART = ("valve ", "effect ", "plant ", "controller ")  # begin the names of their plug-ins
 LIVES = 3  # how often dead workers are replaced before the run gives up
@@ -237,11 +237,13 @@ def read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
         changes = {**(asked.sets or {}), **drawn}
         plan = load_grid(grid, changes, asked.axes, most)
         as_it_stands = str(grid) in grid_names() and not (changes or asked.axes)
-        if as_it_stands and asked.n is None:
+        if plan.frozen or (as_it_stands and asked.n is None):
             plan = settled_grid(plan.name)
     if asked.with_reference:
         shipped(plan.name)
-    return plan if asked.n is None else Sample.of(plan, asked.n)
+    if asked.n is None:
+        return plan
+    return plan.some(asked.n) if isinstance(plan, SettledGrid) else Sample.of(plan, asked.n)
 
 
 def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:

@@ -20,7 +20,7 @@ from simbench.bench.execute.compute_piece import record_hash
 from simbench.bench.scenario.kept import run_once
 from simbench.bench.scenario.truth import YES, simulate_with_truth
 from simbench.detectors.compiled import one_thread
-from simbench.detectors.errors import RecordError, UserError
+from simbench.detectors.errors import ParameterError, RecordError, UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
 from simbench.files import whole_file
@@ -67,6 +67,37 @@ def read_grid(
     name = f"{name} records" if name in grid_names() else name
     found = grid_from_records(records, name, seed=seed, jobs=jobs, kept=kept)
     return replace(found, left_out={**refused, **found.left_out})
+
+
+def plan_of_records(
+    path: str | Path,
+    out: Path,
+    deciding: Mapping[str, Any],
+    *,
+    resume: bool = False,
+    jobs: int = 1,
+    **about: Any,
+) -> RecordsGrid:
+    """Return the grid of the loops that copy the records at a path for a run in the folder `out`,
+    where these loops are kept; ParameterError where `deciding` (sets, axes, ...) changes more of it
+    than its seed or takes some scenarios of it (n).
+    """
+    sets = dict(deciding.get("sets") or {})
+    seed = sets.pop("seed", 0)
+    for key, value in {**deciding, "sets": None, "n": None, **sets}.items():
+        if value not in (None, False, {}):
+            raise ParameterError(
+                f"{key} = {value}: {path} holds records, and beside them only n and the seed are"
+                " allowed"
+            )
+    if isinstance(seed, str) or not 0 <= seed < 2**63 or seed != int(seed):
+        raise ParameterError(f"seed = {seed}: a whole number from 0 is needed")
+    # before the loops are identified, which takes seconds each
+    if out.is_dir() and any(out.iterdir()) and not resume:
+        raise ParameterError(
+            f"folder {out} is not empty; continue its run with --resume, or choose another"
+        )
+    return read_grid(path, seed=int(seed), jobs=jobs, kept=out / ".near", **about)
 
 
 def grid_from_records(

@@ -5,12 +5,15 @@ import json
 import numpy as np
 import pytest
 
+import simbench
+from simbench.bench.execute.compute_piece import compute_piece
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import judge_oracle
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import YES, simulate_with_truth
 from simbench.bench.score.scoring import score_run
-from simbench.detectors.errors import RecordError, UserError
+from simbench.bench.store.reading import read_table
+from simbench.detectors.errors import ParameterError, RecordError, UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import STICTION
 from simbench.files import write_record
@@ -130,6 +133,38 @@ def test_it_runs_and_scores_like_any_grid(made, tmp_path):
     assert scores.as_json()["grid"] == "ours"
     again = run_grid(folder, tmp_path / "again", ["srinivasan"])
     assert (again / "manifest.json").exists()
+
+
+def test_a_run_on_records_resumes_and_is_checked(records, tmp_path, monkeypatch):
+    (tmp_path / "ours").mkdir()
+    for name, record in records.items():
+        write_record(record, tmp_path / "ours" / f"{name}.csv")
+    whole = simbench.run(tmp_path / "ours", "srinivasan", out=tmp_path / "whole", sets={"seed": 4})
+    stop = 3
+
+    def interrupted(*given):
+        nonlocal stop
+        stop -= 1
+        if not stop:
+            raise KeyboardInterrupt
+        return compute_piece(*given)
+
+    begun = {"out": tmp_path / "begun", "sets": {"seed": 4}}
+    with monkeypatch.context() as m:
+        m.setattr("simbench.bench.execute.run.compute_piece", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            simbench.run(tmp_path / "ours", "srinivasan", **begun)
+    resumed = simbench.run(tmp_path / "ours", "srinivasan", resume=True, jobs=2, **begun)
+    one, other = (read_table(f, "verdicts", ["scenario_id", "verdict"]) for f in (whole, resumed))
+    assert one.equals(other)
+    assert one.num_rows > 20
+    found = simbench.check(resumed, whole)
+    assert not found.problems
+    assert found.flips.empty
+    with pytest.raises(ParameterError, match="is not empty; continue its run"):
+        simbench.run(tmp_path / "ours", "srinivasan", out=whole)
+    few = simbench.run(tmp_path / "ours", "srinivasan", out=tmp_path / "few", n=7)
+    assert read_table(few, "verdicts", ["verdict"]).num_rows == 7
 
 
 def test_a_record_without_a_loop_is_named(records):
