@@ -19,6 +19,7 @@ import yaml
 
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop
 
 ROOT = Path(__file__).parents[1]
@@ -75,7 +76,7 @@ def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, own_detect
 
 def test_the_first_example_prints_the_ranking_that_stands_below_it(place, capsys):
     guide = README[README.index("## Benchmark a detector") :]
-    (words,) = (line.split() for line in re.findall(r"^simbench (run .*)$", guide, re.MULTILINE))
+    words = re.findall(r"^simbench (run ci .*)$", guide, re.MULTILINE)[0].split()
     assert main(words) == 0
     said = capsys.readouterr().out.splitlines()
     shown = block("text", "fullness").splitlines()
@@ -107,7 +108,9 @@ def test_the_table_of_contents_counts_what_can_be_listed(capsys):
     assert [kind for _, kind in counts] == ["valves", "detectors", "grids", "effects"]
     for count, kind in counts:
         assert main(["list", kind]) == 0
-        assert len(capsys.readouterr().out.splitlines()) == int(count), kind
+        # a line each; grids under a head, as they have a column
+        lines = capsys.readouterr().out.splitlines()[kind == "grids" :]
+        assert len(lines) == int(count), kind
 
 
 @pytest.fixture
@@ -239,7 +242,8 @@ def test_the_table_of_detectors_and_claims_is_the_one_in_results():
         "scalograms": "scalogram",
         "slope": "slope ratio, as recorded",
     }
-    table = README[README.index("| detector | recorded |") :]
+    page = (ROOT / "docs" / "claims.md").read_text(encoding="utf-8")
+    table = page[page.index("| detector | recorded |") :]
     rows = re.findall(
         r"^\| (\S+).* \| (\.\d+), (\.\d+) \| (\.\d+), (\.\d+) \|", table, re.MULTILINE
     )
@@ -250,12 +254,39 @@ def test_the_table_of_detectors_and_claims_is_the_one_in_results():
             for loops in ("recorded", "echoes")
             for share in shares_of(kept, variants[first], loops)
         ]
-        assert shown == measured, f"{first}: copy its shares from results/claims.txt into README.md"
+        assert shown == measured, f"{first}: copy its shares from results/claims.txt"
     shape = shares_of(kept, "shape indices", "recorded"), shares_of(kept, "shape indices", "echoes")
     assert "indices of shape: {}, {} and {}, {} |".format(*shape[0], *shape[1]) in table
     assert (
         "one loop ({}, {} there)".format(*shares_of(kept, "distance, 10-10", "its home")) in table
     )
+
+    found, called = zip(*(row[1:3] for row in rows[2:]), strict=True)
+    text = " ".join(README.split())
+    assert (
+        f"find {min(found)} to {max(found)} of the 14 sticky loops and call {min(called)} to"
+        f" {max(called)} of the others sticky; `procedure` finds {rows[1][1]} and calls"
+        f" {rows[1][2]}."
+    ) in text
+
+
+def test_the_table_of_grids_is_the_one_in_results():
+    agreement = (ROOT / "results" / "agreement.txt").read_text(encoding="utf-8")
+    areas, orders = (part.splitlines() for part in agreement.split("\n\n")[1::2])
+    orders = {line.split()[0]: line.split()[2:] for line in orders}
+    grids, areas = areas[0].split()[1:], {line.split()[0]: line.split()[1:] for line in areas[1:]}
+    shown = {
+        name: [areas[m][k].lstrip("0") for m in ("likelihood", "arx_stiction", "procedure")]
+        for k, name in enumerate(grids)
+    }
+    for name in ("chapter", "plant", "recorded"):
+        told = f"{load_grid(name).content.told_from_recorded:.2f}"
+        order = "{} [{}, {}]".format(*(x.replace("0.", ".") for x in orders[name]))
+        row = " | ".join([told.lstrip("0"), order, *shown[name]])
+        assert re.search(rf"^\| grid `{name}`: .*\| {re.escape(row)} \|$", README, re.MULTILINE), (
+            row
+        )
+    assert f"| | | {' | '.join(shown['real'])} |" in README
 
 
 def shares_of(lines, variant, loops):

@@ -22,6 +22,7 @@ from simbench.scenarios.settled import table_file, table_of
 from simbench.usage import exit_code
 
 _GROUPS = 20  # settled at a time
+_DRAWN = [name for name in grid_names() if not packaged_grid(name).frozen]
 
 
 def frozen(name: str, jobs: int = 1) -> bytes:
@@ -48,7 +49,7 @@ def _rows(name: str, groups: range) -> list[dict]:
 def main(arguments: list[str] | None = None) -> int:
     """Write the tables of the chosen grids, or of all."""
     parser = argparse.ArgumentParser(prog="python -m results.studies.freeze", description=__doc__)
-    parser.add_argument("grids", metavar="GRID", nargs="*", default=grid_names())
+    parser.add_argument("grids", metavar="GRID", nargs="*", default=_DRAWN)
     parser.add_argument("-j", type=int, default=1, dest="jobs", help="Worker processes [1].")
     chosen = parser.parse_args(arguments)
     for name in chosen.grids:

@@ -28,7 +28,7 @@ from simbench.progress import Progress
 from simbench.scenarios.settled import settled_grid
 from simbench.usage import exit_code
 
-GRIDS = ("ci", "chapter", "table-11-3", "plant", "families")
+GRIDS = ("ci", "chapter", "table-11-3", "plant", "families", "recorded")
 METHODS = ("full", "likelihood", ORACLE)
 _COMPARED = ["scenario_id", "record_hash", "cycled", "sticky"]
 

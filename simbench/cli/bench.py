@@ -128,7 +128,7 @@ def run(
             "--with-reference",
             help="Add the methods whose verdicts on this grid are shipped with simbench to the"
             " ranking, without asking them again; shipped are those of chapter, ci, families,"
-            " plant and table-11-3.",
+            " plant, recorded and table-11-3.",
         ),
     ] = False,
     again: Annotated[

@@ -276,7 +276,9 @@ def _weighed(
     scores: Scores,
     sizes: Mapping[str, float | None],
 ) -> Trust:
-    """Return the answer of a run: methods that see MV are counted where the record has it."""
+    """Return the answer of a run: methods that see MV are counted where the record has it, and what
+    the benchmark does not rank, such as a test for any nonlinearity, is not.
+    """
     table = scores.table
     table = table[(table["process"] == "all") & (table["population"] == "all")]
     by = {truth: rows.set_index("method") for truth, rows in table.groupby("truth")}
@@ -289,8 +291,9 @@ def _weighed(
         )
     rows = []
     for verdict in verdicts:
-        needs_mv = registry.load(verdict.method).METHOD.needs_mv if _known(verdict) else False
-        if verdict.method not in counted.index or (needs_mv and record.mv is None):
+        about = registry.load(verdict.method).METHOD if _known(verdict) else None
+        left_out = about and (about.role != "stiction" or (about.needs_mv and record.mv is None))
+        if verdict.method not in counted.index or left_out:
             rows.append(MethodTrust(verdict))
             continue
         row = counted.loc[verdict.method]

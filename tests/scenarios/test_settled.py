@@ -8,13 +8,15 @@ import pyarrow.parquet as pq
 import pytest
 
 from results.studies.freeze import frozen
-from simbench.scenarios.grid import grid_names, load_grid
+from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import grid_names, load_grid, packaged_grid
 from simbench.scenarios.settled import SettledGrid, settled_grid, table_file, table_of
 
 MOST_BYTES = 6_000_000  # of all tables in the wheel
+FROZEN = "recorded"  # the grid whose scenarios are nowhere but in its table
 
 
-@pytest.mark.parametrize("name", grid_names())
+@pytest.mark.parametrize("name", [n for n in grid_names() if n != FROZEN])
 def test_a_table_has_what_its_grid_asks_for_but_echoes_of_what_does_not_cycle(name):
     asked = {
         draft.id: (group.index, draft.tags, draft.echo is not None)
@@ -63,6 +65,31 @@ def test_a_group_that_lost_all_its_scenarios_is_empty():
     assert other.samples() == [0]
     nothing = SettledGrid(table.name, table.content, {}, table_of([]), 0)
     assert (nothing.group_count, nothing.samples()) == (0, [])
+
+
+def test_only_the_grid_of_recorded_loops_stands_in_its_table_alone():
+    assert [n for n in grid_names() if packaged_grid(n).frozen] == [FROZEN]
+    table = settled_grid(FROZEN)
+    drafts = [d for g in table.groups() for d in g.drafts]
+    assert len({d.id for d in drafts}) == len(drafts) == len(table) == table.content.expected
+    assert {d.tags["benchmark"] for d in drafts} == {table.benchmark}
+    for key, value in {"seed": 3, "noise_ratio": 0.1}.items():
+        with pytest.raises(SpecError, match=f"{FROZEN}: {key} = .* only --n"):
+            load_grid(FROZEN, {key: value})
+
+
+def test_some_scenarios_of_a_table_are_scenarios_of_it():
+    table = settled_grid(FROZEN)
+    all_of_them = {d.id: d for g in table.groups() for d in g.drafts}
+    some = table.some(50)
+    drawn = [d for g in some.groups() for d in g.drafts]
+    assert len(some) == len({d.id for d in drawn}) == 50
+    assert all(all_of_them[d.id] == d for d in drawn)
+    assert table.some(50).hash == some.hash != table.some(49).hash
+    assert len(table.some(len(table))) == len(table)
+    for points in (0, len(table) + 1):
+        with pytest.raises(SpecError, match=f"1 to {len(table)} are allowed"):
+            table.some(points)
 
 
 def test_a_grid_is_known_by_its_table():

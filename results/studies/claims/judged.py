@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from results.studies.plant import echoes
 from results.studies.plant.real_loops import read, share
@@ -62,26 +63,36 @@ class Answers(NamedTuple):
     said: np.ndarray
 
 
-def recorded(folders: Sequence[Path]) -> Loops:
-    """Return the first record of every loop whose label is stated or likely and not doubted."""
+def labelled(folders: Sequence[Path]) -> pd.DataFrame:
+    """Return a row for the first record of every loop whose label is stated or likely and not
+    doubted.
+    """
     rows = read(folders)
     doubted = rows.label_doubt.notna() if "label_doubt" in rows else False
-    rows = rows[
+    return rows[
         (rows.usable == 1)
         & (rows.primary == 1)
         & (rows.label != "unknown")
         & (rows.tier != "unverified")
         & ~doubted
     ].drop_duplicates(["loop", "label"])
-    records = [_read(r.folder, r.id, str(r.dynamics).replace("_", "-")) for r in rows.itertuples()]
-    return Loops(
-        "recorded", records, (rows.label == STICTION).to_numpy(), rows.contributor.to_numpy()
-    )
 
 
-def _read(folder: str, name: str, process: str) -> LoopRecord:
-    known = {"process": process} if process in PROCESSES else {}
-    return read_record(Path(folder) / f"{name}.csv", **known).without_mv()
+def recorded(folders: Sequence[Path]) -> Loops:
+    """Return the labelled loops of folders."""
+    rows = labelled(folders)
+    sticky = (rows.label == STICTION).to_numpy()
+    return Loops("recorded", records_of(rows), sticky, rows.contributor.to_numpy())
+
+
+def records_of(rows: pd.DataFrame) -> list[LoopRecord]:
+    """Return the records of rows, without MV."""
+    records = []
+    for row in rows.itertuples():
+        process = str(row.dynamics).replace("_", "-")
+        known = {"process": process} if process in PROCESSES else {}
+        records.append(read_record(Path(row.folder) / f"{row.id}.csv", **known).without_mv())
+    return records
 
 
 def echoed(count: int, seed: int) -> Loops:

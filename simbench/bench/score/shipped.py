@@ -32,7 +32,7 @@ def results(name: str) -> pd.DataFrame:
     Parameters
     ----------
     name : str
-        Name of a grid: chapter, ci, families, plant or table-11-3.
+        Name of a grid: chapter, ci, families, plant, recorded or table-11-3.
 
     Returns
     -------

@@ -38,6 +38,7 @@ SIZES, JUMPS = (0.5, 1.0, 2.0, 4.0), (0.25, 0.5, 1.0)
 _LARGEST = 30.0  # % of travel; no valve that sticks so much is left in a loop
 _VALVE = "choudhury"
 _SEEDS = 4  # with which a sibling's cycle is looked for
+_LEAST = 4  # times that the cells of few records are drawn, all together: enough for a ranking
 _FEWEST = 5  # records from which those of one are one group, and none is learned from and judged
 
 
@@ -149,7 +150,9 @@ def grid_from_records(
         f"Loops that copy {len(loops)} of {len(records)} records, with sound valves and with"
         " sticking ones"
     )
-    return RecordsGrid(grid_of_loops(loops, name, title, seed=seed, jobs=jobs), loops, left_out)
+    repeats = -(-_LEAST // len(loops))
+    grid = grid_of_loops(loops, name, title, repeats=repeats, seed=seed, jobs=jobs)
+    return RecordsGrid(grid, loops, left_out)
 
 
 def grid_of_loops(

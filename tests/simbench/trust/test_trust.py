@@ -54,6 +54,13 @@ def test_methods_stand_by_what_they_cost_on_loops_like_this_one(trusted):
         assert (m.cost, m.accuracy) == (row["cost"], row["accuracy"])
 
 
+def test_a_test_for_any_nonlinearity_is_not_the_best_method(sticky):
+    answer = trust(sticky, methods=["bicoherence,ellipse"], repeats=1)
+    assert [m.verdict.method for m in answer.methods] == ["ellipse", "bicoherence"]
+    assert answer.methods[1].cost is None
+    assert answer.best.verdict.method == "ellipse"
+
+
 def test_the_smallest_size_is_the_one_from_which_all_are_found():
     said = {1.0: [1, 1, 1, 1, 0], 2.0: [1, 0, 0, 1, 1], 4.0: [1, 1, 1, 1, 0], 8.0: [1] * 5}
     rows = [

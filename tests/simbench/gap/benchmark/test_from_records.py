@@ -57,7 +57,8 @@ def test_every_record_gives_sticky_and_healthy_loops(made):
     for name in ("quiet", "stuck"):
         own = [s for s in scenarios if s.tags["block"] == name]
         sticky = [s for s in own if s.tags["member"] == "sticky"]
-        assert len(sticky) == len(SIZES) * len(JUMPS)
+        # of few records every cell is drawn twice
+        assert len(sticky) == 2 * len(SIZES) * len(JUMPS)
         assert len(own) - len(sticky) >= len(sticky) // 3
     assert len({s.id for s in scenarios}) == len(scenarios)
 
