@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 _REPEATS = 3  # draws of loads and noise in each of twelve cells of S and J
 FOUND = 0.8  # share of the loops of a size and of every larger one that are called sticking
 _FEW_CYCLING = 5  # loops that cycle, below which methods are counted by whether the valve sticks
+_SILENT = 0.5  # cost of a method that never decides
 _MOST_RIVALS = 4  # names of methods that a sentence holds
 
 
@@ -40,14 +41,15 @@ _MOST_RIVALS = 4  # names of methods that a sentence holds
 class MethodTrust:
     """What one method says of the record, and how right it is on loops that copy it.
 
-    `accuracy`, `cost`, `sensitivity` and `false_positives` are those of a score; None where it was
-    not counted. `smallest_S` is the size (% of travel) from which on it finds four of five sticking
+    `accuracy`, `cost` with the upper end of its interval, `sensitivity` and `false_positives` are
+    those of a score; None where it was not counted. `smallest_S` is the size (% of travel) from which on it finds four of five sticking
     valves, None where it does not.
     """
 
     verdict: Verdict
     rank: int | None = None
     cost: float | None = None
+    cost_hi: float | None = None
     accuracy: float | None = None
     sensitivity: float | None = None
     false_positives: float | None = None
@@ -55,7 +57,15 @@ class MethodTrust:
 
     def as_json(self) -> dict[str, Any]:
         """Return a row as JSON types."""
-        keys = ("rank", "cost", "accuracy", "sensitivity", "false_positives", "smallest_S")
+        keys = (
+            "rank",
+            "cost",
+            "cost_hi",
+            "accuracy",
+            "sensitivity",
+            "false_positives",
+            "smallest_S",
+        )
         said = {"method": self.verdict.method, "verdict": self.verdict.verdict}
         numbers = {key: getattr(self, key) for key in keys}
         return {**said, "applicable": self.verdict.applicable, **numbers}
@@ -94,17 +104,22 @@ class Trust:
     def line(self) -> str:
         """Return in one line which method is most reliable here, and what it finds."""
         best = self.best
-        if best is None:
+        if best is None or best.cost is None or best.accuracy is None:
             return f"which method is reliable on loops like this one is unknown: {self.reason}"
         found = (
             f"finds stiction from S = {best.smallest_S:.2g} % of travel on"
             if best.smallest_S is not None
             else "finds none of the sizes of stiction that were tried in four of five loops"
         )
-        return (
+        # what is neither right nor wrong is no decision, which costs half
+        wrong = 2.0 * best.cost + best.accuracy - 1.0
+        line = (
             f"on {self.loops} simulations of loops like this one {best.verdict.method} is right in"
-            f" {best.accuracy:.0%}, and {found}{self._ties()}"
+            f" {best.accuracy:.0%}, wrong in {abs(wrong):.0%}, and {found}{self._ties()}"
         )
+        if best.cost_hi is not None and best.cost_hi < _SILENT:
+            return line
+        return f"no method is known to be worth more here than no answer: {line}"
 
     def _ties(self) -> str:
         """Return, after a semicolon, from which methods the first one cannot be told."""
@@ -299,7 +314,7 @@ def _weighed(
         row = counted.loc[verdict.method]
         numbers = {
             key: float(row[key]) if np.isfinite(row[key]) else None
-            for key in ("cost", "accuracy", "sensitivity", "false_positives")
+            for key in ("cost", "cost_hi", "accuracy", "sensitivity", "false_positives")
         }
         rank = int(row["rank"]) if np.isfinite(float(row["rank"])) else None
         rows.append(MethodTrust(verdict, rank, **numbers, smallest_S=sizes.get(verdict.method)))

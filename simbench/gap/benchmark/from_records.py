@@ -239,8 +239,9 @@ def _scenarios(
 def _cell(
     near: NearLoop, S: float, jump: float, tags: dict[str, Any], stream: list[int]
 ) -> list[Scenario]:
-    """Return a sticky loop and its healthy sibling; the sibling of one that does not cycle has
-    fresh loads, and stands in every other cell. What cannot be simulated is left out.
+    """Return a sticky loop and its healthy sibling: an echo of one that cycles. Where none does as
+    it, the sibling has fresh loads, as that of one that does not cycle, which stands in every other
+    cell. What cannot be simulated is left out.
     """
     rng = np.random.default_rng([*stream, int(near.digest[:8], 16)])
     first, other = (int(x) for x in rng.integers(2**31, size=2))
@@ -249,13 +250,11 @@ def _cell(
     try:
         cycles = simulate_with_truth(sticky, first)[1].answer == YES
         found = [_scenario(near, sticky, first, {**tags, "member": "sticky"}, sticky)]
-        healthy, kind = (near.loop, other), "none"
-        if cycles:
-            kind = str(rng.choice(ECHOES))
-            healthy = _echo(near.loop, valve, kind, other)
-        elif (tags["cell"] + tags["repeat"]) % 2:
-            healthy = None
-        if healthy is not None:
+        kind = str(rng.choice(ECHOES))
+        healthy = _echo(near.loop, valve, kind, other) if cycles else None
+        if healthy is None:
+            healthy, kind = (near.loop, other), "none"
+        if cycles or (tags["cell"] + tags["repeat"]) % 2 == 0:
             run_once(*healthy)
             told = {**tags, "member": "healthy", "echo": kind}
             found.append(_scenario(near, *healthy, told, sticky))
