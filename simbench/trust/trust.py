@@ -42,8 +42,8 @@ class MethodTrust:
     """What one method says of the record, and how right it is on loops that copy it.
 
     `accuracy`, `cost` with the upper end of its interval, `sensitivity` and `false_positives` are
-    those of a score; None where it was not counted. `smallest_S` is the size (% of travel) from which on it finds four of five sticking
-    valves, None where it does not.
+    those of a score; None where it was not counted. `smallest_S` is the size (% of travel) from
+    which on it finds four of five sticking valves, None where it does not.
     """
 
     verdict: Verdict

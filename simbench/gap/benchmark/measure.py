@@ -91,7 +91,7 @@ def grid(
     Notes
     -----
     An AUC of .5 says that these features tell nothing, not that a ranking of methods on the grid
-    holds on the records: `results/transfer.txt` measures that.
+    holds on the records: `results/agreement.txt` measures that.
 
     Examples
     --------
