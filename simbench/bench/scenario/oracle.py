@@ -7,17 +7,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import scipy
 
-from simbench.detectors.signal.stiction_map import valve_position
+from simbench.detectors.compiled import LANES, compiled, lanes, rows, wide
+from simbench.detectors.signal.fits.hammerstein_kernels import Stretch, Valves, moves
 from simbench.detectors.verdict import NO_STICTION, STICTION, Verdict
 from simbench.loop import plant
 from simbench.loop.resolve import resolve_loop
-from simbench.loop.run import Run
+from simbench.loop.run import Run, run_setup
 from simbench.loop.setup import Setup
-from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Sampling, Scenario
-from simbench.valve.maps import at_rest
 
 ORACLE = "oracle"
 SOURCE = (
@@ -42,25 +40,32 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     loop, sampling = scenario.loop, scenario.loop.sampling
     # the plant's state is known where the run starts, not where the record does, and OP and PV as
     # they were, not as they were archived
-    if sampling.warm_up or loop.archive is not None:
+    written = bool(sampling.warm_up) or loop.archive is not None
+    if written:
         whole = Sampling(Ts=sampling.Ts, n=(sampling.warm_up or 0) + sampling.n)
         loop = loop.model_copy(update={"sampling": whole, "archive": None})
-        run = simulate(loop, scenario.seed)
     setup = resolve_loop(loop, scenario.seed)
+    if written:
+        run = run_setup(setup)
     n, op, pv = setup.end, run.record.op, run.record.pv
-    known = setup.pv0 + run.load_out[:n]
-    predict = _predictor(setup, run.load_in[:n])
+    # PV as the known noise and load leave it to the valve, and the inflow that load adds to MV's
+    left, load = pv - setup.pv0 - run.load_out[:n], np.array(run.load_in[:n])
     variance = (
         setup.noise_std**2
         + (_FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
     )
+    # the valve rests under the OP before the first
+    record = Stretch(np.append(setup.op0, op), left, 1, 0, 0, n, 1.0, 0.0, 100.0)
+    b, a, delay = _transfer(setup)
 
-    def misfit(mv: np.ndarray) -> float:
-        residual = pv - known - predict(mv)
-        return float(residual @ residual) / (2.0 * variance)
+    def misfits(S: np.ndarray, J: np.ndarray) -> np.ndarray:
+        none, out = np.zeros(S.size), np.empty(S.size)
+        valves = Valves(none, S, J, none, none, none, none)
+        compiled(squares_left)(record, valves, load, b, a, delay, out)
+        return out / (2.0 * variance)
 
-    ideal = misfit(np.clip(op, 0.0, 100.0))
-    S, J, best = _best_valve(lambda s, j: misfit(valve_position(op, s, j, at_rest(setup.op0))))
+    (ideal,) = misfits(np.zeros(1), np.zeros(1)).tolist()
+    S, J, best = _best_valve(misfits)
     ratio = ideal - best
     score = ratio - float(np.log(n))
     likelier = "sticky" if score > 0 else "ideal"
@@ -79,9 +84,13 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     )
 
 
-def _best_valve(misfit: Callable[[float, float], float]) -> tuple[float, float, float]:
-    # a coarse lattice over all valves, then finer ones around the best so far
-    candidates = [(s, s * ratio) for s in _BANDS for ratio in _JUMPS]
+def _best_valve(
+    misfits: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> tuple[float, float, float]:
+    """Return S and J of the best valve, and its misfit: of a coarse lattice over all valves, then
+    of finer ones around the best so far.
+    """
+    sizes, ratios = _BANDS, _JUMPS
     factor, width, offsets = (
         np.log(_BANDS[1] / _BANDS[0]),
         _JUMPS[1],
@@ -89,37 +98,70 @@ def _best_valve(misfit: Callable[[float, float], float]) -> tuple[float, float, 
     )
     best, S, J = np.inf, np.nan, np.nan
     for _ in range(1 + _ZOOMS):
-        for s, j in candidates:
-            found = misfit(float(s), float(j))
-            if found < best:
-                best, S, J = found, float(s), float(j)
+        s = np.repeat(sizes, ratios.size)
+        j = s * np.tile(ratios, sizes.size)
+        found = misfits(s, j)
+        k = int(found.argmin())
+        if found[k] < best:
+            best, S, J = float(found[k]), float(s[k]), float(j[k])
         sizes, ratios = S * np.exp(factor * offsets), np.clip(J / S + width * offsets, 0.0, None)
-        candidates = [(s, s * ratio) for s in sizes for ratio in ratios]
         factor, width = factor / 2, width / 2
     return S, J, best
 
 
-def _predictor(setup: Setup, load_in: np.ndarray):
+def _transfer(setup: Setup) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return numerator and denominator of the sampled plant in powers of 1/z, of one length, and
+    the samples by which it is late.
+    """
     if setup.loop.plant.dt is not None:
         # stated in z: its numbers as they stand, behind whole samples
-        b, den = np.append(0.0, setup.loop.plant.num or ()), np.array(setup.loop.plant.den)
+        b, a = np.append(0.0, setup.loop.plant.num or ()), np.array(setup.loop.plant.den)
         delay = round(setup.Td / setup.Ts)
     else:
         sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
-        column = [np.reshape(B, (-1, 1)) for B in (sampled.B_new, sampled.B_old)]
-        (new, den), (old, _) = (
-            scipy.signal.ss2tf(sampled.A, B, np.reshape(sampled.C, (1, -1)), [[0.0]])
-            for B in column
-        )
-        b = np.concatenate([new[0], [0.0]]) + np.concatenate([[0.0], old[0]])
-        delay = sampled.delay
+        # C (zI - A)^-1 B = (det(zI - A + B C) - det(zI - A))/det(zI - A), the matrix determinant
+        # lemma
+        A, C = np.atleast_2d(sampled.A), np.reshape(sampled.C, (1, -1))
+        a = np.poly(A)
+        new, old = (np.poly(A - np.outer(B, C)) - a for B in (sampled.B_new, sampled.B_old))
+        b, delay = np.append(new, 0.0) + np.append(0.0, old), sampled.delay
+    size = max(b.size, a.size, 2)
+    return np.pad(b, (0, size - b.size)), np.pad(a, (0, size - a.size)), delay
 
-    def predict(mv: np.ndarray) -> np.ndarray:
-        """PV (n,) as deviation from its rest, without output load and noise."""
-        w = mv - setup.op0 + load_in
-        y = np.zeros(w.size)
-        if delay < w.size:
-            y[delay:] = scipy.signal.lfilter(b, den, w[: w.size - delay])
-        return y
 
-    return predict
+def squares_left(record, valves, load, b, a, delay, out):
+    """Fill out[i] with the sum of squares that valve i and the plant b/a, `delay` samples late,
+    leave of the record's PV; `load` adds to the valve's position.
+
+    The filter is a transposed direct form II (Oppenheim and Schafer 2010, section 6.3).
+    """
+    wide()
+    n, last = load.size, b.size - 1
+    v, total, state = rows(n + 1), rows(n + 2), rows(last)
+    w, y, squares = lanes(), lanes(), lanes()
+    for block in range(0, out.size, LANES):
+        moves(record, valves, block, v, total)
+        for c in range(LANES):
+            squares[c] = 0.0
+        for k in range(last * LANES):
+            state[k] = 0.0
+        for k in range(min(delay, n)):
+            for c in range(LANES):
+                squares[c] += record.y[k] * record.y[k]
+        for k in range(n - delay):
+            # the first position is that before the record
+            row, pv, add = np.uintp((k + 1) * LANES), record.y[k + delay], load[k]
+            for c in range(LANES):
+                w[c] = v[row + np.uintp(c)] + add
+                y[c] = state[np.uintp(c)] + b[0] * w[c]
+                squares[c] += (pv - y[c]) * (pv - y[c])
+            for j in range(1, last):
+                to, of = np.uintp((j - 1) * LANES), np.uintp(j * LANES)
+                bj, aj = b[j], a[j]
+                for c in range(LANES):
+                    state[to + np.uintp(c)] = state[of + np.uintp(c)] + w[c] * bj - y[c] * aj
+            to, bj, aj = np.uintp((last - 1) * LANES), b[last], a[last]
+            for c in range(LANES):
+                state[to + np.uintp(c)] = w[c] * bj - y[c] * aj
+        for c in range(min(LANES, out.size - block)):
+            out[block + c] = squares[c]

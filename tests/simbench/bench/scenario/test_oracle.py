@@ -2,13 +2,19 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from simbench.bench.execute.run import run_grid
+from simbench.bench.scenario import oracle as oracle_room
 from simbench.bench.scenario.oracle import judge_oracle
 from simbench.bench.store.reading import RunArrays
+from simbench.detectors.compiled import compiled
+from simbench.detectors.signal.fits.hammerstein_kernels import Stretch, Valves
+from simbench.detectors.signal.stiction_map import valve_position
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, Scenario
+from simbench.valve.maps import at_rest
 
 FOPTD = {"type": "foptd", "K": 1.5, "T": 10, "Td": 2.3}
 INTEGRATING = {"type": "integrating", "K": 0.1, "Td": 1.7}
@@ -61,13 +67,41 @@ def test_right_about_healthy_and_sticky_valves_under_any_load(plant, load, noise
 @pytest.mark.parametrize("plant", [FOPTD, INTEGRATING])
 def test_the_true_valve_leaves_only_the_noise(plant):
     # the prediction is the simulation without noise, sample by sample
-    from simbench.bench.scenario.oracle import _predictor
-
     sticky = loop(STICKY[0], plant, noise=0.2, disturbance=LOADS[2])
     run = simulate(sticky, 3)
     setup = resolve_loop(sticky, 3)
-    predicted = setup.pv0 + run.load_out + _predictor(setup, run.load_in)(run.record.mv)
+    answer = response(setup, run.record.mv - setup.op0 + run.load_in)
+    predicted = setup.pv0 + run.load_out + answer
     assert np.allclose(run.record.pv - predicted, setup.pv_add, atol=1e-9)
+
+
+def response(setup, inflow):
+    """Return PV's answer to an inflow, both as deviations."""
+    b, a, late = oracle_room._transfer(setup)
+    return np.append(np.zeros(late), lfilter(b, a, inflow[: inflow.size - late]))
+
+
+@pytest.mark.parametrize("plant", [FOPTD, INTEGRATING])
+def test_the_kernel_has_the_squares_of_one_valve_after_the_other(plant):
+    sticky = loop(STICKY[0], plant, noise=0.2, disturbance=LOADS[2], n=120)
+    run, setup = simulate(sticky, 3), resolve_loop(sticky, 3)
+    rng = np.random.default_rng(0)
+    S = np.append(0.0, rng.uniform(0.1, 40.0, 70))
+    J = S * rng.uniform(0.0, 1.3, S.size)
+    op, left = np.array(run.record.op), run.record.pv - setup.pv0 - run.load_out
+    slowly = []
+    for s, j in zip(S, J, strict=True):
+        mv = valve_position(op, s, j, at_rest(setup.op0))
+        left_over = left - response(setup, mv - setup.op0 + run.load_in)
+        slowly.append(left_over @ left_over)
+    none = np.zeros(S.size)
+    record = Stretch(np.append(setup.op0, op), left, 1, 0, 0, op.size, 1.0, 0.0, 100.0)
+    asked = (record, Valves(none, S, J, none, none, none, none), np.array(run.load_in))
+    plain, fast = np.empty(S.size), np.empty(S.size)
+    oracle_room.squares_left(*asked, *oracle_room._transfer(setup), plain)
+    compiled(oracle_room.squares_left)(*asked, *oracle_room._transfer(setup), fast)
+    assert fast.tolist() == plain.tolist()
+    assert fast == pytest.approx(slowly, rel=1e-9)
 
 
 def test_band_and_jump_are_estimated():
