@@ -13,7 +13,7 @@ Saw-teeth count as triangles: J > 0 tilts them.
 Not for: fewer than 8 samples per cycle; noise of the size of the cycle, which makes every label a
 sine.
 Source: R. Srinivasan, R. Rengaswamy, R. Miller (2005), Ind. Eng. Chem. Res. 44, 6708-6718; Table
-11.2 after Forsman (2000). Dynamic time warping by dtaidistance, band a tenth of the cycle.
+11.2 after Forsman (2000). Dynamic time warping in a band of a tenth of the cycle.
 """
 
 from __future__ import annotations
@@ -22,12 +22,14 @@ from functools import lru_cache
 
 import numpy as np
 
+from simbench.detectors.compiled import LANES, compiled, lanes, rows, wide
 from simbench.detectors.method import Method, Threshold
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.signal.oscillation import zero_crossings
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
 
 CYCLE_POINTS = 40  # samples per resampled cycle
+_BAND = CYCLE_POINTS // 10  # of the warping, samples
 _CYCLES = 40  # at most, spread over the record
 _HARMONICS = 9.0
 _GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
@@ -84,19 +86,47 @@ def templates() -> tuple[np.ndarray, np.ndarray]:
 
 def label_shares(pieces: np.ndarray) -> np.ndarray:
     """Return the share of cycles nearest to each label, shape (4,), in the order of LABELS."""
-    from dtaidistance import dtw
-
     shapes, label = templates()
-    m = len(pieces)
-    distance = dtw.distance_matrix_fast(
-        np.vstack([pieces, shapes]),
-        window=CYCLE_POINTS // 10,
-        block=((0, m), (m, m + len(shapes))),
-        compact=True,
-        parallel=False,
-    )
-    nearest = label[np.reshape(np.asarray(distance), (m, len(shapes))).argmin(axis=1)]
-    return np.bincount(nearest, minlength=len(SHAPES)) / m
+    squares = np.empty((len(pieces), len(shapes)))
+    compiled(warped_squares)(np.ascontiguousarray(pieces), shapes, _BAND, squares)
+    nearest = label[squares.argmin(axis=1)]
+    return np.bincount(nearest, minlength=len(SHAPES)) / len(pieces)
+
+
+def warped_squares(pieces, shapes, band, out):
+    """Fill out[i, s] with the least sum of squares between piece i and shape s, both of n samples,
+    along a path of which samples fewer than `band` apart are matched; `LANES` pieces together.
+
+    Sakoe and Chiba (1978), IEEE Trans. ASSP 26, 43: symmetric, without a slope constraint.
+    """
+    wide()
+    m, n = pieces.shape
+    x, cost = rows(n), rows(n + 1)  # cost: of the best path to each sample of the shape
+    before, corner = lanes(), lanes()
+    for block in range(0, m, LANES):
+        for c in range(LANES):
+            for k in range(n):
+                x[k * LANES + c] = pieces[min(block + c, m - 1), k]
+        for s in range(len(shapes)):
+            for k in range((n + 1) * LANES):
+                cost[k] = 0.0 if k < LANES else np.inf
+            for i in range(n):
+                first = max(0, i - band + 1)
+                row, start = np.uintp(i * LANES), np.uintp(first * LANES)
+                for c in range(LANES):
+                    corner[c] = cost[start + np.uintp(c)]
+                    # to the left of the band there is no path
+                    before[c] = cost[start + np.uintp(c)] = np.inf
+                for j in range(first, min(n, i + band)):
+                    place = np.uintp((j + 1) * LANES)
+                    for c in range(LANES):
+                        above = cost[place + np.uintp(c)]
+                        off = x[row + np.uintp(c)] - shapes[s, j]
+                        before[c] = off * off + min(min(corner[c], above), before[c])
+                        corner[c] = above
+                        cost[place + np.uintp(c)] = before[c]
+            for c in range(min(LANES, m - block)):
+                out[block + c, s] = cost[n * LANES + c]
 
 
 def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:

@@ -30,7 +30,7 @@ _BINDING = (
     "code",
     "versions",
 )
-_LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn", "dtaidistance")
+_LIBRARIES = ("stiction-simbench", "numpy", "scipy", "numba", "scikit-learn")
 
 # files of this room that decide what the tables hold
 _DECISIVE = ("motion", "oracle", "resolve", "tables", "truth", "work")
