@@ -45,7 +45,7 @@ def find_spikes(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarra
             int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))
         }
         if not new and len(outliers) >= 3:
-            new = _touching(clean, least)
+            new = touching(clean, least)
         if not new:
             break
         for k, height in new.items():
@@ -65,29 +65,34 @@ def cleaned(x: np.ndarray, spikes: np.ndarray) -> np.ndarray:
     return np.interp(at, at[keep], x[keep])
 
 
-def _touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
+def touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
     """Return the heights of two spikes, one or two samples apart, each of which hides the other;
     empty when there are none.
     """
-    off = np.abs(off_line(x)[0])
+    at = np.flatnonzero(np.abs(off_line(x)[0]) > least)
     out: dict[int, float] = {}
-    for k in np.flatnonzero(off > least):
-        for apart in (1, 2):
-            both = np.array([k, k + apart])
-            at = np.setdiff1d(np.arange(k - 2, k + apart + 3), both)
-            if (
-                at[0] < 0
-                or at[-1] >= x.size
-                or any(j in out for j in at)
-                or any(j in out for j in both)
-            ):
-                continue
-            line = np.polyfit(at - k, x[at], 1)
-            heights = x[both] - np.polyval(line, both - k)
-            spread = float(np.ptp(x[at] - np.polyval(line, at - k)))
-            if np.all(np.abs(heights) > np.maximum(least[both], _ALONE * spread)):
-                out |= dict(zip(both.tolist(), heights.tolist(), strict=True))
+    for k, apart, heights in sorted([*_pairs(x, least, at, 1), *_pairs(x, least, at, 2)]):
+        if out.keys().isdisjoint(range(k - 2, k + apart + 3)):
+            out |= {k: heights[0], k + apart: heights[1]}
     return out
+
+
+def _pairs(
+    x: np.ndarray, least: np.ndarray, at: np.ndarray, apart: int
+) -> list[tuple[int, int, list[float]]]:
+    """Return place, distance and heights of those pairs of samples of which the first is one of
+    `at`, and both are clearly off the line through the four about them.
+    """
+    places = np.setdiff1d(np.arange(-2, apart + 3), (0, apart))
+    middle = places.mean()
+    t = places - middle
+    at = at[(at >= 2) & (at + apart + 2 < x.size)]
+    both, around = at[:, None] + np.array([0, apart]), x[at[:, None] + places]
+    level, slope = around.mean(axis=1, keepdims=True), (around @ t / (t @ t))[:, None]
+    heights = x[both] - level - slope * (np.array([0, apart]) - middle)
+    spread = np.ptp(around - slope * t, axis=1)[:, None]
+    clear = (np.abs(heights) > np.maximum(least[both], _ALONE * spread)).all(axis=1)
+    return [(int(k), apart, h) for k, h in zip(at[clear], heights[clear].tolist(), strict=True)]
 
 
 def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,8 +4,9 @@ and what it does between samples looks like a band.
 
 from __future__ import annotations
 
+import cmath
+import math
 from itertools import product
-from typing import Any
 
 import numpy as np
 import scipy
@@ -16,6 +17,7 @@ from simbench.gap.thresholds import OVERSHOOTS
 
 _TIMES = np.geomspace(0.3, 60.0, 24)  # samples, 1/omega that are tried
 _CLEAR = 10.0  # nats from which a valve that overshoots is believed
+_MEET = 1e-9  # 1/samples between two poles that count as one
 _DAMPINGS = (0.08, 0.15, 0.3, 0.5, 0.8)
 
 
@@ -51,8 +53,21 @@ def lag_second_order(op: np.ndarray, tau: float, damping: float, first: float) -
     """Return OP (n,) after a second-order lag under an input held over each sample, at rest at
     `first` before it.
     """
-    num, den = [1.0], [tau * tau, 2.0 * damping * tau, 1.0]
-    discrete: Any = scipy.signal.cont2discrete((num, den), 1.0, method="zoh")
-    b, a = discrete[:2]
+    b, a = held(tau, damping)
     # where it stands at the end of each sample, as MV is the position there
-    return first + lfilter(np.asarray(b).ravel()[1:], np.asarray(a), op - first)
+    return first + lfilter(b, a, op - first)
+
+
+def held(tau: float, damping: float) -> tuple[list[float], list[float]]:
+    """Return numerator and denominator in powers of 1/z of 1/(tau^2 s^2 + 2 damping tau s + 1)
+    under an input held over each sample of length 1, without the sample of delay.
+
+    Astrom and Wittenmark (1997), Computer-Controlled Systems, table 2.1.
+    """
+    decay, turn = damping / tau, cmath.sqrt(damping * damping - 1.0) / tau
+    one, other = cmath.exp(turn - decay), cmath.exp(-turn - decay)
+    even = 0.5 * (one + other).real
+    # at critical damping the poles meet, and (one - other)/(2 turn) is their value
+    odd = decay * ((one - other) / (2.0 * turn) if abs(turn) > _MEET else one).real
+    both = math.exp(-2.0 * decay)
+    return [1.0 - even - odd, both - even + odd], [1.0, -2.0 * even, both]

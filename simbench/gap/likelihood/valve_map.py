@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from simbench.detectors.compiled import compiled
 from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.likelihood import kernels
@@ -55,7 +58,7 @@ class MapSearch:
         late: int = 0,
     ) -> None:
         # a copy: kernels would be compiled once more for a record's arrays, which are read-only
-        self.op, self.mv, self.Ts, self.late = op.copy(), mv, Ts, late
+        self.op, self.mv, self.Ts, self.late = op.copy(), np.array(mv, dtype=float), Ts, late
         self.span = float(np.ptp(op)) or 1.0
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
         # what an archive that reports by exception may hide of OP is no valve's
@@ -70,9 +73,11 @@ class MapSearch:
         MV may be logged at any time between OP's last sample and this one, or as a mean over it;
         and before OP, where that was stored late.
         """
-        others = [np.append(v[0], v[:-1])] + [np.append(v[1:], v[-1])] * bool(self.late)
-        left = [self.mv - v - share_of(self.mv - v, other - v) * (other - v) for other in others]
-        return 0.5 * self.op.size * np.log(min(float(np.mean(x * x)) for x in left) + self.fine)
+        v = np.asarray(v, dtype=float)
+        least = compiled(squares_within)(self.mv, v, -1)
+        if self.late:
+            least = min(least, compiled(squares_within)(self.mv, v, 1))
+        return 0.5 * v.size * math.log(least / v.size + self.fine)
 
     def priced(self, level: float, parameters: dict[str, float | str], count: float) -> MapFit:
         """Return the answer for a model of that level with `count` fitted numbers."""
@@ -157,6 +162,24 @@ class MapSearch:
                 value, a, b = tried(near)[0]
             lowest.append((value, a, b))
         return lowest
+
+
+def squares_within(mv, v, side):
+    """Return the sum of squares that a model `v` leaves of MV, which lies at one share of the way
+    from each sample of it to its neighbour at `side` (-1 or 1), as far as there is one.
+    """
+    last = v.size - 1
+    along = size = 0.0
+    for k in range(v.size):
+        way = v[min(max(k + side, 0), last)] - v[k]
+        along += (mv[k] - v[k]) * way
+        size += way * way
+    share = min(max(along / max(size, 1e-300), 0.0), 1.0)
+    total = 0.0
+    for k in range(v.size):
+        left = mv[k] - v[k] - share * (v[min(max(k + side, 0), last)] - v[k])
+        total += left * left
+    return total
 
 
 def share_of(left: np.ndarray, way: np.ndarray) -> float:

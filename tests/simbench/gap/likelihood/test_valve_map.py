@@ -5,9 +5,10 @@ nats.
 import numpy as np
 import pytest
 
+from simbench.detectors.compiled import compiled
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.valve_map import MapSearch, lag_signal
+from simbench.gap.likelihood.valve_map import MapSearch, lag_signal, squares_within
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -51,6 +52,17 @@ def test_a_valve_that_follows_op_has_none_of_them(effect):
 @pytest.mark.parametrize("off", [0.0, 0.1])
 def test_the_misfit_counts_down_to_a_thousandth_of_the_range(off):
     assert search(OP).level(OP + off) == pytest.approx(0.5 * N * np.log(off**2 + 1e-6 * SPAN**2))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_squares_within_a_sample_are_those_of_a_regression(side):
+    rng = np.random.default_rng(3)
+    mv, v = OP + NOISE, OP + 0.1 * rng.standard_normal(N)
+    way = np.append(v[0], v[:-1]) - v if side < 0 else np.append(v[1:], v[-1]) - v
+    share = np.clip((mv - v) @ way / (way @ way), 0.0, 1.0)
+    expected = np.sum((mv - v - share * way) ** 2)
+    assert squares_within(mv, v, side) == pytest.approx(expected, rel=1e-12)
+    assert compiled(squares_within)(mv, v, side) == squares_within(mv, v, side)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7, 1.0])
