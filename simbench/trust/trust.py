@@ -57,15 +57,7 @@ class MethodTrust:
 
     def as_json(self) -> dict[str, Any]:
         """Return a row as JSON types."""
-        keys = (
-            "rank",
-            "cost",
-            "cost_hi",
-            "accuracy",
-            "sensitivity",
-            "false_positives",
-            "smallest_S",
-        )
+        keys = ("rank", "cost", "accuracy", "sensitivity", "false_positives", "smallest_S")
         said = {"method": self.verdict.method, "verdict": self.verdict.verdict}
         numbers = {key: getattr(self, key) for key in keys}
         return {**said, "applicable": self.verdict.applicable, **numbers}
