@@ -1,5 +1,5 @@
 """Where a scenario's CPU time goes: loop kernel, its set-up, truth, theory, front end, each
-detector, store and glue.
+detector, the oracle, store and glue.
 
 Shares are compared with the committed ones, which `--update` writes.
 """
@@ -18,6 +18,7 @@ import simbench.bench.execute.compute_piece as piece_module
 import simbench.loop.kernel
 from simbench.bench.execute import pieces
 from simbench.bench.scenario import kept
+from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store import tables
 from simbench.detectors import prepared
 from simbench.detectors.plugins.registry import methods
@@ -90,6 +91,7 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
             meter.wrap("front end", prepared.find_oscillation),
         ),
         (prepared, "inspect", meter.wrap("quality flags", prepared.inspect)),
+        (piece_module, "judge_oracle", meter.wrap(ORACLE, piece_module.judge_oracle)),
         (piece_module, "scenario_row", meter.wrap("rows", piece_module.scenario_row)),
         (piece_module, "verdict_row", meter.wrap("rows", piece_module.verdict_row)),
         (tables, "encode", meter.wrap("store", tables.encode)),
@@ -115,7 +117,7 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
             start = time.process_time()
             for number, groups in enumerate(blocks):
                 piece = piece_module.compute_piece(
-                    plan, number, groups, piece_module.PieceSettings(tuple(names))
+                    plan, number, groups, piece_module.PieceSettings((*names, ORACLE))
                 )
                 pieces.write_piece(Path(folder), piece, "")
                 count += piece.receipt.scenarios
@@ -142,7 +144,7 @@ def measured() -> dict[str, Any]:
         plan,
         0,
         [g for s in starts for g in range(s, s + BLOCK, 2)],
-        piece_module.PieceSettings(tuple(budgets["full"])),
+        piece_module.PieceSettings((*budgets["full"], ORACLE)),
     )
     rounds: dict[str, list] = {budget: [] for budget in budgets}
     for r in range(1, ROUNDS + 1):

@@ -1,27 +1,39 @@
-"""Distribute the pieces of a run over processes of this machine, or over a cluster of dask or ray:
-joblib hands them out.
+"""Distribute the pieces of a run over copies of this process, or where there can be none, and over
+a cluster of dask or ray, over the workers that joblib has.
 """
 
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError
-from typing import Any
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
+from functools import partial
+from typing import Any, Protocol
 
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, delayed, effective_n_jobs, parallel_config
 
 from simbench.bench.execute.compute_piece import Receipt
 from simbench.bench.store.folder import RunError
 from simbench.safe_path import safe_path
 
 BACKENDS = ("loky", "dask", "ray")
-_Task = Callable[[int, Sequence[int]], Receipt]
 _Pieces = list[tuple[int, Sequence[int]]]
+
+
+class _Task(Protocol):
+    """Works a piece by its number and groups; `load` does what every worker does first."""
+
+    def __call__(self, number: int, groups: Sequence[int]) -> Receipt: ...
+
+    def load(self, number: int, groups: Sequence[int]) -> None: ...
+
+
 Runner = Callable[[_Task, _Pieces], Iterator[Receipt]]
 _PATIENCE = 6.0  # s, for a scheduler to answer
 _WORKERS = 300.0  # s, for the first worker of a cluster: some start them when there is work
@@ -29,12 +41,15 @@ _LOOK = 1.0  # s between two looks of a worker at its parent
 
 
 @contextlib.contextmanager
-def workers(backend: str, address: str | None, jobs: int) -> Iterator[Runner]:
+def workers(backend: str, address: str | None, jobs: int, hosts: bool = False) -> Iterator[Runner]:
     """Yield a function that has pieces computed by workers and yields each receipt when it is
-    there.
+    there; `hosts` tells that they have processes of their own, for plug-ins.
     """
     if backend == "loky" and jobs == 1:
         yield lambda task, missing: (task(number, groups) for number, groups in missing)
+        return
+    if backend == "loky" and not hosts and _may_fork():
+        yield partial(_forked, effective_n_jobs(jobs))
         return
     with contextlib.ExitStack() as stack:
         stack.enter_context(safe_path())
@@ -56,6 +71,31 @@ def workers(backend: str, address: str | None, jobs: int) -> Iterator[Runner]:
                 raise RunError(f"the {backend} scheduler is gone: {reason}") from None
 
         yield run
+
+
+def _may_fork() -> bool:
+    """Return whether a copy of this process would be whole: no other thread holds a lock in it."""
+    return sys.platform == "linux" and threading.active_count() == 1
+
+
+def _forked(jobs: int, task: _Task, missing: _Pieces) -> Iterator[Receipt]:
+    """Yield the receipts of pieces that copies of this process work: libraries and kernels are
+    loaded once, before they are made.
+    """
+    task.load(*missing[0])
+    others = multiprocessing.active_children()
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(min(jobs, len(missing)), context, _begin) as pool:
+        try:
+            working = [pool.submit(task, number, groups) for number, groups in missing]
+            for done in as_completed(working):
+                yield done.result()
+        except BaseException:
+            # nobody waits for the pieces that are being worked
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()) - set(others):
+                child.terminate()
+            raise
 
 
 def _dask(address: str | None, stack: contextlib.ExitStack) -> dict[str, Any]:
@@ -107,6 +147,7 @@ def _begin() -> None:
     what becomes of it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
 
 

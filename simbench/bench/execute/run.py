@@ -185,7 +185,8 @@ def run_scored(
         if asked.like is not None:
             refuse_unlike(asked.like, manifest)
         folder = local_path(Path("runs") / plan.name if out is None else out)
-        with workers(asked.backend, asked.address, jobs) as run, pieces.held(folder):
+        hosts = bool(files or adopted or any(parts))
+        with workers(asked.backend, asked.address, jobs, hosts) as run, pieces.held(folder):
             pieces.open_run(folder, manifest, asked.resume)
             if pieces.is_finished(folder):
                 return folder, None
@@ -323,6 +324,11 @@ class _Task:
         return there or pieces.write_piece(
             folder, compute_piece(grid, number, groups, settings), key
         )
+
+    def load(self, number: int, groups: Sequence[int]) -> None:
+        """Load and compile what a piece needs, by working its first group."""
+        grid, _, _, settings = _unpacked(self._packed)
+        compute_piece(grid, number, groups[:1], settings)
 
 
 @lru_cache(maxsize=2)
