@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,16 @@ class Start:
     control: tuple[float, ...] = ()
 
 
+class WholeRun(NamedTuple):
+    """A run before a record was cut from it and archived: its setup, OP and PV as measured, from
+    the start of the warm-up to the record's end.
+    """
+
+    setup: Setup
+    op: np.ndarray
+    pv: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """What a simulation knows: the record, and behind it what no plant shows.
@@ -66,6 +76,8 @@ class Run:
         What the reader must know of how it was computed.
     outer : LoopRecord or None
         What was recorded of the outer loop, where the loop is the inner one of a cascade.
+    whole : WholeRun or None
+        The run before it was archived; it stays in the process in which it was simulated.
     """
 
     record: LoopRecord
@@ -77,6 +89,11 @@ class Run:
     friction: tuple[float, float] = (0.0, 0.0)
     notes: tuple[str, ...] = ()
     outer: LoopRecord | None = None
+    whole: WholeRun | None = field(default=None, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # a setup holds kernels and plug-ins, which do not travel
+        return {**self.__dict__, "whole": None}
 
     def to_frame(self) -> pd.DataFrame:
         """Return the record as a table.
@@ -305,6 +322,7 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
         mv[first:],
         setup.friction,
         tuple(notes),
+        whole=WholeRun(setup, op[:end], archived[:end]),
     )
     if setup.outer is None or setup.outer_signals is None:
         return run

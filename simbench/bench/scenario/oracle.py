@@ -12,10 +12,10 @@ from simbench.detectors.compiled import LANES, compiled, lanes, rows, wide
 from simbench.detectors.signal.fits.hammerstein_kernels import Stretch, Valves, moves
 from simbench.detectors.verdict import NO_STICTION, STICTION, Verdict
 from simbench.loop import plant
-from simbench.loop.resolve import resolve_loop
-from simbench.loop.run import Run, run_setup
+from simbench.loop.run import Run
 from simbench.loop.setup import Setup
-from simbench.scenarios.spec import Sampling, Scenario
+from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Scenario
 
 ORACLE = "oracle"
 SOURCE = (
@@ -37,19 +37,14 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     the sensor, so the ratio of likelihoods is (RSS ideal - RSS sticky)/(2 noise variance). S and J
     are not known to the oracle: the maximum over all of them is taken (Kay 1998, section 6.4.2).
     """
-    loop, sampling = scenario.loop, scenario.loop.sampling
     # the plant's state is known where the run starts, not where the record does, and OP and PV as
     # they were, not as they were archived
-    written = bool(sampling.warm_up) or loop.archive is not None
-    if written:
-        whole = Sampling(Ts=sampling.Ts, n=(sampling.warm_up or 0) + sampling.n)
-        loop = loop.model_copy(update={"sampling": whole, "archive": None})
-    setup = resolve_loop(loop, scenario.seed)
-    if written:
-        run = run_setup(setup)
-    n, op, pv = setup.end, run.record.op, run.record.pv
+    whole = run.whole or simulate(scenario.loop, scenario.seed).whole
+    assert whole is not None
+    setup, op, pv = whole
+    n = setup.end
     # PV as the known noise and load leave it to the valve, and the inflow that load adds to MV's
-    left, load = pv - setup.pv0 - run.load_out[:n], np.array(run.load_in[:n])
+    left, load = pv - setup.pv0 - setup.load_out[:n], np.array(setup.load_in[:n])
     variance = (
         setup.noise_std**2
         + (_FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
