@@ -26,7 +26,7 @@ BACKENDS = ("loky", "dask", "ray")
 _Pieces = list[tuple[int, Sequence[int]]]
 
 
-class PieceTask(Protocol):
+class _PieceTask(Protocol):
     """Works a piece by its number and groups; `load` does what every worker does first."""
 
     def __call__(self, number: int, groups: Sequence[int]) -> Receipt: ...
@@ -34,7 +34,7 @@ class PieceTask(Protocol):
     def load(self, number: int, groups: Sequence[int]) -> None: ...
 
 
-Runner = Callable[[PieceTask, _Pieces], Iterator[Receipt]]
+Runner = Callable[[_PieceTask, _Pieces], Iterator[Receipt]]
 _PATIENCE = 6.0  # s, for a scheduler to answer
 _WORKERS = 300.0  # s, for the first worker of a cluster: some start them when there is work
 _LOOK = 1.0  # s between two looks of a worker at its parent
@@ -62,7 +62,7 @@ def workers(backend: str, address: str | None, jobs: int, hosts: bool = False) -
         # ray hands nothing back before all is done
         order = "list" if backend == "ray" else "generator_unordered"
 
-        def run(task: PieceTask, missing: _Pieces) -> Iterator[Receipt]:
+        def run(task: _PieceTask, missing: _Pieces) -> Iterator[Receipt]:
             parallel: Any = Parallel(return_as=order, batch_size=1)
             try:
                 yield from parallel(delayed(task)(number, groups) for number, groups in missing)
@@ -78,7 +78,7 @@ def _may_fork() -> bool:
     return sys.platform == "linux" and threading.active_count() == 1
 
 
-def _forked(jobs: int, task: PieceTask, missing: _Pieces) -> Iterator[Receipt]:
+def _forked(jobs: int, task: _PieceTask, missing: _Pieces) -> Iterator[Receipt]:
     """Yield the receipts of pieces that copies of this process work: libraries and kernels are
     loaded once, before they are made.
     """
