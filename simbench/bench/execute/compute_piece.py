@@ -11,7 +11,6 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -212,21 +211,16 @@ def _theory(loop: Loop) -> Theory:
     """Return what theory predicts for a loop: predicted, refined, exists, period, amplitude, and
     why there is none of it.
     """
-    # theory knows neither noise nor loads nor the set point: siblings share its answer
+    # theory knows neither noise nor loads nor the set point
     quiet = loop.model_copy(
         update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)}
     )
     try:
-        return _theory_of(quiet.model_dump_json())
+        with np.errstate(all="ignore"):  # candidate cycles that grow without bound
+            predicted, refined, cycle = truth_columns(quiet, waves=False)
     # whatever a model does on unusual numbers: its theory, not its record
     except (Exception, SystemExit) as wrong:
         return *_NO_THEORY[:-1], error_text(wrong)
-
-
-@lru_cache(maxsize=256)
-def _theory_of(text: str) -> Theory:
-    with np.errstate(all="ignore"):  # candidate cycles that grow without bound
-        predicted, refined, cycle = truth_columns(Loop.model_validate_json(text), waves=False)
     why = cycle["reason"] if cycle["exists"] is None else None
     return predicted, refined, cycle["exists"], cycle["period"], cycle["amplitude"], why
 

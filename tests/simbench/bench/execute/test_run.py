@@ -515,9 +515,7 @@ def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
         raise ZeroDivisionError("by design")
 
     monkeypatch.setattr(piece_module, "truth_columns", broken)
-    piece_module._theory_of.cache_clear()
     verdicts, scenarios = tables(run_grid(small, tmp_path / "run", METHODS, 1))
-    piece_module._theory_of.cache_clear()
     assert (
         scenarios[["predicted", "refined", "theory", "theory_period", "theory_amplitude", "error"]]
         .isna()
