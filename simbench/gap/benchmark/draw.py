@@ -22,6 +22,7 @@ from simbench.gap.benchmark.features import describe
 from simbench.gap.benchmark.nuisances import ADDITIONS, Source
 from simbench.gap.benchmark.result import MethodAccuracy
 from simbench.loop.simulate import simulate
+from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import Grid
 from simbench.scenarios.spec import Loop
 
@@ -80,7 +81,8 @@ def with_nuisances(
                 loop = ADDITIONS[name].add(loop, one.record, source, strength)
             if chosen:
                 record = simulate(loop, one.seed).record
-        except UserError:
+        # a plant in powers of z has one sampling period alone
+        except (UserError, SpecError):
             continue
         if np.isfinite(record.pv).all() and np.ptp(record.op) > 0.0 and np.ptp(record.pv) > 0.0:
             found.append(DrawnLoop(loop, one.seed, one.unit, record))

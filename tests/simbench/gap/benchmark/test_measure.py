@@ -85,6 +85,23 @@ def test_every_nuisance_changes_a_record(halves, name):
     assert sum(record_hash(one.record) in known for one in changed) < len(changed) / 2
 
 
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [
+        ("the records' samples per period", 1, 12),
+        ("another time constant", 1, 12),
+        ("the records' archives", 25, 30),
+    ],
+)
+def test_a_loop_that_a_nuisance_does_not_suit_is_left_out(name, least, most):
+    # 18 of these plants are stated in powers of z: for one sampling period, and no time constant
+    drawn = draw_loops(settled_grid("recorded"), 30, seed=2)
+    lent = [one.record for one in drawn[:5]]
+    changed = with_nuisances(drawn, [(name, 1.0)], lent, seed=1)
+    assert least <= len(changed) <= most
+    assert {one.unit for one in changed} <= {one.unit for one in drawn}
+
+
 def test_every_effect_but_friction_and_tuning_is_tried():
     tried = inspect.getsource(nuisances) + Path(nuisances.__file__).with_suffix(".toml").read_text()
     left = [e for e in EFFECTS if f'"{e}"' not in tried]
