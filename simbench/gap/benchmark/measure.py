@@ -34,6 +34,7 @@ from simbench.scenarios.grid import Grid
 
 LOOPS = 130  # drawn from the grid where no other number is asked for
 _FEWEST = 10  # records, and loops that a nuisance leaves, for a classifier
+_SUITED = 0.5  # of the loops; what suits fewer, or lets more run away, is no answer for the grid
 # by which a nuisance must bring down the mean of the AUC and those of the blocks to be added
 _WORTH = 0.01
 _MOST_ADDED = 5
@@ -233,7 +234,7 @@ def _told(
     each block.
     """
     changed = with_nuisances(drawn, chosen, lent, seed)
-    if len(changed) < _FEWEST:
+    if len(changed) < max(_FEWEST, _SUITED * len(drawn)):
         return TriedAddition(
             chosen, Estimate(1.0, 0.0, 1.0), dict.fromkeys(BLOCKS, 1.0), len(changed)
         )

@@ -102,6 +102,14 @@ def test_a_loop_that_a_nuisance_does_not_suit_is_left_out(name, least, most):
     assert {one.unit for one in changed} <= {one.unit for one in drawn}
 
 
+def test_a_nuisance_that_suits_few_loops_is_no_answer():
+    drawn = draw_loops(settled_grid("recorded"), 40, seed=2)
+    few = ["the records' samples per period", "another time constant"]
+    found = grid("recorded", _records(drawn), n=40, seed=3, methods=(), additions=few)
+    assert not found.singles
+    assert found.effect == "none"
+
+
 def test_every_effect_but_friction_and_tuning_is_tried():
     tried = inspect.getsource(nuisances) + Path(nuisances.__file__).with_suffix(".toml").read_text()
     left = [e for e in EFFECTS if f'"{e}"' not in tried]
