@@ -101,12 +101,22 @@ def _echo(draft: Draft, wanted: Echo, sibling: Loop, unit: Mapping[str, float]) 
             "valve": Part(name=table.pop("model"), parameters=table),
         }
     )
-    for seed in range(draft.seed, draft.seed + _SEEDS):
+    seed = seed_of_echo(loop, draft.seed)
+    if seed is None:
+        return None
+    return Scenario(loop=loop, seed=seed, tags=_tags(draft, loop), asked=draft.id)
+
+
+def seed_of_echo(loop: Loop, first: int) -> int | None:
+    """Return the first of a few seeds with which the sibling that a loop echoes cycles; None where
+    it does with none.
+    """
+    for seed in range(first, first + _SEEDS):
         try:
             run_once(loop, seed)
         except echo.NoCycleError:
             continue
-        return Scenario(loop=loop, seed=seed, tags=_tags(draft, loop), asked=draft.id)
+        return seed
     return None
 
 

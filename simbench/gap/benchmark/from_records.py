@@ -18,6 +18,7 @@ from joblib import delayed
 
 from simbench.bench.execute.compute_piece import record_hash
 from simbench.bench.scenario.kept import run_once
+from simbench.bench.scenario.resolve import seed_of_echo
 from simbench.bench.scenario.truth import YES, simulate_with_truth
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, UserError
@@ -37,7 +38,6 @@ VERSION = 1
 SIZES, JUMPS = (0.5, 1.0, 2.0, 4.0), (0.25, 0.5, 1.0)
 _LARGEST = 30.0  # % of travel; no valve that sticks so much is left in a loop
 _VALVE = "choudhury"
-_SEEDS = 4  # with which a sibling's cycle is looked for
 _LEAST = 4  # times that the cells of few records are drawn, all together: enough for a ranking
 _FEWEST = 5  # records from which those of one are one group, and none is learned from and judged
 
@@ -263,19 +263,14 @@ def _cell(
     return found
 
 
-def _echo(loop: Loop, valve: dict[str, float], kind: str, seed: int) -> tuple[Loop, int] | None:
+def _echo(loop: Loop, valve: dict[str, float], kind: str, first: int) -> tuple[Loop, int] | None:
     """Return the healthy loop that moves as a sticky one does, and a seed with which that cycles;
     None where none of a few does.
     """
     load = Part(name=echo.NAME, parameters={echo.VALVE: _VALVE, **valve, "kind": kind})
     healthy = loop.model_copy(update={"disturbance": (*loop.disturbance, load)})
-    for k in range(seed, seed + _SEEDS):
-        try:
-            run_once(healthy, k)
-        except echo.NoCycleError:
-            continue
-        return healthy, k
-    return None
+    seed = seed_of_echo(healthy, first)
+    return None if seed is None else (healthy, seed)
 
 
 def _scenario(
