@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
-from scipy.stats import rankdata, spearmanr
+from scipy.stats import spearmanr
 
-from results.studies.claims.judged import labelled, records_of
+from results.studies.claims.judged import in_the_middle, labelled, records_of
 from results.studies.plant.real_loops import read
 from results.studies.transfer import methods
 from simbench.bench.score.shipped import results
+from simbench.bench.statistics import area, dense_ranks
 from simbench.detectors.judge import judge
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import columns
@@ -52,18 +53,7 @@ def areas(loops: Scored) -> np.ndarray:
     """Return the AUC of each method, NaN where all loops are of one kind; loops without a score
     stand in the middle of the others.
     """
-    positive = loops.sticky.sum()
-    other = loops.sticky.size - positive
-    if not positive or not other:
-        return np.full(len(loops.score), np.nan)
-    found = []
-    for score in loops.score:
-        known = np.isfinite(score)
-        middle = np.median(score[known]) if known.any() else 0.0
-        ranks = rankdata(np.where(known, score, middle))
-        over = ranks[loops.sticky].sum() - positive * (positive + 1) / 2
-        found.append(over / (positive * other))
-    return np.array(found)
+    return np.array([area(dense_ranks(in_the_middle(s)), loops.sticky) for s in loops.score])
 
 
 def of_grid(name: str, names: Sequence[str], units: dict[str, str]) -> Scored:

@@ -152,12 +152,17 @@ def counted(variant: str, loops: Loops, answers: Answers) -> tuple[str, ...]:
     )
 
 
+def in_the_middle(score: np.ndarray) -> np.ndarray:
+    """Return scores, shape (n,), with loops that have none in the middle of the others."""
+    known = np.isfinite(score)
+    return np.where(known, score, np.median(score[known]) if known.any() else 0.0)
+
+
 def area(score: np.ndarray, sticky: np.ndarray) -> str:
     """Return the AUC with its interval; a loop without a score stands in the middle of the
     others.
     """
-    known = np.isfinite(score)
-    if not known.any():
+    if not np.isfinite(score).any():
         return "-"
-    value = auc(np.where(known, score, np.median(score[known])), sticky)
+    value = auc(in_the_middle(score), sticky)
     return f"{value.value:.2f} ({value.lo:.2f} to {value.hi:.2f})"
