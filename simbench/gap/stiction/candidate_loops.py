@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.closed_loop.gap import describe_gap, within_reach
-from simbench.gap.closed_loop.identified import IdentifiedLoops
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.partial import Partial
@@ -64,20 +62,6 @@ class CandidateLoops:
     unclaimed: str = ""
     of_mv: tuple[str, ...] = ()
     closed: ClosedLoops | None = None
-
-    @cached_property
-    def misfit(self) -> str:
-        """That no copy of the record with this friction comes near it, in words; "" where one does,
-        or none was identified.
-        """
-        fitted = None if self.closed is None else self.closed.fitted
-        if fitted is None or fitted.situation.stated_parts or FRICTION not in fitted.parameters:
-            return ""
-        gap = IdentifiedLoops(fitted, 0).shrink([FRICTION])
-        if within_reach(gap.after, gap.plant_floor):
-            return ""
-        far = describe_gap(gap.after, gap.plant_floor)
-        return f"no simulation with this valve comes near the record: the nearest is {far}"
 
     @property
     def probability(self) -> float:

@@ -150,8 +150,6 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     ]
     if loops.shown is not None:
         reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
-    if answer == STICTION and loops.misfit:
-        reasons.append(loops.misfit)
     if answer == NO_DECISION and p > LIKELIER and loops.unclaimed:
         reasons.append(loops.unclaimed)
     reasons += loops.of_mv

@@ -1,7 +1,6 @@
 """A loop that is identified from its record: what copies it, what is chosen, what is written."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -172,15 +171,3 @@ def test_a_loop_of_high_order_is_described_in_the_numbers_that_people_know():
     assert plant == "The plant is of first order: K = 1, T = 9.49 s, Td = 2.01 s."
     assert controller.startswith("The controller is of order 1 and acts like PI: Kc = 0.8")
     assert margin == described(in_s)[2]
-
-
-ISDB = Path(__file__).parents[5] / "shared" / "data" / "isdb"
-
-
-@pytest.mark.skipif(not ISDB.is_dir(), reason="the records of ISDB are not here")
-@pytest.mark.parametrize(("name", "far"), [("CHEM5", True), ("CHEM10", False)])
-def test_a_claim_of_which_no_simulation_comes_near_says_so(name, far):
-    # a copy of CHEM5 with its friction stays far from it
-    conclusion = sb.conclude(ISDB / f"ISDB_{name}.csv")
-    assert conclusion.verdict == "stiction"
-    assert ("no simulation with this valve comes near the record" in conclusion.reason) == far
