@@ -2,13 +2,14 @@
 the command line call.
 
 The steps of `detect`: name the methods, start the plug-ins' processes, read the record
-(`as_record`, or `read_records` and `read_folder` for files), judge it by every method (`judge`),
-weigh all evidence about it (`conclude`), and collect verdicts and conclusions in a `Report`.
+(`as_record`, or `read_records` and `read_folder` for files), weigh all evidence about it
+(`conclude`), judge it by every method (`judge`), and collect verdicts and conclusions in a
+`Report`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
@@ -141,6 +142,7 @@ def judge_files(
     time_limit: float = SECONDS,
     concludes: bool | None = None,
     labels: str | Path | None = None,
+    at_once: Callable[[Report], None] | None = None,
     **about: Any,
 ) -> Report:
     """Judge a record file, a folder of them, or an ISDB .mat file.
@@ -160,6 +162,8 @@ def judge_files(
         and "likelihood".
     labels : str or Path, optional
         Table of labels (CSV) by which a folder is scored.
+    at_once : callable, optional
+        Takes a `Report` of the conclusion about a single record, before any method is asked.
     **about
         What is known of the record: process, kind, op_span, pv_span, columns, Ts;
         tag or loop where a file has several; loops, a table with what is known of each.
@@ -191,20 +195,22 @@ def judge_files(
         known = {} if labels is None else read_labels(labels)
         refuse_wrong_forms(names)
         records, refused, alone = _read(Path(path), known, labels, **about)
-        # 3. judge each by every method, and weigh all evidence where that is asked for
+        # 3. weigh all evidence about each where that is asked for, and judge it by every method
         verdicts, conclusions = [], {}
         for name, record in records.items():
             try:
                 record = records[name] = repair_record(record)
+                concluded = {name: _conclude(record)} if concludes else {}
+                if alone and at_once is not None:
+                    at_once(Report([], records={name: record}, conclusions=concluded))
                 judged = judge(record, names)
-                if concludes:
-                    conclusions[name] = _conclude(record)
             except Exception as error:
                 if name is None:
                     raise
                 refused[name] = sentence_of(error)  # the other records are answered
             else:
                 verdicts += [(name, verdict) for verdict in judged]
+                conclusions |= concluded
         records = {name: record for name, record in records.items() if name not in refused}
         # 4. score against the labels
         scores = score_units(verdicts, known) if known else []

@@ -156,6 +156,12 @@ class Report:
         )
         return "\n".join([text, "", *table(self.scores), legend])
 
+    def opening(self) -> str:
+        """Return the first lines of `as_text`: what was read, and the conclusion about it."""
+        [(name, record)] = self.records.items()
+        concluded = self.conclusions.get(name)
+        return summary.opening(name, record, () if concluded is None else concluded.as_lines())
+
     def to_frame(self) -> pd.DataFrame:
         """Return one row per verdict.
 

@@ -102,8 +102,7 @@ def as_text(
     if len(records) == 1:
         name, verdicts, record = records[0]
         lines += [
-            *_about(name, record),
-            *concluded.get(name, ()),
+            *([opening(name, record, concluded.get(name, ()))] if record is not None else []),
             f"Methods: {sentence(verdicts)}.",
             "",
             *_drawn(_table(verdicts), colour),
@@ -172,15 +171,15 @@ def level(value: Level) -> str:
     return f"{value:.3g}" if isinstance(value, (int, float)) else "{:.3g} to {:.3g}".format(*value)
 
 
-def _about(name: str | None, record: LoopRecord | None) -> list[str]:
-    if record is None:
-        return []
+def opening(name: str | None, record: LoopRecord, concluded: Iterable[str] = ()) -> str:
+    """Return the first lines about a single record: what was read, and what was concluded of it."""
     known = ", ".join(k for k in (record.kind, record.process) if k)
     tag = name or record.tag or "record"
-    return [
+    read = (
         f"{tag}: {record.n} samples, Ts = {record.Ts:g} s, {record.duration:g}"
         f" s{', ' + known if known else ''}"
-    ]
+    )
+    return "\n".join([read, *concluded])
 
 
 def _table(verdicts: Sequence[Verdict]) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Exit, Option
 
@@ -24,6 +24,9 @@ from simbench.cli.common import (
     show,
     show_result,
 )
+
+if TYPE_CHECKING:
+    from simbench.detectors.report.report import Report
 
 
 @app.command(
@@ -85,6 +88,12 @@ def detect(
 
     refuse_kind(csv or "")
     refuse_own_input([csv, html], [path, labels, *(plugin or [])])
+    printed: list[str] = []
+
+    def print_conclusion(report: Report) -> None:
+        printed.append(report.opening())
+        _print_text(printed[0])
+
     report = judge_files(
         path,
         method or ["all"],
@@ -92,6 +101,8 @@ def detect(
         plugins=plugin or [],
         time_limit=time_limit,
         concludes=True if html is not None else None,
+        # a file is written before anything is printed: who reads the text may stop reading
+        at_once=print_conclusion if not as_json and csv is None and html is None else None,
         **about,
     )
     for name, sentence in report.refused.items():
@@ -100,7 +111,6 @@ def detect(
         print(sentence, file=sys.stderr)
     if as_json and report.scores:
         print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
-    # before anything is printed: who reads the text may stop reading
     if csv is not None:
         from simbench.files import write_table
 
@@ -109,11 +119,11 @@ def detect(
         from simbench.trust.detect_page import write_page
 
         write_page(report, html)
-    show(
-        report.as_json() if as_json else report.as_text(why=why, colour=sys.stdout.isatty()),
-        as_json,
-        kept="\x1b",  # of the colours; names of records are escaped where they are read
-    )
+    if as_json:
+        show(report.as_json(), as_json)
+    else:
+        text = report.as_text(why=why, colour=sys.stdout.isatty())
+        _print_text(text.removeprefix("".join(printed)).removeprefix("\n"))
     if labels is not None and report.conclusions:
         from simbench.detectors.records.io import read_labels
         from simbench.gap.stiction.by_loop import as_lines
@@ -127,6 +137,13 @@ def detect(
         _print_power(path, method or ["all"], as_json, **about)
     if report.refused:
         raise Exit(1)
+
+
+def _print_text(text: str) -> None:
+    """Print lines of the report, with their colours; names of records are escaped where they are
+    read.
+    """
+    show(text, False, kept="\x1b")
 
 
 @app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))

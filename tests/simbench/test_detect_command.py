@@ -17,7 +17,7 @@ from importlib.metadata import version
 import pytest
 import typer
 
-from simbench import cli
+from simbench import cli, detection
 from simbench.detectors import faults
 from simbench.gap.stiction.conclusion import judged
 from simbench.notebook import Loop
@@ -63,6 +63,21 @@ def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, cap
     )
     assert "triangular" not in out
     assert "triangular" in printed(capsys, "detect", folder / "sticky.csv", *FAST, "--why").out
+
+
+def test_the_conclusion_is_printed_before_a_method_is_asked(folder, capsys, monkeypatch):
+    whole = printed(capsys, "detect", folder / "sticky.csv", *FAST, "--method", "likelihood").out
+    asked, seen = detection.judge, []
+
+    def judge(record, names):
+        seen.append(capsys.readouterr().out)
+        return asked(record, names)
+
+    monkeypatch.setattr(detection, "judge", judge)
+    rest = printed(capsys, "detect", folder / "sticky.csv", *FAST, "--method", "likelihood").out
+    assert seen[0].splitlines()[1].startswith("Stiction (probability of stiction")
+    assert rest.startswith("Methods: ")
+    assert seen[0] + rest == whole
 
 
 def test_what_every_method_warns_of_is_printed_once(folder, capsys):
