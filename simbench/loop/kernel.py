@@ -155,6 +155,8 @@ def compiled(
 
 # what a compiled step may find among the names of its module
 _COMPILED = (FunctionType, BuiltinFunctionType, type, ModuleType, int, float, np.ufunc, np.ndarray)
+# of what the loop alone calls, no entry for Python or C is compiled
+_UNCALLED = "no_cpython_wrapper=True, no_cfunc_wrapper=True"
 _plainly: dict[FunctionType, str] = {}  # steps that numba cannot compile, and why
 
 
@@ -207,8 +209,8 @@ def runs_plainly(step: FunctionType) -> str:
 def _compiled(steps, stages, classes):
     loop = _loop_of(dict(steps))
     text = (
-        f"@njit\n{naming(classes)}\n\n@njit\n{valve_chain(len(stages))}\n\n"
-        f"@njit(cache=True)\n{inspect.getsource(loop)}"
+        f"@njit({_UNCALLED})\n{naming(classes)}\n\n@njit({_UNCALLED})\n{valve_chain(len(stages))}\n\n"
+        f"@njit(cache=True, no_cfunc_wrapper=True)\n{inspect.getsource(loop)}"
     )
     return getattr(
         cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text), loop.__name__

@@ -25,7 +25,7 @@ from simbench.files import plain_cell, refuse_kind, whole_file
 from simbench.loop.parameters import VALVES, valve_parameters
 
 _TRACE = '''
-@njit(cache=True)
+@njit(cache=True, no_cfunc_wrapper=True)
 def trace(op, state, p, mv):
     """Fill `mv` with the first entry of the state after every sample."""
     for k in range(op.size):
