@@ -39,7 +39,7 @@ def baseline(tmp_path_factory):
     place = tmp_path_factory.mktemp("repository")
     (place / "fuller.py").write_text(PLUGIN)
     words = ["--plugin", str(place / "fuller.py"), "--method", "fuller"]
-    assert main(["run", "ci", "--n", "300", "-o", str(place / "first"), *words]) == 0
+    assert main(["run", "ci", "--n", "120", "-o", str(place / "first"), *words]) == 0
     kept = ["--against", str(place / "kept"), "--update"]
     assert main(["check", str(place / "first"), *kept]) == 0
     return place

@@ -8,6 +8,7 @@ by Geurts, Ernst and Wehenkel (2006), Machine Learning 63, 3.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from simbench.detectors.compiled import one_thread
 # folds in which whole units are left out, and how often they are drawn anew: what a classifier says
 # depends on what it is not shown
 _FOLDS, _ROUNDS = 5, 3
-TREES, FEW_TREES = 40, 12  # of all features, and of the few of a block, in each
+_TREES, _FEW_TREES = 40, 12  # of all features, and of the few of a block, in each
 _LEAF = 2  # records in a leaf
 _DRAWS = 200  # of units, for the interval
 _ENDS = (0.025, 0.975)
@@ -39,18 +40,39 @@ class FeatureSample:
         return FeatureSample(self.features[:, kept], self.units, (block,) * len(kept))
 
 
-def tell_apart(
-    simulated: FeatureSample, recorded: FeatureSample, seed: int = 0, trees: int = TREES
-) -> Estimate:
+def tell_apart(simulated: FeatureSample, recorded: FeatureSample, seed: int = 0) -> Estimate:
     """Return the AUC with which records are told from simulated ones, units whole, and its 95 %
     interval by drawing units again. A record and the simulations of its loop are of one unit.
     """
+    return _with_interval(_classified(simulated, recorded, seed, _TREES), seed)
+
+
+def auc_of_few(simulated: FeatureSample, recorded: FeatureSample, seed: int = 0) -> float:
+    """Return the AUC of `tell_apart` by the few features of a block, without its interval."""
+    told = _classified(simulated, recorded, seed, _FEW_TREES)
+    return float(_areas(told, told.weight[None])[0])
+
+
+class _Classified(NamedTuple):
+    """What a classifier says of records, (n,) each: its score, whether it was recorded, the number
+    of its unit, and its weight.
+    """
+
+    score: np.ndarray
+    label: np.ndarray
+    units: np.ndarray
+    weight: np.ndarray
+
+
+def _classified(
+    simulated: FeatureSample, recorded: FeatureSample, seed: int, trees: int
+) -> _Classified:
+    """Ask a classifier of so many trees about records that it has not learned from."""
     X = np.concatenate([simulated.features, recorded.features])
     label = np.repeat([False, True], [len(simulated.units), len(recorded.units)])
     units = np.unique([*simulated.units, *recorded.units], return_inverse=True)[1]
     weight = _weights(label, units)
-    scores = _out_of_fold(X, label, units, weight, seed, trees)
-    return _with_interval(scores, label, units, weight, seed)
+    return _Classified(_out_of_fold(X, label, units, weight, seed, trees), label, units, weight)
 
 
 def _weights(label: np.ndarray, units: np.ndarray) -> np.ndarray:
@@ -92,24 +114,27 @@ def _out_of_fold(
     return said / _ROUNDS
 
 
-def _with_interval(
-    scores: np.ndarray, label: np.ndarray, units: np.ndarray, weight: np.ndarray, seed: int
-) -> Estimate:
-    from sklearn.metrics import roc_auc_score
-
-    value = float(roc_auc_score(label, scores, sample_weight=weight))
-    rng, found = np.random.default_rng([seed, 6]), []
-    members = {
-        kind: [np.flatnonzero(units == u) for u in np.unique(units[label == kind])]
-        for kind in (False, True)
-    }
-    for _ in range(_DRAWS):
-        drawn = np.concatenate(
-            [
-                np.concatenate([own[i] for i in rng.integers(0, len(own), len(own))])
-                for own in members.values()
-            ]
-        )
-        found.append(roc_auc_score(label[drawn], scores[drawn], sample_weight=weight[drawn]))
+def _with_interval(told: _Classified, seed: int) -> Estimate:
+    """Return the area under the ROC curve and its interval, by drawing the units of each kind."""
+    rng, counts = np.random.default_rng([seed, 6]), np.zeros((_DRAWS, told.label.size))
+    of_kind = [np.unique(told.units[told.label == kind]) for kind in (False, True)]
+    for times in counts:
+        for own in of_kind:
+            drawn = own[rng.integers(0, own.size, own.size)]
+            times += np.bincount(drawn, minlength=told.units.max() + 1)[told.units]
+    value, *found = _areas(told, told.weight * np.vstack([np.ones(told.label.size), counts]))
     lo, hi = np.quantile(found, _ENDS)
-    return Estimate(value, float(min(lo, value)), float(max(hi, value)))
+    return Estimate(float(value), float(min(lo, value)), float(max(hi, value)))
+
+
+def _areas(told: _Classified, weights: np.ndarray) -> np.ndarray:
+    """Return the area under the ROC curve for each of some sets of weights, shape (sets, n): how
+    likely a recorded loop scores more than a simulated one, ties half.
+    """
+    ours, theirs = told.score[told.label, None], told.score[~told.label]
+    above = (ours > theirs) + 0.5 * (ours == theirs)
+    recorded, simulated = weights[:, told.label], weights[:, ~told.label]
+    with one_thread():
+        pairs = (recorded @ above * simulated).sum(axis=1)
+    # weights are no round numbers: an area of 1 is one
+    return np.round(pairs / (recorded.sum(axis=1) * simulated.sum(axis=1)), 12)

@@ -17,7 +17,7 @@ from simbench.detectors.errors import ParameterError, RecordError, nearest
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
 from simbench.detectors.report.report import choose_methods
-from simbench.gap.benchmark.classifier import FEW_TREES, FeatureSample, tell_apart
+from simbench.gap.benchmark.classifier import FeatureSample, auc_of_few, tell_apart
 from simbench.gap.benchmark.draw import (
     Chosen,
     DrawnLoop,
@@ -239,9 +239,7 @@ def _told(
             chosen, Estimate(1.0, 0.0, 1.0), dict.fromkeys(BLOCKS, 1.0), len(changed)
         )
     simulated = sample_of([one.record for one in changed], [one.unit for one in changed])
-    by_block = {
-        b: tell_apart(simulated.of(b), recorded.of(b), seed, FEW_TREES).value for b in BLOCKS
-    }
+    by_block = {b: auc_of_few(simulated.of(b), recorded.of(b), seed) for b in BLOCKS}
     return TriedAddition(chosen, tell_apart(simulated, recorded, seed), by_block, len(changed))
 
 

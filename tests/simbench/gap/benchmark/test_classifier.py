@@ -1,8 +1,10 @@
 """The two-sample classifier: calibrated where there is no difference, sure where there is one."""
 
 import numpy as np
+import pytest
+from sklearn.metrics import roc_auc_score
 
-from simbench.gap.benchmark.classifier import FeatureSample, tell_apart
+from simbench.gap.benchmark.classifier import FeatureSample, _areas, _Classified, tell_apart
 
 BLOCKS = ("load",) * 6
 
@@ -56,3 +58,12 @@ def test_a_sample_of_a_block_has_its_features_alone():
     part = whole.of("noise")
     assert part.features.tolist() == x[:, [0, 2]].tolist()
     assert (part.units, part.blocks) == (whole.units, ("noise", "noise"))
+
+
+def test_the_areas_are_those_of_the_library():
+    rng = np.random.default_rng(5)
+    label, score = rng.random(70) < 0.4, np.round(rng.random(70), 1)  # with ties
+    weights = rng.integers(0, 3, (9, 70)) * rng.random(70)
+    told = _Classified(score, label, np.arange(70), weights[0])
+    plain = [roc_auc_score(label, score, sample_weight=w) for w in weights]
+    assert _areas(told, weights) == pytest.approx(plain, abs=1e-12)
