@@ -225,13 +225,11 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
         )
         raise RecordError(sentence, "--op-span 0 1")
     if record.op_percent is None:
-        likely = next(
-            (span for top, span in _COUNTS if hi <= top and lo >= 0), f"{lo:.4g} {hi:.4g}"
-        )
-        return [
-            f"{runs}, which is no %: S and J are in OP units; for % of travel add --op-span"
-            f" {likely}"
-        ]
+        # the range of the record is not that of the valve, and is never proposed
+        counts = next((span for top, span in _COUNTS if hi <= top and lo >= 0), "")
+        cure = f"if it is counts of a converter, add --op-span {counts}"
+        unknown = "which values mean 0 and 100 % of travel is not known (--op-span LO HI states it)"
+        return [f"{runs}, which is no %: S and J are in OP units; {cure if counts else unknown}"]
     other = "in mA, sizes are 6.25 times as large: add --op-span 4 20"
     if lo < hi <= _SHARE_OVER:
         other = "a share of 1, sizes are 100 times as large: add --op-span 0 1"

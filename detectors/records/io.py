@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,7 @@ from simbench.detectors.records.tables import (
     range_of,
     read_sheets,
     read_table,
+    rises,
 )
 from simbench.detectors.signal.holds import runs_of
 
@@ -633,10 +635,17 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
         sheet.notes += [] if name is None else [f"time: {name!r} holds time stamps"]
     if name is None:
         names = ", ".join(words("time")[:6])
-        raise RecordError(
-            f"{where}: no time column ({names}) and no sampling period Ts given; either is needed",
-            "--ts 1",
+        sentence = (
+            f"{where}: no time column ({names}) and no sampling period Ts given; either is needed"
         )
+        clocks = [n for n, cells in sheet.columns.items() if rises(cells)]
+        signal = {n: role.upper() for role, n in roles.items()}
+        if clocks and clocks[0] in signal:
+            wrong = (
+                f"{clocks[0]!r}, given as {signal[clocks[0]]}, rises from row to row as time does"
+            )
+            raise RecordError(f"{sentence}; {wrong}")
+        raise RecordError(sentence, f"--columns t={quote(clocks[0])}" if clocks else "--ts 1")
     # where every row holds the value of one signal, the next may have the same time
     apart = not np.any(np.isfinite(signals["op"]) & np.isfinite(signals["pv"]))
     t = seconds(

@@ -129,6 +129,17 @@ def range_of(cells: Sequence[object]) -> str:
     return f"{min(kept):.4g} to {max(kept):.4g}" if len(kept) > len(cells) / 2 else "no numbers"
 
 
+def rises(cells: Sequence[object]) -> bool:
+    """Return whether a column rises from row to row, as time and counters do and no signal of a
+    loop does.
+    """
+    try:
+        numbers = np.array([float(str(cell).replace(",", ".")) for cell in cells])
+    except ValueError:
+        return False
+    return numbers.size > 1 and bool(np.all(np.diff(numbers) > 0.0))
+
+
 def parquet_sizes(file: Any) -> tuple[int, int]:
     """Return the rows of an open parquet file, and the bytes that it takes once it is read, by its
     footer alone.
@@ -315,6 +326,20 @@ def _begin(
     return 0, max((*_DELIMITERS, *marks), key="".join(lines[:1]).count)
 
 
+def _example_of_columns(rows: Sequence[Sequence[str]]) -> str:
+    """Return the option that says which column is which of rows of numbers: time and signals as
+    they may be, "" where too few of them move.
+    """
+    whole = [row for row in rows if len(row) == len(rows[0])]
+    columns = dict(enumerate(zip(*whole, strict=True), 1))
+    clocks = [k for k, cells in columns.items() if rises(cells)]
+    signals = [k for k, cells in columns.items() if k not in clocks and len({*cells}) > 1]
+    if len(signals) < 2:
+        return ""
+    named = [*(f"t={k}" for k in clocks[:1]), f"pv={signals[0]}", f"op={signals[1]}"]
+    return f"--columns {','.join(named)}"
+
+
 def _all_numbers(cells: Sequence[str]) -> bool:
     """Whether two cells or more are all numbers: samples, and no names of columns."""
     try:
@@ -355,11 +380,11 @@ def _table(
         )
     if _all_numbers(head) and head != [str(k + 1) for k in range(len(head))]:
         shown = ", ".join(cell.strip() for cell in head[:3])
-        raise RecordError(
+        sentence = (
             f"file {path} has no header line, the first holds numbers ({shown}, ...); the names of"
-            " its columns are needed first, or which column, counted from 1, is which",
-            "--columns op=2,pv=1",
+            " its columns are needed first, or which column, counted from 1, is which"
         )
+        raise RecordError(sentence, _example_of_columns(rows[start:]))
     names = _of_loops(_distinct([name.strip() for name in head]), above)
     body, lines, again = rows[start + 1 :], lines[start + 1 :], rows.count(head) - 1
     if again:  # exports one after the other

@@ -36,7 +36,38 @@ def test_columns_of_a_table_without_a_header_are_counted(tmp_path, mark):
     assert any("counted from 1" in n for n in record.notes)
     with pytest.raises(RecordError, match="no header line, the first holds numbers") as refused:
         read_record(path)
-    assert "--columns op=2,pv=1" in str(refused.value)
+    assert refused.value.cure == "--columns t=1,pv=2,op=4"
+    assert read_record(path, columns={"t": "1", "pv": "2", "op": "4"}).Ts == 1.0
+
+
+def test_a_clock_is_never_proposed_as_a_signal(tmp_path):
+    rows = [f"{3.0 * k},{p},{o}" for k, p, o in zip(T, PV, OP, strict=True)]
+    path = written(tmp_path / "rec.csv", "", rows)
+    with pytest.raises(RecordError, match="'1', given as PV, rises from row to row") as refused:
+        read_record(path, columns={"pv": "1", "op": "2"})
+    assert not refused.value.cure
+    with pytest.raises(RecordError, match="no time column") as refused:
+        read_record(path, columns={"pv": "2", "op": "3"})
+    assert refused.value.cure == "--columns t=1"
+    named = written(tmp_path / "named.csv", "k,PV,OP", rows)
+    with pytest.raises(RecordError, match="no time column") as refused:
+        read_record(named)
+    assert refused.value.cure == "--columns t=k"
+    assert read_record(named, columns={"t": "k"}).Ts == 3.0
+    bare = written(tmp_path / "bare.csv", "", [row.partition(",")[2] for row in rows])
+    with pytest.raises(RecordError, match="no time column") as refused:
+        read_record(bare, columns={"pv": "1", "op": "2"})
+    assert refused.value.cure == "--ts 1"
+
+
+def test_the_range_of_a_record_is_never_proposed_as_that_of_its_valve(tmp_path):
+    rows = [f"{k},{p},{o / 25.0 - 2.0}" for k, p, o in zip(T, PV, OP, strict=True)]
+    notes = read_record(written(tmp_path / "rec.csv", "t,PV,OP", rows)).notes
+    (unit,) = [note for note in notes if note.startswith("unit: ")]
+    assert unit.endswith("of travel is not known (--op-span LO HI states it)")
+    counts = [f"{k},{p},{40 * o}" for k, p, o in zip(T, PV, OP, strict=True)]
+    notes = read_record(written(tmp_path / "counts.csv", "t,PV,OP", counts)).notes
+    assert any("add --op-span 0 4095" in note for note in notes)
 
 
 def test_a_line_with_a_fault_is_named_as_the_file_counts(tmp_path):
