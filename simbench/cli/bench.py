@@ -425,9 +425,7 @@ def check(
     ] = False,
     margin: Annotated[
         float,
-        Option(
-            min=0.0, max=1.0, help="Allow the share of right answers to fall by this much (0 to 1)."
-        ),
+        Option(min=0.0, max=1.0, help="Allow each of these rates to worsen by this much (0 to 1)."),
     ] = 0.01,
     exact: Annotated[
         bool,
@@ -448,11 +446,14 @@ def check(
     time_limit: Limit = 60.0,
     as_json: Json = False,
 ) -> None:
-    """Compare a run with a baseline, loop by loop; exit 1 if accuracy dropped.
+    """Compare a run with a baseline, loop by loop; exit 1 if a detector became worse.
 
-    Exit codes: 0 no loss, 1 accuracy dropped, 2 the two cannot be compared or the command is wrong,
-    3 cannot tell (too few loops). A chaotic loop may have other last bits on another processor:
-    the check says of how many loops, and allows for the answers that this loses.
+    Worse is a method that is right on fewer loops, finds or denies stiction on fewer, or reports it
+    on more loops without any, by more than the margin and than chance explains. Exit codes: 0 no
+    loss, 1 worse, 2 the two cannot be compared or the command is wrong, 3 cannot tell (answers were
+    lost, and the loops are too few to find a loss that matters). A chaotic loop may have other last
+    bits on another processor: the check says of how many loops, and allows for the answers that
+    this loses.
 
     Use it in continuous integration: make a baseline once with --update, commit it, and let this
     command fail the build when a change makes a detector less accurate.

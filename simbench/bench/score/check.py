@@ -15,6 +15,7 @@ from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check_result import Check, sentence
 from simbench.bench.score.names import ALL
 from simbench.bench.score.pairing import Paired, Pairs, pair
+from simbench.bench.score.power import loops_for, smallest_loss_found
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, holm
 from simbench.bench.store.benchmark import benchmark_version, refuse_other_benchmark
@@ -26,10 +27,9 @@ from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 _LEVEL = 0.05
 MARGIN = 0.01  # of a rate: what falls by less is no regression, however sure the fall is
-# a drop of the share of right answers that must be found with this power: where all records equal
-# the baseline's bit for bit, and where some do not; where it is not, the check cannot tell
+# a loss, of all the loops that a method covers, that must be found with `POWER`: where all records
+# equal the baseline's bit for bit, and where some do not; where it is not, the check cannot tell
 _REACH = {"equal": 0.02, "other bits": 0.05}
-_POWER = 0.8
 _CHECKED_TRUTHS = ("sticky", "cycled")
 _SCORE_BITS = 14  # of a score that count: 4 digits
 # relative change of a score that an exact comparison lets pass: iterative fits
@@ -43,6 +43,14 @@ _COUNTED = {
     "rejection": (False, (NO_STICTION,)),
     "no miss": (True, (STICTION, NO_DECISION)),
     "no false alarm": (False, (NO_STICTION, NO_DECISION)),
+}
+# what a loss of each is called
+_LOST = {
+    "right": "right answers",
+    "detection": "detections",
+    "rejection": "denials",
+    "no miss": "misses",
+    "no false alarm": "false alarms",
 }
 
 
@@ -74,10 +82,10 @@ def check_run(
     very same records, where an unchanged detector answers the same, to 5 % a method. A record may
     have other bits than the baseline's, as another processor simulates a chaotic loop otherwise;
     `shake` then says what methods answer where the last bits are others, and a method is worse only
-    if it lost more answers than that explains. Only loops that a method covers count. Where a drop
-    that matters (`_REACH`) would not have been found, the check cannot tell. With `exact`, for runs
-    of one machine, every changed verdict of a built-in method fails as well, and so do records that
-    are not the baseline's.
+    if it lost more answers than that explains. Only loops that a method covers count. Where answers
+    are lost, and a loss that matters (`_REACH`) would not have been found, the check cannot tell.
+    With `exact`, for runs of one machine, every changed verdict of a built-in method fails as well,
+    and so do records that are not the baseline's.
     """
     now = read_book(folder)
     try:
@@ -136,8 +144,9 @@ def check_books(
     # an unchanged detector gives the same answers on the same records: only what changed can fail
     # by chance
     tests["p"] = each.transform(holm) if basis == "equal" else holm(tests["p"])
-    tests["seen"] = [_seen(row, k) for row, k in zip(tests.to_dict("records"), size, strict=True)]
     allowed = [row.get("allowed", margin) for row in rows]
+    cases = zip(tests.to_dict("records"), size, allowed, strict=True)
+    tests["seen"] = [_seen(row, _LEVEL / k, spared) for row, k, spared in cases]
     beyond = (
         np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"])
         > allowed
@@ -150,8 +159,7 @@ def check_books(
     ]
     unseen = (*_unseen(tests, basis), *untold)
     said = (
-        f"{_basis(now, before, pairs, margin, shaken)}. A loss of {_points(_REACH[basis])}"
-        " must be detectable in 8 of 10 such runs, else the run is too small. Benchmark:"
+        f"{_basis(now, before, pairs, margin, shaken)}. {_found(tests, basis)}. Benchmark:"
         f" {benchmark_version(now.manifest)}"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
@@ -211,6 +219,8 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
         f"baseline {baseline}: {now.ids.size} scenarios of grid {now.manifest['grid']} x"
         f" {len(now.methods)} methods"
     ]
+    itself = check_books(now, now)
+    lines.append(f"{_found(itself.tests, 'equal')}; {_loops_needed(itself)}")
     if there:
         try:
             before = read_book(baseline)
@@ -303,39 +313,63 @@ def _basis(
 
 def _points(share: float) -> str:
     """Return a share in percentage points."""
-    return f"{100 * share:g} percentage point{'s' * (share != 0.01)}"
+    return f"{100 * share:g} percentage point{'' if share == 0.01 else 's'}"
 
 
-def _seen(row: dict[str, Any], tests: int) -> float:
-    """Return the smallest drop of a rate that is found with `_POWER`; NaN for an AUC and a median
-    error.
+def _seen(row: dict[str, Any], level: float, spared: float) -> float:
+    """Return the smallest drop of a rate beyond what is `spared` that is found with `POWER`, where
+    as many answers are won as here; NaN for an AUC and a median error.
     """
-    n, level = row["n"], _LEVEL / tests
-    if row["what"] in ("AUC", MEDIAN_ERROR) or n == 0:
+    if row["what"] in ("AUC", MEDIAN_ERROR) or row["n"] == 0:
         return float("nan")
-    least = np.ceil(-np.log2(level))  # cases lost, none won, that an exact test takes for a drop
-    return float(min(stats.gamma.ppf(_POWER, least) / n, 1.0))
+    explained = 0.0 if pd.isna(row["explained"]) else row["explained"]
+    least = max(int(spared * row["n"]), int(explained - row["won"]))
+    return smallest_loss_found(row["n"], level, int(row["won"]), least)
 
 
 def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
-    """Name the methods whose loss nobody could have found: too few loops that they cover, and
-    answers that changed.
+    """Name the methods that lost answers of which nobody could have found a loss that matters: too
+    few loops that they cover, or too many answers that changed both ways.
     """
-    for row in tests[(tests["what"] == "right") & (tests["truth"] == "cycled")].to_dict("records"):
-        if (
-            row["lost"] > row["explained"]
-            and not row["seen"] <= _REACH[basis]
-            and not tests.loc[tests["method"] == row["method"], "worse"].any()
-        ):
-            why = (
-                f"only a loss of {row['seen']:.3f} would have been found"
-                if row["n"]
-                else "it covers none"
-            )
+    rates = tests[tests["what"].isin(_COUNTED) & ~tests["worse"]]
+    of_all = rates[rates["what"] == "right"].set_index(["method", "truth"])["n"]
+    for method, rows in rates[rates["lost"] > rates["explained"]].groupby("method", sort=False):
+        if tests.loc[tests["method"] == method, "worse"].any():
+            continue
+        loops = np.array([of_all[method, truth] for truth in rows["truth"]])
+        share = rows["seen"].fillna(1.0).to_numpy() * rows["n"].to_numpy() / np.maximum(loops, 1)
+        worst = int(np.argmax(share))
+        row, wanted = rows.iloc[worst], _REACH[basis] * loops[worst] / max(rows.iloc[worst]["n"], 1)
+        if not share[worst] <= _REACH[basis]:
             yield (
-                f"{row['method']}: cannot tell on the {row['n']} loops that it covers: {why},"
-                f" {_REACH[basis]:g} is asked for"
+                f"{method}: cannot tell on the {loops[worst]} loops that it covers: of"
+                f" {_LOST[row['what']]} ({row['truth']}) {row['lost']:.0f} were lost and"
+                f" {row['won']:.0f} won, and only a loss of {_points(round(row['seen'], 3))} would"
+                f" have been found; {_points(round(min(wanted, 1.0), 3))} are asked for"
             )
+
+
+def _found(tests: pd.DataFrame, basis: str) -> str:
+    """Return which losses would have been found, and which must be, in a sentence."""
+    seen = tests[tests["truth"] == "cycled"].groupby("what")["seen"]
+    ends = {what: sorted({f"{100.0 * x:.1f}" for x in (x.min(), x.max())}) for what, x in seen}
+    smallest = " and ".join(
+        f"{' to '.join(ends[what])} of {_LOST[what]}" for what in ("detection", "no false alarm")
+    )
+    return (
+        f"In 8 of 10 such runs a loss of {smallest} would be found (percentage points, by method);"
+        f" where answers are lost, one of {_points(_REACH[basis])} of all must be, else the check"
+        " cannot tell"
+    )
+
+
+def _loops_needed(check: Check) -> str:
+    """Return how many loops a method must cover for a loss that matters to be found, in a
+    clause.
+    """
+    tests = check.tests.groupby("method").size().max()
+    needed = loops_for(_REACH["equal"], _LEVEL / tests)
+    return f"for that a method must cover {needed} loops"
 
 
 def _rounded(score: np.ndarray) -> np.ndarray:
