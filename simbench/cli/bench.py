@@ -324,7 +324,15 @@ def score(
             metavar="AXIS",
             help="Print accuracy, sensitivity and false positives over this axis of the grid,"
             " for example S_over_2J, or valve.S where a grid varies it; given twice, accuracy over"
-            " both.",
+            " both, and with --method the two other shares as well.",
+        ),
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        Option(
+            metavar="ID",
+            help="Show this method of the run alone, with its rank among all; with --paired compare"
+            " it with every other; may be repeated.",
         ),
     ] = None,
     to: Annotated[
@@ -386,6 +394,7 @@ def score(
     refuse_own_input([report, to], [folder])
     book = read_joined(folder)
     scores, failed = score_book(book, cost, allow_failed), read_failures(folder)
+    scores = scores.of(method) if method else scores
     answer = Asked(scores, truth, paired, by or [])
     if to is not None:
         write_asked(answer, to)

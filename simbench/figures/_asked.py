@@ -32,6 +32,7 @@ def write_asked(asked: Asked, path: Path) -> None:
         )
         numbers, text = comparison.pairs, paper.pairs_text(comparison)
     elif asked.rates is not None:
+        about = paper.caption_along(asked.scores, asked.rates, asked.truth)
         numbers, text = asked.rates, paper.along_text(asked.rates)
     else:
         numbers = paper.ranking_numbers(asked.scores, asked.truth)

@@ -14,7 +14,7 @@ def section(run: RunData) -> list[Part]:
     for process, axis in _AXES.items():
         rates = run.scores.along(["S_over_2J", axis])
         if len(rates):
-            panels = maps(rates, "S_over_2J", axis)
+            panels = maps(rates, ["S_over_2J", axis])
             pictures.append((panels[0].figure, f"Accuracy of each detector, {process} loops"))
     if not pictures:
         return [Text("This grid has no axes of dead time and S/2J.")]

@@ -36,17 +36,15 @@ def along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") -> 
         raise ParameterError(f"truth {truth!r}: {nearest(truth, TRUTHS)}")
     values, codes = zip(*(axis_codes(book, name) for name in axes), strict=True)
     everyone = [a for a in answers_of(book) if a.role != ROLE_YARDSTICK]
-    columns = ["value"] if isinstance(axis, str) else axes
-    counts = counted(
-        long_table(everyone), label=book.truth[truth], **dict(zip(columns, codes, strict=True))
-    )
-    table = tallied(counts, [*columns, "method"])[["n", "applicable", *_SHOWN]]
-    table = table[table["n"] > 0].drop(columns="n").rename(columns={"applicable": "n"})
-    table = table.reset_index()
+    label = book.truth[truth]
+    counts = counted(long_table(everyone), label=label, **dict(zip(axes, codes, strict=True)))
+    table = tallied(counts, [*axes, "method"])[["n", "applicable", "sticky", *_SHOWN]]
+    table = table[table["n"] > 0].drop(columns="n").reset_index()
+    table = table.rename(columns={"applicable": "n", "sticky": "positives"})
     # one more value than there are: of loops that have none
     texts = [np.array([*of, None], dtype=object) for of in values]
-    for name, text in zip(columns, texts, strict=True):
+    for name, text in zip(axes, texts, strict=True):
         table[name] = text[table[name]]
-    table = table[table[columns].notna().all(axis=1)]
+    table = table[table[axes].notna().all(axis=1)]
     table = with_names(table, everyone)
-    return table.loc[:, ["method", *columns, "n", *_SHOWN]].reset_index(drop=True)
+    return table.loc[:, ["method", *axes, "n", "positives", *_SHOWN]].reset_index(drop=True)

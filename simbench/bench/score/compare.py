@@ -126,15 +126,40 @@ class Comparison:
             f"{differ} of {len(self.pairs)} pairs differ (exact McNemar test, Holm-corrected p <"
             f" {_LEVEL:g})",
         ]
-        return "\n".join([*lines, *self._matrix_lines()])
+        return "\n".join([*lines, *(self._matrix_lines() if self.square else self._pair_lines())])
+
+    @property
+    def square(self) -> bool:
+        """Whether every two methods are compared, so that their pairs fill a square table."""
+        return 2 * len(self.pairs) == len(self.ranking) * (len(self.ranking) - 1)
+
+    def listed(self) -> pd.DataFrame:
+        """Return the pairs as text, a row each.
+
+        Returns
+        -------
+        DataFrame
+            First, Second, n, Win (only the first right), Tie, Loss, p with a star below .05.
+        """
+        p = [f"{_p(r.p)}{'*' * r.differ}" for r in self.pairs.itertuples()]
+        shown = self.pairs.drop(columns=["p", "differ"]).assign(p=p).astype(str)
+        return shown.rename(columns=lambda name: name if len(name) == 1 else name.capitalize())
 
     @property
     def legend(self) -> str:
-        """What the cells of the square table are."""
+        """What the cells of the square table, or the columns of the list, are."""
+        if not self.square:
+            return "win: only the first right; loss: only the second; *: they differ"
         return (
             "above the diagonal: win-tie-loss (only the row's method right, both or neither, only"
             " the column's); below it: p; *: they differ"
         )
+
+    def _pair_lines(self) -> list[str]:
+        """Return a line for every pair."""
+        listed = self.listed()
+        head = [name.lower() for name in listed.columns]
+        return [self.legend, "", *columns([head, *listed.itertuples(index=False)])]
 
     def _names(self) -> list[str]:
         """Return the methods with a number, and a mark where one failed."""
@@ -203,9 +228,12 @@ def _p(p: float) -> str:
 
 
 def compare(
-    book: RunArrays, truth: str = "cycled", failing: Collection[str] | None = None
+    book: RunArrays,
+    truth: str = "cycled",
+    failing: Collection[str] | None = None,
+    chosen: Collection[str] = (),
 ) -> Comparison:
-    """Compare the methods of a run with each other.
+    """Compare the methods of a run with each other, or those that are chosen with every other.
 
     An answer is right when it is the label; "no decision" is never right. Where a method does not
     apply it is not compared. Methods that are failing have no mean rank; where they are not given,
@@ -216,7 +244,11 @@ def compare(
     use = np.flatnonzero(book.truth[truth] >= 0)
     side = _Side.of(book, truth, use)
     ranks, cd = _mean_ranks(book, side, use, failing)
-    couples = list(combinations(range(len(book.methods)), 2))
+    numbers = range(len(book.methods))
+    first = [k for k in numbers if book.methods[k] in chosen]
+    couples = list(combinations(numbers, 2))
+    if chosen:
+        couples = [(i, j) for i in first for j in numbers if j > i or (j < i and j not in first)]
     found = []
     for i, j in couples:
         at = side.applies[i] & side.applies[j]

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
+from typing import Any
+
 from simbench.detectors.verdict import NO_STICTION, STICTION
 
 ALL = "all"
@@ -17,6 +21,14 @@ NO_WAVEFORM, WITH_RHYTHM = "no_waveform", "rhythm"
 HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}
 
 
+_GROUPS = (
+    "",
+    "with MV, ranked among themselves",
+    "reference rows, not ranked",
+    "nonlinearity tests, not ranked",
+)
+
+
 def kind_of(role: str, sees_mv: bool) -> int:
     """Return 0 for a stiction method on OP and PV, 1 for one that sees MV, 2 for yardsticks and the
     oracle, 3 for other tests.
@@ -24,3 +36,23 @@ def kind_of(role: str, sees_mv: bool) -> int:
     if role in ("oracle", ROLE_YARDSTICK):
         return 2
     return 3 if role == "nonlinearity" else int(sees_mv)
+
+
+def group_of(row: Any, failing: Collection[str]) -> str:
+    """Return what stands above the rows of a ranking that are not compared with its first ones, ""
+    of these: from a row of `Scores.rows`.
+    """
+    if not row.partial:
+        return _GROUPS[row.kind]
+    if row.method in failing:
+        return "failed on more records than allowed, not ranked"
+    if not math.isnan(row.rank):
+        return f"ranked on the {row.applicable} of these loops that it answers"
+    covered = "" if row.applicable == row.n else f"applicable to {row.applicable} of these loops, "
+    return f"{'with MV, ' * (row.kind == 1)}{covered}not ranked"
+
+
+def loops_of(rates: Any, share: str) -> Any:
+    """Return of how many loops a share is, from the rates along axes."""
+    others = rates["n"] - rates["positives"]
+    return {"sensitivity": rates["positives"], "false_positives": others}.get(share, rates["n"])

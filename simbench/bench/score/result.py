@@ -7,12 +7,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from simbench.bench.score.along import along
 from simbench.bench.score.compare import Comparison, compare
-from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, kind_of
+from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, group_of, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.show import picture
 from simbench.bench.score.show.resolution_curve import resolution_curve
@@ -21,7 +21,7 @@ from simbench.bench.score.tally import RATES
 from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.reading import RunArrays
-from simbench.detectors.errors import UserError
+from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.views import page_part
 from simbench.files import csv_text
 
@@ -133,6 +133,8 @@ class Scores:
         Cost of no decision.
     book : RunArrays
         The answers that were scored.
+    chosen : tuple of str
+        The methods that are shown, and compared with every other; all where it is empty.
     """
 
     table: pd.DataFrame
@@ -147,6 +149,36 @@ class Scores:
     failing: dict[str, int] = field(default_factory=dict)
     undecided: float = UNDECIDED
     book: RunArrays | None = field(default=None, repr=False)
+    chosen: tuple[str, ...] = ()
+
+    def of(self, methods: Sequence[str]) -> Scores:
+        """Return the rows of some methods alone, with the ranks that they have among all.
+
+        Parameters
+        ----------
+        methods : sequence of str
+            Ids of methods of the run, or of reference rows.
+
+        Returns
+        -------
+        Scores
+            `compare` of them compares each with every method of the run, and corrects p for these
+            pairs; `along` and `plot` show them alone.
+
+        Raises
+        ------
+        UserError
+            For a method that the run does not have.
+        """
+        known = list(dict.fromkeys(self.table["method"]))
+        for name in methods:
+            if name not in known:
+                raise UserError(f"no method {name!r} in this run: {nearest(name, known)}")
+        tables = ("by_axis", "left_out", "by_cause", "quantification")
+        kept = {
+            name: t[t["method"].isin(methods)] for name in tables if len(t := getattr(self, name))
+        }
+        return replace(self, chosen=tuple(methods), **kept)
 
     @property
     def resolution(self) -> float:
@@ -162,7 +194,8 @@ class Scores:
         population: str = OF_OSCILLATING,
     ) -> pd.DataFrame:
         """Return the rows of one block with every column of `table`, best first: methods that see
-        OP and PV, those that see MV, reference rows, other tests.
+        OP and PV, those that see MV, reference rows, other tests; `group` names what they are
+        ranked with, `shared` tells whether others have the same rank.
         """
         t = self.table
         here = (t.truth == truth) & (t.process == process)
@@ -170,10 +203,18 @@ class Scores:
         kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
         part = [k < 2 and on < n for k, on, n in zip(kind, rows.rank_loops, rows.n)]
         answered = [-int(n) if p else 0 for n, p in zip(rows.applicable, part)]
+        failed = [p and method in self.failing for p, method in zip(part, rows.method)]
         keys = {"kind": kind, "partial": part, "_unranked": rows["rank"].isna(), "_few": answered}
-        order = ["kind", "partial", "_unranked", "_few", "cost"]
-        rows = rows.assign(**keys).sort_values(order, kind="stable")
-        return rows.drop(columns=["_unranked", "_few"])
+        order = ["kind", "partial", "_failed", "_unranked", "_few", "cost"]
+        rows = rows.assign(**keys, _failed=failed).sort_values(order, kind="stable")
+        rows = rows.drop(columns=["_failed", "_unranked", "_few"])
+        rows = rows.assign(group=[group_of(row, self.failing) for row in rows.itertuples()])
+        alike = rows.duplicated(["kind", "group", "rank"], keep=False)
+        return self._shown(rows.assign(shared=rows["rank"].notna() & alike))
+
+    def _shown(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """Return the rows of the methods that are chosen."""
+        return rows[rows["method"].isin(self.chosen)] if self.chosen and len(rows) else rows
 
     def ranking(
         self,
@@ -227,7 +268,7 @@ class Scores:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity
         become null.
         """
-        table, resolution = self.table, self.resolution
+        table, resolution = self._shown(self.table), self.resolution
         return {
             "grid": self.manifest["grid"],
             "grid_hash": self.manifest["grid_hash"],
@@ -270,16 +311,16 @@ class Scores:
         Returns
         -------
         DataFrame
-            method, value (of two axes a column each, by their names), n loops with a label to which
-            the method applies, accuracy, sensitivity, false_positives and no_decision with their
-            95 % intervals (_lo, _hi); values in order.
+            method, the axes, n loops with a label to which the method applies, how many of them are
+            positives, accuracy, sensitivity, false_positives and no_decision with their 95 %
+            intervals (_lo, _hi); values in order.
 
         Raises
         ------
         ParameterError
             For what is no axis of this run, or more than two.
         """
-        return along(self._answers(), axis, truth)
+        return self._shown(along(self._answers(), axis, truth))
 
     def resolution_curve(self) -> pd.DataFrame:
         """Return how much of a valve's corner each method needs, on a grid whose echoes of sticky
@@ -316,7 +357,7 @@ class Scores:
         UserError
             For an unknown truth.
         """
-        return compare(self._answers(), truth, set(self.failing))
+        return compare(self._answers(), truth, set(self.failing), self.chosen)
 
     def _answers(self) -> RunArrays:
         """Return the answers, without which scores are tables alone."""
@@ -340,14 +381,15 @@ class Scores:
         matplotlib.axes.Axes or array of them
             Bars of cost (0 to 1), the lowest on top; with one axis a line per method in three
             panels, accuracy, sensitivity and false positives (0 to 1); with two a map of accuracy
-            per method.
+            per method, or of methods that were chosen (`of`) three maps each.
         """
         if by is None:
             return picture.bars(self.ranking(), **options)
         axes = [by] if isinstance(by, str) else list(by)
         if len(axes) == 1:
             return picture.lines(self.along(axes[0]), axes[0], **options)
-        return picture.maps(self.along(axes), *axes, **options)
+        shares = picture.PANELS if self.chosen else picture.PANELS[:1]
+        return picture.maps(self.along(axes), axes, shares, **options)
 
     def __repr__(self) -> str:
         """Return one line."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from simbench.bench.score.show.picture import PANELS
 from simbench.bench.score.show.table import along_lines, two_way_lines
 
 if TYPE_CHECKING:
@@ -43,8 +44,12 @@ class Asked:
         """
         parts = [] if self.comparison is None else [self.comparison.as_text()]
         if self.rates is not None:
-            lines = along_lines if len(self.axes) == 1 else two_way_lines
-            parts.append("\n".join(lines(self.rates, self.axes, self.scores.manifest["grid"])))
+            about = self.rates, self.axes, self.scores.manifest["grid"]
+            if len(self.axes) == 1:
+                lines = along_lines(*about)
+            else:
+                lines = two_way_lines(*about, PANELS if self.scores.chosen else PANELS[:1])
+            parts.append("\n".join(lines))
         if full or not parts:
             parts.insert(0, self.scores.as_text(self.truth, full, where))
         return "\n\n".join(parts)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from simbench.bench.score.names import HOME_MARKS
+from simbench.bench.score.names import ALL, HOME_MARKS, OF_OSCILLATING
 from simbench.bench.store.benchmark import benchmark_text
 from simbench.detectors.errors import ParameterError
 from simbench.files import csv_text, whole_file
@@ -30,31 +30,32 @@ def table_kind(path: str | Path) -> str:
 
 
 def ranking_numbers(scores: Any, truth: str = "cycled") -> pd.DataFrame:
-    """Return the ranking with every interval; `shared`: other methods have the same rank."""
+    """Return the ranking with every interval; `group`: which rows are ranked with each other, the
+    main ones without a name; `shared`: other methods have the same rank.
+    """
     rows = scores.rows(truth)
-    # methods that see MV are ranked among themselves
-    shared = rows["rank"].notna() & rows.duplicated(["kind", "partial", "rank"], keep=False)
-    rows = rows.assign(shared=shared, n=rows["applicable"], failed=rows["errors"])
+    rows = rows.assign(n=rows["applicable"], failed=rows["errors"])
     shares = [f"{name}{end}" for name in _SHARES for end in _ENDS]
-    names = ["rank", "shared", "method", "home", "n", "positives", "failed", *shares]
+    names = ["group", "rank", "shared", "method", "home", "n", "positives", "failed", *shares]
     return rows.loc[:, names].reset_index(drop=True)
 
 
 def ranking_text(scores: Any, truth: str = "cycled") -> pd.DataFrame:
     """Return the ranking as a paper prints it: values with their 95 % intervals, = after a rank
-    that several methods share.
+    that several methods share; a file has the groups as headings.
     """
     rows = []
     for r in ranking_numbers(scores, truth).to_dict("records"):
         rank = "" if pd.isna(r["rank"]) else f"{r['rank']:.0f}{'=' if r['shared'] else ''}"
         name = r["method"] + HOME_MARKS[r["home"]]
-        rows.append({"Rank": rank, "Method": name, "n": str(r["n"]), **_shares(r, _SHARES)})
+        cells = {"Rank": rank, "Method": name, "n": str(r["n"]), **_shares(r, _SHARES)}
+        rows.append({"Group": r["group"], **cells})
     return pd.DataFrame(rows)
 
 
 def along_text(rates: pd.DataFrame) -> pd.DataFrame:
     """Return rates along one axis or two as a paper prints them."""
-    axes = list(rates.columns[1 : list(rates.columns).index("n")])
+    axes = axes_of(rates)
     rows = []
     for r in rates.to_dict("records"):
         place = {name: r[name] for name in axes}
@@ -62,20 +63,39 @@ def along_text(rates: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def axes_of(rates: pd.DataFrame) -> list[str]:
+    """Return the axes along which rates are."""
+    return list(rates.columns[1 : list(rates.columns).index("n")])
+
+
 def pairs_text(comparison: Comparison) -> pd.DataFrame:
-    """Return all pairs as a square table."""
+    """Return all pairs as a square table, or those of chosen methods as a list."""
+    if not comparison.square:
+        return comparison.listed()
     return comparison.cells().rename_axis("Method").reset_index()
 
 
 def caption(scores: Any, truth: str = "cycled") -> str:
     """Return what a ranking is of, in one sentence, with the benchmark's version."""
-    rows, m = scores.rows(truth), scores.manifest
+    about = _of_loops(scores, truth, OF_OSCILLATING, "oscillating loops")
+    return (
+        f"{about}; 95 % intervals; methods that these loops cannot tell apart share a rank (=); *"
+        " fitted on this grid, + on loops like these."
+    )
+
+
+def caption_along(scores: Any, rates: pd.DataFrame, truth: str = "cycled") -> str:
+    """Return what rates along axes are of, in one sentence, with the benchmark's version."""
+    about = _of_loops(scores, truth, ALL, "loops with a label, oscillating or not")
+    return f"{about}; by {' and '.join(axes_of(rates))}; 95 % intervals."
+
+
+def _of_loops(scores: Any, truth: str, population: str, loops: str) -> str:
+    rows, m = scores.rows(truth, population=population), scores.manifest
     n, positives = (int(rows[x].max()) if len(rows) else 0 for x in ("n", "positives"))
     return (
         f"Detectors of valve stiction on grid {m['grid']}{benchmark_text(m)}, seed {m.get('seed')}:"
-        f" {n} oscillating loops, {positives} positive (label {truth}); 95 % intervals; methods"
-        " that these loops cannot tell apart share a rank (=); * fitted on this grid, + on"
-        " loops like these."
+        f" {n} {loops}, {positives} positive (label {truth})"
     )
 
 
@@ -88,13 +108,35 @@ def write(path: str | Path, numbers: pd.DataFrame, text: pd.DataFrame, about: st
 
 
 def _formatted(kind: str, text: pd.DataFrame, about: str) -> str:
+    groups = list(text["Group"]) if "Group" in text else [""] * len(text)
+    text = text.drop(columns="Group", errors="ignore")
+    wide = text.shape[1]
     if kind == ".md":
-        rows = [list(text.columns), ["---"] * text.shape[1], *text.to_numpy().tolist()]
-        lines = ["| " + " | ".join(str(x).replace("|", r"\|") for x in row) + " |" for row in rows]
-        return "\n".join([about, "", *lines, ""])
-    layout = "l" * text.shape[1]
-    table = text.to_latex(index=False, escape=True, column_format=layout)
+        cells = [[str(x).replace("|", r"\|") for x in row] for row in text.to_numpy()]
+        body = _under_groups(cells, groups, lambda name: ["", f"*{name}*", *[""] * (wide - 2)])
+        rows = [list(text.columns), ["---"] * wide, *body]
+        return "\n".join([about, "", *("| " + " | ".join(row) + " |" for row in rows), ""])
+    before, rule, rest = text.to_latex(
+        index=False, escape=True, column_format="l" * wide
+    ).partition("\\midrule\n")
+    lines, end, after = rest.partition("\\bottomrule")
+    body = _under_groups(
+        lines.splitlines(),
+        groups,
+        lambda name: f"\\midrule\n\\multicolumn{{{wide}}}{{l}}{{\\emph{{{name}}}}} \\\\",
+    )
+    table = before + rule + "\n".join([*body, end + after])
     return f"% {about}\n% needs the package booktabs\n{table}"
+
+
+def _under_groups(rows: Sequence[Any], groups: Sequence[str], heading: Callable) -> list[Any]:
+    """Return rows with a heading above the first of each group that has a name."""
+    out, before = [], ""
+    for row, group in zip(rows, groups, strict=True):
+        out += [heading(group)] if group and group != before else []
+        out.append(row)
+        before = group
+    return out
 
 
 def _shares(row: dict[str, Any], names: Sequence[str]) -> dict[str, str]:

@@ -4,17 +4,18 @@ axes as maps.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbench.bench.score.names import LEAST
+from simbench.bench.score.names import LEAST, loops_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _DPI = 200  # of a picture that is saved as pixels
-_PANELS = ("accuracy", "sensitivity", "false_positives")
+PANELS = ("accuracy", "sensitivity", "false_positives")
 _SIDE = 3  # maps beside each other
 _PALE = 0.35  # opacity of a cell of fewer than `LEAST` loops
 
@@ -38,16 +39,16 @@ def bars(ranking: pd.DataFrame, **options: Any) -> Any:
 
 def lines(rows: pd.DataFrame, axis: str, **options: Any) -> Any:
     """Draw the shares of each method over the values of an axis."""
-    values = list(dict.fromkeys(rows["value"]))
-    wide = rows.pivot(index="value", columns="method").loc[values]
+    values = list(dict.fromkeys(rows[axis]))
+    wide = rows.pivot(index=axis, columns="method").loc[values]
     panels = options.pop("ax", None)
     if panels is None:
-        panels = _figure(1, len(_PANELS), options.pop("figsize", (11.0, 4.0)), sharey=True)[0]
+        panels = _figure(1, len(PANELS), options.pop("figsize", (11.0, 4.0)), sharey=True)[0]
     look = {"marker": "o", "ylim": (-0.02, 1.02), "xlabel": axis, "ylabel": "share of loops"}
     # every panel shows every value, also one at which no loop has a rate
     look |= {"xticks": range(len(values)), "xlim": (-0.3, len(values) - 0.7)}
     look |= {"rot": 20, "colormap": "tab20", "legend": False}
-    for axes, name in zip(panels, _PANELS, strict=True):
+    for axes, name in zip(panels, PANELS, strict=True):
         wide[name].plot(ax=axes, **{**look, "title": name.replace("_", " "), **options})
     # beside the curves, none of which it may hide
     panels[-1].legend(
@@ -56,22 +57,26 @@ def lines(rows: pd.DataFrame, axis: str, **options: Any) -> Any:
     return panels
 
 
-def maps(rows: pd.DataFrame, first: str, second: str, **options: Any) -> Any:
-    """Draw the accuracy of each method over two axes, with the number of loops in each cell; cells
+def maps(
+    rows: pd.DataFrame, by: Sequence[str], of: Sequence[str] = PANELS[:1], **options: Any
+) -> Any:
+    """Draw some shares of each method over two axes, with the number of loops in each cell; cells
     of few loops are pale.
     """
-    methods = list(dict.fromkeys(rows["method"]))
+    first, second = by
+    drawn = [(method, name) for method in dict.fromkeys(rows["method"]) for name in of]
     down, across = (list(dict.fromkeys(rows[name])) for name in (first, second))
-    side = min(_SIDE, len(methods))
-    deep = -(-len(methods) // side)
+    side = min(_SIDE, len(drawn))
+    deep = -(-len(drawn) // side)
     size = (side * (0.9 + 0.55 * len(across)), deep * (0.9 + 0.42 * len(down)))
     panels = options.pop("ax", None)
     if panels is None:
         panels = _figure(deep, side, options.pop("figsize", size)).ravel()
     image = None
-    for axes, method in zip(panels, methods, strict=False):
-        wide = rows[rows.method == method].pivot(index=first, columns=second)
-        shares, n = (wide[x].reindex(index=down, columns=across) for x in ("accuracy", "n"))
+    for axes, (method, name) in zip(panels, drawn, strict=False):
+        mine = rows[rows.method == method]
+        wide = mine.assign(n=loops_of(mine, name)).pivot(index=first, columns=second)
+        shares, n = (wide[x].reindex(index=down, columns=across) for x in (name, "n"))
         few = n.to_numpy() < LEAST
         # few colours in a mesh: a page then holds lines, and no embedded image
         edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
@@ -87,12 +92,14 @@ def maps(rows: pd.DataFrame, first: str, second: str, **options: Any) -> Any:
                 axes.text(j, i, text, ha="center", va="center", fontsize=6, color=ink)
         axes.set_xticks(range(len(across)), across, fontsize=7)
         axes.set_yticks(range(len(down)), down, fontsize=7)
-        axes.set(xlabel=second, ylabel=first, title=method)
-    for axes in panels[len(methods) :]:
+        title = method if len(of) == 1 else f"{method}: {name.replace('_', ' ')}"
+        axes.set(xlabel=second, ylabel=first, title=title)
+    for axes in panels[len(drawn) :]:
         axes.set_axis_off()
     if image is not None:
         bar = panels[0].figure.colorbar(image, ax=list(panels), shrink=0.6, aspect=40)
-        bar.set_label(f"accuracy; below it the number of loops, pale: fewer than {LEAST}")
+        what = of[0] if len(of) == 1 else "share"
+        bar.set_label(f"{what}; below it the number of loops, pale: fewer than {LEAST}")
     return panels
 
 

@@ -21,6 +21,7 @@ from simbench.bench.score.names import (
     OF_OSCILLATING,
     ROLE_YARDSTICK,
     SAMPLED,
+    loops_of,
 )
 from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.shipped import UNLIKE
@@ -36,12 +37,6 @@ _LINES, _WIDTH = 40, 100  # of the default output
 _BESIDES = 3
 _PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
 HEAD = ("rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision")
-_KINDS = (
-    "",
-    "-- with MV, ranked among themselves",
-    "-- reference rows, not ranked",
-    "-- nonlinearity tests, not ranked",
-)
 _TRUTHS = {
     "cycled": "the valve makes the loop cycle",
     "predicted": "Table 11.3 predicts a limit cycle",
@@ -108,27 +103,41 @@ def along_lines(rates: pd.DataFrame, axes: Sequence[str], grid: str) -> list[str
             _interval(r[name], r[f"{name}_lo"], r[f"{name}_hi"], few)
             for name in ("accuracy", "sensitivity", "false_positives")
         ]
-        counts = (str(r["value"]), r["method"], str(r["n"]))
+        counts = (str(r[axes[0]]), r["method"], str(r["n"]))
         lines.append((*counts, *shares, _rate(r["no_decision"], few)))
     about = f"grid {grid}, all loops with a label; -: fewer than {LEAST} loops, or no such loop"
     return [*_wrapped(about), *columns(lines)]
 
 
-def two_way_lines(rates: pd.DataFrame, axes: Sequence[str], grid: str) -> list[str]:
-    """Return the accuracy of each method over two axes, the first down and the second across."""
+def two_way_lines(
+    rates: pd.DataFrame, axes: Sequence[str], grid: str, shares: Sequence[str] = ("accuracy",)
+) -> list[str]:
+    """Return some shares of each method over two axes, the first down and the second across."""
     down, across = axes
+    more = "" if len(shares) > 1 else "; --method ID: sensitivity and false positives of one, too"
     lines = _wrapped(
-        f"grid {grid}: accuracy and number of loops, {down} down and {across} across; in brackets:"
-        f" fewer than {LEAST} loops"
+        f"grid {grid}: {_listed(shares)} and number of loops, {down} down and {across} across; in"
+        f" brackets: fewer than {LEAST} loops{more}"
     )
     values = list(dict.fromkeys(rates[across]))
     for method, of in rates.groupby("method", sort=False):
-        rows: list[tuple[str, ...]] = [(str(method), *values)]
-        for value, line in of.groupby(down, sort=False):
-            known = {r[across]: _cell(r["accuracy"], r["n"]) for r in line.to_dict("records")}
-            rows.append((str(value), *(known.get(v, "-") for v in values)))
-        lines += ["", *columns(rows)]
+        for name in shares:
+            title = str(method) if len(shares) == 1 else f"{method}: {name.replace('_', ' ')}"
+            rows: list[tuple[str, ...]] = [(title, *values)]
+            for value, line in of.groupby(down, sort=False):
+                known = {r[across]: _cell(r[name], loops_of(r, name)) for _, r in line.iterrows()}
+                rows.append((str(value), *(known.get(v, "-") for v in values)))
+            lines += ["", *columns(rows)]
     return lines
+
+
+def _listed(shares: Sequence[str]) -> str:
+    """Return the names of shares in words.
+
+    >>> _listed(["accuracy", "sensitivity", "false_positives"])
+    'accuracy, sensitivity, false positives'
+    """
+    return ", ".join(name.replace("_", " ") for name in shares)
 
 
 def _cell(share: float, n: int) -> str:
@@ -190,7 +199,7 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     ]
     if math.isnan(standing.resolution):
         said.append(f"There is no ranking: {_why_not(scores, rows)}.")
-    elif _rivals(rows) < 2:
+    elif not scores.chosen and _rivals(rows) < 2:
         said.append("Only one method covers these loops, so it has no rival to be ranked against.")
     else:
         said.append(
@@ -223,14 +232,12 @@ def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
     last methods do.
     """
     body: list[tuple[str, Any]] = []
-    before = (0, False, None)
+    before = ""
     for r in rows.itertuples():
-        n = r.applicable if r.applicable < r.n else None
-        group = (r.kind, r.partial, (n, math.isnan(r.rank)) if r.partial else None)
-        if group != before and (group[0] or r.partial):
-            body.append(("title", _group(r, scores)))
+        if r.group != before:
+            body.append(("title", f"-- {r.group}"))
         body.append(("always" if r.method in CONSTANTS else "fixed" if r.kind == 2 else "row", r))
-        before = group
+        before = r.group
     if len(body) > room:
         body = [(kind, r) for kind, r in body if kind != "always"]
     # the user's own methods stay
@@ -250,17 +257,6 @@ def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
         if k not in dropped | headings:
             out.append(r if kind == "title" else next(cells))
     return [*out, *([f"... and {len(dropped)} more methods: --full"] if dropped else [])]
-
-
-def _group(r: Any, scores: Any) -> str:
-    if not r.partial:
-        return _KINDS[r.kind]
-    if r.method in scores.failing:
-        return "-- failed on more records than allowed, not ranked"
-    if not math.isnan(r.rank):
-        return f"-- ranked on the {r.applicable} of these loops that it answers"
-    covered = "" if r.applicable == r.n else f"applicable to {r.applicable} of these loops, "
-    return f"-- {'with MV, ' * (r.kind == 1)}{covered}not ranked"
 
 
 def _cells(rows: Sequence[Any]) -> list[str]:

@@ -23,7 +23,7 @@ def counted(finished):
 
 def test_one_axis_is_what_the_table_by_axis_says(counted):
     scores, _ = counted
-    rows = scores.along("S_over_2J").set_index(["method", "value"])
+    rows = scores.along("S_over_2J").set_index(["method", "S_over_2J"])
     every = scores.by_axis[scores.by_axis.axis == "S_over_2J"].set_index(["method", "value"])
     for name in ("accuracy", "accuracy_lo", "sensitivity", "false_positives_hi", "no_decision"):
         same = every.loc[rows.index, name].to_numpy(dtype=float)

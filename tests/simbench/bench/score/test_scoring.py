@@ -566,7 +566,7 @@ def test_rates_over_an_axis_are_printed_drawn_and_given_as_json(finished, joined
     rows = scores.along("disturbance")
     for row in rows[rows.method == "he"].to_dict("records"):
         use = joined[(joined.method == "he") & joined.cycled.isin(["yes", "no"])]
-        use = use[use.disturbance == row["value"]]
+        use = use[use.disturbance == row["disturbance"]]
         hit, sticks = use.verdict == STICTION, use.cycled == "yes"
         assert row["n"] == len(use)
         assert row["sensitivity"] == pytest.approx(hit[sticks].mean(), nan_ok=True)
@@ -598,10 +598,10 @@ def test_rates_over_the_axes_of_a_grid_of_ones_own(tmp_path, capsys):
     scores = score_run(folder)
     for axis, values in (("valve.S", ["1", "5"]), ("plant", sorted({t["plant"] for t in tags}))):
         rows = scores.along(axis)
-        assert rows["value"].tolist() == values
+        assert rows[axis].tolist() == values
         for row in rows.to_dict("records"):
             of = tags.map(lambda t, axis=axis: t[axis] if axis == "plant" else f"{t[axis]:g}")
-            use = (of == row["value"]) & scenarios.cycled.isin(["yes", "no"])
+            use = (of == row[axis]) & scenarios.cycled.isin(["yes", "no"])
             healthy = use & (scenarios.cycled == "no")
             assert row["n"] == use.sum()
             share = (verdicts[healthy] == STICTION).mean()

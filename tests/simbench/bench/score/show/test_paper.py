@@ -56,11 +56,78 @@ def test_a_run_is_a_table_in_one_call(finished, tmp_path, capsys, kind):
     assert f"{numbers.accuracy['he']:.2f} [{numbers.accuracy_lo['he']:.2f}, " in text
     assert "grid small" in text.splitlines()[0]
     rows = re.findall(r"^\|" if kind == ".md" else r"\\\\$", text, re.MULTILINE)
-    assert len(rows) == len(numbers) + (2 if kind == ".md" else 1)
+    headings = len(set(numbers.group) - {""})
+    assert len(rows) == len(numbers) + headings + (2 if kind == ".md" else 1)
+    assert all(name in text for name in numbers.group.unique())
+
+
+def test_rates_over_an_axis_say_of_which_loops_they_are(finished, tmp_path):
+    path = tmp_path / "by.md"
+    assert main(["score", str(finished), "--by", "disturbance", "--to", str(path)]) == 0
+    about, _, head, *_ = path.read_text(encoding="utf-8").splitlines()
+    loops = sb.score(finished).rows(population="all").n.max()
+    assert f"{loops} loops with a label, oscillating or not" in about
+    assert "by disturbance" in about
+    assert "rank" not in about
+    assert head.startswith("| Method | disturbance | n |")
+
+
+def test_a_method_that_failed_on_nothing_is_not_under_those_that_failed(book):
+    truth = np.arange(200) % 2
+    run = book([truth] * 3, truth, methods=("whole", "sound", "crashy"))
+    run.applicable[1:] = np.arange(200) < 100
+    run.failed[2, :40] = True
+    scores = score_book(run)
+    lines = scores.as_text().splitlines()
+    titles = {
+        line.split()[1]: [t for t in lines[:k] if t.startswith("--")][-1:]
+        for k, line in enumerate(lines)
+        if len(line.split()) > 4
+    }
+    assert titles["whole"] == []
+    assert titles["sound"] == ["-- applicable to 100 of these loops, not ranked"]
+    assert titles["crashy"] == ["-- failed on more records than allowed, not ranked"]
+
+
+def test_a_method_is_compared_with_every_other_in_one_family(book, noisy):
+    rng, truth = np.random.default_rng(3), np.arange(400) % 2
+    parts = [noisy(rng, truth, share, methods=1)[0][0] for share in (0.9, 0.7, 0.72, 0.5)]
+    scores = score_book(book(parts, truth, methods=("mine", "one", "two", "three")))
+    pairs, every = scores.of(["mine"]).compare().pairs, scores.compare().pairs
+    assert pairs["first"].tolist() == ["mine"] * 3
+    assert pairs.second.tolist() == ["one", "two", "three"]
+    # three tests are corrected for, and not six
+    alone = every[every["first"] == "mine"]
+    assert (pairs.p.to_numpy() <= alone.p.to_numpy()).all()
+    assert pairs.win.tolist() == alone.win.tolist()
+    assert scores.of(["mine"]).rows().method.tolist() == ["mine"]
+    assert scores.of(["mine"]).rows()["rank"].tolist() == [1.0]
+    last = scores.of(["three"]).rows()["rank"].item()
+    assert last == scores.rows().set_index("method")["rank"]["three"]
+    with pytest.raises(sb.detectors.errors.UserError, match="did you mean 'three'"):
+        scores.of(["thre"])
+
+
+def test_a_method_alone_is_shown_by_all_three_shares_over_two_axes(finished, tmp_path, capsys):
+    command = ["score", str(finished), "--by", "disturbance", "--by", "tuning", "--method", "he"]
+    assert main([*command, "--to", str(tmp_path / "he.png")]) == 0
+    said = capsys.readouterr().out
+    for share in ("he: accuracy", "he: sensitivity", "he: false positives"):
+        assert share in said
+    assert "yamashita" not in said
+    maps = sb.score(finished).of(["he"]).plot(by=["disturbance", "tuning"])
+    assert [axes.get_title() for axes in maps] == [
+        "he: accuracy",
+        "he: sensitivity",
+        "he: false positives",
+    ]
+    assert main(["score", str(finished), "--method", "he", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert {row["method"] for row in rows} == {"he"}
 
 
 def test_tables_of_python(finished):
-    assert list(sb.table(finished).columns[:4]) == ["Rank", "Method", "n", "Cost"]
+    assert list(sb.table(finished).columns[:5]) == ["Group", "Rank", "Method", "n", "Cost"]
     pairs = sb.table(finished, "pairs")
     assert list(pairs.columns) == ["first", "second", "n", "win", "tie", "loss", "p", "differ"]
     with pytest.raises(sb.detectors.errors.UserError, match="paper"):
