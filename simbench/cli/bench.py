@@ -528,7 +528,7 @@ def figure(
 
     With `all`, figures are left out whose data are not given.
     """
-    from simbench.figures import caption, make_figures, where_from
+    from simbench.figures import make_figures, where_from
 
     numbers = pairs(sets or [], "--set")
     numbers = {k: float(v) if isinstance(v, int) else v for k, v in numbers.items()}
@@ -538,10 +538,10 @@ def figure(
         raise ParameterError("; ".join(lacking))
     rows = [{"id": d.id, "files": [str(f) for f in d.files], "left_out": d.left_out} for d in drawn]
     lines = []
-    for row in rows:
+    for row, one in zip(rows, drawn, strict=True):
         lines.append(f"{row['id']}: {row['left_out'] or ', '.join(row['files'])}")
         # of all figures the gallery has the captions
-        lines += [f"  {caption(row['id'])}"] if row["files"] and "all" not in ids else []
+        lines += [f"  {one.caption}"] if row["files"] and "all" not in ids else []
     show(rows if as_json else "\n".join(lines), as_json)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.scenarios.spec import Loop
+from simbench.theory.sampled import sampled_loop, ultimate_gain
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,6 +49,7 @@ class Loops:
             if not number or not math.isfinite(value) or (value <= 0 and name not in ("Td", "J")):
                 raise ParameterError(f"{name} = {value!r}; a number above 0 is needed")
         self.used: set[str] = set()
+        self.retuned = 0  # loops whose Kc was lowered, as they would be unstable without friction
         self.last: dict[str, float] = {}  # the numbers that were given last, by column
 
     def numbers(self, **own: float | None) -> dict[str, float | None]:
@@ -75,10 +77,35 @@ class Loops:
         `numbers` are K (1 when absent), T, Td, Kc, Ti, Ts and, of Choudhury's valve, S and J (% of
         travel); without T the plant integrates, without Ti the controller is P.
         """
-        own = self.numbers(**{"K": 1.0, **numbers})
-        valve = {} if own.get("S") is None else {"valve": choudhury(own["S"], own["J"])}
-        settings = {k: own.get(k) for k in ("K", "T", "Td", "Kc", "Ti", "Ts")}
-        return pi_loop(**settings, n=n, **valve, **more)  # pyright: ignore[reportArgumentType]
+        before = {"K": 1.0, **numbers}
+        own = self.numbers(**before)
+        loop = _loop_of(own, n, more)
+        if not self.changes or not (gain := _beyond_margin(loop)):
+            return loop
+        if "Kc" in self.changes:
+            raise ParameterError(
+                f"Kc = {own['Kc']:g}: a loop of this figure (Td = {own['Td']:g} s) would be"
+                f" unstable without friction; less than {own['Kc'] * gain:.3g} is needed"
+            )
+        self.retuned += 1
+        # as far below the margin of stability as the figure's own loop
+        own["Kc"] *= gain / (ultimate_gain(sampled_loop(_loop_of(before, n, {}))) or 1.0)
+        self.last[COLUMNS["Kc"]] = float(own["Kc"])
+        return _loop_of(own, n, more)
+
+    def told(self) -> str:
+        """Return what was changed, and what followed from it, in sentences; "" where nothing
+        was.
+        """
+        if not self.changes:
+            return ""
+        given = ", ".join(f"{name} = {value:g}" for name, value in self.changes.items())
+        text = f"Drawn with {given} in place of the figure's own: what the book says of it need not"
+        text += " hold."
+        if not self.retuned:
+            return text
+        loops = "A loop" if self.retuned == 1 else f"{self.retuned} loops"
+        return f"{text} {loops} would be unstable without friction: Kc was lowered there."
 
     def refuse_unused(self, figure: str) -> None:
         """Refuse a change that none of the figure's loops has."""
@@ -87,6 +114,20 @@ class Loops:
                 raise ParameterError(
                     f"figure {figure} shows no loop with {name}, which cannot be set"
                 )
+
+
+def _loop_of(numbers: Mapping[str, Any], n: int | None, more: Mapping[str, Any]) -> Loop:
+    valve = {} if numbers.get("S") is None else {"valve": choudhury(numbers["S"], numbers["J"])}
+    settings: dict[str, Any] = {k: numbers.get(k) for k in ("K", "T", "Td", "Kc", "Ti", "Ts")}
+    return pi_loop(**settings, n=n, **valve, **more)
+
+
+def _beyond_margin(loop: Loop) -> float:
+    """Return the factor on Kc at which a loop without friction begins to oscillate, where that is
+    below 1; 0 of a stable loop.
+    """
+    gain = ultimate_gain(sampled_loop(loop)) or 0.0
+    return gain if 0.0 < gain < 1.0 else 0.0
 
 
 def pi_loop(

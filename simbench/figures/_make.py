@@ -42,11 +42,14 @@ class Drawn:
         SVG, PNG and CSV; empty when it was left out.
     left_out : str
         Why it was not drawn; "" when it was.
+    caption : str
+        What it shows, with the numbers that were changed, and its source.
     """
 
     id: str
     files: tuple[Path, ...] = ()
     left_out: str = ""
+    caption: str = ""
 
 
 def figure_ids() -> list[str]:
@@ -71,7 +74,8 @@ def make_figures(
     isdb: str | Path | None = None,
     numbers: Mapping[str, float] | None = None,
 ) -> list[Drawn]:
-    """Draw figures and write ID.svg, ID.png and ID.csv for each.
+    """Draw figures and write ID.svg, ID.png and ID.csv for each; with other numbers these stand in
+    the name, so that the original stays.
 
     Parameters
     ----------
@@ -180,13 +184,16 @@ def refuse_numbers(name: str, numbers: Mapping[str, float]) -> None:
     Loops(numbers)
 
 
-def caption(name: str) -> str:
+def caption(name: str, changed: str = "") -> str:
     """Return what a figure shows, where it differs from the book, and its source.
 
     Parameters
     ----------
     name : str
         Id of the figure.
+    changed : str
+        What was changed in it, in sentences: they stand in place of what is true of the original
+        alone.
 
     Returns
     -------
@@ -201,8 +208,9 @@ def caption(name: str) -> str:
     from simbench.catalogue import FIGURES
 
     module = FIGURES.load(name.replace("-", "_"))
-    text = " ".join((module.__doc__ or "").split())
-    return f"{text} Source: {module.SOURCE}."
+    title, _, rest = (module.__doc__ or "").partition("\n\n")
+    text = " ".join(f"{title} {changed or rest}".split())
+    return f"{text} Source: {'after ' if changed else ''}{module.SOURCE}."
 
 
 def where_from(drawn: Drawn) -> str:
@@ -223,8 +231,10 @@ def where_from(drawn: Drawn) -> str:
     >>> where_from(Drawn("fig-11-12", left_out="needs ISDB")).split(",")[0]
     'figure fig-11-12 needs ISDB: give isdb10.mat'
     """
-    need = next(key for key, word in NEEDS.items() if f"needs {word}" in drawn.left_out)
-    return f"figure {drawn.id} {drawn.left_out}: {SOURCES[need]}"
+    for key, word in NEEDS.items():
+        if drawn.left_out == f"needs {word}":
+            return f"figure {drawn.id} {drawn.left_out}: {SOURCES[key]}"
+    return f"figure {drawn.id} {drawn.left_out}"
 
 
 def _id(name: str) -> str:
@@ -269,20 +279,23 @@ def _one(
     if lacking := _lacking(name, given):
         return Drawn(name, left_out=lacking)
     try:
-        table, picture = _drawn(name, given, numbers)
+        table, picture, told = _drawn(name, given, numbers)
     except NeedsRecord as error:
         return Drawn(name, left_out=str(error))
-    files = tuple(target / f"{name}{suffix}" for suffix in (".svg", ".png", ".csv"))
+    stem = "-".join([name, *(f"{key}-{value:g}" for key, value in (numbers or {}).items())])
+    files = tuple(target / f"{stem}{suffix}" for suffix in (".svg", ".png", ".csv"))
     for file in files[:2]:
         write_picture(picture, file, simplified=0.3)
     write_table(table, files[2], float_format="%.6g")
-    return Drawn(name, files)
+    return Drawn(name, files, caption=caption(name, told))
 
 
 def _drawn(
     name: str, given: Mapping[str, str | Path | None], numbers: Mapping[str, float] | None
-) -> tuple[pd.DataFrame, Figure]:
-    """Return a figure's table and its picture, below which the loops' numbers stand."""
+) -> tuple[pd.DataFrame, Figure, str]:
+    """Return a figure's table, its picture, on which the loops' numbers stand, and what was changed
+    in it.
+    """
     from simbench.catalogue import FIGURES
     from simbench.figures._style import GREY
 
@@ -297,4 +310,4 @@ def _drawn(
         wide = int(_LETTERS * picture.get_size_inches()[0])
         line = textwrap.fill(numbers_line(table), wide)
         picture.suptitle(line, x=0.01, ha="left", fontsize=7.5, color=GREY)
-    return table, picture
+    return table, picture, loops.told()

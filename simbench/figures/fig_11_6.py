@@ -12,7 +12,7 @@ from simbench.figures._style import BLUE, label, panels, parts, styled
 
 SOURCE = "Jelali (2013), Fig. 11.6; data: ISDB (Jelali & Huang 2010), StictionGPT"
 LOOPS = (
-    "CHEM1", "CHEM23", "PAP2", "CHEM11", "CHEM12", "CHEM18",
+    "CHEM1", "CHEM23", "PAP2", "CHEM11", "CHEM12", "CHEM18", "CHEM5", "PAP1",
     "SGPT_2411FIC20102_0609-0957", "SGPT_2-CDU-7040-311-FIC31102_0628-0002",
 )  # fmt: skip
 

@@ -19,12 +19,15 @@ from simbench.catalogue import FIGURES, catalogue
 from simbench.cli import main
 from simbench.detectors.errors import RecordError, UnknownName, UserError
 from simbench.figures import make_figures
+from simbench.figures._loops import pi_loop
 from simbench.figures._make import figure_ids
 from simbench.figures._records import NeedsRecord
 from simbench.files import FileError
+from simbench.theory.sampled import sampled_loop, ultimate_gain
 
 FOLDER = Path(inspect.getfile(make_figures)).parent
 REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
+ISDB = REAL.parent / "isdb"
 NAMES = FIGURES.names()
 needs_real = pytest.mark.skipif(
     not REAL.is_dir(), reason="the folder of real records ../shared/data/real is absent"
@@ -221,14 +224,40 @@ def test_a_figure_carries_the_numbers_of_its_loops(tmp_path, capsys):
     out = ["-o", str(tmp_path)]
     assert main(["figure", "fig-11-8", *out, "--set", "S=6", "--set", "Td_over_T=0.3"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "Where the curves meet" in said
-    assert "Source: Jelali (2013), Fig. 11.8" in said
-    table = pd.read_csv(tmp_path / "fig-11-8.csv")
+    assert "Drawn with S = 6, Td_over_T = 0.3 in place of the figure's own" in said
+    assert "Where the curves meet" not in said
+    assert "Source: after Jelali (2013), Fig. 11.8" in said
+    table = pd.read_csv(tmp_path / "fig-11-8-S-6-Td_over_T-0.3.csv")
+    assert not (tmp_path / "fig-11-8.csv").exists()
+    assert main(["figure", "fig-11-8", *out]) == 0
+    assert "Where the curves meet" in " ".join(capsys.readouterr().out.split())
     own = table[table.panel == "(a) self-regulating"]
     assert own["S (%)"].dropna().eq(6.0).all()
     assert own["Td (s)"].tolist() == pytest.approx([0.3 * 10.0] * len(own))
     assert table[table.panel == "(b) integrating"]["Td (s)"].eq(1.0).all()  # it has no T
     assert "S = 6 %" in sb.figure("11.8", S=6.0).get_suptitle()
+
+
+def test_a_loop_that_other_numbers_make_unstable_is_retuned_and_that_is_said(tmp_path):
+    (drawn,) = make_figures(["fig-11-9"], tmp_path, numbers={"Td_over_T": 1.0})
+    assert "loops would be unstable without friction: Kc was lowered there" in drawn.caption
+    assert "OP stays a triangle" not in drawn.caption
+    table = pd.read_csv(drawn.files[2])
+    for _, row in table.drop_duplicates(["panel", "Kc"]).iterrows():
+        loop = pi_loop(
+            K=row["K"], T=row["T (s)"], Td=row["Td (s)"], Kc=row["Kc"], Ti=row["Ti (s)"], Ts=2.0
+        )
+        assert ultimate_gain(sampled_loop(loop)) > 1.5
+    assert table["OP (%)"].between(0.1, 99.9).all()
+    with pytest.raises(UserError, match=r"unstable without friction; less than 7.63 is needed"):
+        sb.figure("fig-11-8", Kc=40.0)
+
+
+@pytest.mark.skipif(not ISDB.is_dir(), reason="the records of ISDB are not here")
+def test_a_folder_that_lacks_a_record_is_answered_in_a_sentence(tmp_path, capsys):
+    assert main(["figure", "fig-11-6", "--isdb", str(ISDB), "-o", str(tmp_path)]) == 0
+    assert main(["figure", "fig-11-12", "--isdb", str(tmp_path), "-o", str(tmp_path)]) == 2
+    assert "needs ISDB loop" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if "loops" in parameters(n)])
