@@ -114,9 +114,10 @@ def gap_diagnose(
     differ only in their seeds; no model comes nearer. The table lists the effects with their
     probabilities and estimated parameters.
 
-    Of a folder every record is diagnosed by itself, and the effects are counted. Without --baseline
-    and --identify a record is compared with the loop file of its name beside it, and identified
-    where there is none. What cannot be diagnosed is listed with its reason, and the exit code is 1.
+    Files need --baseline or --identify. Of a folder every record is diagnosed by itself, and the
+    effects are counted; without either option each is compared with the loop file of its name
+    beside it, and identified where there is none. What cannot be diagnosed is listed with its
+    reason, and the exit code is 1.
     """
     from simbench.gap.command import DiagnosisFiles, diagnose_files
 

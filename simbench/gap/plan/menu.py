@@ -87,7 +87,7 @@ class Limits(BaseModel):
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A test on one loop: its size, the deviations (n,) of SP, or of OP in manual, and how far PV
-    moves (PV units) on the loops of the explanations.
+    (PV units) and OP move on the loops of the explanations.
     """
 
     id: str
@@ -97,6 +97,7 @@ class Trial:
     moves: np.ndarray
     manual: bool
     pv_excursion: float = 0.0
+    op_travel: float = 0.0
 
     @property
     def n(self) -> int:
@@ -107,11 +108,6 @@ class Trial:
     def minutes(self) -> float:
         """How long it lasts."""
         return self.n * self.Ts / 60.0
-
-    @property
-    def op_travel(self) -> float:
-        """How far the operator moves OP (%)."""
-        return float(np.abs(self.moves).max()) if self.manual else 0.0
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -185,7 +181,7 @@ def size_test(
         size = min(size, most)
     if id_ == "sp_steps":
         size *= abs(d.K) * (pace if s.integrating else 1.0)
-    moves, excursion = id_ in _MOVES, 0.0
+    moves, excursion, travel = id_ in _MOVES, 0.0, 0.0
     for _ in range(_SMALLER if moves else 1):
         trial = _trial(id_, size, pace, s)
         if trial.minutes > limits.minutes:
@@ -194,9 +190,9 @@ def size_test(
                 lasts = f"{id_}: {trial.minutes:.0f} min"
                 return f"{lasts}, more than the {limits.minutes:.0f} allowed"
             trial = replace(trial, moves=trial.moves[:n])
-        excursion, inside = _excursion(trial, s, loops, limits)
+        excursion, travel, inside = _excursion(trial, s, loops, limits)
         if inside:
-            return replace(trial, pv_excursion=excursion)
+            return replace(trial, pv_excursion=excursion, op_travel=travel)
         size *= 0.6
     return f"{id_}: PV or OP would leave its limits (PV by {excursion:.3g})"
 
@@ -216,13 +212,16 @@ def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:
 
 def _excursion(
     trial: Trial, s: Situation, loops: Mapping[str, Loop], limits: Limits
-) -> tuple[float, bool]:
-    """Return how far PV goes from SP's start under any explanation, and whether PV and OP stay
-    within limits.
+) -> tuple[float, float, bool]:
+    """Return how far PV goes from SP's start, and OP from its mean on record, under any
+    explanation, and whether both stay within limits.
     """
+    rest = float(np.mean(s.op))
     if trial.id in _AS_OPERATED:
-        return float(np.abs(s.record.pv - s.sp).max()), True
-    worst, inside = 0.0, True
+        moved = np.abs(s.record.pv - s.sp).max(), np.abs(s.op - rest).max()
+        return float(moved[0]), float(moved[1]), True
+    own = float(np.abs(trial.moves).max()) if trial.manual else 0.0
+    worst, travel, inside = 0.0, own, True
     for loop in loops.values():
         start = loop.setpoint.value
         runs = [trial.run(loop, seed) for seed in range(RUNS if limits != Limits() else 1)]
@@ -237,6 +236,8 @@ def _excursion(
         far = _SPREADS * np.std(ends, axis=0)
         low, high, op_low, op_high = np.mean(ends, axis=0) + far * np.array([-1.0, 1.0, -1.0, 1.0])
         worst = max(worst, float(-low), float(high))
+        if not trial.manual:
+            travel = max(travel, float(op_high) - rest, rest - float(op_low))
         pv_low, pv_high = _MARGIN * (np.array(limits.pv) - start)
         inside &= bool(
             pv_low <= low
@@ -246,4 +247,4 @@ def _excursion(
             and op_high - op_low <= 2.0 * limits.op_travel
             and worst <= _MARGIN * limits.pv_excursion
         )
-    return worst, inside
+    return worst, travel, inside

@@ -34,6 +34,7 @@ class PlannedTests:
     why: str = ""
     left_out: tuple[str, ...] = ()
     far: str = ""  # what is to be known first where the model is far from the record
+    op_unit: str = "% of travel"
 
     @property
     def next_test(self) -> dict[str, Any] | None:
@@ -71,11 +72,13 @@ class PlannedTests:
         """Return the plan for a terminal."""
         lines = [*([self.far] if self.far else []), self.sentence()]
         if self.tests:
-            lines += ["", "minutes  PV moves by  OP moves by (%)  test"]
-        lines += [
-            f"{x.minutes:7.0f}  {x.pv_excursion:11.3g}  {x.op_travel:15.3g}  {x.id}: {x.says}"
-            for x in self.tests
-        ]
+            moves = f"OP moves by ({self.op_unit})"
+            lines += ["", f"minutes  PV moves by  {moves}  test"]
+            lines += [
+                f"{x.minutes:7.0f}  {x.pv_excursion:11.3g}  {x.op_travel:{len(moves)}.3g}"
+                f"  {x.id}: {x.says}"
+                for x in self.tests
+            ]
         return "\n".join(lines + [f"left out: {why}" for why in self.left_out])
 
 
@@ -89,7 +92,7 @@ def plan(
     """Return the first `most` tests that were not run yet, or why none is recommended."""
     why = _no_need(assessment, probability)
     if why:
-        return PlannedTests(why=why)
+        return PlannedTests(why=why, op_unit=assessment.situation.record.S_unit)
     s, fitted = assessment.situation, assessment.parameters
     explained = [e for e in probability if e == NONE or e in fitted]
     likely = sorted(explained, key=lambda e: -probability[e])[:_EXPLANATIONS]
@@ -111,7 +114,7 @@ def plan(
         else:
             tests.append(trial)
     why = "" if tests else "every test of the menu was run, or leaves its limits"
-    return PlannedTests(tuple(tests), why, tuple(left_out))
+    return PlannedTests(tuple(tests), why, tuple(left_out), op_unit=s.record.S_unit)
 
 
 def _no_need(assessment: Assessment, probability: Mapping[str, float]) -> str:

@@ -73,6 +73,10 @@ def draw_blocks(shares: Mapping[str, float]) -> Figure:
     return figure
 
 
+def _op_label(record: LoopRecord) -> str:
+    return "OP (%)" if record.op_percent is not None else "OP (its own units)"
+
+
 @styled
 def draw_traces(signal: str, traces: Traces, part: slice) -> Figure:
     """Draw one signal over time: the record on top, a panel per simulation below, all on the same
@@ -92,7 +96,9 @@ def fill_traces(panels: Iterable[Axes], signal: str, traces: Traces, part: slice
         if signal == "PV" and trace.sp is not None:
             axes.plot(trace.t[part], trace.sp[part], color=GREY, linestyle=":", linewidth=1.0)
         axes.plot(trace.t[part], x, color=LOOK[name][0], linewidth=0.9)
-        label(axes, "time (s)" if last else "", signal + (" (%)" if signal == "OP" else ""), name)
+        label(
+            axes, "time (s)" if last else "", _op_label(trace) if signal == "OP" else signal, name
+        )
         axes.set_ylim(*limits)
         _mark_beyond(axes, x, limits)
 
@@ -114,7 +120,7 @@ def draw_loops(across: str, traces: Traces, part: slice) -> Figure:
         if not _mark_beyond(axes, op, sideways):
             _mark_beyond(axes, x, upwards)
     grid[0, 0].set(xlim=sideways, ylim=upwards)
-    figure.supxlabel("OP (%)", fontsize="medium")
+    figure.supxlabel(_op_label(next(iter(traces.values()))), fontsize="medium")
     figure.supylabel("MV (%)" if across == "MV" else across, fontsize="medium")
     return figure
 
@@ -125,7 +131,9 @@ def draw_spectra(traces: Traces) -> Figure:
     panel each.
     """
     figure, grid = panels(2, 1, PHONE_WIDTH, 4.4, sharex=True)
-    for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), ("PV units$^2$ s", "%$^2$ s")):
+    of_op = "%" if traces[RECORD].op_percent is not None else "OP units"
+    units = "PV units$^2$ s", f"{of_op}$^2$ s"
+    for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), units):
         for name in (*list(traces)[1:], RECORD):  # the record last, on top
             f, power = spectrum(_signal(traces[name], signal), traces[name].Ts)
             colour, dashes = LOOK[name]
@@ -150,7 +158,7 @@ def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
 def draw_shaded(record: LoopRecord, on: np.ndarray) -> Figure:
     """Draw PV with its set point, and OP, over time; where `on` (n,) is True, shaded."""
     figure, grid = panels(2, 1, PHONE_WIDTH, 3.0, sharex=True)
-    for axes, name, x in zip(grid[:, 0], ("PV", "OP (%)"), (record.pv, record.op)):
+    for axes, name, x in zip(grid[:, 0], ("PV", _op_label(record)), (record.pv, record.op)):
         axes.plot(record.t, x, color=BLACK, linewidth=0.8)
         for a, b in runs_of(on):
             axes.axvspan(a * record.Ts, b * record.Ts, color=RED, alpha=0.18, linewidth=0)

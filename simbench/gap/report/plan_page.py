@@ -21,7 +21,7 @@ def write_plan_page(plan: PlannedTests, report: GapReport, path: str | Path) -> 
             "test": [f"{x.id}: {x.says}" for x in plan.tests],
             "minutes": [x.minutes for x in plan.tests],
             "PV moves by (PV units)": [x.pv_excursion for x in plan.tests],
-            "OP moves by (%)": [x.op_travel for x in plan.tests],
+            f"OP moves by ({plan.op_unit})": [x.op_travel for x in plan.tests],
         }
     )
     parts: list[Part] = [

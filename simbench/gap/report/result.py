@@ -380,8 +380,12 @@ class GapReport:
             names = ", ".join(words(e) for e in self.set)
             lines.append(f"Not excluded at {100 * CONFIDENCE:.0f} %: {names}.")
         if any(self.blocks.values()):
-            shares = [f"{b} {self.blocks[b]:.2f}" for b in BLOCKS if self.blocks[b] >= LEAST_SHOWN]
-            lines.append(f"Probability by block, with unknown effects: {', '.join(shares)}.")
+            named = [r for r in self.ranking if r.effect not in (NONE, UNKNOWN)]
+            known = {b: sum(r.probability for r in named if r.block == b) for b in BLOCKS}
+            for answer, says in ((UNKNOWN, "no known effect"), (NONE, "nothing missing")):
+                known[says] = sum(r.probability for r in self.ranking if r.effect == answer)
+            shares = [f"{b} {p:.2f}" for b, p in known.items() if p >= LEAST_SHOWN]
+            lines.append(f"Probability by block: {', '.join(shares)}.")
         return lines
 
     def _sizes(self, effect: str, parameters: dict[str, float | str], begin: str = "") -> str:
@@ -434,7 +438,10 @@ class GapReport:
             One sentence on the next test, or none where there is nothing to say.
         """
         one = self.next_test
-        return [] if one is None else [f"Next test, {one['test']}: {one['says']}."]
+        # what the conclusion about the valve says to do next is not said again
+        if one is None or self.conclusion.next == f"{one['test']}: {one['says']}":
+            return []
+        return [f"Next test, {one['test']}: {one['says']}."]
 
 
 def _hedged(said: str, p: float) -> str:

@@ -387,8 +387,8 @@ def _unclaimed(likeliest: Assessment, gain: float) -> str:
     if S <= turned - written_unit(op):
         return ""
     return (
-        f"OP turned by {turned:.3g} % at most, so a band of S = {S:.3g} % was never passed both"
-        " ways"
+        f"OP turned by {turned / S:.0%} at most of the band that would explain PV, which was never"
+        " passed both ways"
     )
 
 

@@ -41,6 +41,8 @@ def test_a_set_point_step_moves_pv_by_its_size_and_half_the_gain_is_half():
     trial = size_test("sp_steps", situation(), {"none": LOOP}, 0.0, Limits())
     assert trial.pv_excursion == pytest.approx(trial.size, rel=0.3)
     assert trial.settings["test"] == {"id": "sp_steps", "size": trial.size, "hold_s": trial.hold_s}
+    # the controller moves OP, by about what the step needs
+    assert trial.op_travel == pytest.approx(trial.size / 2.0, rel=0.7)
     half = size_test("kc_half", situation(), {"none": LOOP}, 0.0, Limits())
     assert half.settings["controller"] == {"Kc_ratio": 0.5}
 

@@ -31,6 +31,7 @@ def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, str
         law=SimpleNamespace(known=known),
         archive=SimpleNamespace(faithful=faithful),
         unexplained_law=strays,
+        record=SimpleNamespace(S_unit="OP units"),
     )
     numbers = {"stiction": {"S": 2.0, "J": 1.0}, "deadband": {"S": 1.5}}
     about = {
@@ -48,6 +49,11 @@ def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, str
 
 def ids(planned):
     return [x.id for x in planned.tests]
+
+
+def test_a_plan_states_the_unit_of_op(monkeypatch):
+    made = order.plan(assessed(monkeypatch), {"stiction": 0.5, "none": 0.5}, LOOPS)
+    assert "OP moves by (OP units)" in made.as_text()
 
 
 def test_the_json_of_a_plan_has_the_contracts_keys_and_claims_no_information():

@@ -1,5 +1,6 @@
 """The answer in words: one sentence, and what a terminal shows below it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 from simbench.gap.closed_loop.remaining import Remaining
@@ -171,8 +172,7 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
     assert lines[2:8] == ["", "The valve:", *CONCLUSION.as_lines(), ""]
     assert lines[8:11] == [
         "Not excluded at 90 %: stiction, none.",
-        "Probability by block, with unknown effects: valve 0.91, process 0.01, sensor 0.07,"
-        " disturbance 0.01.",
+        "Probability by block: valve 0.91, process 0.04, nothing missing 0.05.",
         "",
     ]
     assert lines[11] == "probability  effect"
@@ -193,6 +193,17 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
         "note: one",
         "note: two",
     ]
+
+
+def test_what_is_unknown_is_booked_to_no_block():
+    ranking = (RANKING[0], Ranked("unknown", "sensor", 0.074, None, None, {}), *RANKING[2:3])
+    (line,) = [one for one in report(ranking=ranking).which_lines() if "by block" in one]
+    assert line.endswith("valve 0.91, process 0.01, no known effect 0.07.")
+
+
+def test_the_next_test_is_said_once():
+    once = report(conclusion=replace(CONCLUSION, next="bump: bump it")).as_text()
+    assert once.count("bump it") == 1
 
 
 def test_every_gap_is_printed_once():
