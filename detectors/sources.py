@@ -76,6 +76,7 @@ class AboutFile(About, total=False):
 
     loop: str | None
     labels: str | Path | None
+    resample: Literal["held", "linear"] | None
 
 
 class RecordSignals(About, total=False):

@@ -21,6 +21,7 @@ _COMMON = 0.9
 _TOLERANCE = 0.01  # of the sampling period
 
 Series = tuple[np.ndarray, np.ndarray]
+HELD_VALUES, STRAIGHT_LINES = "held", "linear"  # ways between two samples of uneven times
 
 
 def stored_on_change(t: np.ndarray, x: np.ndarray) -> bool:
@@ -55,6 +56,40 @@ def last_known(times: np.ndarray, t: np.ndarray, x: np.ndarray, before: Any = np
     return np.where(at >= 0, x[np.maximum(at, 0)], before)
 
 
+def resample(
+    series: Mapping[str, Series], Ts: float | None, how: str
+) -> tuple[np.ndarray, dict[str, np.ndarray], float, str]:
+    """Put samples at uneven times on one even grid, of the median step where none is given: each
+    value held until the next, or straight lines between them; a set point is always held. Returns
+    also a note.
+    """
+    times = np.unique(np.concatenate([series["op"][0], series["pv"][0]]))
+    steps = np.diff(times)
+    Ts = float(np.median(steps)) if Ts is None else Ts
+    grid = _grid_of(series, Ts)
+    signals = {}
+    for role, (t, x) in series.items():
+        signals[role] = last_known(grid + _TOLERANCE * Ts, t, x)
+        if how == STRAIGHT_LINES and role != "sp":
+            signals[role] = np.where(np.isnan(signals[role]), np.nan, np.interp(grid, t, x))
+    between = (
+        "straight lines between them" if how == STRAIGHT_LINES else "each value held until the next"
+    )
+    note = (
+        f"resampled: {times.size} samples at uneven times on a grid of {Ts:.4g} s, {between}; the"
+        f" longest step is {steps.max():.4g} s"
+    )
+    return grid, signals, Ts, note
+
+
+def _grid_of(series: Mapping[str, Series], Ts: float) -> np.ndarray:
+    """Return the even times at which OP and PV are both known."""
+    begin, end = (
+        choose(series[r][0][i] for r in ("op", "pv")) for choose, i in ((max, 0), (min, -1))
+    )
+    return begin + Ts * np.arange(int(np.floor((end - begin) / Ts + 1e-6)) + 1)
+
+
 def hold(
     series: Mapping[str, Series], Ts: float | None, where: str
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float, list[str]]:
@@ -72,10 +107,7 @@ def hold(
                 " period Ts is needed"
             )
         Ts = min(known)
-    begin, end = (
-        choose(series[r][0][i] for r in ("op", "pv")) for choose, i in ((max, 0), (min, -1))
-    )
-    grid = begin + Ts * np.arange(int(np.floor((end - begin) / Ts + 1e-6)) + 1)
+    grid = _grid_of(series, Ts)
     signals, notes = {}, []
     for role, (t, x) in series.items():
         at = np.searchsorted(t, grid + _TOLERANCE * Ts, side="right") - 1

@@ -131,7 +131,8 @@ def _in_what_order(
             return "", count, ""
         # the clock is coarser than the samples, or rows are repeated, or missing
         coarse = 0.0 < step.max() <= 2.0 * usual
-        return "", f"--ts {float((t[-1] - t[0]) / step.size):g}" if coarse else "", ""
+        counted = f"--ts {float((t[-1] - t[0]) / step.size):.4g}"
+        return "", counted if coarse else "--resample held", ""
     in_order = np.mean(np.abs(step - usual) <= _REGULAR * usual) > _MOSTLY
     if in_order and t[0] > CALENDAR and abs(step[back[0]] - usual + _HOUR) < usual:
         return ": local time is set back by an hour", count, ""

@@ -16,6 +16,7 @@ _WORTH = 0.5
 # sampling periods from one sample to the next: beyond, whole numbers no longer count them
 _FURTHEST = 1e12
 SHORTEST = 3  # samples of a record
+_EVEN = "--resample linear"
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
@@ -58,7 +59,9 @@ def fill_gaps(
         if jumps.size and even and known.all():
             counted = f"so that {missing} of {size} samples seem to be missing"
             raise RecordError(f"{where}: {summer}, {counted}", f"--ts {Ts:g}")
-        raise RecordError(sentence)
+        # rows at uneven times can be put on an even grid; one long hole cannot be filled
+        often = known.all() and np.mean(np.abs(dt - Ts) > JITTER * Ts) > MOST_MISSING
+        raise RecordError(sentence, _EVEN if often else "")
     used = known
     for name in ("sp", "mv"):
         x = signals.get(name)
@@ -106,6 +109,7 @@ def fill_gaps(
         notes.append(
             f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than"
             f" {JITTER:.0%}"
+            + (f"; {_EVEN} puts them on an even grid" if uneven > MOST_MISSING * dt.size else "")
         )
     return grid * Ts, out, tuple(notes)
 

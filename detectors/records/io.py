@@ -24,7 +24,16 @@ from simbench.detectors.record import (
     LoopRecord,
     hyphenated,
 )
-from simbench.detectors.records.archive import Series, base_step, hold, last_known, stored_on_change
+from simbench.detectors.records.archive import (
+    HELD_VALUES,
+    STRAIGHT_LINES,
+    Series,
+    base_step,
+    hold,
+    last_known,
+    resample,
+    stored_on_change,
+)
 from simbench.detectors.records.clock import CALENDAR, seconds
 from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, SHORTEST, fill_gaps
@@ -122,7 +131,9 @@ def read_record(
         `meta["manual"]` marks where OP was the operator's, and `meta["rows"]` holds the sample of
         each row.
     **about
-        Other fields of the record: process, kind, op_span, pv_span, meta.
+        Other fields of the record: process, kind, op_span, pv_span, meta; and `resample`, by which
+        samples at uneven times are put on an even grid of `Ts` or of their median step: "held",
+        each value until the next, or "linear", straight lines between them.
 
     Returns
     -------
@@ -482,6 +493,11 @@ def _record(
     """Return the record of one loop of a table, with the notes on all that was done to it."""
     sheet, where = table.sheet, table.where
     automatic, Ts = about.pop("automatic", True), about.pop("Ts", None)
+    how = about.pop("resample", None)
+    if how not in (None, HELD_VALUES, STRAIGHT_LINES):
+        raise ParameterError(
+            f"resample {how!r}: {nearest(str(how), (HELD_VALUES, STRAIGHT_LINES))}"
+        )
     if Ts is not None and not 0 < Ts < np.inf:
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
     for role in ("pv", "op"):
@@ -491,7 +507,7 @@ def _record(
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen)]
     sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if parse(n).word != r]
     read = _wide if table.parts is None else _long
-    t, signals, modes, given = read(table, roles, chosen, Ts)
+    t, signals, modes, given = read(table, roles, chosen, Ts, how)
     if t.size < SHORTEST:
         raise RecordError(f"{where}: {t.size} samples; at least {SHORTEST} are needed")
     named = table.units.get(roles["op"]) or unit(roles["op"])
@@ -610,9 +626,15 @@ def _outside(record: LoopRecord, where: str) -> list[str]:
     return notes
 
 
-def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None):
+def _wide(
+    table: _Opened,
+    roles: dict[str, str],
+    chosen: Mapping[str, str],
+    Ts: float | None,
+    how: str | None = None,
+):
     """Read a table with a column per signal: times, signals (NaN where unknown), modes, and the
-    sampling period where it is given.
+    sampling period where it is given; `how` its samples are put on an even grid, if they are.
     """
     sheet, where = table.sheet, table.where
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
@@ -626,7 +648,7 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
         cells = sheet.columns[roles[MODE]]
         modes = mode(cells)
         sheet.notes += _unknown_modes(cells, modes)
-    if Ts is not None:
+    if Ts is not None and how is None:
         return np.arange(n) * float(Ts), signals, modes, Ts
     name = find_time(list(sheet.columns), chosen, where)
     if name is None:
@@ -655,16 +677,16 @@ def _wide(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: 
         unit=table.units.get(name, ""),
         place=sheet.place,
         notes=sheet.notes,
-        again=apart,
+        again=apart or how is not None,
         signals=signals,
     )
     if t[0] > t[-1]:
         t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}
         modes = None if modes is None else modes[::-1]
-    if not apart:
+    if not apart and how is None:
         return t, signals, modes, None
     series = {role: _known(t, x) for role, x in signals.items()}
-    times, signals, Ts = _together(series, None, where, sheet.notes)
+    times, signals, Ts = _together(series, Ts, where, sheet.notes, how)
     modes = modes if modes is None else last_known(times, t, modes, "")
     return times, signals, modes, Ts
 
@@ -701,19 +723,31 @@ def _join_dates(sheet: Sheet) -> None:
     ]
 
 
-def _long(table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], Ts: float | None):
+def _long(
+    table: _Opened,
+    roles: dict[str, str],
+    chosen: Mapping[str, str],
+    Ts: float | None,
+    how: str | None = None,
+):
     """Read a table whose signals have separate times, as `_wide` does another."""
     parts, where = {role: (table.parts or {})[name] for role, name in roles.items()}, table.where
     series = {role: read_series(part, role, where, chosen) for role, part in parts.items()}
     stored = series.pop(MODE, None)
     notes: list[str] = []
-    t, signals, given = _together(series, Ts, where, notes)
+    t, signals, given = _together(series, Ts, where, notes, how)
     modes = None if stored is None else last_known(t, *stored, "")
     table.sheet.notes += [note for part in parts.values() for note in part.notes] + notes
     return t, signals, modes, given
 
 
-def _together(series: Mapping[str, Series], Ts: float | None, where: str, remarks: list[str]):
+def _together(
+    series: Mapping[str, Series],
+    Ts: float | None,
+    where: str,
+    remarks: list[str],
+    how: str | None = None,
+):
     """Put signals with separate times side by side; returns also the sampling period, where it was
     needed to do so.
     """
@@ -723,6 +757,11 @@ def _together(series: Mapping[str, Series], Ts: float | None, where: str, remark
                 f"{where}: {series[role][0].size} samples of {role.upper()}; at least {SHORTEST}"
                 " are needed"
             )
+    if how is not None:
+        known = {role: one for role, one in series.items() if one[0].size}
+        t, signals, Ts, note = resample(known, Ts, how)
+        remarks.append(note)
+        return t, signals, Ts
     times = np.unique(np.concatenate([series["op"][0], series["pv"][0]]))
     step = base_step(times)
     least = min(series[r][0].size for r in ("op", "pv"))

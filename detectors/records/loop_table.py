@@ -15,6 +15,7 @@ _KEYS = {
     "file": str,
     "columns": dict,
     "op_span": list,
+    "resample": str,
     "pv_span": list,
     "kind": str,
     "process": str,

@@ -158,6 +158,14 @@ _READING: dict[str, Any] = {
             help="State the sampling period (s) of a record without a time column.",
         ),
     ],
+    "resample": Annotated[
+        str | None,
+        Option(
+            metavar="held|linear",
+            help="Resample what was recorded at uneven times to an even grid (of --ts, or of their"
+            " median step): each value held until the next, or straight lines between them.",
+        ),
+    ],
     "tag": Annotated[
         str | None,
         Option(

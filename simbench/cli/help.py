@@ -16,6 +16,7 @@ GROUPS = {
         "pv_span",
         "columns",
         "Ts",
+        "resample",
         "tag",
         "loops",
     ),

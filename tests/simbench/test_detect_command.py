@@ -214,6 +214,7 @@ IMPERATIVES = [
     "Read",
     "Replace",
     "Report",
+    "Resample",
     "Score",
     "Search",
     "Seed",

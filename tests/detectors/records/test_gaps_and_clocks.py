@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from simbench.cli import main
-from simbench.detectors.errors import RecordError
+from simbench.detectors.errors import ParameterError, RecordError
 from simbench.detectors.records.io import read_record
 from simbench.detectors.signal.bicoherence import bicoherence
 
@@ -160,3 +160,40 @@ def test_of_a_clock_coarser_than_the_samples_the_mean_step_is_proposed(tmp_path)
     option, Ts = caught.value.cure.split()
     assert option == "--ts"
     assert float(Ts) == pytest.approx(0.7, rel=0.01)
+
+
+def uneven(path, times, op, pv):
+    rows = [f"{t:.4f},{o:.6f},{p:.6f}" for t, o, p in zip(times, op, pv, strict=True)]
+    path.write_text("\n".join(["t,op,pv", *rows]) + "\n")
+    return path
+
+
+def test_samples_at_uneven_times_are_put_on_an_even_grid_by_the_command_that_is_proposed(tmp_path):
+    kept = np.sort(np.random.default_rng(1).choice(1500, 900, replace=False)).astype(float)
+    op, pv = 50 + np.sin(kept / 20), 20 + np.cos(kept / 20)
+    file = uneven(tmp_path / "rec.csv", kept, op, pv)
+    with pytest.raises(RecordError, match="samples are missing") as refused:
+        read_record(file)
+    assert refused.value.cure == "--resample linear"
+    linear = read_record(file, resample="linear")
+    assert linear.Ts == 1.0
+    assert np.allclose(linear.op, 50 + np.sin((kept[0] + linear.t) / 20), atol=0.05)
+    assert any("900 samples at uneven times on a grid of 1 s" in note for note in linear.notes)
+    held = read_record(file, resample="held", Ts=2.0)
+    assert held.Ts == 2.0
+    last = np.searchsorted(kept, kept[0] + held.t, side="right") - 1
+    assert np.allclose(held.pv, pv[last], atol=1e-5)
+    with pytest.raises(ParameterError, match="did you mean 'linear'"):
+        read_record(file, resample="linea")
+
+
+def test_of_rows_with_equal_times_and_other_values_the_last_holds(tmp_path):
+    times = np.sort(np.random.default_rng(2).choice([*range(0, 900, 3), *range(200)], 420))
+    values = np.arange(420.0) % 17
+    file = uneven(tmp_path / "rec.csv", times, values, 2 * values)
+    with pytest.raises(RecordError, match="does not rise") as refused:
+        read_record(file)
+    assert refused.value.cure == "--resample held"
+    record = read_record(file, resample="held")
+    last = np.searchsorted(times, times[0] + record.t, side="right") - 1
+    assert np.allclose(record.op, values[last])
