@@ -53,6 +53,7 @@ from simbench.detectors.records.one_signal import join, signal_files
 from simbench.detectors.records.roles import (
     ASKED,
     MODE,
+    NONE,
     QUALITY_OF,
     SIGNALS,
     find_loops,
@@ -70,6 +71,7 @@ from simbench.detectors.records.tables import (
     BLANK,
     Sheet,
     columns_of,
+    example_of_columns,
     range_of,
     read_sheets,
     read_table,
@@ -115,7 +117,8 @@ def read_record(
         of times per signal.
     columns : dict of role to column name, optional
         Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, `mode`, where the names do not
-        say so; `quality="none"` reads no quality.
+        say so; `quality="none"` reads no quality, as `mv`, `sp` and `mode` "none" read none of
+        these.
     tag : str, optional
         Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat
         file "sector.loopN"; where no column names a loop, the name of the record.
@@ -372,7 +375,9 @@ def _of_tables(
     if not mine or (single and len(mine) > 1):
         raise several_loops({name: roles for name, (_, roles) in loops.items()}, where)
     records, refused = {}, {}
-    for label, (table, roles) in mine.items():
+    left_out = {role for role, name in chosen.items() if name.lower() == NONE}
+    for label, (table, named) in mine.items():
+        roles = {role: name for role, name in named.items() if role not in left_out}
         about = {"tag": printable(label or stem), **table.about, **given}
         try:
             records[label] = _record(table.with_separate_notes(), roles, chosen, about)
@@ -455,7 +460,8 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
     if not chosen and (joined := join(path)) is not None:
         sheet = Sheet({}, notes=[*joined.notes])
         return {"": _Opened(sheet, joined.units, joined.parts, where, joined.tag)}
-    counted = bool(chosen) and all(name.isdigit() for name in chosen.values())
+    given = [name for name in chosen.values() if name.lower() != NONE]
+    counted = bool(given) and all(name.isdigit() for name in given)
     sheets = read_sheets(path, lambda cells: is_head(cells, chosen), counted)
     if len(sheets) > 1 and tag is not None:
         sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets
@@ -503,6 +509,12 @@ def _record(
     for role in ("pv", "op"):
         if role not in roles:
             names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
+            numbered = {n: sheet.columns[n] for n in names if n.isdigit() and n in sheet.columns}
+            if numbered:
+                sentence = f"{where}: {len(numbered)} columns have no names; which of them, counted"
+                raise RecordError(
+                    f"{sentence} from 1, is which is needed", _named_by(numbered, names)
+                )
             raise _with_ranges(no_column(role, roles, names, where), table)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen)]
     sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if parse(n).word != r]
@@ -580,6 +592,15 @@ def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | N
         notes.append(f"mode: {name!r} is not understood and counts for nothing")
         return None
     return modes[np.maximum.accumulate(np.where(modes != "", np.arange(modes.size), known[0]))]
+
+
+def _named_by(numbered: Mapping[str, Any], names: Sequence[str]) -> str:
+    """Return the option that says which columns without a name are signals, and which is the time
+    where no other column is.
+    """
+    cure = example_of_columns(numbered)
+    timed = find_time([n for n in names if n not in numbered], {}, "") is not None
+    return re.sub(r"t=\d+,", "", cure) if timed else cure
 
 
 def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, notes: list[str]):

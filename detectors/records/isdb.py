@@ -68,6 +68,13 @@ def _is_signal(value: Any) -> bool:
 def _loops_in(value: Any, path: tuple[str, ...], root: str) -> Iterator[tuple[str, Any]]:
     """Yield the structures that hold no further ones, by their path below the root."""
     fields = _fields(value)
+    if {"time", "signals"} <= set(fields) and "values" in _fields(value.signals):
+        # as Simulink logs signals without names: those of one block are the columns of a matrix
+        yield (
+            ".".join(path) or root,
+            SimpleNamespace(_fieldnames=["t", "values"], t=value.time, values=value.signals.values),
+        )
+        return
     inner = [f for f in fields if _fields(getattr(value, f))]
     if fields and not inner:
         yield ".".join(path) or root, value
@@ -102,6 +109,12 @@ def read_loop(path: Path, loop: str | None) -> tuple[Columns, dict[str, Any]]:
         ) from None
 
 
+def _columns_of(matrix: np.ndarray, before: str) -> Columns:
+    """Return the columns of a matrix, counted from 1: the longer way is that of the samples."""
+    rows = matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
+    return {f"{before}{k}": np.array(column) for k, column in enumerate(rows.T, 1)}
+
+
 def _signals(entry: Any, loop: str) -> tuple[Columns, dict[str, Any]]:
     fields = {str(f).lower(): getattr(entry, f) for f in entry._fieldnames}
     pv = np.atleast_1d(np.asarray(fields.get("pv", []), dtype=float))
@@ -113,8 +126,12 @@ def _signals(entry: Any, loop: str) -> tuple[Columns, dict[str, Any]]:
         elif name == "sp" and values.size == 1:
             raw[name] = np.full(pv.size, values[0])
     if "ts" not in fields or not {"op", "pv"} <= set(raw):  # times, or signals of other names
-        vectors = {str(f): getattr(entry, f) for f in entry._fieldnames}
-        vectors = {f: np.ravel(v).astype(float) for f, v in vectors.items() if _is_signal(v)}
+        named = {str(f): getattr(entry, f) for f in entry._fieldnames}
+        named = {f: np.asarray(v, dtype=float) for f, v in named.items() if _is_signal(v)}
+        matrices = [f for f, v in named.items() if v.ndim > 1]
+        vectors = {f: v for f, v in named.items() if v.ndim == 1}
+        for f in matrices:
+            vectors |= _columns_of(named[f], "" if len(matrices) == 1 else f"{f}.")
         sizes = [v.size for v in vectors.values()]
         most = pv.size if "pv" in raw and pv.size else max(sizes, key=sizes.count, default=0)
         known = {name.lower() for name in raw}

@@ -15,6 +15,8 @@ from simbench.detectors.records.dialects import words
 
 SIGNALS = ("sp", "op", "pv", "mv")
 MODE, QUALITY_OF = "mode", "quality"
+NONE = "none"  # in place of a column that is not to be read
+_OPTIONAL = ("sp", "mv", MODE)
 _ROLES = ("t", *SIGNALS, MODE)
 ASKED = "NAME"  # used in a hint for the column that the user alone can name
 _ROLE_OF = {word: role for role in (*SIGNALS, MODE) for word in words(role)}
@@ -146,7 +148,7 @@ def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict
             raise RecordError(
                 f"{where}: column mapping for {role!r}; {nearest(role, (*_ROLES, QUALITY_OF))}"
             )
-        if role in ("t", QUALITY_OF):
+        if role in ("t", QUALITY_OF) or (role in _OPTIONAL and name.lower() == NONE):
             continue
         if name not in names:
             raise RecordError(f"{where}: no column {name!r} for {role}, {nearest(name, names)}")

@@ -129,7 +129,7 @@ def range_of(cells: Sequence[object]) -> str:
     return f"{min(kept):.4g} to {max(kept):.4g}" if len(kept) > len(cells) / 2 else "no numbers"
 
 
-def rises(cells: Sequence[object]) -> bool:
+def rises(cells: Sequence[object] | np.ndarray) -> bool:
     """Return whether a column rises from row to row, as time and counters do and no signal of a
     loop does.
     """
@@ -326,12 +326,10 @@ def _begin(
     return 0, max((*_DELIMITERS, *marks), key="".join(lines[:1]).count)
 
 
-def _example_of_columns(rows: Sequence[Sequence[str]]) -> str:
-    """Return the option that says which column is which of rows of numbers: time and signals as
-    they may be, "" where too few of them move.
+def example_of_columns(columns: Mapping[str, Sequence[object] | np.ndarray]) -> str:
+    """Return the option that says which column without a name is which: time and signals as they
+    may be, "" where too few of them move.
     """
-    whole = [row for row in rows if len(row) == len(rows[0])]
-    columns = dict(enumerate(zip(*whole, strict=True), 1))
     clocks = [k for k, cells in columns.items() if rises(cells)]
     signals = [k for k, cells in columns.items() if k not in clocks and len({*cells}) > 1]
     if len(signals) < 2:
@@ -384,7 +382,9 @@ def _table(
             f"file {path} has no header line, the first holds numbers ({shown}, ...); the names of"
             " its columns are needed first, or which column, counted from 1, is which"
         )
-        raise RecordError(sentence, _example_of_columns(rows[start:]))
+        whole = [row for row in rows[start:] if len(row) == len(head)]
+        columns = {str(k): cells for k, cells in enumerate(zip(*whole, strict=True), 1)}
+        raise RecordError(sentence, example_of_columns(columns))
     names = _of_loops(_distinct([name.strip() for name in head]), above)
     body, lines, again = rows[start + 1 :], lines[start + 1 :], rows.count(head) - 1
     if again:  # exports one after the other

@@ -194,3 +194,43 @@ def test_what_people_published_is_read(name, given, loops):
     records, refused = read_records(PUBLIC / name, **given)
     assert len(records) == loops
     assert not refused
+
+
+@pytest.mark.parametrize(
+    ("saved", "cure"),
+    [
+        ({"data": np.c_[T, PV, OP]}, "t=1,pv=2,op=3"),
+        ({"data": np.c_[T, PV, OP].T}, "t=1,pv=2,op=3"),
+        ({"simout": {"time": T, "signals": {"values": np.c_[PV, OP]}}}, "pv=1,op=2"),
+    ],
+)
+def test_a_matrix_of_matlab_or_simulink_is_read_by_its_columns(tmp_path, saved, cure):
+    savemat(tmp_path / "run.mat", saved)
+    with pytest.raises(RecordError, match="columns have no names") as refused:
+        read_record(tmp_path / "run.mat")
+    assert refused.value.cure == f"--columns {cure}"
+    columns = dict(pair.split("=") for pair in cure.split(","))
+    record = read_record(tmp_path / "run.mat", columns=columns)
+    assert record.Ts == 1.0
+    assert np.array_equal(record.pv, PV)
+    assert np.array_equal(record.op, OP)
+
+
+def test_a_matrix_beside_its_time_is_read_too(tmp_path):
+    savemat(tmp_path / "run.mat", {"tout": 3.0 * T, "yout": np.c_[PV, OP]})
+    with pytest.raises(RecordError, match="no time column") as refused:
+        read_record(tmp_path / "run.mat", columns={"pv": "1", "op": "2"})
+    assert refused.value.cure == "--columns t=tout"
+    record = read_record(tmp_path / "run.mat", columns={"pv": "1", "op": "2", "t": "tout"})
+    assert record.Ts == 3.0
+
+
+def test_a_valve_position_in_another_unit_is_left_out_where_that_is_asked_for(tmp_path):
+    rows = [f"{k},{p},{o},{0.3 * o}" for k, p, o in zip(T, PV, OP, strict=True)]
+    path = written(tmp_path / "rec.csv", "t,PV,OP,MV", rows)
+    assert read_record(path).mv is not None
+    assert read_record(path, columns={"mv": "none"}).mv is None
+    bare = written(tmp_path / "bare.csv", "", rows)
+    assert read_record(bare, columns={"t": "1", "pv": "2", "op": "3", "mv": "none"}).mv is None
+    with pytest.raises(RecordError, match="no column 'none' for pv"):
+        read_record(path, columns={"pv": "none"})
