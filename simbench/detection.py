@@ -34,6 +34,7 @@ from simbench.detectors.sources import (
     as_record,
     named_methods,
 )
+from simbench.detectors.verdict import Verdict
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import Source
@@ -213,7 +214,8 @@ def judge_files(
                 conclusions |= concluded
         records = {name: record for name, record in records.items() if name not in refused}
         # 4. score against the labels
-        scores = score_units(verdicts, known) if known else []
+        answers = [(name, _as_verdict(one)) for name, one in conclusions.items()]
+        scores = score_units([*answers, *verdicts], known) if known else []
         events = {} if alone else event_numbers(records)
         return Report(verdicts, refused, scores, records, conclusions, events)
 
@@ -221,6 +223,12 @@ def judge_files(
 def _weighs(methods: Iterable[str]) -> bool:
     """Return whether all evidence about a record is weighed where these methods are asked."""
     return bool(_WEIGHED & {one.strip() for text in methods for one in text.split(",")})
+
+
+def _as_verdict(conclusion: Conclusion) -> Verdict:
+    """Return a conclusion as the answer of a method of this name."""
+    p = float("nan") if conclusion.probability is None else conclusion.probability
+    return Verdict("conclusion", conclusion.verdict, p, reason=conclusion.reason)
 
 
 def _conclude(record: LoopRecord) -> Conclusion:

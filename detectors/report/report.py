@@ -143,10 +143,8 @@ class Report:
             text = "\n".join([*self._ranked_lines(), "", text])
         if not self.scores:
             return text
-        sticky, units = max(
-            ((r["n_stiction"], r["n_stiction"] + r["n_other"]) for r in self.scores),
-            key=lambda n: n[1],
-        )
+        most = max(self.scores, key=lambda row: row["applicable"])
+        sticky, units = most["positives"], most["applicable"]
         legend = (
             f"cost, which ranks: an error 1, no decision {_UNDECIDED}; of {units} units always no"
             " costs"
@@ -278,8 +276,8 @@ def choose_methods(names: Iterable[str]) -> list[str]:
 def score_units(
     verdicts: Iterable[tuple[str | None, Verdict]], labels: Mapping[str, Mapping[str, str]]
 ) -> list[dict[str, Any]]:
-    """Score verdicts against labels by cost, counted by unit: the records of a loop, or of loops
-    that share an oscillation.
+    """Score verdicts against labels by cost, in the columns of a run's scores, counted by unit: the
+    records of a loop, or of loops that share an oscillation.
     """
     units: dict[str, dict[tuple[str, str], list[Verdict]]] = {}
     for name, verdict in verdicts:
@@ -303,26 +301,32 @@ def score_units(
             known = [v.score for v in verdicts_of_unit if not np.isnan(v.score)]
             if known:
                 scores[label == STICTION].append(float(np.median(known)))
+        every = votes[True] + votes[False]
+        right = votes[True].count(True) + votes[False].count(False)
+        lost = [
+            _UNDECIDED if v is None else float(v is not sticky)
+            for sticky in votes
+            for v in votes[sticky]
+        ]
         rows.append(
             {
                 "method": method,
-                "n_stiction": len(votes[True]),
-                "true_positives": sum(v is True for v in votes[True]),
-                "n_other": len(votes[False]),
-                "false_positives": sum(v is True for v in votes[False]),
-                "no_decision": sum(v is None for v in votes[True] + votes[False]),
-                "not_applicable": len(groups) - len(covered),
+                "n": len(groups),
+                "applicable": len(covered),
+                "positives": len(votes[True]),
+                **_cost(lost),
+                "accuracy": _share(right, len(every)),
+                "sensitivity": _share(votes[True].count(True), len(votes[True])),
+                "false_positives": _share(votes[False].count(True), len(votes[False])),
+                "no_decision": _share(every.count(None), len(every)),
                 "auc": _auc(scores[True], scores[False]),
-                **_cost(
-                    [
-                        _UNDECIDED if v is None else float(v is not sticky)
-                        for sticky in votes
-                        for v in votes[sticky]
-                    ]
-                ),
             }
         )
     return sorted(rows, key=lambda row: (np.isnan(row["cost"]), row["cost"]))
+
+
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else float("nan")
 
 
 def _cost(lost: list[float]) -> dict[str, float]:
@@ -338,8 +342,12 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     head = list(rows[0])
     return columns(
         [head]
-        + [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
+        + [[_number(v) if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
     )
+
+
+def _number(x: float) -> str:
+    return "-" if np.isnan(x) else f"{x:.2f}"
 
 
 def columns(lines: Sequence[Sequence[str]]) -> list[str]:

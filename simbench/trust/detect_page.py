@@ -65,8 +65,13 @@ def _ranking(report: Report) -> Section:
     table = Table(
         frame, two_digits(PROBABILITY.replace("_", " ")), long=["cause", "reason", "next"]
     )
-    says = Points(["Event: loops with the same number share one oscillation."])
-    return Section("loops", "The loops", [table, says])
+    says = ["Event: loops with the same number share one oscillation."]
+    if len(report.records) > _SHOWN:
+        says.append(
+            f"The first {_SHOWN} of {len(report.records)} loops are drawn below, those in which"
+            " stiction is most probable."
+        )
+    return Section("loops", "The loops", [table, Points(says)])
 
 
 def _table(report: Report) -> pd.DataFrame:

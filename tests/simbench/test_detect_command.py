@@ -122,6 +122,13 @@ def test_table_and_page_are_written(folder, capsys, tmp_path):
     assert "http" not in html.replace("http://www.w3.org", "")
 
 
+def test_a_page_says_how_many_of_its_loops_are_drawn(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("simbench.trust.detect_page._SHOWN", 1)
+    page = tmp_path / "page.html"
+    printed(capsys, "detect", folder, "--method", "horch", "--html", page)
+    assert "The first 1 of 2 loops are drawn below" in page.read_text(encoding="utf-8")
+
+
 def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
     frame = (folder / "sticky.csv").read_text().replace("t_s,sp,X1.OUT,X1.MEAS,mv", "clock,a,b,c,d")
     file = tmp_path / "mine.csv"

@@ -17,7 +17,8 @@ _HEAD = ("loop", "label", "records", "probability of stiction", "conclusion")
 def as_lines(
     conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]]
 ) -> list[str]:
-    """Return a table of one line per loop, and how often loops and units agree with their labels.
+    """Return how often loops and units agree with their labels, below a table of one line per loop
+    where one has several records.
 
     The probability of a loop is that of the mean of its records' log-odds; a record that cannot be
     judged has none.
@@ -27,8 +28,9 @@ def as_lines(
         (name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[answer])
         for (name, label), (n, p, answer) in loops.items()
     ]
+    several = any(n > 1 for n, _, _ in loops.values())
     return [
-        *columns([_HEAD, *rows]),
+        *(columns([_HEAD, *rows]) if several else ()),
         count_agreement("loop", loops),
         count_agreement("unit", group_conclusions(conclusions, labels, "unit_group")),
     ]

@@ -62,19 +62,20 @@ def test_labels_pick_the_records_give_their_kind_and_score(folder):
     by_method = {row["method"]: row for row in report.scores}
     assert by_method["hammerstein"] == {
         "method": "hammerstein",
-        "n_stiction": 1,
-        "true_positives": 1,
-        "n_other": 1,
-        "false_positives": 0,
-        "no_decision": 0,
-        "not_applicable": 0,
-        "auc": 1.0,
+        "n": 2,
+        "applicable": 2,
+        "positives": 1,
         "cost": 0.0,
         "cost_lo": 0.0,
         "cost_hi": pytest.approx(0.6, abs=0.01),
+        "accuracy": 1.0,
+        "sensitivity": 1.0,
+        "false_positives": 0.0,
+        "no_decision": 0.0,
+        "auc": 1.0,
     }
     assert all("unknown" not in v.reason for _, v in report.verdicts)
-    assert "n_stiction" in report.as_text()
+    assert "positives" in report.as_text()
 
 
 def test_command_line_knows_what_it_is_told(folder):
@@ -95,17 +96,8 @@ def test_a_unit_that_a_method_is_not_made_for_is_not_undecided(folder):
     horch = judge_files(
         folder, ["horch"], labels=folder / "labels.csv", process="integrating"
     ).scores[0]
-    assert (
-        horch["n_stiction"],
-        horch["n_other"],
-        horch["no_decision"],
-        horch["not_applicable"],
-    ) == (
-        0,
-        0,
-        0,
-        2,
-    )
+    assert (horch["n"], horch["applicable"], horch["positives"]) == (2, 0, 0)
+    assert math.isnan(horch["no_decision"])
 
 
 def test_units_count_once_and_undecided_records_do_not_vote():
@@ -132,13 +124,9 @@ def test_units_count_once_and_undecided_records_do_not_vote():
         for name, _ in verdicts
     }
     row = score_units(verdicts, labels)[0]
-    assert (
-        row["n_stiction"],
-        row["true_positives"],
-        row["n_other"],
-        row["false_positives"],
-        row["no_decision"],
-    ) == (1, 1, 2, 0, 1)
+    assert (row["n"], row["positives"], row["sensitivity"], row["false_positives"]) == (3, 1, 1, 0)
+    assert row["no_decision"] == pytest.approx(1 / 3)
+    assert row["accuracy"] == pytest.approx(2 / 3)
     assert row["auc"] == pytest.approx(0.25)
     # A found, B as often yes as no and so not called sticky, C undecided
     assert row["cost"] == pytest.approx(0.5 / 3)

@@ -54,7 +54,10 @@ def test_detect_prints_it_where_labels_and_all_evidence_are_asked_for(tmp_path, 
     words = ["detect", str(tmp_path), "--labels", str(labels), "--method"]
     assert main([*words, "likelihood"]) == 0
     printed = capsys.readouterr().out
-    assert "probability of stiction  conclusion" in printed
     assert "Conclusion by loop:" in printed
+    # the conclusion stands in the table of methods, in the columns of `score`
+    head, *rows = [line.split() for line in printed.splitlines() if "  " in line][-3:]
+    assert head[:5] == ["method", "n", "applicable", "positives", "cost"]
+    assert sorted(row[0] for row in rows) == ["conclusion", "likelihood"]
     assert main([*words, "horch_histogram"]) == 0
     assert "Conclusion by loop:" not in capsys.readouterr().out
