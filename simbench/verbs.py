@@ -24,6 +24,7 @@ from simbench.detectors.views import page_part
 if TYPE_CHECKING:
     import pandas as pd
 
+    from simbench.bench.execute.sweep import Sweep
     from simbench.bench.score.check_result import Check
     from simbench.bench.score.result import Scores
     from simbench.detectors.contract.engine import Contract
@@ -31,10 +32,6 @@ if TYPE_CHECKING:
     from simbench.gap.stiction.causes import Causes
     from simbench.gap.stiction.conclusion import Conclusion
     from simbench.scenarios.grid import Grid
-
-# sets of methods, and the method, with which all evidence is weighed; single methods are asked for
-# their verdicts alone, and answer at once
-_WEIGHED = {"all", "full", "likelihood"}
 
 
 class _Settings(TypedDict, total=False):
@@ -232,7 +229,7 @@ def contract(path: str | Path) -> Contract:
 
 
 def run(
-    grid: str | Path | Grid,
+    grid: str | Path | Grid | Sweep,
     methods: Methods = ("fast", "oracle"),
     *,
     out: str | Path | None = None,
@@ -244,9 +241,9 @@ def run(
     Parameters
     ----------
     grid : str, Path or Grid
-        Name, TOML file, a grid at hand, the folder of a run, or a record or a folder of records:
-        the loops that copy them, with sound valves and with sticking ones. Records that no loop is
-        near are left out.
+        Name, TOML file, a grid or sweep at hand, the folder of a run, or a record or a folder of
+        records: the loops that copy them, with sound valves and with sticking ones. Records that no
+        loop is near are left out.
     methods : str, function, object with `detect`, or iterable of them
         Method ids, "fast", "full", "oracle", and detectors of the caller, as in `simbench.detect`.
     out : str or Path, optional
@@ -279,10 +276,12 @@ def run(
     """
     from simbench.bench.execute.add import add_to_run
     from simbench.bench.execute.run import run_grid
+    from simbench.bench.execute.sweep import Sweep
     from simbench.bench.store.benchmark import is_records
     from simbench.scenarios.grid import Grid
 
     names, own = named_methods(methods)
+    grid = grid.grid if isinstance(grid, Sweep) else grid
     if not (settings.get("add") or settings.get("answers")):
         settings.pop("add", None)
         settings.pop("answers", None)

@@ -1,5 +1,5 @@
-"""Sweep one loop over axes from Python: `simbench.sweep(loop, axes).score(detectors)` gives a
-table.
+"""Sweep one loop over axes from Python: `simbench.sweep(loop, axes).score(detectors)` gives what
+`simbench.score` gives of a run, and `rates` one table of all combinations.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from simbench.bench.execute.run import run_grid
+from simbench.bench.score.scoring import score_run
 from simbench.bench.score.tally import share_frame
 from simbench.detectors.sources import Methods, named_methods
 from simbench.detectors.verdict import NO_DECISION, STICTION
@@ -21,6 +22,8 @@ from simbench.scenarios.spec import Loop, load_loop
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from simbench.bench.score.result import Scores
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,16 @@ class Sweep:
         """
         return self._run(detectors, jobs, out, settings)
 
+    @contextlib.contextmanager
+    def _finished(
+        self, detectors: Methods, jobs: int, out: str | Path | None, settings: Mapping[str, Any]
+    ) -> Iterator[Path]:
+        """Yield the folder in which the sweep was run."""
+        names, own = named_methods(detectors)
+        with _kept_in(out) as where:
+            resume = {"resume": out is not None, **settings}
+            yield run_grid(self.grid, where, names, jobs, own=own, **resume)
+
     def _run(
         self,
         detectors: Methods,
@@ -60,10 +73,7 @@ class Sweep:
         """
         import pandas as pd
 
-        names, own = named_methods(detectors)
-        with _kept_in(out) as where:
-            resume = {"resume": out is not None, **settings}
-            folder = run_grid(self.grid, where, names, jobs, own=own, **resume)
+        with self._finished(detectors, jobs, out, settings) as folder:
             scenarios, verdicts = (
                 pd.read_parquet(
                     folder / f"{table}.parquet",
@@ -88,11 +98,24 @@ class Sweep:
         jobs: int = 1,
         out: str | Path | None = None,
         **settings: Any,
-    ) -> pd.DataFrame:
-        """Simulate, judge and score; one row per combination of axis values and method. Detectors
-        are method ids, functions or objects, as in `simbench.detect`.
+    ) -> Scores:
+        """Simulate, judge and score, as `simbench.score` does a run; `along` gives the rates over
+        one axis or two. Detectors are method ids, functions or objects, as in `simbench.detect`.
 
         With `out` the tables stay in that folder, and a sweep that was interrupted goes on there.
+        """
+        with self._finished(detectors, jobs, out, settings) as folder:
+            return score_run(folder)
+
+    def rates(
+        self,
+        detectors: Methods = ("fast",),
+        jobs: int = 1,
+        out: str | Path | None = None,
+        **settings: Any,
+    ) -> pd.DataFrame:
+        """Simulate and judge; one row per combination of axis values and method, with the shares of
+        its answers. Arguments as in `score`.
         """
         axes = list(self.grid.content.axes)
         read = {"scenarios": ["cell", "cycled", "tags"], "verdicts": ["method", "verdict", "score"]}

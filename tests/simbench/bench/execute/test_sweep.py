@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+import simbench as sb
 from simbench.bench.execute.sweep import sweep
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop
@@ -27,10 +28,10 @@ def never(record):
 
 
 def test_functions_are_asked_beside_methods():
-    table = sweep(LOOP, {"valve.S": [4.0, 6.0]}).score([never, "horch"])
+    table = sweep(LOOP, {"valve.S": [4.0, 6.0]}).rates([never, "horch"])
     assert table.method.tolist() == ["never", "horch", "never", "horch"]
     assert (table[table.method == "never"].stiction == 0.0).all()
-    assert sweep(LOOP, {"valve.S": [4.0]}).score(never).method.tolist() == ["never"]
+    assert sweep(LOOP, {"valve.S": [4.0]}).rates(never).method.tolist() == ["never"]
 
 
 def test_ratios_set_the_dead_time_and_the_slip_jump():
@@ -46,7 +47,7 @@ def test_ratios_set_the_dead_time_and_the_slip_jump():
 
 
 def test_the_scores_of_ratios_say_who_sees_what():
-    table = sweep(LOOP, {"S_over_2J": [0, 1.0]}, seeds=2).score("he").set_index("S_over_2J")
+    table = sweep(LOOP, {"S_over_2J": [0, 1.0]}, seeds=2).rates("he").set_index("S_over_2J")
     assert table.cycling.to_dict() == {0.0: 0.0, 1.0: 1.0}
     assert np.isfinite(table.accuracy).all()
 
@@ -61,10 +62,22 @@ def test_the_scores_of_ratios_say_who_sees_what():
 )
 def test_impossible_ratios_are_one_sentence(axes, words):
     with pytest.raises(SpecError, match=words):
-        sweep(LOOP, axes).score("he")
+        sweep(LOOP, axes).rates("he")
 
 
 def test_a_dead_time_of_integral_times_needs_one():
     proportional = LOOP.with_all({"controller": {"type": "P", "Kc": 1.0}})
     with pytest.raises(SpecError, match=r"controller\.Ti"):
-        sweep(proportional, {"Td_over_Ti": [0.1]}).score("he")
+        sweep(proportional, {"Td_over_Ti": [0.1]}).rates("he")
+
+
+def test_a_sweep_is_scored_and_run_like_a_grid(tmp_path):
+    made = sweep(LOOP, {"valve.S": [4.0, 6.0]}, seeds=2)
+    scores = made.score(["he", never])
+    folder = sb.run(made, ["he", never], out=tmp_path / "run")
+    again = sb.score(folder)
+    assert repr(scores) == repr(again)
+    assert scores.as_json()["rows"] == again.as_json()["rows"]
+    rates = scores.along("valve.S")
+    assert rates["valve.S"].tolist() == ["4", "4", "6", "6"]
+    assert rates.n.tolist() == [2] * 4

@@ -488,7 +488,7 @@ def test_a_sweep_may_leave_sampling_and_noise_to_rules():
 )
 def test_a_wrong_sweep_is_one_sentence(axes, words):
     with pytest.raises(SpecError, match=words):
-        sweep(LOOP, axes).score("he")
+        sweep(LOOP, axes).rates("he")
 
 
 def test_a_books_scores_are_the_runs(finished, joined):
