@@ -32,8 +32,9 @@ what it needs and when not to use it. In short:
 def methods_page() -> str:
     """Return the page."""
     shares, real = measured(), real_loops()
-    counts = next(iter(real.values()), {})
-    counted = f"{counts.get('n_stiction', 0)} sticky and {counts.get('n_other', 0)} others"
+    most = max(real.values(), key=lambda row: int(row["applicable"]))
+    sticky = int(most["positives"])
+    counted = f"{sticky} sticky and {int(most['applicable']) - sticky} others"
     lines = [*heading("Which detector when"), ABOUT.format(n=loops(), real=counted), ""]
     order = [*shares, *(name for name in methods.names() if name not in shares)]
     head = (
@@ -81,12 +82,8 @@ def _row(
     numbers = (
         f"{share[key]:.2f}" if key in share else r"\-" for key in ("right", "cycling", "healthy")
     )
-    seen = (r"\-", r"\-")
-    if unit:
-        seen = (
-            f"{unit['true_positives']} of {unit['n_stiction']}",
-            f"{unit['false_positives']} of {unit['n_other']}",
-        )
+    seen = (unit["sensitivity"], unit["false_positives"]) if unit else ("-", "-")
+    seen = tuple(r"\-" if share == "-" else share for share in seen)
     return f":ref:`{name} <method-{name}>`", *numbers, *seen, made, plain(about.title)
 
 
