@@ -98,11 +98,6 @@ def read_sheets(
             return {n: _of_workbook(path, sheets[n], starts[n]) for n in whose}
     except RecordError:
         raise
-    except ImportError:
-        raise RecordError(
-            f"file {path} is a workbook, and openpyxl, which reads it, is not installed: pip"
-            " install 'stiction-simbench[excel]', or save it as CSV"
-        ) from None
     except Exception as error:  # pandas passes on whatever its engine raises
         message = str(error).partition("\n")[0].partition(", you must")[0]  # advice to programmers
         raise RecordError(

@@ -133,4 +133,5 @@ def real_loops() -> dict[str, dict[str, str]]:
     blocks = (RESULTS / "real_records.txt").read_text(encoding="utf-8").split("\n\n")
     rows = next(block for block in blocks if block.startswith("method ")).splitlines()
     head = rows[0].split()
-    return {line.split()[0]: dict(zip(head, line.split())) for line in rows[1:]}
+    found = (dict(zip(head, line.split())) for line in rows[1:])
+    return {row["method"]: row for row in found if row["method"] in methods.names()}

@@ -2,7 +2,6 @@
 is one sentence.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -325,13 +324,6 @@ def test_every_real_record_is_read():
     assert records["SGPT_2411PDIC10321_0606-0007"].kind == "pressure"
     assert records["NPK_FIC-211"].n == 6585
     assert records["NPK_FIC-211"].notes
-
-
-def test_a_workbook_without_the_package_that_reads_it_says_what_to_install(tmp_path, monkeypatch):
-    pd.DataFrame({"t": [0, 1], "op": [1, 2], "pv": [1, 2]}).to_excel(tmp_path / "a.xlsx")
-    monkeypatch.setitem(sys.modules, "openpyxl", None)
-    with pytest.raises(RecordError, match=r"openpyxl.*stiction-simbench\[excel\]"):
-        read_record(tmp_path / "a.xlsx")
 
 
 @pytest.mark.parametrize(
