@@ -2,8 +2,8 @@
 twenty sites of `worlds.recipes`, diagnoses each alone and then with one test of every kind, and
 prints by kind how often the answer changes and what it is worth.
 
-`gap plan` recommends first what stands out of the others (`simbench.gap.plan.order.ORDER`); with
-some forty records of a kind these cannot be told apart.
+`gap plan` recommends first what stands out of the others (`simbench.gap.planning.order.ORDER`);
+with some forty records of a kind these cannot be told apart.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from results.studies.worlds import recipes
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError
 from simbench.gap.command import diagnose_files
-from simbench.gap.plan.menu import Limits, size_test
-from simbench.gap.plan.order import ORDER
+from simbench.gap.planning.menu import Limits, size_test
+from simbench.gap.planning.order import ORDER
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import NONE, UNKNOWN
 from simbench.usage import exit_code

@@ -19,8 +19,8 @@ from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
-from simbench.gap.plan.menu import Limits
-from simbench.gap.plan.order import PlannedTests, plan
+from simbench.gap.planning.menu import Limits
+from simbench.gap.planning.order import PlannedTests, plan
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, PLUGINS, UNKNOWN
 from simbench.scenarios.columns import in_a_file

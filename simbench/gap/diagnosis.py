@@ -36,7 +36,7 @@ from simbench.gap.intake.healthy import Healthy, check_healthy, learn
 from simbench.gap.intake.partial import Partial, complete_baseline, read_baseline
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
-from simbench.gap.plan.order import plan
+from simbench.gap.planning.order import plan
 from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.altered import FRICTION

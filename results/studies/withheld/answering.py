@@ -21,7 +21,7 @@ from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
 from simbench.gap.command import diagnose_files
-from simbench.gap.plan.menu import Trial
+from simbench.gap.planning.menu import Trial
 from simbench.progress import Progress
 from simbench.scenarios.spec import read_toml
 

@@ -11,8 +11,8 @@ import numpy as np
 from results.studies.withheld.files import csv_of, settings_toml, write_whole
 from results.studies.withheld.world import TestPlan
 from results.studies.worlds import load_world
-from simbench.gap.plan.menu import LEAD, Trial
-from simbench.gap.plan.order import ORDER
+from simbench.gap.planning.menu import LEAD, Trial
+from simbench.gap.planning.order import ORDER
 from simbench.loop.effects import NONE
 
 _SEED = 9000  # added to a record's seed, with the test's place in the order: other load and noise

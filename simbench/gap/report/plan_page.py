@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from simbench.gap.plan.order import PlannedTests
+from simbench.gap.planning.order import PlannedTests
 from simbench.gap.report.result import GapReport
 from simbench.html.document import Part, Points, Section, Table, Text, write
 

@@ -15,7 +15,7 @@ from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.plan.menu import Trial
+from simbench.gap.planning.menu import Trial
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.gap.thresholds import COVERED, LIKELIER
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN

@@ -18,8 +18,8 @@ from results.studies.worlds import load_world
 from simbench.detectors.errors import UserError
 from simbench.detectors.records.io import read_record
 from simbench.gap.intake.check import check
-from simbench.gap.plan.menu import LEAD, Limits, Trial, size_test
-from simbench.gap.plan.order import ORDER
+from simbench.gap.planning.menu import LEAD, Limits, Trial, size_test
+from simbench.gap.planning.order import ORDER
 from simbench.scenarios.spec import load_loop
 
 WORLDS_RUN = ["own", pytest.param("refinery", marks=pytest.mark.slow)]

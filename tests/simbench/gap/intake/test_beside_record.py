@@ -14,7 +14,7 @@ from simbench.gap.diagnosis import assess_with_tests
 from simbench.gap.intake.beside_record import contradiction, model_test
 from simbench.gap.intake.check import check
 from simbench.gap.intake.recorded_test import RecordedTest
-from simbench.gap.plan.menu import LEAD, Limits, size_test
+from simbench.gap.planning.menu import LEAD, Limits, size_test
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 

@@ -5,7 +5,7 @@ import pytest
 
 from simbench.detectors.errors import UserError
 from simbench.gap.intake.recorded_test import TEST_IDS, files_of, read_test
-from simbench.gap.plan.order import ORDER
+from simbench.gap.planning.order import ORDER
 from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table({

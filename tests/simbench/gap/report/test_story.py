@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.plan.order import PlannedTests
+from simbench.gap.planning.order import PlannedTests
 from simbench.gap.report.plan_page import write_plan_page
 from simbench.gap.report.story import story
 from simbench.html.document import as_html

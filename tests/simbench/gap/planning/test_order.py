@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.plan import order
-from simbench.gap.plan.menu import Trial
-from simbench.gap.plan.order import ORDER, PlannedTests, plan
+from simbench.gap.planning import order
+from simbench.gap.planning.menu import Trial
+from simbench.gap.planning.order import ORDER, PlannedTests, plan
 
 OPEN = {"stiction": 0.5, "deadband": 0.45, "none": 0.05}
 LOOPS = SimpleNamespace(loop=tuple)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.plan.menu import LEAD, Limits, size_test
+from simbench.gap.planning.menu import LEAD, Limits, size_test
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, checked
 

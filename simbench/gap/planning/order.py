@@ -11,7 +11,7 @@ from typing import Any
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import recogniser
-from simbench.gap.plan.menu import Limits, Trial, size_test
+from simbench.gap.planning.menu import Limits, Trial, size_test
 from simbench.gap.thresholds import NO_TEST_FROM
 from simbench.loop.effects import NONE, UNKNOWN
 
