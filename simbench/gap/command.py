@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, printable
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_labels, read_record
@@ -19,12 +18,12 @@ from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
 from simbench.gap.intake.recorded_test import files_of, read_test
-from simbench.gap.planning.menu import Limits
-from simbench.gap.planning.order import PlannedTests, plan
+from simbench.gap.planning.order import PlannedTests
+from simbench.gap.recommend import limits_of, plan_of
 from simbench.gap.report.result import GapReport
-from simbench.loop.effects import EFFECTS, PLUGINS, UNKNOWN
+from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.scenarios.columns import in_a_file
-from simbench.scenarios.spec import checked, read_toml, toml_of
+from simbench.scenarios.spec import toml_of
 
 if TYPE_CHECKING:
     from simbench.gap.benchmark.result import GridGap
@@ -162,12 +161,9 @@ def plan_files(
     loop is identified from the record.
     """
     refuse_own_input([html], [record, baseline, limits, *healthy])
-    within = Limits() if limits is None else checked(Limits, read_toml(limits), str(limits))
+    within = limits_of(limits)
     report = diagnose_files([record], baseline, tests=tests, healthy=healthy, **about)
-    with one_thread():
-        p = {r.effect: r.probability for r in report.ranking}
-        planned = plan(report.behind.found, p, report.behind.loops, within)
-    planned = replace(planned, far=_far(report, p))
+    planned = plan_of(report, within)
     if html is not None:
         from simbench.gap.report.plan_page import write_plan_page
 
@@ -206,19 +202,6 @@ def grid_files(
 
         write_page(found, html)
     return found
-
-
-def _far(report: GapReport, probability: Mapping[str, float]) -> str:
-    """Return what is to be known first where no known effect brings the model near the record."""
-    gap = report.gap
-    if gap.near:
-        return ""
-    return (
-        f"The model is far from the record, even corrected: its gap is {gap.after:.2f},"
-        f" parts of the record are {gap.plant_floor:.2f} apart (unknown:"
-        f" {probability.get(UNKNOWN, 0.0):.2f}). A test of a model that is not this loop tells"
-        " little: check the loop file first."
-    )
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
@@ -14,6 +14,9 @@ from simbench.gap.effects import recogniser
 from simbench.gap.planning.menu import Limits, Trial, size_test
 from simbench.gap.thresholds import NO_TEST_FROM
 from simbench.loop.effects import NONE, UNKNOWN
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # MV tells most, then steps of SP; of the others none is worth more than another by what it adds to
 # the probability of the truth (results/plant_tests.txt). A raw log comes first, where the archive
@@ -27,14 +30,45 @@ _EXPLANATIONS = 5  # likeliest explanations under which a test must stay within 
 class PlannedTests:
     """The tests that are left, in their order; or why none is recommended.
 
-    `left_out` holds a reason for each test that the limits forbid.
+    Parameters
+    ----------
+    tests : tuple of Trial
+        What to run, the first first.
+    why : str
+        Why no test is recommended; "" where one is.
+    left_out : tuple of str
+        A reason for each test that the limits forbid.
+    far : str
+        What is to be known first where the model is far from the record; "" where it is near.
+    op_unit : str
+        Unit of OP's moves: "% of travel", or "OP units".
     """
 
     tests: tuple[Trial, ...] = ()
     why: str = ""
     left_out: tuple[str, ...] = ()
-    far: str = ""  # what is to be known first where the model is far from the record
+    far: str = ""
     op_unit: str = "% of travel"
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return f"PlannedTests: {self.sentence()}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row per test, in the order in which they are recommended.
+
+        Returns
+        -------
+        DataFrame
+            test, says, minutes, and how far PV (PV units) and OP (`op_unit`) move.
+        """
+        import pandas as pd
+
+        names = {"test": "id", "says": "says", "minutes": "minutes"}
+        names |= {name: name for name in ("pv_excursion", "op_travel")}
+        return pd.DataFrame(
+            {name: [getattr(x, own) for x in self.tests] for name, own in names.items()}
+        )
 
     @property
     def next_test(self) -> dict[str, Any] | None:

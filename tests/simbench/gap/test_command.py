@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
+import simbench as sb
 from simbench.cli import main
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
@@ -20,6 +21,7 @@ from simbench.files import write_record
 from simbench.gap import command
 from simbench.gap.report.result import Gap
 from simbench.loop.simulate import simulate
+from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, load_loop
 
 HEALTHY = {
@@ -169,6 +171,12 @@ def test_a_plan_is_made_of_an_identified_loop_and_says_first_that_a_model_is_far
     first = planned["tests"][0]["id"] if planned["tests"] else None
     assert first == (None if advised is None else advised["test"])
     assert "far from the record" not in planned["why"]
+    assert sb.gap.plan(record, identify=True).as_json() == planned
+    gentle = sb.gap.plan(record, identify=True, limits={"op_travel": 0.01, "minutes": 600})
+    assert any("op" in why.lower() for why in gentle.left_out)
+    assert gentle.to_frame().test.tolist() == [trial.id for trial in gentle.tests]
+    with pytest.raises(SpecError, match="op_travl"):
+        sb.gap.plan(record, identify=True, limits={"op_travl": 1.0})
     monkeypatch.setattr(Gap, "near", False)
     assert main(["gap", "plan", record, "--identify"]) == 0
     assert capsys.readouterr().out.startswith("The model is far from the record")
