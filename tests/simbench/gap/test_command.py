@@ -172,9 +172,6 @@ def test_a_plan_is_made_of_an_identified_loop_and_says_first_that_a_model_is_far
     assert first == (None if advised is None else advised["test"])
     assert "far from the record" not in planned["why"]
     assert sb.gap.plan(record, identify=True).as_json() == planned
-    gentle = sb.gap.plan(record, identify=True, limits={"op_travel": 0.01, "minutes": 600})
-    assert any("op" in why.lower() for why in gentle.left_out)
-    assert gentle.to_frame().test.tolist() == [trial.id for trial in gentle.tests]
     with pytest.raises(SpecError, match="op_travl"):
         sb.gap.plan(record, identify=True, limits={"op_travl": 1.0})
     monkeypatch.setattr(Gap, "near", False)
@@ -182,3 +179,12 @@ def test_a_plan_is_made_of_an_identified_loop_and_says_first_that_a_model_is_far
     assert capsys.readouterr().out.startswith("The model is far from the record")
     assert main(["gap", "plan", record]) == 2
     assert "--identify" in capsys.readouterr().err
+
+
+def test_a_plan_from_python_keeps_within_the_limits_that_it_is_given():
+    loop = sb.Loop.from_table(HEALTHY)
+    record = loop.simulate(1).record.without_mv()
+    free, short = (sb.gap.plan(record, loop, limits=one) for one in (None, {"minutes": 1.0}))
+    assert free.to_frame().test.tolist() == [trial.id for trial in free.tests]
+    assert {"mv", "sp_steps"} <= set(free.to_frame().test)
+    assert any("more than the 1 allowed" in why for why in short.left_out)
