@@ -46,7 +46,7 @@ _Names = str | tuple[str, ...]
 _Scale = Literal["S", "J", "period", "pv"]
 _GRID_KEYS = ("seed", "repeats")
 # they change no scenario
-_UNHASHED = ("title", "source", "version", "expected", "told_from_recorded")
+_UNHASHED = ("title", "source", "author", "date", "version", "expected", "told_from_recorded")
 _MOST_REPEATS = 1_000_000
 _MOST_VALUES = 10_000  # of one axis
 
@@ -147,6 +147,8 @@ class GridFile(_Table):
 
     title: str = "own grid"
     source: str = "own"
+    author: str = ""
+    date: str = ""
     version: Annotated[Whole, Field(ge=1)] = 1
     expected: int | None = None
     # AUC with which a classifier tells its loops from recorded ones (results/grid_gaps.txt)

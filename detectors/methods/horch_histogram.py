@@ -12,7 +12,7 @@ mse_camel / (mse_camel + mse_gauss). With A = 0 the camel is a Gaussian and a fr
 source names no cut-off; here it is the highest harmonic that noise leaves clear.
 Not for: noisy PV of a fast process: twice differenced noise is Gaussian too, and the filter's
 cut-off then decides.
-Source: A. Horch (2006), Control Engineering Practice 14; Jelali (2013), Sect 11.5.
+Source: A. Horch (2006), as cited by Jelali (2013), Sect 11.5.
 """
 
 from __future__ import annotations

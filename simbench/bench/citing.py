@@ -29,6 +29,7 @@ _NAMED = re.compile(rf"({_STANDARD}|{_NAME}(?:(?:{_AND}){_NAME})*(?: et al\.)?) 
 _IN_JOURNAL = re.compile(r"([A-Z].*?) (\d+), (\d+)-(\d+)")
 _DEFINITION = "definition"  # begins the SOURCE of what nobody has published
 _BOOK = "jelali2013"
+_YEAR = "2026"  # of the version; CITATION.cff states the same
 _ALWAYS = {
     "simbench": (
         "software",
@@ -36,6 +37,7 @@ _ALWAYS = {
             "author": "{The simbench authors}",
             "title": "simbench: a closed-loop simulation testbench for valve-stiction detectors",
             "version": __version__,
+            "year": _YEAR,
         },
     ),
     # of Table 11.3, whose labels every run carries, and of the methods' description
@@ -51,6 +53,7 @@ _ALWAYS = {
         },
     ),
 }
+_OF_GRID = {"author": "author", "date": "date"}
 _Entry = tuple[str, dict[str, str]]
 
 
@@ -91,8 +94,11 @@ def cite(folder: str | Path) -> str:
     if url := _url():
         found["simbench"] = "software", found["simbench"][1] | {"url": url}
     benchmark = book.manifest[BENCHMARK]
+    # what the grid file of a user states of itself
+    stated = book.manifest.get("grid_content", {})
+    whose = {name: stated[key] for name, key in _OF_GRID.items() if stated.get(key)}
     named = {"title": f"simbench benchmark {benchmark['name']}", "note": benchmark["hash"]}
-    found[benchmark["name"]] = "misc", named
+    found[benchmark["name"]] = "misc", {**whose, **named}
     users: dict[str, list[str]] = {}
     for what, source in _sources(book.manifest, sorted(set(book.axes["valve"].tolist()))):
         plain = [("misc", {"title": what, "howpublished": " ".join(source.split()).strip(".")})]

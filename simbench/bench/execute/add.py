@@ -28,7 +28,7 @@ from simbench.bench.store.folder import (
     refuse_unfinished,
     write_file,
 )
-from simbench.bench.store.manifest import FROM_FILE, read_manifest, refuse_other_code
+from simbench.bench.store.manifest import FROM_FILE, SOURCES, read_manifest, refuse_other_code
 from simbench.bench.store.reading import read_table, table_parts
 from simbench.bench.store.tables import VERDICT_SCHEMA, as_parquet, as_table
 from simbench.detectors.errors import masked, printable
@@ -78,6 +78,7 @@ class _Addition:
     plugins: dict[str, str]  # digests of the plug-ins among them
     verdicts: pa.Table  # their rows of the table of verdicts
     told: str  # what the user is told of them
+    sources: Path | None = None  # folder of the plug-ins' files
 
 
 def add_to_run(
@@ -260,10 +261,11 @@ def _asked(
     before, now = (table.column("record_hash").to_pylist() for table in hashes)
     other = sum(a != b for a, b in zip(before, now, strict=True) if a is not None)
     told = f"added: {', '.join(manifest['methods'])}"
+    sources = place / SOURCES if (place / SOURCES).is_dir() else None
     if other:
         told += f"; {other} of {len(now)} records have other bits on this machine"
     verdicts = read_table(place, "verdicts").cast(VERDICT_SCHEMA)
-    return _Addition(manifest["methods"], manifest["plugins"], verdicts, told)
+    return _Addition(manifest["methods"], manifest["plugins"], verdicts, told, sources)
 
 
 def _answered(folder: Path, file: Path, answers: Answers) -> _Addition:
@@ -294,6 +296,8 @@ def _join(
     """Write the run with the verdicts that are added to it into another folder."""
     shutil.rmtree(into, ignore_errors=True)
     shutil.copytree(folder, into, ignore=shutil.ignore_patterns("verdicts.parquet", ".*"))
+    for sources in (addition.sources for addition in additions if addition.sources is not None):
+        shutil.copytree(sources, into / SOURCES, dirs_exist_ok=True)
     new = {name: about for addition in additions for name, about in addition.about.items()}
     about = {**stated["methods"], **new}
     methods = sorted(about, key=lambda name: name == ORACLE)  # last, as where it is asked at once

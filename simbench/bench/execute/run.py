@@ -33,8 +33,8 @@ from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
 from simbench.bench.store.benchmark import grid_settings, is_stored, stored_grid
-from simbench.bench.store.folder import RunError, file_digest
-from simbench.bench.store.manifest import describe, refuse_unlike, run_key
+from simbench.bench.store.folder import RunError, file_digest, write_file
+from simbench.bench.store.manifest import SOURCES, describe, refuse_unlike, run_key
 from simbench.detectors.errors import UserError, masked, nearest, printable
 from simbench.detectors.judge import refuse_wrong_forms
 from simbench.detectors.method import Method
@@ -173,6 +173,7 @@ def run_scored(
     files, parts = _plugin_files(asked)
     # read before any plug-in runs, as one may move the file it is in
     digests = _digests(("", files), *zip(KINDS_OF_PART, parts))
+    sources = {Path(f).name: Path(f).read_bytes() for f in _all_there(files, *parts)}
     adopted = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
     with (
         registry.adopted(adopted),
@@ -190,6 +191,8 @@ def run_scored(
             pieces.open_run(folder, manifest, asked.resume)
             if pieces.is_finished(folder):
                 return folder, None
+            for name, source in sources.items():
+                write_file(folder / SOURCES / name, source)
             settings = _work_settings(names, asked, files, parts)
             task = _Task(plan, folder, run_key(manifest), settings)
             with _Bar(asked.progress, len(plan)) as bar, _stoppable(), _resumable(folder):
@@ -415,6 +418,11 @@ class _Bar:
 
     def times(self, wall: float) -> dict[str, float]:
         return {**{k: round(v, 3) for k, v in self._seconds.items()}, "wall": round(wall, 3)}
+
+
+def _all_there(*kinds: Sequence[str]) -> Iterator[str]:
+    """Yield the files of plug-ins that are there."""
+    return (f for files in kinds for f in files if Path(f).is_file())
 
 
 def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:

@@ -19,6 +19,7 @@ from simbench.bench.store.tables import FORMAT
 from simbench.files import local_path
 
 MANIFEST = "manifest.json"
+SOURCES = "plugins"  # folder of a run that holds the files of its plug-ins
 _CHECKSUM = "checksum"
 FROM_FILE = "file"  # value of `answered` of a method whose answers were joined from a file
 # what must be the same before old and new pieces may stand in one table
@@ -235,7 +236,8 @@ def _how_given(plugin: str) -> str:
     kind, _, name = plugin.rpartition(" ")
     if kind == "own":
         return f"{name} was handed over in Python, and can only be run again from there"
-    return f"its file is needed (--{f'{kind}-plugin' if kind else 'plugin'} FILE.py)"
+    option = f"{kind}-plugin" if kind else "plugin"
+    return f"its file is needed (--{option} FILE.py); a run's folder keeps it in {SOURCES}/"
 
 
 def _changed(name: str, old: Any, new: Any) -> str:

@@ -2,8 +2,10 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
+import yaml
 from bench_fixtures import NEVER
 
 from simbench.bench import citing
@@ -14,6 +16,10 @@ from simbench.bench.score.shipped import shipped
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
 from simbench.loop.parameters import VALVES
+from simbench.scenarios import grid as grids
+from simbench.scenarios.grid import load_grid
+
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +79,12 @@ def test_a_run_is_cited_by_what_it_used(run, capsys):
     assert entries["horch1999"]["pages"] == "1221--1231"
     assert entries["jelali2008"]["note"] == "used by method hammerstein"
     assert entries["jelali2013"]["note"].endswith("; used by method horch")
-    assert entries["horch1999"]["doi"] == "10.1016/S0967-0661(99)00100-8"
+    assert entries["choudhury2005"]["doi"] == "10.1016/j.conengprac.2004.05.005"
+    # what no text of others confirms is left out
+    assert "doi" not in entries["horch1999"]
+    released = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert entries["simbench"]["year"] == str(released["date-released"])[:4]
+    assert entries["simbench"]["version"] == released["version"]
     assert "stiction" in entries["horch1999"]["title"]
     # of a plug-in the run keeps what its file states
     assert entries["nobody2020"]["note"] == "used by method never"
@@ -92,6 +103,17 @@ def test_shipped_verdicts_are_cited_and_so_are_the_methods_beside_which_a_run_is
     assert "he2007" not in entries_of(cite(alone))
     of_methods = {key for key, e in package.items() if "used by method" in e.get("note", "")}
     assert of_methods <= set(entries_of(cite(beside)))
+
+
+def test_a_grid_of_ones_own_is_cited_by_whom_it_states(tmp_path):
+    grid = Path(grids.__file__).with_name("grids") / "smoke.toml"
+    text = grid.read_text(encoding="utf-8")
+    mine = tmp_path / "mine.toml"
+    mine.write_text(f'author = "A. Person"\ndate = "2026-11"\n{text}')
+    folder = run_grid(str(mine), tmp_path / "run", ["he"], n=2)
+    entry = next(e for e in entries_of(cite(folder)).values() if "benchmark" in e.get("title", ""))
+    assert (entry["author"], entry["date"]) == ("A. Person", "2026-11")
+    assert load_grid(str(mine)).hash == load_grid("smoke").hash
 
 
 def test_every_article_of_the_package_has_a_title():

@@ -58,6 +58,14 @@ def test_on_the_command_line_the_answer_says_whether_the_bits_are_the_same(first
     assert json.loads(capsys.readouterr().out)["again"].startswith("all 6 records")
 
 
+def test_a_run_keeps_the_sources_of_its_plug_ins_by_which_it_runs_again(first, tmp_path):
+    kept = tmp_path / "handed_on"
+    shutil.copytree(first, kept)
+    again = run_again(kept, tmp_path / "again", plugins=[kept / "plugins" / "never.py"])
+    assert again.told == "all 6 records have the bits that the manifest states"
+    assert (again.folder / "plugins" / "never.py").read_text() == NEVER
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
