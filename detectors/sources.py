@@ -22,7 +22,14 @@ from simbench.detectors.method import Method, refuse_wrong_call
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import RECORDED_SIGNALS, LoopRecord
 from simbench.detectors.records.io import read_columns, read_record
-from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, VERDICTS, Verdict
+from simbench.detectors.verdict import (
+    NO_DECISION,
+    NO_STICTION,
+    STICTION,
+    VERDICTS,
+    Verdict,
+    in_data,
+)
 
 _HINT = "for example detect(op=op, pv=pv, Ts=1.0), or a DataFrame or dict with columns op, pv and t"
 _WORDS = {True: STICTION, False: NO_STICTION, None: NO_DECISION}
@@ -204,7 +211,7 @@ def _verdict(name: str, answer: Any) -> Verdict:
         else (answer, None)
     )
     word = bool(word) if isinstance(word, np.bool_) else word
-    verdict = _WORDS.get(word) if word is None or isinstance(word, bool) else word
+    verdict = _WORDS.get(word) if word is None or isinstance(word, bool) else in_data(word)
     if verdict not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
         form = (
             f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a"

@@ -16,6 +16,17 @@ NOT_OSCILLATING = "no sustained oscillation"
 PROBABILITY = "probability_of_stiction"  # its key in every answer
 VERDICTS = (STICTION, NO_STICTION, NO_DECISION)
 
+
+def in_data(word: Any) -> Any:
+    """Return a verdict as data have it, of one as a screen has it ("no stiction").
+
+    >>> in_data("no stiction"), in_data("perhaps")
+    ('no_stiction', 'perhaps')
+    """
+    other = word.strip().replace(" ", "_") if isinstance(word, str) else word
+    return other if other in VERDICTS else word
+
+
 Level = float | tuple[float, float] | None
 
 
@@ -68,6 +79,8 @@ class Verdict:
 
     def __post_init__(self) -> None:
         """Refuse a verdict that is no known word, or one without a reason."""
+        # the words of the screen mean the same
+        object.__setattr__(self, "verdict", in_data(self.verdict))
         if self.verdict not in VERDICTS:
             raise ValueError(
                 f"{self.method}: verdict {self.verdict!r}; allowed: {', '.join(VERDICTS)}"

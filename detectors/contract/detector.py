@@ -5,9 +5,10 @@ Six plain records for every process type the method is made for, judged as
 `simbench.detectors.judge` does; the verdict must not follow the unit of PV, of OP or of time, nor
 the sign of both, nor how densely a record is sampled, nor, where the method claims it, the
 direction of time, nor change the second time, nor follow what was asked before, nor a noise of
-1e-6. A detector asked directly about a dead record answers, or refuses in one sentence
-(`UserError`). NaN reaches it only as the period of a record that has none: a `LoopRecord` holds no
-other. Not a benchmark: a detector that keeps the contract may still be wrong everywhere else.
+1e-6. Wrong answers on plain records are remarks, no breach. A detector asked directly about a dead
+record answers, or refuses in one sentence (`UserError`). NaN reaches it only as the period of a
+record that has none: a `LoopRecord` holds no other. Not a benchmark: a detector that keeps the
+contract may still be wrong everywhere else.
 """
 
 from __future__ import annotations
@@ -97,37 +98,49 @@ def _thresholds(name: str, module: ModuleType) -> Iterator[str]:
 
 def _cases(name: str, module: ModuleType, process: str) -> Iterator[str | Fault]:
     """Judge the six plain records, and the first of them once more at the end."""
-    first, best = _judged(name, module, example_record("stiction", process)), math.inf
+    first = _judged(name, module, example_record("stiction", process))
     for case in CASES:
-        on = f"the record {case!r} ({CASES[case]}; {process})"
+        on = _on(case, process)
         judged = (
             first if case == "stiction" else _judged(name, module, example_record(case, process))
         )
-        if judged.faults:
-            yield from (Fault(fault, f"on {on}") for fault in judged.faults)
-            continue
-        verdict: Verdict = judged.value
-        if case in module.METHOD.exempt:
-            continue
-        if case == "stiction":
-            best = verdict.score
-            if verdict.verdict != STICTION:
-                yield f"says {verdict.verdict!r} on {on}: {verdict.reason}"
-        elif verdict.verdict == STICTION:
-            yield f"says 'stiction' on {on}: {verdict.reason}"
-        elif verdict.verdict != NO_DECISION and case in _DEAD:
-            yield f"says {verdict.verdict!r} on {on}, of which nothing can be said"
-        elif verdict.score >= best:
-            yield (
-                f"scores {verdict.score:.3g} on {on} and {best:.3g} where the valve sticks; a"
-                " larger score must mean stickier"
-            )
+        yield from (Fault(fault, f"on {on}") for fault in judged.faults)
+        exempt = case not in _DEAD or case in module.METHOD.exempt
+        if not (judged.faults or exempt or judged.value.verdict == NO_DECISION):
+            yield f"says {judged.value.verdict!r} on {on}, of which nothing can be said"
     again = _judged(name, module, example_record("stiction", process))
     if _plain(first) != _plain(again):
         yield (
             f"is not deterministic: asked twice about one record ({process}), it gives two"
             f" answers{_difference(first, again)}"
         )
+
+
+def _on(case: str, process: str) -> str:
+    return f"the record {case!r} ({CASES[case]}; {process})"
+
+
+def _quality(name: str, module: ModuleType) -> Iterator[str]:
+    """Remark where a detector is wrong on plain records: a poor one keeps the contract, too."""
+    for process in module.METHOD.process:
+        best = math.inf
+        for case in (c for c in CASES if c not in module.METHOD.exempt and c not in _DEAD):
+            judged = _judged(name, module, example_record(case, process))
+            if judged.faults:
+                continue
+            on, verdict = _on(case, process), judged.value
+            if case == "stiction":
+                best = verdict.score
+            wrong = (
+                verdict.verdict != STICTION if case == "stiction" else (verdict.verdict == STICTION)
+            )
+            if wrong:
+                yield f"quality: says {verdict.verdict!r} on {on}: {verdict.reason}"
+            elif case != "stiction" and verdict.score >= best:
+                yield (
+                    f"quality: scores {verdict.score:.3g} on {on} and {best:.3g} where the valve"
+                    " sticks; a larger score should mean stickier"
+                )
 
 
 def _order(name: str, module: ModuleType, process: str) -> Iterator[str]:
@@ -307,4 +320,5 @@ DETECTOR_RULES = ContractRules(
     (_description, _thresholds),
     (_cases, _order, _faint_noise, _units, _moves, _inputs, _dead),
     cases=lambda module: module.METHOD.process,
+    notes=_quality,
 )

@@ -37,6 +37,8 @@ _COLUMNS = (
     "Score: each method has its own scale; a larger score makes stiction more likely. S, J: stick"
     " band and slip-jump, as estimated."
 )
+_IN_DATA = f"JSON and CSV have {NO_STICTION} and {NO_DECISION}."
+
 _CONCLUDED_FROM = (
     "The conclusion does not count these verdicts. It compares models of the loop with and without"
     " valve friction (method likelihood)."
@@ -106,7 +108,8 @@ def as_text(
             f"Methods: {sentence(verdicts)}.",
             "",
             *_drawn(_table(verdicts), colour),
-            _COLUMNS if any(v.S is not None for v in verdicts) else _COLUMNS.partition(" S,")[0],
+            f"{_COLUMNS if any(v.S is not None for v in verdicts) else _COLUMNS.partition(' S,')[0]}"
+            f" {_IN_DATA}",
             *([_CONCLUDED_FROM] if name in concluded else []),
         ]
         lines += [
@@ -120,7 +123,7 @@ def as_text(
             f"Most methods report stiction in {len(sticky)} of {len(records)} records"
             f"{': ' if sticky else ''}{', '.join(sticky[:_NAMED])}"
             f"{' and others' if len(sticky) > _NAMED else ''}.",
-            "The columns are the numbered methods.",
+            f"The columns are the numbered methods. {_IN_DATA}",
             *_drawn(_matrix(records), colour),
             _LEGEND,
             f"Methods: {', '.join(methods)}.",

@@ -246,3 +246,16 @@ def test_files_frames_and_arrays_are_read_alike(tmp_path):
     assert as_record(stamped).Ts == 1.0
     with pytest.raises(RecordError, match="one length"):
         as_record({"op": [1.0, 2.0], "pv": [1.0], "t": [0.0, 1.0]})
+
+
+def test_the_words_of_the_screen_are_understood_as_those_of_data():
+    t = np.arange(600.0)
+    record = LoopRecord(50 + np.sin(t / 8), -np.sin(t / 8), 1.0)
+
+    def sound(record):
+        return "no stiction"
+
+    report = sb.detect(record, [sound])
+    assert report["sound"].verdict == "no_stiction"
+    assert Verdict("m", "no decision", reason="so").verdict == "no_decision"
+    assert "JSON and CSV have no_stiction and no_decision" in report.as_text()

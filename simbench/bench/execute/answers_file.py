@@ -14,7 +14,7 @@ import pandas as pd
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.detectors.plugins.registry import RESERVED
 from simbench.detectors.plugins.registry import methods as registry
-from simbench.detectors.verdict import VERDICTS, Level, Verdict
+from simbench.detectors.verdict import VERDICTS, Level, Verdict, in_data
 from simbench.files import plain_bytes
 
 _NEEDED, _OPTIONAL = ("method", "record", "verdict"), ("score", "S", "J")
@@ -66,6 +66,7 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
             raise ParameterError(
                 f"{where}: the run has no record {record[:80]!r}: {nearest(record, records)}"
             )
+        row["verdict"] = in_data(row["verdict"])
         if row["verdict"] not in VERDICTS:
             raise ParameterError(
                 f"{where}: {row['verdict'][:80]!r} is no verdict; allowed: {', '.join(VERDICTS)}"
