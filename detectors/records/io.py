@@ -94,6 +94,9 @@ _KIND_OF = {
     "A": "analyser",
 }
 _LETTERS = re.compile(r"(?<![A-Za-z])([FLPTA])I?C[A-Z]?[ _-]?\d", re.ASCII)
+# sampling periods (s) at which nobody records a loop for its control, by what it controls: a
+# historian's minute, doubled, for fast loops, a quarter of an hour for any
+_SLOWEST, _SLOWEST_OF_ANY = {"flow": 120.0, "pressure": 120.0}, 900.0
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 
@@ -543,6 +546,8 @@ def _record(
     begins = float(t[0]) + (0.0 if t[0] >= began else began)
     if began > CALENDAR:  # events are shared by records of the same time only
         meta["start"] = begins
+    if given is None and Ts >= _SLOWEST.get(str(about.get("kind")), _SLOWEST_OF_ANY):
+        notes = [*notes, _odd_pace(Ts)]
     about["meta"] = {**meta, **about.get("meta", {})}
     if about.get("kind") is None:
         notes = [*notes, *_kind_by_tag(str(about.get("tag", "")))]
@@ -556,6 +561,13 @@ def _record(
         record = replace(record, meta={"manual": manual, **record.meta})
     return replace(
         record, notes=(*record.notes, *open_span(record, where), *_outside(record, where))
+    )
+
+
+def _odd_pace(Ts: float) -> str:
+    return (
+        f"time: Ts = {Ts:g} s is slower than such loops are recorded; if the times count"
+        f" milliseconds, add --ts {Ts / 1000.0:g}"
     )
 
 

@@ -33,11 +33,11 @@ _SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
 _LEGEND = (
     "S: stiction, -: no stiction, ?: no decision, blank: the method does not apply to the loop."
 )
-_COLUMNS = (
-    "Score: each method has its own scale; a larger score makes stiction more likely. S, J: stick"
-    " band and slip-jump, as estimated."
-)
 _IN_DATA = f"JSON and CSV have {NO_STICTION} and {NO_DECISION}."
+_COLUMNS = (
+    f"Score: each method has its own scale; a larger score makes stiction more likely. {_IN_DATA}",
+    "S, J: stick band and slip-jump, as estimated.",
+)
 
 _CONCLUDED_FROM = (
     "The conclusion does not count these verdicts. It compares models of the loop with and without"
@@ -108,8 +108,7 @@ def as_text(
             f"Methods: {sentence(verdicts)}.",
             "",
             *_drawn(_table(verdicts), colour),
-            f"{_COLUMNS if any(v.S is not None for v in verdicts) else _COLUMNS.partition(' S,')[0]}"
-            f" {_IN_DATA}",
+            *(_COLUMNS[: 2 if any(v.S is not None for v in verdicts) else 1]),
             *([_CONCLUDED_FROM] if name in concluded else []),
         ]
         lines += [

@@ -234,3 +234,15 @@ def test_a_valve_position_in_another_unit_is_left_out_where_that_is_asked_for(tm
     assert read_record(bare, columns={"t": "1", "pv": "2", "op": "3", "mv": "none"}).mv is None
     with pytest.raises(RecordError, match="no column 'none' for pv"):
         read_record(path, columns={"pv": "none"})
+
+
+def test_a_pace_that_no_loop_has_is_noted(tmp_path):
+    def pace(step, **about):
+        rows = [f"{step * k},{p},{o}" for k, p, o in zip(T, PV, OP, strict=True)]
+        notes = read_record(written(tmp_path / "rec.csv", "t,PV,OP", rows), **about).notes
+        return [note for note in notes if "is slower than such loops are recorded" in note]
+
+    assert pace(1000)[0].endswith("if the times count milliseconds, add --ts 1")
+    assert pace(250, kind="flow")[0].endswith("--ts 0.25")
+    assert not pace(60, kind="flow")
+    assert not pace(250, kind="temperature")
