@@ -161,18 +161,11 @@ class Diagnosis:
         )
 
     def as_text(self) -> str:
-        """Return the path as numbered lines, the conclusion and the next test."""
+        """Return the path as numbered lines, and the verdict."""
         lines = []
         for i, s in enumerate(self.steps, 1):
             lines += [f"{i}. {s.question} {s.answer.capitalize()}.", f"   {s.evidence}. {s.reason}"]
-        word = self.verdict.replace("_", " ")
-        return "\n".join(
-            [
-                *lines,
-                f"Verdict of the procedure: {word}.",
-                f"Next test of the procedure: {self.next_test}.",
-            ]
-        )
+        return "\n".join([*lines, f"Verdict of the procedure: {self.verdict.replace('_', ' ')}."])
 
     def to_frame(self) -> pd.DataFrame:
         """Return the path taken."""

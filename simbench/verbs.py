@@ -103,9 +103,8 @@ class LoopDiagnosis:
         return "\n".join(
             [
                 *self.conclusion.as_lines(),
-                "Causes with their confidence (0 to 1). Several may act, so they need not add up"
-                " to 1:",
-                *self.causes.as_lines(),
+                "Causes with their confidence (0 to 1; several may act):",
+                *self.causes.as_lines(self.conclusion.reason),
                 "The diagnosis procedure of the book chapter (one method among others):",
                 self.procedure.as_text(),
             ]

@@ -27,6 +27,7 @@ _UNDECIDED = 0.5  # cost of no decision; an error costs 1
 _SETS = ("all", "fast", "full", PUBLISHED)
 
 
+_MOST_LOOPS = 24  # of a folder that a screen shows
 _RANKED = ("record", "conclusion", PROBABILITY, "cause", "event", "reason", "next")
 
 
@@ -206,11 +207,13 @@ class Report:
 
     def _ranked_lines(self) -> list[str]:
         lines = [("loop", "conclusion", "P(stiction)", "cause", "event")]
-        for row in self._ranking()[: len(self.conclusions)]:
+        more = len(self.conclusions) - _MOST_LOOPS
+        for row in self._ranking()[: min(len(self.conclusions), _MOST_LOOPS)]:
             p = "" if row[PROBABILITY] is None else f"{row[PROBABILITY]:.2f}"
             word = summary.CONCLUDED[row["conclusion"]]
             lines.append((row["record"], word, p, row["cause"], str(row["event"] or "")))
-        return [*columns(lines), *(f"{name}: {why}" for name, why in self.refused.items())]
+        cut = [f"and {more} more loops: --csv FILE"] if more > 0 else []
+        return [*columns(lines), *cut, *(f"{name}: {why}" for name, why in self.refused.items())]
 
     def _repr_html_(self) -> str:
         frame = self.to_frame()

@@ -34,15 +34,7 @@ _LEGEND = (
     "S: stiction, -: no stiction, ?: no decision, blank: the method does not apply to the loop."
 )
 _IN_DATA = f"JSON and CSV have {NO_STICTION} and {NO_DECISION}."
-_COLUMNS = (
-    f"Score: each method has its own scale; a larger score makes stiction more likely. {_IN_DATA}",
-    "S, J: stick band and slip-jump, as estimated.",
-)
-
-_CONCLUDED_FROM = (
-    "The conclusion does not count these verdicts. It compares models of the loop with and without"
-    " valve friction (method likelihood)."
-)
+_COLUMNS = f"Score: on each method's own scale, more is stickier. {_IN_DATA}"
 _NOT_ASKED = f"not asked: {NOT_OSCILLATING}"
 _NAMED = 5  # records named in a sentence
 _WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
@@ -103,30 +95,33 @@ def as_text(
     lines = []
     if len(records) == 1:
         name, verdicts, record = records[0]
+        # tests of nonlinearity have a line, where methods have a table
+        counted = [v for v in verdicts if not _is_test(v.method)] or verdicts
+        beside = " (no votes)" if name in concluded else ""
         lines += [
             *([opening(name, record, concluded.get(name, ()))] if record is not None else []),
-            f"Methods: {sentence(verdicts)}.",
-            "",
-            *_drawn(_table(verdicts), colour),
-            *(_COLUMNS[: 2 if any(v.S is not None for v in verdicts) else 1]),
-            *([_CONCLUDED_FROM] if name in concluded else []),
-        ]
-        lines += [
-            "",
+            f"Methods: {sentence(verdicts)}{beside}.",
+            *_drawn(_table(counted), colour),
+            _COLUMNS,
             *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)]),
         ]
     elif records:
         methods = [f"{i}={v.method}" for i, v in enumerate(records[0][1], 1)]
         sticky = [str(name) for name, verdicts, _ in records if _most_report_stiction(verdicts)]
-        lines += [
+        lines.append(
             f"Most methods report stiction in {len(sticky)} of {len(records)} records"
             f"{': ' if sticky else ''}{', '.join(sticky[:_NAMED])}"
-            f"{' and others' if len(sticky) > _NAMED else ''}.",
-            f"The columns are the numbered methods. {_IN_DATA}",
-            *_drawn(_matrix(records), colour),
-            _LEGEND,
-            f"Methods: {', '.join(methods)}.",
-        ]
+            f"{' and others' if len(sticky) > _NAMED else ''}."
+        )
+        # beside the conclusions, on request
+        if why or not concluded:
+            lines += [
+                f"Columns: {', '.join(methods)}.",
+                f"{_LEGEND} {_IN_DATA}",
+                *_drawn(_matrix(records), colour),
+            ]
+        else:
+            lines.append(f"What each method says: --why, or --csv FILE. {_IN_DATA}")
     if why:
         for name, verdicts, record in records:
             shared = set(notes_of(verdicts, record))
@@ -243,11 +238,8 @@ def _drawn(table: Any, colour: bool) -> list[str]:
 
 def _not_counted(verdicts: Iterable[Verdict]) -> list[str]:
     tests = [v.method for v in verdicts if _is_test(v.method)]
-    return (
-        [f"nonlinearity tests, not counted for or against stiction: {', '.join(tests)}"]
-        if tests
-        else []
-    )
+    said = "nonlinearity tests, not counted for or against stiction"
+    return [f"{said}: {', '.join(tests)}"] if tests else []
 
 
 def _rests(verdict: Verdict) -> bool:

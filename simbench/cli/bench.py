@@ -568,9 +568,9 @@ def _interruptible() -> Iterator[None]:
 
 
 def _where(folder: Path, full: bool) -> str:
+    page = f"simbench score {folder} --report FILE.html"
     return (
-        "What the columns mean: simbench score --help. A report with pictures: simbench score"
-        f" {folder} --report report.html.{'' if full else ' Every table: --full.'}"
+        f"Columns: simbench score --help; {'' if full else 'every table: --full; '}a page: {page}"
     )
 
 

@@ -51,7 +51,7 @@ def printed(capsys, *words):
 
 def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, capsys):
     out = printed(capsys, "detect", folder / "sticky.csv", *FAST).out
-    head, summary, _, names, *rows = out.splitlines()
+    head, summary, names, *rows = out.splitlines()
     assert head.startswith("sticky: 1500 samples, Ts = 1 s")
     assert summary.startswith("Methods: ")
     assert "methods report stiction" in summary
@@ -93,9 +93,16 @@ def test_a_folder_is_a_matrix(folder, capsys):
     }
     assert rows["sound"] == ["-"] * 4
     assert "S" in rows["sticky"]
-    assert out[-2].startswith("S: stiction")
+    # what the columns are stands above them
     names = [f"{i}={name}" for i, name in enumerate(FAST[1].split(","), 1)]
-    assert out[-1] == f"Methods: {', '.join(names)}."
+    columns = out.index(f"Columns: {', '.join(names)}.")
+    assert out[columns + 1].startswith("S: stiction")
+    assert columns < out.index(next(line for line in out if line.startswith("record")))
+    concluded = printed(capsys, "detect", folder, "--method", "likelihood").out
+    assert "What each method says: --why" in concluded
+    assert "Columns: 1=likelihood." not in concluded
+    asked = printed(capsys, "detect", folder, "--method", "likelihood", "--why").out
+    assert "Columns: 1=likelihood." in asked
 
 
 def test_json_holds_what_it_held(folder, capsys):

@@ -91,12 +91,18 @@ class Causes:
         """Return the cause named and those weighed in JSON types."""
         return {"named": self.named.as_json(), "weighed": [c.as_json() for c in self.weighed]}
 
-    def as_lines(self) -> list[str]:
-        """Return of the likeliest causes what speaks for and against each."""
+    def as_lines(self, told: str = "") -> list[str]:
+        """Return of the likeliest causes what speaks for and against each, but for what was `told`
+        before.
+        """
         lines = []
         for c in self.weighed[:4]:
             said = {"for": c.speaks_for, "against": c.against}
-            parts = [f"{side}: {'; '.join(why)}" for side, why in said.items() if why]
+            parts = [
+                f"{side}: {'; '.join(r for r in why if r not in told) or 'as said above'}"
+                for side, why in said.items()
+                if why
+            ]
             where = "" if c.block in (NONE, c.name) else f"{c.block}, "
             lines.append(f"  {c.name} ({where}{c.confidence:.2f}): {'. '.join(parts)}.")
         return lines

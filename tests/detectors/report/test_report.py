@@ -234,7 +234,7 @@ def test_level_is_a_number_or_an_interval_in_the_text():
         .as_text()
         .splitlines()
     )
-    assert shown[2].split() == [
+    assert shown[1].split() == [
         "method",
         "verdict",
         "score",
@@ -245,7 +245,7 @@ def test_level_is_a_number_or_an_interval_in_the_text():
         "J",
         "applicable",
     ]
-    assert shown[3].split() == ["m", "stiction", "1.5", "0", "to", "1", "yes"]
+    assert shown[2].split() == ["m", "stiction", "1.5", "0", "to", "1", "yes"]
 
 
 def test_cells_stand_in_equal_columns():

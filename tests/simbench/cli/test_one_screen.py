@@ -1,4 +1,4 @@
-"""What a verb prints by default fits one screen: at most 40 lines of at most 100 columns."""
+"""What a verb prints by default fits one screen: at most 30 lines of at most 100 columns."""
 
 import shutil
 from pathlib import Path
@@ -9,7 +9,7 @@ from simbench.cli import main
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "example"
 MODEL = EXAMPLE / "model.toml"
-LINES, COLUMNS = 40, 100
+LINES, COLUMNS = 30, 100
 PATHS = ("page: ", "table: ", "run: ")  # begin a line that is as long as its path
 COMMANDS = {
     "detect": ["detect", "rec.csv"],
@@ -21,10 +21,14 @@ COMMANDS = {
     "run": ["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"],
     "score": ["score", "run"],
     "run --add": ["run", "run", "--add", "--method", "yamashita", "-o", "more"],
+    "run beside the shipped": [
+        *("run", "ci", "--n", "60", "-o", "beside", "--method", "horch", "--with-reference"),
+    ],
 }
 BEFORE = {
     "score": [["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"]],
     "run --add": [["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"]],
+    "run beside the shipped": [],
 }
 
 

@@ -32,9 +32,9 @@ from simbench.detectors.report.report import columns
 if TYPE_CHECKING:
     import pandas as pd
 
-_LINES, _WIDTH = 40, 100  # of the default output
-# lines that a command prints around the table: what failed, a blank line, the run's folder
-_BESIDES = 3
+_LINES, _WIDTH = 30, 100  # of the default output
+# lines that a command prints around the table: what failed, the run's folder
+_BESIDES = 2
 _PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
 HEAD = ("rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision")
 _TRUTHS = {
@@ -43,27 +43,34 @@ _TRUTHS = {
     "sticky": "the valve has friction",
 }
 _LEGEND = (
-    "Cost: an error costs 1, no decision {undecided:g}. Ranges are 95 % intervals. * fitted on this"
-    " grid, + on loops like these. no_waveform: a classifier that sees period, amplitude and noise,"
-    " but no waveform; rhythm: and how regular the cycles are."
+    "Cost: an error 1, no decision {undecided:g}; ranges: 95 % intervals; * fitted here, + on loops"
+    " like these."
+)
+_REFERENCES = (
+    "no_waveform: a classifier that sees period, amplitude and noise, but no waveform; rhythm: and"
+    " how regular the cycles are."
 )
 
 
 def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = False) -> list[str]:
-    """Return one table of at most 40 lines and 100 columns, the ranking on oscillating loops, and
+    """Return one table of at most 30 lines and 100 columns, the ranking on oscillating loops, and
     three sentences; `whole`: with every method.
     """
-    title, rows = _title(scores), scores.rows(truth)
-    tail = [*_legend(scores), "", *_sentences(scores, truth, where)]
+    title, rows = _title(scores, whole), scores.rows(truth)
     if rows.empty:
-        return [*title, "", *_sentences(scores, truth, where)]
+        return [*title, *_sentences(scores, truth, where)]
     first = rows.iloc[0]
     title += _wrapped(
         f"{first.n} loops have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]}"
-        f" (truth {truth!r}). The table is on these {first.n}."
+        f" (truth {truth!r})."
     )
-    room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 3
-    return [*title, "", *_ranking(rows, scores, room), "", *tail]
+    tail = [
+        *_wrapped(_LEGEND.format(undecided=scores.undecided)),
+        *(_wrapped(_REFERENCES) if whole else []),
+        *_sentences(scores, truth, where, whole),
+    ]
+    room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 2
+    return [*title, "", *_ranking(rows, scores, room), *tail]
 
 
 def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
@@ -151,17 +158,26 @@ def _cell(share: float, n: int) -> str:
     return f"({_rate(share)}) {n}" if n < LEAST else f"{_rate(share)} {n}"
 
 
-def _legend(scores: Any) -> list[str]:
-    return _wrapped(_LEGEND.format(undecided=scores.undecided))
-
-
-def _title(scores: Any) -> list[str]:
+def _title(scores: Any, whole: bool) -> list[str]:
+    """Return what a run is; of the `whole` text also how many loops cycle and were left out."""
     m, counts = scores.manifest, scores.counts
     about = (
         f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed"
         f" {m.get('seed')}{benchmark_text(m)}"
     )
     lines = _wrapped(about)
+    if unlike := m.get(UNLIKE):
+        lines += _wrapped(
+            f"{unlike} records have other last bits than those of the shipped verdicts, as on"
+            " another processor."
+        )
+    if SAMPLED in counts:
+        lines += _wrapped(
+            "Rates and costs are of all loops. Their scatter, areas under curves, sensitivity at 5"
+            f" % and classifier no_waveform rest on {counts[SAMPLED]} scenarios, drawn at random."
+        )
+    if not whole:
+        return lines
     words = (
         scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
     )
@@ -172,25 +188,15 @@ def _title(scores: Any) -> list[str]:
         f"{counts[OF_OSCILLATING]} loops oscillate. Of all loops, the valve makes the loop cycle:"
         f" {said}."
     )
-    if SAMPLED in counts:
-        lines += _wrapped(
-            "Rates and costs are of all loops. Their scatter, areas under curves, sensitivity at 5"
-            f" % and classifier no_waveform rest on {counts[SAMPLED]} scenarios, drawn at random."
-        )
     if left_out := unmatched(m):
         lines += _wrapped(
             f"{left_out} {'echo was' if left_out == 1 else 'echoes were'} left out, as the sticky"
             " sibling does not cycle."
         )
-    if unlike := m.get(UNLIKE):
-        lines += _wrapped(
-            f"{unlike} records have other last bits than those of the shipped verdicts, as on"
-            " another processor."
-        )
     return lines
 
 
-def _sentences(scores: Any, truth: str, where: str) -> list[str]:
+def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list[str]:
     """Return which differences are resolved, and where the report is."""
     standing, rows = scores.standing[truth, ALL, OF_OSCILLATING], scores.rows(truth)
     said = [
@@ -202,11 +208,12 @@ def _sentences(scores: Any, truth: str, where: str) -> list[str]:
     elif not scores.chosen and _rivals(rows) < 2:
         said.append("Only one method covers these loops, so it has no rival to be ranked against.")
     else:
-        said.append(
+        ranks = (
             "Rank 1: no method costs less by a difference that these loops resolve; 2: only methods"
-            f" of rank 1 do; and so on. A difference of {_rate(standing.resolution)} is resolved"
-            " between any two."
+            " of rank 1 do; and so on. "
         )
+        resolved = f"A difference of {_rate(standing.resolution)} is resolved between any two."
+        said.append(ranks * whole + resolved)
     return [line for sentence in (*said, where) for line in _wrapped(sentence)]
 
 
