@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 
 from simbench.bench.score.show import paper
 from simbench.bench.score.show.asked import Asked
+from simbench.bench.score.show.picture import sides
 from simbench.bench.store.benchmark import benchmark_text, benchmark_version
 from simbench.detectors.errors import ParameterError
 from simbench.figures import _critical_difference
@@ -44,5 +45,7 @@ def _picture(asked: Asked) -> Any:
     """Return the picture of a ranking, of pairs, or of rates over axes."""
     if asked.comparison is not None:
         return _critical_difference.draw(_critical_difference.ranks_of(asked.comparison))
-    axes = asked.scores.plot(asked.axes or None)
+    if not asked.axes:
+        return sides(asked.scores.rows(asked.truth)).figure
+    axes = asked.scores.plot(asked.axes)
     return (axes if isinstance(axes, Axes) else axes.flat[0]).figure

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 _DPI = 200  # of a picture that is saved as pixels
 PANELS = ("accuracy", "sensitivity", "false_positives")
 _SIDE = 3  # maps beside each other
+# parts of a bar, in the order in which they stand
+_ANSWERS = {"right": "tab:blue", "no decision": "0.85", "wrong": "tab:red"}
 _PALE = 0.35  # opacity of a cell of fewer than `LEAST` loops
 
 
@@ -35,6 +37,43 @@ def bars(ranking: pd.DataFrame, **options: Any) -> Any:
         size = options.pop("figsize", (7.0, 0.9 + 0.27 * len(rows)))
         options["ax"] = _figure(1, 1, size)[0, 0]
     return rows["cost"].plot.barh(**{**look, **options})
+
+
+def sides(rows: pd.DataFrame) -> Any:
+    """Draw of each method which share of the sticky loops, and of the others, it is right on, does
+    not decide and is wrong on; the best on top, groups apart, with 95 % intervals of what is found
+    and of what is falsely called.
+    """
+    rows = rows[(rows["kind"] < 2) & rows["sensitivity"].notna() & rows["false_positives"].notna()]
+    begins = ~rows["group"].eq(rows["group"].shift())
+    # each group stands a line apart, under its name
+    places = -(np.arange(len(rows)) + (begins & rows["group"].ne("")).cumsum().to_numpy())
+    figure = _figure(1, 2, (8.0, 1.3 - 0.24 * min(places, default=0)), sharey=True)
+    open_, wrong = rows["no_decision_negatives"], rows["false_positives"]
+    shares = (
+        (rows["sensitivity"], rows["no_decision_positives"], rows["missed"]),
+        (1.0 - open_ - wrong, open_, wrong),
+    )
+    ends = (
+        (rows["sensitivity"], rows["sensitivity_lo"], rows["sensitivity_hi"]),
+        (1.0 - wrong, 1.0 - rows["false_positives_hi"], 1.0 - rows["false_positives_lo"]),
+    )
+    titles = "loops that the valve makes cycle", "other loops that oscillate"
+    for axes, parts, (at, lo, hi), title in zip(figure[0], shares, ends, titles, strict=True):
+        left = np.zeros(len(rows))
+        for part, (label, colour) in zip(parts, _ANSWERS.items(), strict=True):
+            axes.barh(places, part, 0.72, left=left, color=colour, label=label)
+            left = left + part.to_numpy()
+        axes.errorbar(at, places, xerr=[at - lo, hi - at], fmt="none", ecolor="black", capsize=2)
+        axes.set(xlim=(0.0, 1.0), title=title, xlabel="share of loops")
+    figure[0, 0].set(ylim=(min(places, default=0) - 0.7, 0.7))
+    figure[0, 0].set_yticks(places, rows["method"])
+    for place, name in zip(places[begins], rows["group"][begins], strict=True):
+        figure[0, 0].text(0.01, place + 1.0, name, va="center", style="italic", fontsize="small")
+    figure[0, 0].figure.legend(
+        *figure[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3
+    )
+    return figure[0, 0]
 
 
 def lines(rows: pd.DataFrame, axis: str, **options: Any) -> Any:
