@@ -7,6 +7,8 @@ from typing import Any
 from typer.core import TyperCommand
 
 COMMON = "Options"
+# what every verb that reads a record takes is explained once
+_READING, _EXPLAINS = "Reading the record", "detect"
 # which group an option's help stands in; what is in none is common
 GROUPS = {
     "Reading the record": (
@@ -65,6 +67,11 @@ class GroupedCommand(TyperCommand):
                 heading = group_of(parameter.name or "") if is_option else "Arguments"
                 listed.setdefault(heading, []).append(record)
         for heading in ("Arguments", COMMON, *GROUPS):
-            if heading in listed:
-                with formatter.section(heading):
+            if heading not in listed:
+                continue
+            with formatter.section(heading):
+                if heading == _READING and self.name != _EXPLAINS:
+                    names = ", ".join(option.partition(" ")[0] for option, _ in listed[heading])
+                    formatter.write_text(f"{names}: see simbench {_EXPLAINS} --help.")
+                else:
                     formatter.write_dl(listed[heading])

@@ -339,3 +339,12 @@ def test_json_of_every_verb_that_concludes_has_the_conclusion_its_text_prints(fo
         assert f"(probability of stiction {concluded['probability']:.2f})" in first
     alone = json.loads(printed(capsys, "detect", file, "--method", "horch", "--json").out)
     assert "conclusion" not in alone[0]  # nothing was weighed, as in the text
+
+
+def test_how_a_record_is_read_is_explained_once(capsys):
+    said = printed(capsys, "detect", "--help").out
+    assert "State the recorded values of OP that mean 0 and" in " ".join(said.split())
+    other = " ".join(printed(capsys, "trust", "--help").out.split())
+    assert "--op-span" in other
+    assert "see simbench detect --help" in other
+    assert "State the recorded values of OP" not in other
