@@ -5,8 +5,8 @@ import math
 import pandas as pd
 
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
-from simbench.bench.score.result import Scores
-from simbench.html.document import Part, Table, Text, Tiles, texts
+from simbench.bench.score.show.picture import sides
+from simbench.html.document import Part, Pictures, Table, Text, Tiles, texts
 from simbench.html.table import percent
 from simbench.report.data import RunData
 
@@ -49,7 +49,9 @@ _USES = {
 
 
 def section(run: RunData) -> list[Part]:
-    """Give size, balance, the best detector with its interval, failures, and all scores."""
+    """Draw what each method is right on, then give all scores, size, balance, the best detector
+    with its interval, failures, and what the columns mean.
+    """
     book = run.book
     cycle = book.truth["cycled"][book.truth["cycled"] >= 0] == 1
     tiles = [
@@ -93,20 +95,23 @@ def section(run: RunData) -> list[Part]:
         ),
         ("All loops", ("cycled", ALL, ALL)),
     ]
-    parts: list[Part] = [Tiles(tiles), *texts(_SAYS)]
+    parts: list[Part] = []
+    if len(ranking):
+        caption = "Of the loops that the valve makes cycle and of the others: right, open, wrong"
+        parts.append(Pictures([(sides(ranking).figure, caption)], wide=True))
     for title, place in places:
-        if (table := _readable(run.scores, place)) is not None:
-            parts += [Text(title, "heading"), table]
-    return parts
+        rows = run.scores.rows(*place)
+        # methods that are not ranked with each other stand under a heading of their own
+        for group, some in rows.groupby("group", sort=False):
+            told = f"{group[0].upper()}{group[1:]}" if group else title
+            parts += [Text(told, "heading"), _readable(some, place)]
+        if place == places[0][1]:
+            parts.append(Tiles(tiles))
+    return [*parts, Text("What the columns mean", "heading"), *texts(_SAYS)]
 
 
-def _readable(scores: Scores, place: tuple[str, str, str]) -> Table | None:
-    """Return one row per detector with the columns a reader compares; None when there are no such
-    loops.
-    """
-    ranking = scores.rows(*place)
-    if ranking.empty:
-        return None
+def _readable(ranking: pd.DataFrame, place: tuple[str, str, str]) -> Table:
+    """Return one row per detector with the columns a reader compares."""
     # a rank on a part of the loops says so
     named = [
         f"{r.method} (ranked on the {r.rank_loops} loops that it answers)"
