@@ -82,15 +82,16 @@ class Loops:
         loop = _loop_of(own, n, more)
         if not self.changes or not (gain := _beyond_margin(loop)):
             return loop
+        Kc = loop.controller.Kc
         if "Kc" in self.changes:
             raise ParameterError(
-                f"Kc = {own['Kc']:g}: a loop of this figure (Td = {own['Td']:g} s) would be"
-                f" unstable without friction; less than {own['Kc'] * gain:.3g} is needed"
+                f"Kc = {Kc:g}: a loop of this figure (Td = {own['Td']:g} s) would be"
+                f" unstable without friction; less than {Kc * gain:.3g} is needed"
             )
         self.retuned += 1
         # as far below the margin of stability as the figure's own loop
-        own["Kc"] *= gain / (ultimate_gain(sampled_loop(_loop_of(before, n, {}))) or 1.0)
-        self.last[COLUMNS["Kc"]] = float(own["Kc"])
+        before_margin = ultimate_gain(sampled_loop(_loop_of(before, n, {}))) or 1.0
+        own["Kc"] = self.last[COLUMNS["Kc"]] = Kc * gain / before_margin
         return _loop_of(own, n, more)
 
     def told(self) -> str:

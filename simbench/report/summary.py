@@ -103,7 +103,8 @@ def section(run: RunData) -> list[Part]:
         rows = run.scores.rows(*place)
         # methods that are not ranked with each other stand under a heading of their own
         for group, some in rows.groupby("group", sort=False):
-            told = f"{group[0].upper()}{group[1:]}" if group else title
+            words = str(group)
+            told = f"{words[0].upper()}{words[1:]}" if words else title
             parts += [Text(told, "heading"), _readable(some, place)]
         if place == places[0][1]:
             parts.append(Tiles(tiles))

@@ -214,7 +214,7 @@ class Scores:
 
     def _shown(self, rows: pd.DataFrame) -> pd.DataFrame:
         """Return the rows of the methods that are chosen."""
-        return rows[rows["method"].isin(self.chosen)] if self.chosen and len(rows) else rows
+        return rows.loc[rows["method"].isin(self.chosen)] if self.chosen and len(rows) else rows
 
     def ranking(
         self,

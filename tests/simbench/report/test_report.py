@@ -191,8 +191,8 @@ def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_se
         assert page.errors == []
         assert page.requests == [report.resolve().as_uri()]
     assert over <= 0, "the page itself never scrolls sideways"
-    # the overview, the maps of self-regulating and of integrating loops, the ROC curves
-    assert len(pictures) == 1 + 2 + 1
+    # answers by label, costs, the maps of self-regulating and of integrating loops, ROC curves
+    assert len(pictures) == 1 + 1 + 2 + 1
     for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
         assert w > 100
         assert h > 50

@@ -44,7 +44,8 @@ def sides(rows: pd.DataFrame) -> Any:
     not decide and is wrong on; the best on top, groups apart, with 95 % intervals of what is found
     and of what is falsely called.
     """
-    rows = rows[(rows["kind"] < 2) & rows["sensitivity"].notna() & rows["false_positives"].notna()]
+    said = rows["sensitivity"].notna() & rows["false_positives"].notna()
+    rows = rows.loc[(rows["kind"] < 2) & said]
     begins = ~rows["group"].eq(rows["group"].shift())
     # each group stands a line apart, under its name
     places = -(np.arange(len(rows)) + (begins & rows["group"].ne("")).cumsum().to_numpy())
