@@ -220,7 +220,6 @@ def test_everything_is_printed_on_request(scores):
     text = scores.as_text(full=True)
     for part in (
         "labels that disagree",
-        "do not oscillate",
         "cost over no_waveform",
         "AUC",
     ):
@@ -250,6 +249,7 @@ def test_loops_that_do_not_oscillate_have_another_table(book):
         book(np.where(going, truth, 1), truth),
         oscillating=going,
     )
+    assert "loops that do not oscillate (" in score_book(run).as_text(full=True)
     still = score_book(run).rows(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
     assert (still.n, still.false_positives, still.no_decision) == (100, 1.0, 0.0)
     lines = score_book(run).as_text(full=True).splitlines()
