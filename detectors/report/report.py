@@ -27,7 +27,7 @@ _UNDECIDED = 0.5  # cost of no decision; an error costs 1
 _SETS = ("all", "fast", "full", PUBLISHED)
 
 
-_MOST_LOOPS = 24  # of a folder that a screen shows
+_MOST_LOOPS = 20  # of a folder that a screen shows
 _RANKED = ("record", "conclusion", PROBABILITY, "cause", "event", "reason", "next")
 
 

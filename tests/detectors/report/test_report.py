@@ -4,6 +4,7 @@ codes.
 
 import json
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from simbench.cli import main
 from simbench.detection import judge_files
 from simbench.detectors.errors import ParameterError, UnknownName
+from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import Report, choose_methods, columns, score_units
 from simbench.detectors.report.summary import own_reason, sentence
 from simbench.detectors.verdict import Verdict
@@ -260,3 +262,30 @@ def test_what_the_methods_say_together_counts_each():
 def test_what_is_noted_of_the_whole_record_is_not_repeated():
     verdict = Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %")
     assert own_reason(verdict, ["OP taken as 0..100 %"]) == "OP is triangular"
+
+
+@dataclass
+class Concluded:
+    """A conclusion of which the ranking shows verdict and probability."""
+
+    probability: float
+
+    def as_lines(self):
+        return ["so", "Reason: so.", "Next: nothing."]
+
+    def as_json(self):
+        return {"verdict": "stiction", "probability": self.probability, "cause": "stiction"}
+
+
+def test_a_large_folder_fits_a_screen_and_says_how_many_loops_it_leaves_out():
+    names = [f"loop{k}" for k in range(40)]
+    record = LoopRecord(np.sin(np.arange(50.0)), np.cos(np.arange(50.0)), 1.0)
+    report = Report(
+        [(name, Verdict("m", "stiction", reason="so")) for name in names],
+        records=dict.fromkeys(names, record),
+        conclusions={name: Concluded(k / 40) for k, name in enumerate(names)},
+    )
+    lines = report.as_text().splitlines()
+    assert len(lines) <= 30
+    assert "and 20 more loops: --csv FILE" in lines
+    assert lines[1].startswith("loop39 ")  # the most probable first
