@@ -189,7 +189,7 @@ class Setup:
         return signal
 
 
-def resting_mv(valves: list[tuple[ModuleType, Any]], op0: float) -> float:
+def resting_mv(valves: Sequence[tuple[ModuleType, Any]], op0: float) -> float:
     """Return MV (%) at rest under OP = op0: what a chain of valves makes of it."""
     v = op0
     for module, p in valves:
@@ -197,7 +197,7 @@ def resting_mv(valves: list[tuple[ModuleType, Any]], op0: float) -> float:
     return v
 
 
-def bands_of(valves: list[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:
+def bands_of(valves: Sequence[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:
     """Return mapped (S, J) in % of travel of every stage of a valve; (0, 0) of one that maps on
     none.
     """
@@ -206,33 +206,60 @@ def bands_of(valves: list[tuple[ModuleType, Any]]) -> list[tuple[float, float]]:
     ]
 
 
-def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
-    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances
-    stand still over the tail.
-
-    `tf` takes the place of the loop's plant (its dead time stays).
+@dataclass(frozen=True, eq=False)
+class LoopParts:
+    """What no seed changes of a loop: the plant's transfer function, the stages of the valve and
+    the plug-ins, looked up and checked.
     """
-    total = (loop.sampling.warm_up or 0) + loop.sampling.n + tail
+
+    num: np.ndarray
+    den: np.ndarray
+    valves: tuple[tuple[ModuleType, Any], ...]
+    plant_plugin: tuple[ModuleType, Any] | None
+    control_plugin: tuple[ModuleType, Any] | None
+
+
+def look_up_parts(loop: Loop, tf: Any = None) -> LoopParts:
+    """Return the parts of a loop; `tf` takes the place of its plant (its dead time stays)."""
     own = _plant_plugin(loop) if tf is None else None
-    num, den = (
-        plant.polynomials_of(tf)
-        if tf is not None
-        else plant.polynomials(loop.plant)
-        if own is None
-        else _linear(*own)
-    )
+    if tf is not None:
+        num, den = plant.polynomials_of(tf)
+    elif own is None:
+        num, den = plant.polynomials(loop.plant)
+    else:
+        num, den = _linear(*own)
     # the sign of a law in powers of z is that of its num
     signs = loop.controller.type != "tf" and (own is None or hasattr(own[0], "linear"))
     if signs and loop.controller.sign * num[-1] / den[den != 0][-1] < 0:
         raise ParameterError(
             "positive feedback: the plant's gain and the controller's direction have opposite signs"
         )
+    return LoopParts(
+        num=num,
+        den=den,
+        valves=tuple(stages_of(loop.valve, loop.sampling.Ts)),
+        plant_plugin=own,
+        control_plugin=_control_plugin(loop),
+    )
+
+
+def plain_setup(
+    loop: Loop, seed: int, tail: int = 0, tf: Any = None, parts: LoopParts | None = None
+) -> Setup:
+    """Turn a loop into a setup without disturbances, effects and noise; set point and disturbances
+    stand still over the tail.
+
+    `tf` takes the place of the loop's plant (its dead time stays); `parts` are those of the loop,
+    where they are known.
+    """
+    total = (loop.sampling.warm_up or 0) + loop.sampling.n + tail
+    parts = parts or look_up_parts(loop, tf)
     setup = Setup(
         loop=loop,
         seed=seed,
         tail=tail,
-        num=num,
-        den=den,
+        num=parts.num,
+        den=parts.den,
         Td=loop.plant.Td,
         Kc=loop.controller.Kc,
         Ti=loop.controller.Ti,
@@ -244,9 +271,9 @@ def plain_setup(loop: Loop, seed: int, tail: int = 0, tf: Any = None) -> Setup:
         op_moves=np.zeros(total),
         noise_std=loop.noise.std,
         pv_add=np.zeros(total),
-        valves=stages_of(loop.valve, loop.sampling.Ts),
-        plant_plugin=own,
-        control_plugin=_control_plugin(loop),
+        valves=list(parts.valves),
+        plant_plugin=parts.plant_plugin,
+        control_plugin=parts.control_plugin,
     )
     _step(setup, loop.setpoint.steps)
     if loop.outer is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from simbench.detectors.errors import ParameterError
 from simbench.loop.elementary import without_last_bits
-from simbench.loop.resolve import resolve_loop
+from simbench.loop.resolve import undisturbed
 from simbench.loop.run import Start
 from simbench.scenarios.spec import Loop
 from simbench.theory.half_cycle import HalfCycle, half_cycles
@@ -145,9 +145,7 @@ def cycle_start(loop: Loop) -> Start:
     stopped.
     """
     sampled = sampled_loop(loop)
-    [*stages, (module, p)] = resolve_loop(
-        loop.model_copy(update={"disturbance": ()}), seed=0
-    ).valves
+    [*stages, (module, p)] = undisturbed(loop).valves
     cycle = exact_cycle(sampled)
     if cycle is None:
         raise ParameterError("cycle_start: this loop has no limit cycle to start on")

@@ -15,7 +15,7 @@ from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal import stiction_map
 from simbench.loop import controller as controllers
 from simbench.loop import plant as plants
-from simbench.loop.resolve import resolve_loop
+from simbench.loop.resolve import undisturbed
 from simbench.loop.response import stages_response
 from simbench.loop.setup import Setup
 from simbench.scenarios.spec import Loop
@@ -135,7 +135,7 @@ class SampledLoop:
 
 def sampled_loop(loop: Loop) -> SampledLoop:
     """Reduce a loop file to what decides about its limit cycle."""
-    setup = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0)
+    setup = undisturbed(loop)
     return reduced(setup, *mapped_valve(setup))
 
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from simbench.detectors.errors import ParameterError
-from simbench.loop.resolve import resolve_loop
+from simbench.loop.resolve import undisturbed
 from simbench.loop.setup import Setup
 from simbench.scenarios.spec import Loop
 from simbench.theory.basin import kick_min
@@ -106,7 +106,7 @@ def truth_columns(
         ("exists", "by", "period", "amplitude", "multiplier", "irregularity", "kick_min")
     )
     theory.update(describing_function=[], reason="")
-    setup = resolve_loop(loop.model_copy(update={"disturbance": ()}), seed=0)
+    setup = undisturbed(loop)
     try:
         S, J = mapped_valve(setup)
     except ParameterError as error:

@@ -35,7 +35,7 @@ from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.loop.part_files import add_parts, error_text
 from simbench.loop.run import Run
 from simbench.scenarios.grid import Grid
-from simbench.scenarios.spec import Loop, Noise, Scenario, SetPoint
+from simbench.scenarios.spec import Loop, Scenario
 from simbench.theory.tables import truth_columns
 
 Thresholds = Mapping[str, Mapping[str, float]]
@@ -211,13 +211,9 @@ def _theory(loop: Loop) -> Theory:
     """Return what theory predicts for a loop: predicted, refined, exists, period, amplitude, and
     why there is none of it.
     """
-    # theory knows neither noise nor loads nor the set point
-    quiet = loop.model_copy(
-        update={"noise": Noise(), "disturbance": (), "setpoint": SetPoint(value=loop.pv0)}
-    )
     try:
         with np.errstate(all="ignore"):  # candidate cycles that grow without bound
-            predicted, refined, cycle = truth_columns(quiet, waves=False)
+            predicted, refined, cycle = truth_columns(loop, waves=False)
     # whatever a model does on unusual numbers: its theory, not its record
     except (Exception, SystemExit) as wrong:
         return *_NO_THEORY[:-1], error_text(wrong)

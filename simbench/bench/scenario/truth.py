@@ -75,9 +75,10 @@ def _cycled(run: Run, loop: Loop, seed: int, period: float | None) -> Cycled:
         period = late.period * Ts
         period = period if math.isfinite(period) else run.record.duration / _TAIL_PERIODS
     found = None
+    twin = healthy_twin(loop)
     for quiet in _quiet_from(loop, period / Ts):
         tail, moved = _tail(loop, seed, period / Ts, bar, quiet)
-        said = _alone(loop, seed, tail, moved, bar, quiet)
+        said = _alone(twin, seed, tail, moved, bar, quiet)
         if said == YES:
             return Cycled(YES, moved.period * Ts, moved.swing)
         # what the loop does from the record's end on counts first; earlier ends only make it
@@ -105,7 +106,7 @@ def healthy_twin(loop: Loop) -> Loop:
     """Return the loop with an ideal valve in place of its friction, all else equal; a stage without
     friction stays.
     """
-    bare = loop.model_copy(update={"effect": ()})
+    bare = loop.model_copy(update={"effect": ()}) if loop.effect else loop
     valve = Part(name="ideal") if friction(bare) else loop.valve
     ideal = bare.model_copy(update={"valve": Part(name="ideal")})
     kept = tuple(e for e in loop.effect if not friction(ideal.model_copy(update={"effect": (e,)})))
@@ -139,11 +140,13 @@ def _tail(
         samples = wanted
 
 
-def _alone(loop: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int) -> str:
-    """Say whether the valve goes on moving in one noise-free tail, and by itself."""
+def _alone(twin: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int) -> str:
+    """Say whether the valve goes on moving in one noise-free tail, and by itself: more than its
+    healthy twin does.
+    """
     if _swings(moved, bar) and moved.lasting >= _FADING:
-        twin = valve_tail(healthy_twin(loop), seed, tail.size, quiet)
-        own = _TWIN * largest_sine(tail, moved.period) > largest_sine(twin, moved.period)
+        healthy = valve_tail(twin, seed, tail.size, quiet)
+        own = _TWIN * largest_sine(tail, moved.period) > largest_sine(healthy, moved.period)
         return YES if own and moved.lasting >= _LASTING else _UNCLEAR
     # still moving at the end, but too slowly for the longest tail
     if 0 < moved.reversals < MIN_REVERSALS and np.ptp(tail[-(tail.size // 3) :]) >= bar:
