@@ -266,7 +266,9 @@ def _watch() -> Any:
 
     class Watch(Listener):
         def __init__(self):
-            self.running, self.done, self.told = 0, 0, False
+            self.running = 0
+            self.done = 0
+            self.told = False
             self.began = self.ended = time.monotonic()
             self.thread = None
 
@@ -279,7 +281,9 @@ def _watch() -> Any:
                 self.thread.start()
 
         def on_end(self, event):
-            self.running, self.done, self.ended = self.running - 1, self.done + 1, time.monotonic()
+            self.running = self.running - 1
+            self.done = self.done + 1
+            self.ended = time.monotonic()
 
         def say(self):
             """Say once what happens."""
@@ -289,7 +293,8 @@ def _watch() -> Any:
 
         def tell(self):
             """Speak while functions are compiled; what was drawn is wiped once none is."""
-            at_terminal, drawn = shown_on.isatty(), False
+            at_terminal = shown_on.isatty()
+            drawn = False
             while self.running or time.monotonic() - self.ended < _PAUSE:
                 if time.monotonic() - self.began >= SILENCE:
                     self.say()
@@ -357,7 +362,8 @@ def _jitted(function: FunctionType, error_model: str):
         function.__name__,
         function.__defaults__,
     )
-    copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
+    copy.__module__ = function.__module__
+    copy.__qualname__ = function.__qualname__
     # lanes stay in registers only where the loops over them stand in one function
     inlined = error_model == "numpy"
     return njit(copy, error_model=error_model, forceinline=inlined, **_UNCALLED)

@@ -29,7 +29,8 @@ class RecordError(UserError, ValueError):
 
     def __init__(self, sentence: object = "", cure: str = "") -> None:
         super().__init__(f"{sentence}; add {cure}" if cure else sentence)
-        self.sentence, self.cure = str(sentence), cure
+        self.sentence = str(sentence)
+        self.cure = cure
 
 
 class ParameterError(UserError, ValueError):

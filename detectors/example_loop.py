@@ -48,9 +48,17 @@ def example_loop(**settings: Any) -> LoopRecord:
     pole = math.exp(-Ts / T) if process == "self-regulating" else 1.0
     gain = K * (1.0 - pole) if process == "self-regulating" else K * Ts
     delay = round(Td / Ts)
-    fs, fd = (S + J) / 2.0, (S - J) / 2.0
-    x, valve, way, moving, before, integral = 0.0, 50.0, 0, False, 50.0, kick
-    op, pv, mv = np.empty(n), np.empty(n), np.empty(n)
+    fs = (S + J) / 2.0
+    fd = (S - J) / 2.0
+    x = 0.0
+    valve = 50.0
+    way = 0
+    moving = False
+    before = 50.0
+    integral = kick
+    op = np.empty(n)
+    pv = np.empty(n)
+    mv = np.empty(n)
     for k in range(n):
         pv[k] = 50.0 + x + random[k]
         error = 50.0 - pv[k]
@@ -65,7 +73,8 @@ def example_loop(**settings: Any) -> LoopRecord:
         if moving:
             valve = u - way * fd
         before = u
-        op[k], mv[k] = u, valve
+        op[k] = u
+        mv[k] = valve
         late = k - delay
         x = pole * x + (gain * (mv[late] - 50.0 + load[late]) if late >= 0 else 0.0)
     return LoopRecord(
@@ -114,10 +123,8 @@ CASES = {
 @cache
 def example_record(case: str, process: str) -> LoopRecord:
     """Return one of six records about whose valve nobody can be in doubt."""
-    rng, about = (
-        np.random.default_rng(3),
-        {"process": process, "kind": "flow" if process == "self-regulating" else "level"},
-    )
+    rng = np.random.default_rng(3)
+    about = {"process": process, "kind": "flow" if process == "self-regulating" else "level"}
     if case == "stiction":
         return example_loop(**_OBVIOUS[process])
     if case == "dense":

@@ -129,7 +129,8 @@ class Prepared:
         turn = self.share("searchable turn", lambda: _first_way(self.record.op))
         if name == "pv":
             pv = self.record.pv
-            low, high = float(pv.min()), float(pv.max())
+            low = float(pv.min())
+            high = float(pv.max())
             return self.share(
                 "searchable pv",
                 lambda: turn * snapped((pv - 0.5 * (low + high)) / ((high - low) or 1.0)),
@@ -243,7 +244,8 @@ class Prepared:
 
 def _first_way(x: np.ndarray) -> float:
     """Return the side, 1 or -1, on which a signal first leaves the middle half of its range."""
-    low, high = float(x.min()), float(x.max())
+    low = float(x.min())
+    high = float(x.max())
     away = x - 0.5 * (low + high)
     return -1.0 if away[np.argmax(np.abs(away) > 0.25 * (high - low))] < 0.0 else 1.0
 
@@ -271,13 +273,16 @@ def _at_density(
     oscillate it is looked at more coarsely, down to `_COARSEST` samples of a period `pace`.
     """
     dense = Prepared(record, part=part)
-    oscillation, coarse = dense.oscillation, 1
+    oscillation = dense.oscillation
+    coarse = 1
     while not oscillation.sustained and pace > _COARSEST * coarse:
         coarse *= 2
         oscillation = Prepared(thin_record(record, coarse)).oscillation
     if not oscillation.sustained:
-        oscillation, coarse = dense.oscillation, 1
-    step, last = 1, oscillation.period_s
+        oscillation = dense.oscillation
+        coarse = 1
+    step = 1
+    last = oscillation.period_s
     # step by step, each asked for the period itself: near a bound a denser record may say another
     while last > DENSEST * step * record.Ts and record.n >= 8 * step:
         step *= 2
@@ -286,7 +291,8 @@ def _at_density(
             last = last if np.isnan(period) else period
     if step > 1 and part is not None:  # a start that every density has
         late = -part[0] % step
-        record, part = record.window(late, record.n), (part[0] + late, part[1])
+        record = record.window(late, record.n)
+        part = (part[0] + late, part[1])
     thin = dense if step == 1 else Prepared(thin_record(record, step), part=part, step=step)
     # else it is asked itself: a finer record may oscillate by chance, and this one is judged
     if coarse > step:
@@ -307,7 +313,8 @@ def prepare(record: LoopRecord) -> Prepared:
     whole = _at_density(record)
     if whole.oscillation.sustained:
         return whole
-    pace, step = _pace(record.op), 1
+    pace = _pace(record.op)
+    step = 1
     while pace > _COARSEST * step:
         step *= 2
     # starts and ends that every density has: half a swing earlier or later a half may seem to

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 # log-odds on the grids that the weights were fitted to; between them the evidence is not enough. Of
 # the loops that the weights were fitted to, 1 in 20 healthy ones exceed .69 (self-regulating) and
 # .93 (integrating)
-ODDS_LOW, ODDS_HIGH = -0.4, 0.7
+ODDS_LOW = -0.4
+ODDS_HIGH = 0.7
 # set here: 1 % of simulated healthy flow loops under steps, ramps and random pressure exceed it
 FOLLOW_MIN = 0.2
 # log-odds of a loop that does not oscillate and whose valve is not seen to stand still
@@ -218,7 +219,8 @@ class ProcedureRules:
 def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
     """Take a prepared record through the procedure; result as `diagnose`."""
     course = _Course(prepared, rules)
-    steps, now = [], "quality"
+    steps = []
+    now = "quality"
     while now in FLOW:
         question, answers = FLOW[now]
         answer, evidence, reason = getattr(course, now)()
@@ -303,7 +305,8 @@ class _Course:
         numbers += f", {follow.reversals} reversals"
         if follow.score < self.rules.follow_min:
             return "no", numbers, "The valve follows OP, or OP gave it too little to do."
-        self.S, self.J = follow.S, (0.0, follow.S)
+        self.S = follow.S
+        self.J = (0.0, follow.S)
         return (
             "yes",
             numbers,
@@ -349,7 +352,8 @@ class _Course:
         for method in VOTERS[self.prepared.integrating]:
             self._ask(f"{method}@published")
         votes = [v.verdict for v in self.verdicts.values()]
-        yes, no = votes.count(STICTION), votes.count(NO_STICTION)
+        yes = votes.count(STICTION)
+        no = votes.count(NO_STICTION)
         self.score = float(yes - no)
         numbers = f"{yes} for stiction, {no} against, {votes.count(NO_DECISION)} no decision"
         if yes == no:
@@ -358,7 +362,9 @@ class _Course:
 
     def _weigh(self) -> tuple[str, str, str]:
         case = self.prepared.integrating
-        odds, terms, used = BIAS[case], [], 0
+        odds = BIAS[case]
+        terms = []
+        used = 0
         for method in (*dict.fromkeys(e.method for e in EVIDENCE[case]), *WITNESSES[case]):
             self._ask(method)
         for e in EVIDENCE[case]:
@@ -380,7 +386,8 @@ class _Course:
         if used == 0:
             return "undecided", numbers, "No detector could cope with this record."
         level = self.verdicts["hammerstein"]
-        self.S, self.J = level.S, level.J
+        self.S = level.S
+        self.J = level.J
         if odds >= self.rules.odds_high:
             return "stiction", numbers, "The waves are those of a sticky valve."
         if odds <= self.rules.odds_low:

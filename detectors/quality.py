@@ -94,7 +94,9 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
 
 
 def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
-    pv, n, std = record.pv, record.n, float(record.pv.std())
+    pv = record.pv
+    n = record.n
+    std = float(record.pv.std())
     step = steps(pv, record.op)
     yield from _steps("pv", pv, step)
     share, lines = straight(pv, step)
@@ -123,7 +125,8 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
                 "moving_sp",
                 f"SP moves in {changed} of {n} samples, by {np.ptp(record.sp) / std:.1f} std of PV",
             )
-        off, spread = abs(float(record.e.mean())), float(record.e.std())
+        off = abs(float(record.e.mean()))
+        spread = float(record.e.std())
         if off > 3.0 * spread:
             yield Flag(
                 "off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only"

@@ -27,8 +27,10 @@ KIND_ALIASES = {
 
 
 # Beyond these a power of four, as statistics use it, leaves the range of double numbers.
-LARGEST, _SMALLEST = 1e60, 1e-60
-_FASTEST, _SLOWEST = 1e-12, 1e12  # s between samples
+LARGEST = 1e60
+_SMALLEST = 1e-60
+_FASTEST = 1e-12  # s between samples
+_SLOWEST = 1e12
 # of its span by which a sound signal may go beyond it: 4..20 mA means 3.8 to 20.5, a fault 3.6 or
 # 21
 _OVER_RANGE = 0.1
@@ -155,7 +157,8 @@ class LoopRecord:
             percent = (self.op - lo) * (100.0 / (hi - lo))
             percent.flags.writeable = False
             return percent
-        lo, hi = float(self.op.min()), float(self.op.max())
+        lo = float(self.op.min())
+        hi = float(self.op.max())
         opens = lo == hi or hi > _SHUT
         return self.op if 0.0 <= lo and hi <= 100.0 and opens and not self.op_share else None
 
@@ -164,7 +167,8 @@ class LoopRecord:
         """Whether OP moves within 0..1 and no span tells its unit: a share of 1 judged as % would
         be wrong by a factor 100.
         """
-        lo, hi = float(self.op.min()), float(self.op.max())
+        lo = float(self.op.min())
+        hi = float(self.op.max())
         return self.op_span is None and 0.0 <= lo < hi <= 1.0 and hi > _SHUT
 
     def outside(self, name: str, margin: float = _OVER_RANGE) -> float:
@@ -182,7 +186,8 @@ class LoopRecord:
         float
             0 without a span.
         """
-        span, x = getattr(self, f"{name}_span"), getattr(self, name)
+        span = getattr(self, f"{name}_span")
+        x = getattr(self, name)
         if span is None:
             return 0.0
         over = margin * (span[1] - span[0])

@@ -89,7 +89,8 @@ def repair_record(record: LoopRecord) -> LoopRecord:
 
 def _without_wild(record: LoopRecord) -> LoopRecord:
     """Return the record with wild samples of OP and PV bridged."""
-    bridged, notes = {}, []
+    bridged = {}
+    notes = []
     for name in ("pv", "op"):
         wild = _outside(getattr(record, name))
         count = wild.size
@@ -149,7 +150,8 @@ def _in_ordinary_unit(record: LoopRecord) -> LoopRecord:
     """Return the record with PV, SP and PV's span in a unit in which PV's swing is an ordinary
     number.
     """
-    low, high = float(record.pv.min()), float(record.pv.max())
+    low = float(record.pv.min())
+    high = float(record.pv.max())
     if not low < high:
         return record
     decade = 10.0 ** np.floor(np.log10(high - low))

@@ -155,7 +155,8 @@ def cell_group(
                 f" {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}"
             )
         mine = {**settings, **own, "tuning": settings["tuning"]}
-        valve, echo = _valve(own["valve"].name, mine, where), None
+        valve = _valve(own["valve"].name, mine, where)
+        echo = None
         if "echo" in own:
             sibling = next(d for d in drafts if d.tags["member"] == own["of"])
             cut = settings.get("cut")
@@ -217,8 +218,10 @@ def _rules(settings: Mapping[str, Any]) -> Rules:
 
 def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
     """Return the grid axes that a whole loop shows by itself."""
-    plant, Ti = loop.plant, loop.controller.Ti
-    S, J = loop.valve.parameters.get("S"), loop.valve.parameters.get("J")
+    plant = loop.plant
+    Ti = loop.controller.Ti
+    S = loop.valve.parameters.get("S")
+    J = loop.valve.parameters.get("J")
     ratio = None
     if loop.valve.name == "ideal":
         ratio = 0.0
@@ -278,7 +281,8 @@ def _with_slip_jump(loop: Loop, ratio: float, where: str) -> Loop:
 
 def ultimate_gain(Td_over_T: float) -> float:
     """Return the ultimate K Kc of a first-order plant with dead time under P control."""
-    lo, hi = 1e-9, math.pi / Td_over_T
+    lo = 1e-9
+    hi = math.pi / Td_over_T
     for _ in range(60):
         w = 0.5 * (lo + hi)
         lo, hi = (w, hi) if w * Td_over_T + math.atan(w) < math.pi else (lo, w)
@@ -305,23 +309,23 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
             f"{where}: excitation {s['excitation']!r},"
             f" {suggestion(str(s['excitation']), EXCITATIONS)}"
         )
-    K, T, speed, rest = (
-        float(s["K"]),
-        float(s["T"]),
-        float(s["speed"]),
-        float(s.get("pv_rest", _REST)),
-    )
+    K = float(s["K"])
+    T = float(s["T"])
+    speed = float(s["speed"])
+    rest = float(s.get("pv_rest", _REST))
     if s["process"] == "foptd":
         ratio = float(s["Td_over_T"])
         Td = ratio * T
         plant = {"type": "foptd", "K": K, "T": T, "Td": Td}
         lag = FOPTD_LAG[s["tuning"]] / speed * max(Td, 0.1 * T)
-        Kc, Ti = T / (K * (lag + Td)), min(T, 4.0 * (lag + Td))
+        Kc = T / (K * (lag + Td))
+        Ti = min(T, 4.0 * (lag + Td))
         if s["controller"] == "P":
             Kc = _P_SHARE[s["tuning"]] * speed * ultimate_gain(max(ratio, 0.01)) / K
         size = K * s["S"]
     elif s["process"] == "integrating":
-        Ti, Td = T, float(s["Td_over_Ti"]) * T
+        Ti = T
+        Td = float(s["Td_over_Ti"]) * T
         plant = {"type": "integrating", "K": K / T, "Td": Td}
         Kc = _INTEGRATING_GAIN[s["tuning"]] * speed * 4.0 / K
         size = s["S"] / Kc
@@ -361,7 +365,8 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
 def _valve(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
     if model == "ideal":
         return {"model": "ideal"}
-    S, ratio = float(s["S"]), float(s["S_over_2J"])
+    S = float(s["S"])
+    ratio = float(s["S_over_2J"])
     if not ratio > 0:
         raise SpecError(
             f"{where}: S_over_2J = {ratio}; the sticky twin needs a number above 0, or inf"

@@ -441,7 +441,8 @@ class Grid:
 
     def _place(self, cell: int) -> tuple[int, dict[str, Value]]:
         number = next(i for i, (first, size) in enumerate(self._cells) if cell < first + size)
-        index, values = cell - self._cells[number][0], {}
+        index = cell - self._cells[number][0]
+        values = {}
         for key, choices in reversed(list(self._axes[number].items())):
             index, place = divmod(index, len(choices))
             values[key] = choices[place]
@@ -562,9 +563,11 @@ def load_grid(
                 f"{name}: {key} = {value}: its scenarios stand as they are, and only --n, which"
                 " takes some of them, is allowed"
             )
-        label, table = str(name), _packaged_table(str(name))
+        label = str(name)
+        table = _packaged_table(str(name))
     elif Path(name).suffix == ".toml" or Path(name).exists():
-        label, table = Path(name).stem, read_toml(name)
+        label = Path(name).stem
+        table = read_toml(name)
         if isinstance(table.get("loop"), dict):
             table["loop"] = with_columns(table["loop"], Path(name).parent, str(name))
     else:
@@ -721,12 +724,14 @@ def chunks(grid: Grid) -> Iterator[tuple[int, int]]:
     # a small grid is cut finer, so that several workers find work; a large one coarser: every piece
     # costs whoever hands it out
     most = min(80, max(len(grid) // 16, 4)) if len(grid) <= 20_000 else min(len(grid) // 125, 1000)
-    start, held = 0, 0
+    start = 0
+    held = 0
     for index in range(grid.group_count):
         size = grid.size(index)
         if held and held + size > most:
             yield start, index
-            start, held = index, 0
+            start = index
+            held = 0
         held += size
     if held:
         yield start, grid.group_count

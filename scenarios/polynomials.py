@@ -12,7 +12,8 @@ import numpy as np
 
 _MOST_ORDER = 20
 # of a pole at z = 1, of which the coefficients are rounded; and of den at z = 1 beside its numbers
-_AT_ONE, _NIL = 1e-6, 1e-12
+_AT_ONE = 1e-6
+_NIL = 1e-12
 
 
 def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:

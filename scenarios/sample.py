@@ -34,10 +34,12 @@ class _Stratum(NamedTuple):
         slowest.
         """
         place, repeat = divmod(place, self.repeats)
-        cell, stride = self.first, 1
+        cell = self.first
+        stride = 1
         for size, allowed in zip(reversed(self.sizes), reversed(self.allowed), strict=True):
             place, value = divmod(place, len(allowed))
-            cell, stride = cell + stride * allowed[value], stride * size
+            cell = cell + stride * allowed[value]
+            stride = stride * size
         return cell, repeat
 
 
@@ -151,7 +153,8 @@ class Sample(Grid):
         rng = np.random.default_rng([self.content.seed, self.points])
         start = rng.random()
         for part in range(self.points):
-            lo, hi = part * total // self.points, (part + 1) * total // self.points
+            lo = part * total // self.points
+            hi = (part + 1) * total // self.points
             # parts are whole numbers long: by this rounding the longer ones get their share
             count = math.floor(start + hi * self.points / total) - math.floor(
                 start + lo * self.points / total

@@ -208,7 +208,8 @@ class Controller(_Table):
         return 1.0 if self.direction == "reverse" else -1.0
 
 
-PLANT_TYPES, CONTROLLER_TYPES = ("foptd", "integrating", "tf"), ("PI", "P", "PID", "tf")
+PLANT_TYPES = ("foptd", "integrating", "tf")
+CONTROLLER_TYPES = ("PI", "P", "PID", "tf")
 _SAME_DT = 1e-6  # of a sample, by which a dead time in whole samples, or dt and Ts, may differ
 _OF_PID = ("Td", "N", "form", "b", "c", "anti_windup", "Tt", "schedule", "schedule_on")
 
@@ -233,7 +234,8 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
         )
     _refuse_missing(table, "plant", "s")
     num, den = checked_polynomials(table["num"], table["den"])
-    order, integrating = den.size - 1, den[-1] == 0.0
+    order = den.size - 1
+    integrating = den[-1] == 0.0
     K = float(num[-1] / den[-2 if integrating else -1])
     T = {"T": float(den[0] / den[1])} if order == 1 and not integrating else {}
     return {**table, "num": num.tolist(), "den": den.tolist(), "K": K, **T}
@@ -470,7 +472,9 @@ class Loop(_Table):
 
     @model_validator(mode="after")
     def _numbers_that_can_be_sampled(self) -> Self:
-        K, T, Ts = self.plant.K, self.plant.T, self.sampling.Ts
+        K = self.plant.K
+        T = self.plant.T
+        Ts = self.sampling.Ts
         if T is not None and math.isinf(abs(K) / T + Ts / T):
             raise ValueError(
                 f"T = {T:g} s is too small for K = {K:g} and Ts = {Ts:g} s: K/T and Ts/T must be"
@@ -490,7 +494,8 @@ class Loop(_Table):
 
     @model_validator(mode="after")
     def _delay_that_fits(self) -> Self:
-        Td, Ts = self.plant.Td, self.sampling.Ts
+        Td = self.plant.Td
+        Ts = self.sampling.Ts
         if Td > MAX_SAMPLES * Ts:
             raise ValueError(
                 f"Td = {Td:g} s is {Td / Ts:.3g} samples of Ts = {Ts:g} s; at most {MAX_SAMPLES}"
@@ -841,7 +846,8 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
     if path[1:] and path[-1] == "name":  # the file's own word for it
         path[-1] = _NAME_KEY.get(str(path[0]), "name")
     place = ".".join(str(p) for p in path)
-    kind, value = error["type"], error.get("input")
+    kind = error["type"]
+    value = error.get("input")
     if kind == "extra_forbidden":
         return f"unknown key {place!r}: {suggestion(str(path[-1]), _fields(model, path[:-1]))}"
     if kind == "missing":

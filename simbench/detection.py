@@ -197,7 +197,8 @@ def judge_files(
         refuse_wrong_forms(names)
         records, refused, alone = _read(Path(path), known, labels, **about)
         # 3. weigh all evidence about each where that is asked for, and judge it by every method
-        verdicts, conclusions = [], {}
+        verdicts = []
+        conclusions = {}
         for name, record in records.items():
             try:
                 record = records[name] = repair_record(record)

@@ -33,13 +33,17 @@ class Progress:
         shown: bool | None = None,
     ) -> None:
         self.note = ""  # behind the bar
-        self._items, self._desc, self._unit = items, desc, unit
+        self._items = items
+        self._desc = desc
+        self._unit = unit
         self._total = len(items) if total is None and isinstance(items, Sized) else total
         self._done = self._skipped = initial
-        self._off, self._asked = shown is False, shown is True
+        self._off = shown is False
+        self._asked = shown is True
         self._lines = not (shown or sys.stderr.isatty())
         self._began = self._told = time.monotonic()
-        self._delay, self._bar = delay, None
+        self._delay = delay
+        self._bar = None
 
     def __iter__(self) -> Iterator[Any]:
         """Walk over the items, and count them."""

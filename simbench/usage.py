@@ -110,7 +110,9 @@ def _terminable() -> Iterator[None]:
 def add_options(command: Sequence[str], cure: str) -> str:
     """Return a command with further options, in place of those with the same names."""
     option, *values = shlex.split(cure)
-    words, old, at = [], [], 0
+    words = []
+    old = []
+    at = 0
     while at < len(command):
         name, equals, value = command[at].partition("=")
         if name != option:

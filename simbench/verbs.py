@@ -85,7 +85,8 @@ class LoopDiagnosis:
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
-        whole, concluded = self.procedure.as_json(), self.conclusion
+        whole = self.procedure.as_json()
+        concluded = self.conclusion
         told = ("verdict", "score", "conclusion", "reason", "next_test")
         return whole | {
             "verdict": concluded.verdict,

@@ -34,7 +34,8 @@ from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.signal.oscillation import Oscillation
 from simbench.detectors.verdict import NO_DECISION, STICTION, Verdict, wrong_types
 
-_ROLES, _BUDGETS = ("stiction", "nonlinearity", "quantification"), ("fast", "full")
+_ROLES = ("stiction", "nonlinearity", "quantification")
+_BUDGETS = ("fast", "full")
 # PV in another unit, and OP with its span in another
 _UNITS = ((0.02, -7.0), (-30.0, 2000.0))
 _OP_UNITS = ((0.16, 4.0), (40.0, -300.0))
@@ -128,7 +129,8 @@ def _quality(name: str, module: ModuleType) -> Iterator[str]:
             judged = _judged(name, module, example_record(case, process))
             if judged.faults:
                 continue
-            on, verdict = _on(case, process), judged.value
+            on = _on(case, process)
+            verdict = judged.value
             if case == "stiction":
                 best = verdict.score
             wrong = (

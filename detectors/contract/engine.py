@@ -109,7 +109,8 @@ class ContractRules:
 
     def _behaves(self, name: str, module: ModuleType) -> Iterator[str | Fault]:
         for case in self.cases(module):
-            where, held = self.where(case), True
+            where = self.where(case)
+            held = True
             for rule in self.behaviour:
                 for found in rule(name, module, case):
                     held = False

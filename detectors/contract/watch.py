@@ -33,7 +33,8 @@ class Guarded:
 
 def call_guarded(work: Callable[[], Any]) -> Guarded:
     """Call a plug-in and note what no plug-in may do: raise, warn or print."""
-    guarded, printed = Guarded(), io.StringIO()
+    guarded = Guarded()
+    printed = io.StringIO()
     with (
         warnings.catch_warnings(record=True) as warned,
         redirect_stdout(printed),

@@ -68,7 +68,8 @@ def detect(prepared: Prepared, *, gain_low: float, gain_high: float) -> Verdict:
             "arx_stiction", NO_DECISION, reason="too few samples, or a signal that rests"
         )
     S, J, _ = (float(x) for x in found.valves[0])
-    gain, indices = found.gain, {"gain": found.gain, "S_hat": S, "J_hat": J}
+    gain = found.gain
+    indices = {"gain": found.gain, "S_hat": S, "J_hat": J}
     reason = f"a valve with S = {S:.2g} and J = {J:.2g} explains PV better by {gain:+.0f} nats"
     if gain >= gain_high:
         return Verdict("arx_stiction", STICTION, gain, indices, S=S, J=J, reason=reason)

@@ -158,13 +158,15 @@ def detect(
                 "choudhury", NO_DECISION, reason="surrogates need 12 cycles of at least 7 samples"
             )
         npi = nonlinearity_index(record.e - drift(record.e, period), period).npi
-        bent, clear, indices, numbers = npi > 1.0, npi, {"npi": npi}, f"NPI = {npi:.2f}"
+        bent = npi > 1.0
+        clear = npi
+        indices = {"npi": npi}
+        numbers = f"NPI = {npi:.2f}"
     else:
-        bent, clear = higher.nonlinear(ngi_low, nli_low), higher.height
-        indices, numbers = (
-            {"ngi": higher.ngi, "nli": higher.nli},
-            f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}",
-        )
+        bent = higher.nonlinear(ngi_low, nli_low)
+        clear = higher.height
+        indices = {"ngi": higher.ngi, "nli": higher.nli}
+        numbers = f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}"
     # the surrogates name no frequencies: the oscillation's is used
     around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
     op = record.op if record.op_percent is None else record.op_percent
@@ -174,12 +176,14 @@ def detect(
     low, high = (
         given or ellipse for given, ellipse in zip((low, high), boundaries(around), strict=True)
     )
-    op, pv = band_pass(op, low, high), band_pass(pv, low, high)
+    op = band_pass(op, low, high)
+    pv = band_pass(pv, low, high)
     cut = slice(*_most_regular(op))
     ellipse = fit_ellipse(op[cut], pv[cut])
     fitness = S = 0.0
     if ellipse is not None:
-        fitness, S = ellipse.fitness(op[cut], pv[cut]), ellipse.apparent_stiction
+        fitness = ellipse.fitness(op[cut], pv[cut])
+        S = ellipse.apparent_stiction
         indices |= {"fitness": fitness, "S_apparent": S}
     score = fitness * min(max(clear, 0.0), 1.0)
     if not bent:

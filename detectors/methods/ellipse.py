@@ -75,7 +75,8 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    record, period = prepared.record, prepared.period
+    record = prepared.record
+    period = prepared.period
     if harmonics <= 0.0:
         higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
         if higher is None:

@@ -86,10 +86,12 @@ def detect(prepared: Prepared, *, ratio_low: float, line_low: float) -> Verdict:
     >>> detect(Prepared(LoopRecord(np.sin(t), np.sin(t - 0.7), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
-    op, pv = prepared.record.op, prepared.record.pv
+    op = prepared.record.op
+    pv = prepared.record.pv
     if np.ptp(op) == 0.0 or np.ptp(pv) == 0.0:
         return Verdict("gbt44693", NO_DECISION, reason="OP or PV does not move")
-    ratio, fit = axis_ratio(op, pv), float(np.corrcoef(op, pv)[0, 1] ** 2)
+    ratio = axis_ratio(op, pv)
+    fit = float(np.corrcoef(op, pv)[0, 1] ** 2)
     indices = {"axis_ratio": ratio, "line_fit": fit}
     numbers = f"short over long axis {ratio:.2f}, squared correlation of PV and OP {fit:.2f}"
     if fit < line_low:

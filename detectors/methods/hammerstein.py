@@ -35,10 +35,8 @@ from simbench.detectors.signal.stiction_map import valve_position
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict
 
 _SAMPLES = 30  # per period at least, after averaging, of the one-step fit
-_SHARES, _JUMPS = (
-    np.arange(1, 11) / 10.0,
-    np.arange(7) / 4.0,
-)  # of S in OP's swing and of J in S, tried by it
+_SHARES = np.arange(1, 11) / 10.0  # of S in OP's swing, tried by it
+_JUMPS = np.arange(7) / 4.0  # of J in S
 # times what fits S is looked for, so that it holds in nine of ten loops (`results/families.txt`)
 _BEYOND = 1.3
 
@@ -149,14 +147,16 @@ def detect(
             NO_DECISION,
             reason=f"{period:.1f} samples per cycle; at least 8 are needed",
         )
-    op, pv = prepared.searchable("travel"), prepared.searchable("pv")
+    op = prepared.searchable("travel")
+    pv = prepared.searchable("pv")
     limits = (-np.inf, np.inf) if record.op_percent is None else (0.0, 100.0)
     usual = swing(op, period)
     if usual <= 0.0:
         return Verdict("hammerstein", NO_DECISION, reason="OP stands still in most cycles")
     if output_error <= 0.5:
         indices, fit = _one_step(op, pv, period, usual)
-        S, score = indices["S_hat"], indices["gain"] * min(indices["share"], 1.0)
+        S = indices["S_hat"]
+        score = indices["gain"] * min(indices["share"], 1.0)
         sticks = S >= (S_low if record.op_percent is not None else 1e-9) and score >= score_high
         return Verdict(
             "hammerstein",
@@ -206,10 +206,8 @@ def detect(
         )
     if score >= score_high:
         lowest, highest = model.S_range
-        S, J = (
-            (lowest / _BEYOND, highest * _BEYOND),
-            interval(model.J, model.J_range, 0.3 * model.S),
-        )
+        S = (lowest / _BEYOND, highest * _BEYOND)
+        J = interval(model.J, model.J_range, 0.3 * model.S)
         return Verdict("hammerstein", STICTION, score, indices, S=S, J=J, reason=fit)
     verdict = NO_STICTION if score <= score_low else NO_DECISION
     return Verdict("hammerstein", verdict, score, indices, reason=fit)

@@ -109,10 +109,13 @@ def detect(
     free_apex, lines = triangle_indices(humps)
     eta = lines if two_line > 0.5 else free_apex
     if eta >= eta_high:
-        verdict, shape = STICTION, "triangular"
+        verdict = STICTION
+        shape = "triangular"
     elif eta <= eta_low:
-        verdict, shape = NO_STICTION, "sinusoidal"
+        verdict = NO_STICTION
+        shape = "sinusoidal"
     else:
-        verdict, shape = NO_DECISION, "between triangle and sine"
+        verdict = NO_DECISION
+        shape = "between triangle and sine"
     reason = f"{name} is {shape}: eta = {eta:.2f} over {len(humps)} half cycles"
     return Verdict("he", verdict, eta, {"eta": free_apex, "eta_two_line": lines}, reason=reason)

@@ -55,12 +55,16 @@ def correlation_indices(op: np.ndarray, pv: np.ndarray) -> tuple[float, float]:
     phi = np.fft.irfft(
         np.fft.rfft(pv - pv.mean(), size) * np.conj(np.fft.rfft(op - op.mean(), size)), size
     )
-    right, left = phi[: n // 2], np.concatenate([phi[:1], phi[: -(n // 2) : -1]])
-    tau_r, tau_l = _first_crossing(right), _first_crossing(left)
+    right = phi[: n // 2]
+    left = np.concatenate([phi[:1], phi[: -(n // 2) : -1]])
+    tau_r = _first_crossing(right)
+    tau_l = _first_crossing(left)
     if not np.isfinite(tau_l + tau_r):
         return float("nan"), float("nan")
     near = np.concatenate([left[: int(tau_l) + 1], right[: int(tau_r) + 1]])
-    top, now = np.abs(near).max(), abs(phi[0])  # Phi_max carries the sign of Phi_0
+    # Phi_max carries the sign of Phi_0
+    top = np.abs(near).max()
+    now = abs(phi[0])
     return float(abs(tau_l - tau_r) / (tau_l + tau_r)), float((top - now) / (top + now))
 
 
@@ -96,11 +100,14 @@ def detect(
     # for a sinusoid both measure one phase: drho = (1 - cos d)/(1 + cos d), dtau = d/(pi/2)
     score = 0.5 * (dtau + 2.0 / np.pi * float(np.arccos((1.0 - drho) / (1.0 + drho))))
     if dtau >= dtau_high and drho >= drho_high:
-        verdict, parity = STICTION, "odd cross-correlation"
+        verdict = STICTION
+        parity = "odd cross-correlation"
     elif dtau <= dtau_low and drho <= drho_low:
-        verdict, parity = NO_STICTION, "even cross-correlation"
+        verdict = NO_STICTION
+        parity = "even cross-correlation"
     else:
-        verdict, parity = NO_DECISION, "cross-correlation neither odd nor even"
+        verdict = NO_DECISION
+        parity = "cross-correlation neither odd nor even"
     reason = f"{parity}: dtau = {dtau:.2f}, drho = {drho:.2f}"
     return Verdict("horch", verdict, score, {"dtau": dtau, "drho": drho}, reason=reason)
 

@@ -81,17 +81,22 @@ def _filtered(u, y, a, b, noise, stay, standing):
     """Fill `standing` with the probability that the valve rests; return the log-likelihood of the
     record.
     """
-    q, r = LOOSE**2, noise**2
+    q = LOOSE**2
+    r = noise**2
     # each filter: z, v and the covariances zz, zv, vv; the standing one, then the following one
     one = (y[0], u[0], r, 0.0, 1.0)
     two = (y[0], u[0], r, 0.0, q)
-    p_one, p_two, total = 1.0 - stay, stay, 0.0
+    p_one = 1.0 - stay
+    p_two = stay
+    total = 0.0
     for k in range(u.size):
         one, like_one = _measured(one, y[k], r)
         two, like_two = _measured(two, y[k], r)
-        joint_one, joint_two = p_one * like_one, p_two * like_two
+        joint_one = p_one * like_one
+        joint_two = p_two * like_two
         total += math.log(joint_one + joint_two)
-        p_one, p_two = joint_one / (joint_one + joint_two), joint_two / (joint_one + joint_two)
+        p_one = joint_one / (joint_one + joint_two)
+        p_two = joint_two / (joint_one + joint_two)
         standing[k] = p_one
         ahead_one = p_one * stay + p_two * (1.0 - stay)
         ahead_two = p_two * stay + p_one * (1.0 - stay)
@@ -100,7 +105,8 @@ def _filtered(u, y, a, b, noise, stay, standing):
         mixed_two = _mix(two, one, p_two * stay / max(ahead_two, 1e-300))
         one = _moved(mixed_one, a, b, q)
         two = _moved((mixed_two[0], u[k], mixed_two[2], 0.0, 0.0), a, b, q)
-        p_one, p_two = ahead_one, ahead_two
+        p_one = ahead_one
+        p_two = ahead_two
     return total
 
 
@@ -122,8 +128,12 @@ def _moved(f, a, b, q):
 
 def _mix(one, other, w):
     """Merge two filters into one, the first with weight w."""
-    z, v = w * one[0] + (1 - w) * other[0], w * one[1] + (1 - w) * other[1]
-    dz, dv, ez, ev = one[0] - z, one[1] - v, other[0] - z, other[1] - v
+    z = w * one[0] + (1 - w) * other[0]
+    v = w * one[1] + (1 - w) * other[1]
+    dz = one[0] - z
+    dv = one[1] - v
+    ez = other[0] - z
+    ev = other[1] - v
     zz = w * (one[2] + dz * dz) + (1 - w) * (other[2] + ez * ez)
     zv = w * (one[3] + dz * dv) + (1 - w) * (other[3] + ez * ev)
     return (z, v, zz, zv, w * (one[4] + dv * dv) + (1 - w) * (other[4] + ev * ev))
@@ -161,7 +171,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
             NO_DECISION,
             reason=f"{period:.1f} samples per cycle; at least 8 are needed",
         )
-    op, pv = prepared.searchable("travel"), prepared.searchable("pv")
+    op = prepared.searchable("travel")
+    pv = prepared.searchable("pv")
     limits = (-np.inf, np.inf) if record.op_percent is None else (0.0, 100.0)
     scale = swing(op, period)
     if scale <= 0:

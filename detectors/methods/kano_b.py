@@ -102,21 +102,25 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     distance = side_distance(op, clean, ~still)
     if not np.isfinite(distance) or swing == 0.0:
         return Verdict("kano_b", NO_DECISION, reason="the valve does not move both ways")
-    width, flat = float(np.clip(distance / swing, 0.0, 1.0)), float(still.mean())
+    width = float(np.clip(distance / swing, 0.0, 1.0))
+    flat = float(still.mean())
     score = float(np.sqrt(width * flat))
     indices = {"width": width, "still": flat}
     S = None
     if width > width_min and flat > still_min:
-        verdict, shape = STICTION, "a parallelogram"
+        verdict = STICTION
+        shape = "a parallelogram"
         S = (
             distance
             if record.op_span is None
             else distance * 100.0 / (record.op_span[1] - record.op_span[0])
         )
     elif flat > still_min:
-        verdict, shape = NO_DECISION, "flat sides that lie together (J near S, or no stiction)"
+        verdict = NO_DECISION
+        shape = "flat sides that lie together (J near S, or no stiction)"
     else:
-        verdict, shape = NO_STICTION, "no flat sides"
+        verdict = NO_STICTION
+        shape = "no flat sides"
     reason = (
         f"valve position over OP has {shape}: width {width:.2f} of the swing, still in {flat:.0%}"
         f" ({note})"

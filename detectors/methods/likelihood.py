@@ -63,7 +63,8 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
         weighed = friction_of(record)
     except UserError as why:
         return Verdict(NAME, NO_DECISION, reason=str(why))
-    p, e = weighed.probability, weighed.evidence
+    p = weighed.probability
+    e = weighed.evidence
     unit = in_percent(record)[1]
     S, J = (
         (None, None)

@@ -97,10 +97,13 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
         )
     index = relay_index(humps, left_out)
     if index > bound:
-        verdict, shape = STICTION, "like a relay's answer"
+        verdict = STICTION
+        shape = "like a relay's answer"
     elif index < -bound:
-        verdict, shape = NO_STICTION, "like a sine"
+        verdict = NO_STICTION
+        shape = "like a sine"
     else:
-        verdict, shape = NO_DECISION, "between sine and relay's answer"
+        verdict = NO_DECISION
+        shape = "between sine and relay's answer"
     reason = f"PV is {shape}: eta_rossi = {index:.2f} over {len(humps)} half cycles"
     return Verdict("rossi_scali", verdict, 0.5 + 0.5 * index, {"eta_rossi": index}, reason=reason)

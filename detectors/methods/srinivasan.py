@@ -35,7 +35,8 @@ _HARMONICS = 9.0
 _GUARD = 0.25  # a crossing counts when the signal then passes this many standard deviations
 SHAPES = ("square", "triangle", "sawtooth", "sine")
 # Table 11.2 (OP, PV); a level loop's parabolic OP is nearest to the sine
-FAST, SLOW = {("triangle", "square"), ("square", "square")}, {("triangle", "sine")}
+FAST = {("triangle", "square"), ("square", "square")}
+SLOW = {("triangle", "sine")}
 _LEVEL = {("triangle", "triangle"), ("sine", "triangle")}
 COLUMNS = {"flow": FAST, "pressure": SLOW, "temperature": SLOW}
 
@@ -101,8 +102,10 @@ def warped_squares(pieces, shapes, band, out):
     """
     wide()
     m, n = pieces.shape
-    x, cost = rows(n), rows(n + 1)  # cost: of the best path to each sample of the shape
-    before, corner = lanes(), lanes()
+    x = rows(n)
+    cost = rows(n + 1)  # of the best path to each sample of the shape
+    before = lanes()
+    corner = lanes()
     for block in range(0, m, LANES):
         for c in range(LANES):
             for k in range(n):
@@ -112,7 +115,8 @@ def warped_squares(pieces, shapes, band, out):
                 cost[k] = 0.0 if k < LANES else np.inf
             for i in range(n):
                 first = max(0, i - band + 1)
-                row, start = np.uintp(i * LANES), np.uintp(first * LANES)
+                row = np.uintp(i * LANES)
+                start = np.uintp(first * LANES)
                 for c in range(LANES):
                     corner[c] = cost[start + np.uintp(c)]
                     # to the left of the band there is no path
@@ -159,7 +163,8 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
             NO_DECISION,
             reason=f"{period:.1f} samples per cycle; at least 8 are needed",
         )
-    shares, indices = {}, {}
+    shares = {}
+    indices = {}
     for name in ("OP", "PV"):
         pieces = cycles(prepared.band(name.lower(), period / _HARMONICS), period)
         if len(pieces) < 3:

@@ -67,39 +67,48 @@ def _jumps(u, r, penalty, x):
     """
     n = u.size
     room = (n + LANES - 1) // LANES * LANES
-    base, twice, square = np.full(room, np.inf), np.zeros(room), np.zeros(room)
+    base = np.full(room, np.inf)
+    twice = np.zeros(room)
+    square = np.zeros(room)
     origin = np.empty(n, dtype=np.int64)
-    least, place = lanes(), lanes()
-    cheapest, last = 0.0, 0
+    least = lanes()
+    place = lanes()
+    cheapest = 0.0
+    last = 0
     R1 = R2 = 0.0
     for j in range(n):
         # cheapest course with a jump at j, without the samples from j on; kept less what j's line
         # adds
         base[j] = cheapest - R2 + 2.0 * u[j] * R1 - j * (u[j] * u[j])
-        twice[j], square[j] = 2.0 * u[j], u[j] * u[j]
+        twice[j] = 2.0 * u[j]
+        square[j] = u[j] * u[j]
         origin[j] = last
         R1 += r[j]
         R2 += r[j] * r[j]
         # cheapest course up to sample j + 1, over the place of its last jump
         for c in range(LANES):
-            least[c], place[c] = np.inf, 0.0
+            least[c] = np.inf
+            place[c] = 0.0
         for first in range(0, j + 1, LANES):
             for c in range(LANES):
                 i = np.uintp(first + c)
                 end = base[i] - twice[i] * R1 + (j + 1.0) * square[i]
                 place[c] = first + c if end < least[c] else place[c]
                 least[c] = end if end < least[c] else least[c]
-        lowest, at = least[0], place[0]
+        lowest = least[0]
+        at = place[0]
         for c in range(1, LANES):
             if least[c] < lowest or (least[c] == lowest and place[c] < at):
-                lowest, at = least[c], place[c]
+                lowest = least[c]
+                at = place[c]
         last = int(at)
         cheapest = lowest + R2 + penalty
     stop = n
     while stop > 0:
         for k in range(last, stop):
             x[k] = u[last]
-        stop, last = last, origin[last]
+        stop = last
+        last = origin[last]
 
 
 def _first_guess(u, band, x):

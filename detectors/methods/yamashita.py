@@ -37,7 +37,9 @@ METHOD = Method(
 )
 
 # a pair of symbols (OP, valve) as 3 OP + valve with D = 0, S = 1, I = 2
-IS, DS, SS = 7, 1, 4
+IS = 7
+DS = 1
+SS = 4
 # which runs count for Eqs 11.3 to 11.5, by their pair and the pair after them; the last column
 # stands for none
 _COUNTS = np.zeros((3, 9, 10), dtype=bool)
@@ -63,7 +65,8 @@ def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
         return float("nan"), float("nan"), float("nan")
     start = np.flatnonzero(np.concatenate([[True], pair[1:] != pair[:-1]]))
     length = np.diff(np.append(start, pair.size))
-    run, follower = pair[start], np.append(pair[start][1:], -1)
+    run = pair[start]
+    follower = np.append(pair[start][1:], -1)
     stuck, followed, unrelated = (length[counts[run, follower]].sum() for counts in _COUNTS)
     return (
         float(stuck / pair.size),

@@ -59,8 +59,12 @@ class Host:
         source: str,
         seconds: float = SECONDS,
     ) -> None:
-        self.source, self.seconds, self.strikes = source, seconds, 0
-        self._describe, self._process, self._owner = describe, None, 0
+        self.source = source
+        self.seconds = seconds
+        self.strikes = 0
+        self._describe = describe
+        self._process = None
+        self._owner = 0
         self._until = math.inf  # when an answer is due
         self._lock = threading.RLock()
         atexit.register(self.close)
@@ -80,7 +84,8 @@ class Host:
 
     def close(self) -> str:
         """End the worker and what it started in its session; return how it ended."""
-        process, self._process = self._process, None
+        process = self._process
+        self._process = None
         if process is None or self._owner != os.getpid():
             return ""
         assert process.stdin is not None
@@ -107,7 +112,8 @@ class Host:
         ):
             return
         self.close()
-        self._owner, self._folder = os.getpid(), tempfile.mkdtemp(prefix="simbench-plugin-")
+        self._owner = os.getpid()
+        self._folder = tempfile.mkdtemp(prefix="simbench-plugin-")
         kernels = cache_folder() / "plugins" / f"detector-{Path(self.source).stem}"
         paths = [
             str(Path(str(sys.modules["simbench"].__file__)).resolve().parents[1]),
@@ -150,7 +156,9 @@ class Host:
             raise
 
     def _ask(self, question: tuple, seconds: float) -> Any:
-        process, asked, began = self._process, pickle.dumps(question), time.monotonic()
+        process = self._process
+        asked = pickle.dumps(question)
+        began = time.monotonic()
         assert process is not None
         assert process.stdin is not None
         assert process.stdout is not None
@@ -160,7 +168,8 @@ class Host:
             process.stdin.flush()
             error, answer = pickle.loads(pickle.load(process.stdout))
         except BaseException as lost:  # after Ctrl-C too, no answer may wait for the next question
-            late, gone = time.monotonic() - began >= seconds, isinstance(lost, (EOFError, OSError))
+            late = time.monotonic() - began >= seconds
+            gone = isinstance(lost, (EOFError, OSError))
             if not gone:
                 _kill(process)
             ended = self.close()

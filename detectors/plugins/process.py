@@ -20,7 +20,8 @@ _LONGEST = 300  # characters of an error's text
 def main() -> None:
     """Answer questions from stdin on stdout until there are no more."""
     memory, most = map(int, sys.argv[1:3])
-    source, sink = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    source = os.fdopen(os.dup(0), "rb")
+    sink = os.fdopen(os.dup(1), "wb")
     null = os.open(os.devnull, os.O_RDWR)
     for handle in (0, 1, 2):  # what the plug-in prints mixes with no answer
         os.dup2(null, handle)

@@ -253,7 +253,8 @@ class PluginFolder:
         return module
 
 
-PUBLISHED, _CHAPTER = "published", "chapter"
+PUBLISHED = "published"
+_CHAPTER = "chapter"
 # sets of methods, and reference rows of a score
 RESERVED = ("all", "fast", "full", "oracle", "no_waveform", "rhythm", "always_no", "always_yes")
 

@@ -12,16 +12,17 @@ import numpy as np
 from simbench.detectors.errors import RecordError
 
 _STORED_CHANGES_NEEDED = 30  # stored changes below which nothing is concluded
-_SMALL, _RARE = (
-    0.2,
-    0.02,
-)  # a change is small below this share of the median one; any sampled signal makes 10 % of these
+# a change is small below this share of the median one; any sampled signal makes 10 % of these
+_SMALL = 0.2
+_RARE = 0.02
 # share of equal intervals from which a signal is sampled more slowly, not stored on change
 _COMMON = 0.9
 _TOLERANCE = 0.01  # of the sampling period
 
 Series = tuple[np.ndarray, np.ndarray]
-HELD_VALUES, STRAIGHT_LINES = "held", "linear"  # ways between two samples of uneven times
+# ways between two samples of uneven times
+HELD_VALUES = "held"
+STRAIGHT_LINES = "linear"
 
 
 def stored_on_change(t: np.ndarray, x: np.ndarray) -> bool:
@@ -108,7 +109,8 @@ def hold(
             )
         Ts = min(known)
     grid = _grid_of(series, Ts)
-    signals, notes = {}, []
+    signals = {}
+    notes = []
     for role, (t, x) in series.items():
         at = np.searchsorted(t, grid + _TOLERANCE * Ts, side="right") - 1
         signals[role] = last_known(grid + _TOLERANCE * Ts, t, x)

@@ -61,7 +61,8 @@ _DAYS = ((25_000.0, 80_000.0), (718_000.0, 774_000.0))
 _DAY_STEP = 0.2  # s; a sampling period below, in a time that may count days, is asked for
 CALENDAR = 1e8  # s since 1970 from which a time is one of the calendar
 _HOUR = 3600.0  # s by which clocks are set forward in spring, and back in autumn
-_REGULAR, _MOSTLY = 0.01, 0.8  # of the usual step that one may differ, and how many steps must not
+_REGULAR = 0.01  # of the usual step that one may differ
+_MOSTLY = 0.8  # of the steps must not differ more
 _FEW_ALIKE = 0.01  # share of times given twice, up to which the clock is as fine as the samples
 _NEEDED = "seconds, or a timestamp like 2024-05-31 14:05:00, is needed"
 _COUNT = "--ts SECONDS"  # counts the samples in place of the clock
@@ -104,7 +105,8 @@ def seconds(
         return t
     back = np.flatnonzero(step < 0 if again else step <= 0)
     if back.size:
-        was, now = values[back[0]], values[back[0] + 1]
+        was = values[back[0]]
+        now = values[back[0] + 1]
         why, cure, to_do = _in_what_order(t, back, signals or {})
         raise RecordError(
             f"{where}, {place(back[0] + 1)}: {name} does not rise ({was}, then {now}){why}; every"
@@ -122,7 +124,8 @@ def _in_what_order(
 
     To count the rows in place of the clock is right only where they stand in their order.
     """
-    step, order = np.diff(t), np.argsort(t, kind="stable")
+    step = np.diff(t)
+    order = np.argsort(t, kind="stable")
     apart = np.diff(t[order])
     usual = float(np.median(step[step > 0])) if np.any(step > 0) else 0.0
     count = f"--ts {usual:g}"
@@ -138,7 +141,8 @@ def _in_what_order(
         return ": local time is set back by an hour", count, ""
     if apart.min() > 0.5 * float(np.median(apart)):  # a clock set back gives times twice
         return ": rows are out of order", "", "; sort them by time"
-    first, second = order[:-1][apart == 0], order[1:][apart == 0]
+    first = order[:-1][apart == 0]
+    second = order[1:][apart == 0]
     alike = [np.array_equal(x[first], x[second], equal_nan=True) for x in signals.values()]
     if first.size and alike and all(alike):
         return ": rows are repeated", "", "; remove these and sort the others by time"
@@ -171,7 +175,8 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
     finite = t[np.isfinite(t)]
     if finite.size < 2 or re.split(r"[^a-z]+", name.lower())[-1] in ("s", "sec", "seconds"):
         return t
-    least, most = float(finite.min()), float(finite.max())
+    least = float(finite.min())
+    most = float(finite.max())
     for word, size in _SINCE_1970.items():
         if _THIS_CENTURY[0] < least / size and most / size < _THIS_CENTURY[1]:
             notes.append(f"time: {name} counts {word} since 1970")
@@ -248,7 +253,8 @@ def _stamps(texts: list[str]) -> dict[str, np.ndarray]:
     """
     import pandas as pd
 
-    cells, out = pd.Series([" ".join(text.split()) for text in texts]), {}
+    cells = pd.Series([" ".join(text.split()) for text in texts])
+    out = {}
     decimal = cells.str.replace(",", ".")
     for form in _FORMS:
         written = decimal if "%f" in form else cells

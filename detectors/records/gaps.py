@@ -69,7 +69,9 @@ def fill_gaps(
         if both.any():
             low, high = _longest(place[both])
             if high - low + 1 >= _WORTH * (hi - lo + 1):
-                used, lo, hi = both, low, high
+                used = both
+                lo = low
+                hi = high
     grid = np.arange(lo, hi + 1)
     out: dict[str, np.ndarray | None] = {}
     notes = []
@@ -117,6 +119,7 @@ def fill_gaps(
 def _longest(places: np.ndarray) -> tuple[int, int]:
     """First and last place of the longest part without a hole that cannot be bridged."""
     ends = np.flatnonzero(np.diff(places) > BRIDGED + 1)
-    first, last = np.concatenate([[0], ends + 1]), np.concatenate([ends, [places.size - 1]])
+    first = np.concatenate([[0], ends + 1])
+    last = np.concatenate([ends, [places.size - 1]])
     longest = int(np.argmax(places[last] - places[first]))
     return int(places[first[longest]]), int(places[last[longest]])

@@ -108,7 +108,8 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
     """
     if not _is_text(sheet):
         return
-    columns, cells = list(sheet.columns.values()), sheet.columns.get(_time_name(sheet, chosen), [])
+    columns = list(sheet.columns.values())
+    cells = sheet.columns.get(_time_name(sheet, chosen), [])
     first = max(len(cells) - _SUMMARY, 0)
     samples = [i for i in range(first, len(cells)) if re.search(r"\d", str(cells[i]))]
     end = samples[-1] + 1 if samples else len(cells)
@@ -124,7 +125,8 @@ def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
     if again or end < len(cells):
         kept = [i for i in range(end) if i not in again]
         rest = sheet.part({name: name for name in sheet.columns}, kept)
-        sheet.columns, sheet.lines = rest.columns, rest.lines
+        sheet.columns = rest.columns
+        sheet.lines = rest.lines
 
 
 def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
@@ -155,7 +157,8 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
         if name == time or not written or not _numeric(written[1]) or plain(written[2]) in _MARKS:
             continue
-        mark, cells = written[2], [str(c).strip() for c in column]
+        mark = written[2]
+        cells = [str(c).strip() for c in column]
         if len(mark) == 1 and mark.isalpha():
             if any(c[-1:].isdigit() for c in cells):
                 continue  # a unit stands after every number
@@ -216,7 +219,8 @@ def open_span(record: LoopRecord, where: str) -> list[str]:
     """
     if record.op_span is not None:
         return []
-    lo, hi = float(record.op.min()), float(record.op.max())
+    lo = float(record.op.min())
+    hi = float(record.op.max())
     runs = f"unit: OP runs from {lo:.4g} to {hi:.4g}"
     if record.op_share:
         sentence = (
@@ -349,7 +353,8 @@ def _is_about(name: str, column: str, role: str, sheet: Sheet, roles: Mapping[st
         side = -1 if names[names.index(alike[0]) - 1] in roles.values() else 1
         return names[(names.index(name) + side) % len(names)] == column
     whose = quality_of(name) or []
-    named, mine = parse(".".join(whose)), parse(column)
+    named = parse(".".join(whose))
+    mine = parse(column)
     if named.role:
         return named.role == role and named.loop in ((), mine.loop)
     return not whose or tuple(whose) == mine.loop
@@ -382,9 +387,11 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
 
 def _taken_apart(value: object) -> tuple[str, str]:
     """Return a cell without separators of thousands, and the mark that follows its value."""
-    text, mark = "" if value is None else str(value).strip(), ""
+    text = "" if value is None else str(value).strip()
+    mark = ""
     if not text[-1:].isdigit() and (marked := _MARKED.fullmatch(text)):
-        text, mark = marked[1].rstrip(), plain((marked[2] or marked[3]).strip("()[]"))
+        text = marked[1].rstrip()
+        mark = plain((marked[2] or marked[3]).strip("()[]"))
     if not text.isascii():
         text = text.replace("\u2212", "-")  # the minus sign of some languages
     apart = not text.isascii() or "'" in text or " " in text
@@ -496,7 +503,8 @@ def _judged(cells: Sequence[object], name: str, where: str) -> tuple[np.ndarray,
     """
     texts = ["" if c is None or c != c else plain(c) for c in cells]
     means = {t: _word(t) for t in set(texts)}
-    said, last = {m for t, m in means.items() if t}, _last_word(name)
+    said = {m for t, m in means.items() if t}
+    last = _last_word(name)
     numbers = {m for m in said if isinstance(m, int)}
     if said and said == numbers:
         codes = np.array([192 if t == "" else means[t] for t in texts], dtype=int)

@@ -96,7 +96,8 @@ _KIND_OF = {
 _LETTERS = re.compile(r"(?<![A-Za-z])([FLPTA])I?C[A-Z]?[ _-]?\d", re.ASCII)
 # sampling periods (s) at which nobody records a loop for its control, by what it controls: a
 # historian's minute, doubled, for fast loops, a quarter of an hour for any
-_SLOWEST, _SLOWEST_OF_ANY = {"flow": 120.0, "pressure": 120.0}, 900.0
+_SLOWEST = {"flow": 120.0, "pressure": 120.0}
+_SLOWEST_OF_ANY = 900.0
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 
@@ -184,7 +185,9 @@ def read_columns(
     """Read one loop record from a data frame, or from a mapping of names to arrays, as
     `read_record` reads a file.
     """
-    cells, where, chosen = columns_of(table), "table", dict(columns or {})
+    cells = columns_of(table)
+    where = "table"
+    chosen = dict(columns or {})
     rows = len(next(iter(cells.values()), ()))
     sheet = Sheet(cells, [*range(rows)], unit="row")
     take_rows(sheet, chosen)
@@ -205,7 +208,8 @@ def read_records(
         if not records:
             raise next(iter(refused.values()))
         return records, {name: str(error) for name, error in refused.items()}
-    records, refusals = {}, {}
+    records = {}
+    refusals = {}
     for row in read_loop_table(loops):
         if row.get("file", path.name) != path.name or (tag is not None and row["tag"] != tag):
             continue
@@ -282,7 +286,8 @@ def read_folder(
         except ParameterError:  # an option that is wrong of every file
             raise
         except Exception as error:
-            loaded, not_read = {}, {printable(file.stem): printable(sentence_of(error))}
+            loaded = {}
+            not_read = {printable(file.stem): printable(sentence_of(error))}
         several = len(loaded) + len(not_read) > 1
         for into, what in ((records, loaded), (refused, not_read)):
             for label, value in what.items():
@@ -339,7 +344,8 @@ def _of_file(
     A tag names the only loop where no column names one, unless it must stand `in_columns`.
     """
     given = {k: v for k, v in given.items() if v is not None}
-    chosen, where = dict(columns or {}), str(path)
+    chosen = dict(columns or {})
+    where = str(path)
     if in_columns:
         given["in_columns"] = True
     tables = _opened(path, chosen, tag)
@@ -377,7 +383,8 @@ def _of_tables(
     mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
     if not mine or (single and len(mine) > 1):
         raise several_loops({name: roles for name, (_, roles) in loops.items()}, where)
-    records, refused = {}, {}
+    records = {}
+    refused = {}
     left_out = {role for role, name in chosen.items() if name.lower() == NONE}
     for label, (table, named) in mine.items():
         roles = {role: name for role, name in named.items() if role not in left_out}
@@ -468,7 +475,9 @@ def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str,
     sheets = read_sheets(path, lambda cells: is_head(cells, chosen), counted)
     if len(sheets) > 1 and tag is not None:
         sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets
-    several, out, quality = len(sheets) > 1, {}, chosen.get(QUALITY_OF, "none")
+    several = len(sheets) > 1
+    out = {}
+    quality = chosen.get(QUALITY_OF, "none")
     for name, sheet in sheets.items():
         if quality.lower() != "none" and quality not in sheet.columns:
             known = nearest(quality, sheet.columns)
@@ -500,8 +509,10 @@ def _record(
     table: _Opened, roles: dict[str, str], chosen: Mapping[str, str], about: dict[str, Any]
 ) -> LoopRecord:
     """Return the record of one loop of a table, with the notes on all that was done to it."""
-    sheet, where = table.sheet, table.where
-    automatic, Ts = about.pop("automatic", True), about.pop("Ts", None)
+    sheet = table.sheet
+    where = table.where
+    automatic = about.pop("automatic", True)
+    Ts = about.pop("Ts", None)
     how = about.pop("resample", None)
     if how not in (None, HELD_VALUES, STRAIGHT_LINES):
         raise ParameterError(
@@ -530,7 +541,8 @@ def _record(
     about |= {} if span is None else {"op_span": span}
     held = None if modes is None else _mode_held(modes, roles[MODE], sheet.notes)
     meta: dict[str, Any] = {}
-    began, recorded = float(t[0]), t
+    began = float(t[0])
+    recorded = t
     if held is not None and automatic:
         t, signals, meta["automatic"] = _automatic(t, signals, held, sheet.notes)
         began = float(t[0])
@@ -669,7 +681,8 @@ def _wide(
     """Read a table with a column per signal: times, signals (NaN where unknown), modes, and the
     sampling period where it is given; `how` its samples are put on an even grid, if they are.
     """
-    sheet, where = table.sheet, table.where
+    sheet = table.sheet
+    where = table.where
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
     signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
     apply_quality(sheet, roles, signals, where, chosen)
@@ -714,7 +727,8 @@ def _wide(
         signals=signals,
     )
     if t[0] > t[-1]:
-        t, signals = t[::-1], {role: x[::-1] for role, x in signals.items()}
+        t = t[::-1]
+        signals = {role: x[::-1] for role, x in signals.items()}
         modes = None if modes is None else modes[::-1]
     if not apart and how is None:
         return t, signals, modes, None
@@ -727,7 +741,8 @@ def _wide(
 def _known(t: np.ndarray, x: np.ndarray) -> Series:
     """Return the samples that are known; of two at one time the later one holds."""
     known = np.isfinite(x)
-    t, x = t[known], x[known]
+    t = t[known]
+    x = x[known]
     last = np.append(np.diff(t) > 0, True)[: t.size]
     return t[last], x[last]
 
@@ -738,7 +753,8 @@ def _join_dates(sheet: Sheet) -> None:
     date, clock = (
         next((low[w] for w in among if w in low), None) for among in (words("date"), words("clock"))
     )
-    dates, clocks = sheet.columns.get(date or ""), sheet.columns.get(clock or "")
+    dates = sheet.columns.get(date or "")
+    clocks = sheet.columns.get(clock or "")
     if not date or not clock or not isinstance(dates, list) or not isinstance(clocks, list):
         return
     if any(re.search(r"\d[-/.]\w+[-/.]\d", str(c)) for c in clocks[:1]):
@@ -764,7 +780,8 @@ def _long(
     how: str | None = None,
 ):
     """Read a table whose signals have separate times, as `_wide` does another."""
-    parts, where = {role: (table.parts or {})[name] for role, name in roles.items()}, table.where
+    parts = {role: (table.parts or {})[name] for role, name in roles.items()}
+    where = table.where
     series = {role: read_series(part, role, where, chosen) for role, part in parts.items()}
     stored = series.pop(MODE, None)
     notes: list[str] = []

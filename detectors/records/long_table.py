@@ -71,7 +71,8 @@ def read_series(
     apply_quality(part, {role: name}, signal, where, chosen)
     x = signal[role]
     if t.size and t[0] > t[-1]:
-        t, x = t[::-1], x[::-1]
+        t = t[::-1]
+        x = x[::-1]
     known = np.isfinite(x)
     last = np.append(np.diff(t) > 0, True)  # of two values at one time the later one holds
     return t[known & last], x[known & last]

@@ -10,7 +10,9 @@ import numpy as np
 
 from simbench.detectors.records.dialects import entries
 
-AUTO, MAN, CAS = "AUTO", "MAN", "CAS"
+AUTO = "AUTO"
+MAN = "MAN"
+CAS = "CAS"
 _WORDS = {
     AUTO: """
         auto, aut, a, automatic, automatik, automatisch, automatique, automatico,

@@ -65,7 +65,8 @@ def join(path: Path) -> Joined | None:
     loop = next((one for one in signal_files(beside) if path in one.files), None)
     if loop is None:
         return None
-    parts, units = {}, {}
+    parts = {}
+    units = {}
     notes = [f"files: {', '.join(file.name for file in loop.files)} are one record"]
     for file in loop.files:
         try:

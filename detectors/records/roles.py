@@ -14,7 +14,8 @@ from simbench.detectors.errors import RecordError, nearest
 from simbench.detectors.records.dialects import words
 
 SIGNALS = ("sp", "op", "pv", "mv")
-MODE, QUALITY_OF = "mode", "quality"
+MODE = "mode"
+QUALITY_OF = "quality"
 NONE = "none"  # in place of a column that is not to be read
 _OPTIONAL = ("sp", "mv", MODE)
 _ROLES = ("t", *SIGNALS, MODE)
@@ -74,7 +75,8 @@ def parse(name: str) -> Name:
     unit_of = bracket[1].lower() if bracket else ((found and found["unit"]) or "").replace(" ", "")
     if role in (None, "pv") and _POSITION.search(text):
         # what a transmitter of the position measures is the valve's, not the process's
-        role, word = "mv", ""
+        role = "mv"
+        word = ""
     return Name(loop, role, word, _SAME_UNIT.get(unit_of, unit_of))
 
 
@@ -347,7 +349,8 @@ def _no_loop(names: Sequence[str], groups: Mapping, tag: str, where: str) -> Rec
 
 def _tag_of(loop: Sequence[str], signals: Mapping[str, list[str]]) -> str:
     """Return the tag of a loop as its columns write it."""
-    name, last = signals["pv"][0], loop[-1] if loop else ""
+    name = signals["pv"][0]
+    last = loop[-1] if loop else ""
     at = name.casefold().rfind(last)
     return name[: at + len(last)].strip(" _-.") if last and at >= 0 else " ".join(loop)
 

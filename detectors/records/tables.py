@@ -21,10 +21,8 @@ from simbench.detectors.records.dialects import entries
 
 BLANK = "\0"  # begins the name of a column that has none
 MOST_ROWS = 1_000_000  # of a sheet
-MOST_PARQUET_ROWS, MOST_PARQUET_BYTES = (
-    10_000_000,
-    1_000_000_000,
-)  # a year of 3 s samples; bytes without compression
+MOST_PARQUET_ROWS = 10_000_000  # a year of 3 s samples
+MOST_PARQUET_BYTES = 1_000_000_000  # without compression
 _OLD_EXCEL = b"\xd0\xcf\x11\xe0"  # begins a compound file, as which Excel encrypts, too
 MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
@@ -286,18 +284,22 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool], counted: bool) ->
     first = lines[:_PREAMBLE]
     marks = [d for d in _DELIMITERS if any(d in line for line in first)]
     if not marks and any(is_head(line.split()) for line in first):  # columns apart by spaces
-        lines, marks = [" ".join(line.split()) for line in lines], [" "]
+        lines = [" ".join(line.split()) for line in lines]
+        marks = [" "]
     if not marks and first and _all_numbers(first[0].split()):
-        lines, marks = [" ".join(line.split()) for line in lines], [" "]
+        lines = [" ".join(line.split()) for line in lines]
+        marks = [" "]
     added = 0
     if counted and lines and marks:
         mark = max(marks, key=lines[0].count)
         cells = lines[0].split(mark)
         if _all_numbers(cells):
-            lines, added = [mark.join(str(k + 1) for k in range(len(cells))), *lines], 1
+            lines = [mark.join(str(k + 1) for k in range(len(cells))), *lines]
+            added = 1
             notes = [*notes, "file: no header line, columns are counted from 1"]
     start, delimiter = _begin(path, lines[:_PREAMBLE], marks, is_head)
-    rows, numbers = [], []
+    rows = []
+    numbers = []
     for cells, line in _cells(path, lines[start:], delimiter):
         if cells and cells != [""]:
             rows.append(cells)
@@ -381,7 +383,9 @@ def _table(
         columns = {str(k): cells for k, cells in enumerate(zip(*whole, strict=True), 1)}
         raise RecordError(sentence, example_of_columns(columns))
     names = _of_loops(_distinct([name.strip() for name in head]), above)
-    body, lines, again = rows[start + 1 :], lines[start + 1 :], rows.count(head) - 1
+    body = rows[start + 1 :]
+    lines = lines[start + 1 :]
+    again = rows.count(head) - 1
     if again:  # exports one after the other
         lines = [line for row, line in zip(body, lines, strict=True) if row != head]
         body = [row for row in body if row != head]
@@ -415,7 +419,8 @@ def _fitted(row: list[str], size: int, shorter: bool) -> list[str]:
 
 def _of_loops(names: list[str], above: Sequence[str]) -> list[str]:
     """Put the loop in a merged cell above before the names that several columns have."""
-    out, loop = [], ""
+    out = []
+    loop = ""
     for name, over in zip_longest(names, above[: len(names)], fillvalue=""):
         loop = over.strip() or loop
         out.append(f"{loop}.{name}" if name and loop and names.count(name) > 1 else name)

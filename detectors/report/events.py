@@ -15,10 +15,9 @@ from simbench.detectors.signal.phase import phase_locking
 
 _NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
 _LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one
-_FEWEST, _FEWEST_PERIODS = (
-    20,
-    6,
-)  # samples, and periods, of common time below which nothing is concluded
+# of common time, below which nothing is concluded
+_FEWEST = 20  # samples
+_FEWEST_PERIODS = 6
 
 
 def event_numbers(records: Mapping[str | None, LoopRecord]) -> dict[str, int]:
@@ -73,6 +72,7 @@ def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | N
     if starts[0] is None or starts[1] is None:
         return (a, b) if a.n == b.n and starts[0] is starts[1] else None
     late = round((starts[1] - starts[0]) / a.Ts)
-    first, second = max(late, 0), max(-late, 0)
+    first = max(late, 0)
+    second = max(-late, 0)
     n = min(a.n - first, b.n - second)
     return (a.window(first, first + n), b.window(second, second + n)) if n >= _FEWEST else None

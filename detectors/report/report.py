@@ -145,7 +145,8 @@ class Report:
         if not self.scores:
             return text
         most = max(self.scores, key=lambda row: row["applicable"])
-        sticky, units = most["positives"], most["applicable"]
+        sticky = most["positives"]
+        units = most["applicable"]
         legend = (
             f"cost, which ranks: an error 1, no decision {_UNDECIDED}; of {units} units always no"
             " costs"
@@ -336,7 +337,8 @@ def _cost(lost: list[float]) -> dict[str, float]:
     if not lost:
         return {"cost": float("nan"), "cost_lo": 0.0, "cost_hi": 1.0}
     # one unit of 0 and one of 1 added: few that all cost the same do not show the cost exactly
-    mean, half = float(np.mean(lost)), 1.96 * float(np.sqrt(np.var([*lost, 0.0, 1.0]) / len(lost)))
+    mean = float(np.mean(lost))
+    half = 1.96 * float(np.sqrt(np.var([*lost, 0.0, 1.0]) / len(lost)))
     return {"cost": mean, "cost_lo": max(mean - half, 0.0), "cost_hi": min(mean + half, 1.0)}
 
 

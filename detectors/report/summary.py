@@ -91,7 +91,8 @@ def as_text(
     """Return what was concluded of each record, summary and table, and the reasons where asked
     for.
     """
-    records, concluded = list(groups), concluded or {}
+    records = list(groups)
+    concluded = concluded or {}
     lines = []
     if len(records) == 1:
         name, verdicts, record = records[0]
@@ -143,7 +144,8 @@ def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
     rows = []
     for name, v in verdicts:
         named = {} if name is None else {"record": name}
-        (S_lo, S_hi), (J_lo, J_hi) = level_ends(v.S), level_ends(v.J)
+        S_lo, S_hi = level_ends(v.S)
+        J_lo, J_hi = level_ends(v.J)
         levels = {"S_lo": S_lo, "S_hi": S_hi, "J_lo": J_lo, "J_hi": J_hi, "S_unit": v.S_unit}
         answer = {"method": v.method, "verdict": v.verdict, "score": v.score}
         rows.append(

@@ -75,7 +75,10 @@ def _crossings(x, band, at):
     """Fill `at` with the places where a signal crosses zero for good, as many as there is room for;
     return their number.
     """
-    count, changes, beyond, up = 0, 0, 0, x.size > 0 and x[0] > 0.0
+    count = 0
+    changes = 0
+    beyond = 0
+    up = x.size > 0 and x[0] > 0.0
     # samples before a change of sign, since the signal was last beyond the band
     change = np.empty(x.size, dtype=np.int64)
     for k in range(x.size):
@@ -92,7 +95,8 @@ def _crossings(x, band, at):
                 count += 1
                 if count == at.size:
                     return count
-            beyond, changes = side, 0
+            beyond = side
+            changes = 0
     return count
 
 
@@ -100,12 +104,10 @@ def decay_ratio(rho: np.ndarray, at: np.ndarray) -> float:
     """Return R = a/b of Miao & Seborg from an ACF and its zero crossings, heights over or under the
     line between neighbours.
     """
-    first, second, third, fourth = (
-        int(np.ceil(at[0])),
-        int(np.ceil(at[1])),
-        int(np.ceil(at[2])),
-        int(np.ceil(at[3])),
-    )
+    first = int(np.ceil(at[0]))
+    second = int(np.ceil(at[1]))
+    third = int(np.ceil(at[2]))
+    fourth = int(np.ceil(at[3]))
     low1 = first + int(np.argmin(rho[first : second + 1]))
     top = second + int(np.argmax(rho[second : third + 1]))
     low2 = third + int(np.argmin(rho[third : fourth + 1]))
@@ -118,16 +120,15 @@ def lasting(x: np.ndarray, period: float) -> float:
     """Return the amplitude of an oscillation in the last third of a signal over that in the first
     third.
     """
-    whole, half = int(np.rint(period)), int(np.rint(period / 2))
+    whole = int(np.rint(period))
+    half = int(np.rint(period / 2))
     power = x[whole:] * (x[:-whole] - x[whole - half : -half])
     third = power.size // 3
     if third == 0:
         return 0.0
     # summed sample by sample, so that plain and compiled give the same bits
-    first, last = (
-        max(power[:third].cumsum()[-1] / third, 0.0),
-        max(power[-third:].cumsum()[-1] / third, 0.0),
-    )
+    first = max(power[:third].cumsum()[-1] / third, 0.0)
+    last = max(power[-third:].cumsum()[-1] / third, 0.0)
     if first > 0.0:
         return float(np.sqrt(last / first))
     return 1.0 if last > 0.0 else 0.0

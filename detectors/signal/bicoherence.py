@@ -14,14 +14,14 @@ from simbench.detectors.signal.conditioning import means
 _SEGMENT = 128  # samples per segment, half overlapping
 _FEWEST = 4  # segments in a record
 _FLOOR = 1e-4  # of the mean power: frequencies below it are rounding or leakage, not signal
-NGI_LOW, NLI_LOW = 0.001, 0.01  # published limits, Choudhury, Shah & Thornhill (2004)
+# published limits, Choudhury, Shah & Thornhill (2004)
+NGI_LOW = 0.001
+NLI_LOW = 0.01
 _OF_CYCLES = 64  # samples per segment of an oscillation, as its authors have them
 # a segment then holds three cycles, the least that Jelali asks for
 _SAMPLES_PER_CYCLE = _OF_CYCLES / 3.0
-LOWEST, BESIDE = (
-    0.004,
-    0.05,
-)  # cycles per sample: lowest filter boundary, distance of either from the peak
+LOWEST = 0.004  # boundary of the filter, in cycles per sample
+BESIDE = 0.05  # distance of either boundary from the peak, in cycles per sample
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,8 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     """Return the moving average over one period, which contains no oscillation of that period."""
     n = x.size
     half = min(period / 2.0, (n - 1) / 2.0)
-    first, last = int(np.ceil(half)), int(np.floor(n - 1 - half))
+    first = int(np.ceil(half))
+    last = int(np.floor(n - 1 - half))
     if last < first:
         return np.full(n, x.mean())
     # running integral of the linearly interpolated signal, read half a period earlier and later

@@ -49,7 +49,8 @@ class Ellipse:
 
     def size(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return how far points lie out, 1 on the ellipse; same shape as x and y."""
-        dx, dy = x - self.x0, y - self.y0
+        dx = x - self.x0
+        dy = y - self.y0
         return np.sqrt(np.maximum(self.A * dx * dx + self.B * dx * dy + self.C * dy * dy, 0.0))
 
     def fitness(self, x: np.ndarray, y: np.ndarray) -> float:
@@ -64,13 +65,19 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     - B^2 = 1, in the partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the
     fit leans to small, flat ellipses.
     """
-    mx, my = float(x.mean()), float(y.mean())
-    (u, sx), (v, sy) = centred(x), centred(y)
+    mx = float(x.mean())
+    my = float(y.mean())
+    u, sx = centred(x)
+    v, sy = centred(y)
     if not (sx > 1e-9 * max(abs(mx), 1e-300) and sy > 1e-9 * max(abs(my), 1e-300)):
         return None
-    u, v = u / sx, v / sy
-    D1, D2 = np.array([u * u, u * v, v * v]), np.array([u, v, np.ones(u.size)])
-    S1, S2, S3 = D1 @ D1.T, D1 @ D2.T, D2 @ D2.T
+    u = u / sx
+    v = v / sy
+    D1 = np.array([u * u, u * v, v * v])
+    D2 = np.array([u, v, np.ones(u.size)])
+    S1 = D1 @ D1.T
+    S2 = D1 @ D2.T
+    S3 = D2 @ D2.T
     spread = np.linalg.eigvalsh(S3)
     if spread[-1] > _FLAT * spread[0]:
         return None
@@ -88,5 +95,7 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     level = -(F + 0.5 * (D * centre[0] + E * centre[1]))
     if level == 0.0 or A / level <= 0.0:
         return None
-    A, B, C = A / level / sx**2, B / level / (sx * sy), C / level / sy**2
+    A = A / level / sx**2
+    B = B / level / (sx * sy)
+    C = C / level / sy**2
     return Ellipse(A, B, C, mx + sx * centre[0], my + sy * centre[1])

@@ -46,7 +46,8 @@ def lfilter(
     """
     size = max(len(b), len(a), 2)
     both = np.zeros((2, size))
-    both[0, : len(b)], both[1, : len(a)] = b, a
+    both[0, : len(b)] = b
+    both[1, : len(a)] = a
     state = np.zeros(size)
     state[0] = before
     out = np.empty(len(x))

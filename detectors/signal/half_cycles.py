@@ -26,9 +26,11 @@ def split(
 ) -> np.ndarray:
     """Cut an oscillation into its significant half cycles."""
     at = zero_crossings(x, GUARD * float(x.std()))
-    start, length = at[:-1], np.diff(at)
+    start = at[:-1]
+    length = np.diff(at)
     fit = (length > 0.125 * period) & (length < longest * period)
-    start, length = start[fit], length[fit]
+    start = start[fit]
+    length = length[fit]
     place = start[:, None] + length[:, None] * ((np.arange(points) + 0.5) / points)
     k = np.minimum(place.astype(int), x.size - 2)
     humps = x[k] + (place - k) * (x[k + 1] - x[k])
@@ -76,8 +78,10 @@ def two_line_misfit(humps: np.ndarray) -> np.ndarray:
     largest sample.
     """
     points = humps.shape[1]
-    top, row = np.clip(humps.argmax(axis=1), 1, points - 2), np.arange(len(humps))
-    left, right = _line_errors(humps)[row, top], _line_errors(humps[:, ::-1])[row, points - 1 - top]
+    top = np.clip(humps.argmax(axis=1), 1, points - 2)
+    row = np.arange(len(humps))
+    left = _line_errors(humps)[row, top]
+    right = _line_errors(humps[:, ::-1])[row, points - 1 - top]
     return (left + right) / points
 
 
@@ -85,8 +89,11 @@ def _line_errors(y: np.ndarray) -> np.ndarray:
     """Squared error of the least-squares line through samples 0..k, for every k."""
     t = np.arange(y.shape[1], dtype=float)
     n = t + 1.0
-    sy, sty, syy = np.cumsum(y, axis=1), np.cumsum(t * y, axis=1), np.cumsum(y * y, axis=1)
-    st, stt = np.cumsum(t), np.cumsum(t * t)
+    sy = np.cumsum(y, axis=1)
+    sty = np.cumsum(t * y, axis=1)
+    syy = np.cumsum(y * y, axis=1)
+    st = np.cumsum(t)
+    stt = np.cumsum(t * t)
     spread = np.maximum(stt - st**2 / n, 1e-12)
     return np.maximum(syy - sy**2 / n - (sty - st * sy / n) ** 2 / spread, 0.0)
 
@@ -117,7 +124,9 @@ def peak_areas(humps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     points = humps.shape[1]
     top = np.clip(humps.argmax(axis=1), 1, points - 2)
     row = np.arange(len(humps))
-    left, middle, right = humps[row, top - 1], humps[row, top], humps[row, top + 1]
+    left = humps[row, top - 1]
+    middle = humps[row, top]
+    right = humps[row, top + 1]
     bend = left - 2.0 * middle + right
     shift = np.where(bend < 0.0, 0.5 * (left - right) / np.where(bend < 0.0, bend, 1.0), 0.0).clip(
         -0.5, 0.5

@@ -38,7 +38,8 @@ def frozen(x: np.ndarray) -> Standstill | None:
     """Return the stretch in which a signal is frozen, the longest; None where it is not."""
     runs = holds(x)
     k = int(runs.argmax())
-    longest, usual = int(runs[k]), float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
+    longest = int(runs[k])
+    usual = float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
     if longest <= max(_FEWEST, _FROZEN * x.size) or longest <= _LONGER * usual:
         return None
     begin = int(runs[:k].sum())

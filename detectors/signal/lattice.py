@@ -62,7 +62,8 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     levels, count = np.unique(x, return_counts=True)
     once = count == 1
     if once.sum() < _BRIDGED * x.size:
-        levels, count = levels[~once], count[~once]
+        levels = levels[~once]
+        count = count[~once]
     fine = unit + 1e-8 * (float(max(-levels[0], levels[-1])) or 1.0)
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1.5 * fine]

@@ -39,7 +39,8 @@ def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]
     """Return how far each inner sample is off a straight course (inf where nothing moves), and what
     rounding explains of it.
     """
-    first, second = np.diff(x), np.diff(x, 2)
+    first = np.diff(x)
+    second = np.diff(x, 2)
     exact = 1e-6 * (float(np.ptp(x)) or 1.0)
     tolerance = max(2.1 * unit, exact)
     noisy = tolerance <= _NOISY * noise

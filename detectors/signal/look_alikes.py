@@ -18,12 +18,15 @@ def prediction_errors(x, embedding, horizon, neighbours):
     last that fit all count.
     """
     m = x.size - horizon - embedding + 1
-    far, nearest, ahead = np.empty(m), np.empty(neighbours), x[embedding - 1 + horizon :]
+    far = np.empty(m)
+    nearest = np.empty(neighbours)
+    ahead = x[embedding - 1 + horizon :]
     total = 0.0
     for i in range(m):
         far[:] = 0.0
         for t in range(embedding):
-            here, there = x[i + t], x[t:]
+            here = x[i + t]
+            there = x[t:]
             for j in range(m):
                 far[j] += (here - there[j]) * (here - there[j])
         far[max(i - embedding + 1, 0) : i + embedding] = np.inf

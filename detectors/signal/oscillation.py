@@ -41,7 +41,11 @@ _SHORTEST_MEAN = 20  # samples; a shorter moving mean would leave nothing but no
 # shares of OP's range tried as the least swing between two reversals
 _LEAST_SWINGS = np.geomspace(0.08, 0.95, 30)
 _BEFORE = np.tri(_LEAST_SWINGS.size, k=-1, dtype=bool)
-_GAP, _ALIKE_SWINGS, _SWINGS, _FEWER, _STILL_ON = 1.6, 0.3, 8, 1.15, 2.0
+_GAP = 1.6
+_ALIKE_SWINGS = 0.3
+_SWINGS = 8
+_FEWER = 1.15
+_STILL_ON = 2.0
 # own; share of a swing's time in the middle half of its size: a triangle 1/2, a sine 1/3, a step 0
 _UNDERWAY = 0.3
 
@@ -100,7 +104,8 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     time. Noise and loads have swings of every size: the more is asked for, the fewer are left;
     after a load that steps OP comes to rest. Not for loads that ramp by one size.
     """
-    low, high = float(op.min()), float(op.max())
+    low = float(op.min())
+    high = float(op.max())
     if not high > low:
         return None
     # what counts as a reversal shall not hang on the unit
@@ -123,11 +128,10 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     if widest[i] < 0 or _LEAST_SWINGS[end] < _GAP * _LEAST_SWINGS[i]:
         return None
     at = at[1 : turn(x, _LEAST_SWINGS[end], at)]
-    size, time = np.abs(np.diff(x[at])), np.diff(at)
-    alike, lasts = (
-        size.std() <= _ALIKE_SWINGS * size.mean(),
-        op.size - at[-1] <= _STILL_ON * time.max(),
-    )
+    size = np.abs(np.diff(x[at]))
+    time = np.diff(at)
+    alike = size.std() <= _ALIKE_SWINGS * size.mean()
+    lasts = op.size - at[-1] <= _STILL_ON * time.max()
     middle = np.abs(
         x[at[0] : at[-1]] - np.repeat(0.5 * (x[at[1:]] + x[at[:-1]]), time)
     ) < 0.25 * np.repeat(size, time)
@@ -139,21 +143,28 @@ def _reversals(x, least, at):
     """Fill `at` with the places where a signal turns and then goes back by more than `least`;
     return their number.
     """
-    count, low, high, way = 0, 0, 0, 0
+    count = 0
+    low = 0
+    high = 0
+    way = 0
     for k in range(1, x.size):
         if way >= 0:
             if x[k] > x[high]:
                 high = k
             elif x[high] - x[k] > least:
                 at[count] = high
-                count, way, low = count + 1, -1, k
+                count = count + 1
+                way = -1
+                low = k
                 continue
         if way <= 0:
             if x[k] < x[low]:
                 low = k
             elif x[k] - x[low] > least:
                 at[count] = low
-                count, way, high = count + 1, 1, k
+                count = count + 1
+                way = 1
+                high = k
     return count
 
 
@@ -173,7 +184,8 @@ def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
     much for several.
     """
     rows = detrended(rows)
-    n, best = rows.shape[1], [NOTHING] * len(rows)
+    n = rows.shape[1]
+    best = [NOTHING] * len(rows)
     live = np.flatnonzero(rows.any(axis=1)) if n >= 8 else []
     if len(live) == 0:
         return best
@@ -236,7 +248,8 @@ def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int
     segments; here the normalised correlation with the signal one period later is compared over
     every start, in one pass. Not for length below two periods: nothing to compare.
     """
-    n, lag = x.size, round(period)
+    n = x.size
+    lag = round(period)
     room = length - lag
     if length >= n or room < 1:
         return 0, n

@@ -87,8 +87,10 @@ def _pairs(
     middle = places.mean()
     t = places - middle
     at = at[(at >= 2) & (at + apart + 2 < x.size)]
-    both, around = at[:, None] + np.array([0, apart]), x[at[:, None] + places]
-    level, slope = around.mean(axis=1, keepdims=True), (around @ t / (t @ t))[:, None]
+    both = at[:, None] + np.array([0, apart])
+    around = x[at[:, None] + places]
+    level = around.mean(axis=1, keepdims=True)
+    slope = (around @ t / (t @ t))[:, None]
     heights = x[both] - level - slope * (np.array([0, apart]) - middle)
     spread = np.ptp(around - slope * t, axis=1)[:, None]
     clear = (np.abs(heights) > np.maximum(least[both], _ALONE * spread)).all(axis=1)
@@ -101,7 +103,8 @@ def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     around = _around(x)
     at = np.array([-2.0, -1.0, 1.0, 2.0])[:, None]
-    middle, slope = around.mean(axis=0), (at * around).sum(axis=0) / 10.0
+    middle = around.mean(axis=0)
+    slope = (at * around).sum(axis=0) / 10.0
     return x - middle, np.ptp(around - middle - slope * at, axis=0)
 
 

@@ -36,7 +36,8 @@ def stuck_intervals(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the intervals in which the valve rests while OP moves."""
     edges = runs_of(still).ravel()
-    start, stop = edges[::2], edges[1::2]
+    start = edges[::2]
+    stop = edges[1::2]
     if start.size == 0:
         return np.zeros(0, dtype=int), np.zeros(0)
     padded_op = np.append(op, op[-1])  # so that the last interval may end with the record

@@ -50,7 +50,8 @@ def iaaft(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     amplitude = np.abs(np.fft.rfft(x))
     phases = np.exp(2j * np.pi * rng.random((count, amplitude.size)))
     y = np.fft.irfft(np.fft.rfft(x) * phases, x.size, axis=1)
-    ranked, order = np.empty_like(y), np.argsort(y, axis=1)
+    ranked = np.empty_like(y)
+    order = np.argsort(y, axis=1)
     for _ in range(_ITERATIONS):
         compiled(ranked_again)(y, order, values, ranked)
         spectrum = np.fft.rfft(ranked, axis=1)
@@ -69,7 +70,8 @@ def ranked_again(y, order, values, ranked):
     for r in range(len(y)):
         for k in range(values.size):
             i = order[r, k]
-            value, place = y[r, i], k
+            value = y[r, i]
+            place = k
             while place > 0 and sorted_row[place - 1] > value:
                 sorted_row[place] = sorted_row[place - 1]
                 order[r, place] = order[r, place - 1]

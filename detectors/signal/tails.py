@@ -27,7 +27,9 @@ def heavy_tails(x: np.ndarray, most: float = 0.5) -> bool:
         return False
     z2 = (x / scale) ** 2
     t = max(_loglik_t(z2, df) for df in _DEGREES)
-    share, narrow, wide = min(0.02, most), 1.0, float(np.quantile(z2, 0.99)) + 1.0
+    share = min(0.02, most)
+    narrow = 1.0
+    wide = float(np.quantile(z2, 0.99)) + 1.0
     far = near = z2
     for _ in range(30):
         far = share * np.exp(-0.5 * z2 / wide) / np.sqrt(wide)

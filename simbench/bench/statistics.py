@@ -41,7 +41,8 @@ def wilson(right: ArrayLike, of: ArrayLike, level: float = _LEVEL) -> tuple[np.n
     z = ndtri(0.5 + level / 2)
     some = np.maximum(n, 1.0)
     p = k / some
-    centre, scale = p + z * z / (2 * some), 1 + z * z / some
+    centre = p + z * z / (2 * some)
+    scale = 1 + z * z / some
     half = z * np.sqrt(p * (1 - p) / some + z * z / (4 * some * some))
     # at 0 and n the bound is exact; rounding must not push it past the estimate
     lo = np.where((n > 0) & (k > 0), (centre - half) / scale, 0.0)
@@ -89,13 +90,15 @@ def auc(score: ArrayLike, positive: ArrayLike, level: float = _LEVEL) -> Estimat
     0, and Wilson's interval of the smaller class stands in.
     """
     positive = np.asarray(positive, dtype=bool)
-    m, n = int(positive.sum()), int((~positive).sum())
+    m = int(positive.sum())
+    n = int((~positive).sum())
     if min(m, n) == 0:
         return Estimate(float("nan"), 0.0, 1.0)
     value, variance = _auc_variance(score, positive)
     if variance == 0.0 or value in (0.0, 1.0):
         return Estimate(value, *(float(x) for x in wilson(value * min(m, n), min(m, n), level)))
-    centre, slope = np.log(value / (1 - value)), 1 / (value * (1 - value))
+    centre = np.log(value / (1 - value))
+    slope = 1 / (value * (1 - value))
     half = ndtri(0.5 + level / 2) * np.sqrt(variance) * slope
     return Estimate(value, *(float(1 / (1 + np.exp(-(centre + s * half)))) for s in (-1, 1)))
 
@@ -146,11 +149,13 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     DeLong's paired test (see `auc`), one-sided.
     """
     positive = np.asarray(positive, dtype=bool)
-    m, n = int(positive.sum()), int((~positive).sum())
+    m = int(positive.sum())
+    n = int((~positive).sum())
     if min(m, n) < 2:
         return 1.0
     change = [a - b for a, b in zip(*(_placements(_ranked(s), positive) for s in (before, now)))]
-    drop, variance = change[0].mean(), np.var(change[0], ddof=1) / m + np.var(change[1], ddof=1) / n
+    drop = change[0].mean()
+    variance = np.var(change[0], ddof=1) / m + np.var(change[1], ddof=1) / n
     if variance == 0.0:
         return 0.0 if drop > 0 else 1.0
     return float(scipy.stats.norm.sf(drop / np.sqrt(variance)))
@@ -187,7 +192,8 @@ def mean_ranks(
     ranks = scipy.stats.rankdata(-x, axis=1)
     q = scipy.stats.studentized_range.ppf(level, methods, np.inf) / np.sqrt(2)
     p = 1.0 if np.all(ranks == ranks[:, :1]) else float(scipy.stats.friedmanchisquare(*x.T).pvalue)
-    mean, apart = ranks.mean(axis=0), float(q * np.sqrt(methods * (methods + 1) / (6 * cases)))
+    mean = ranks.mean(axis=0)
+    apart = float(q * np.sqrt(methods * (methods + 1) / (6 * cases)))
     if groups is not None:
         place = np.unique(groups, return_inverse=True)[1] % _MOST_GROUPS
         shares = np.array([np.bincount(place, column) for column in (ranks - mean).T])
@@ -205,9 +211,11 @@ def _auc_variance(score: ArrayLike, positive: np.ndarray) -> tuple[float, float]
     places = np.asarray(score)
     places = places if places.dtype.kind == "i" else dense_ranks(_ranked(score))
     ups, downs = class_counts(places, positive)
-    m, n = int(ups.sum()), int(downs.sum())
+    m = int(ups.sum())
+    n = int(downs.sum())
     # twice the negatives below a positive, and the positives above a negative, ties half
-    below, above = 2 * np.cumsum(downs) - downs, 2 * m - (2 * np.cumsum(ups) - ups)
+    below = 2 * np.cumsum(downs) - downs
+    above = 2 * m - (2 * np.cumsum(ups) - ups)
     variance = 0.0
     for times, share, size in ((ups, below / (2 * n), m), (downs, above / (2 * m), n)):
         if size > 1:
@@ -217,7 +225,8 @@ def _auc_variance(score: ArrayLike, positive: np.ndarray) -> tuple[float, float]
 
 def _placements(score: np.ndarray, positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # share of the other class that each case is on the right side of, by midranks
-    m, n = positive.sum(), (~positive).sum()
+    m = positive.sum()
+    n = (~positive).sum()
     joint = scipy.stats.rankdata(score)
     of_positive = (joint[positive] - scipy.stats.rankdata(score[positive])) / n
     of_negative = 1 - (joint[~positive] - scipy.stats.rankdata(score[~positive])) / m

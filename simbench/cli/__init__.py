@@ -75,7 +75,8 @@ def entry() -> None:
 
 
 def _command(arguments: list[str] | None) -> int | None:
-    command, words = typer.main.get_command(app), sys.argv[1:] if arguments is None else arguments
+    command = typer.main.get_command(app)
+    words = sys.argv[1:] if arguments is None else arguments
     if "" in words:  # as a path it would be the folder in which the command runs
         raise ParameterError(
             f"argument {words.index('') + 1} is empty, as of a shell variable that is not set; a"

@@ -239,7 +239,8 @@ def run(
 
                 made = plan_of_records(grid, out, deciding, resume=resume, jobs=jobs, **about)
                 say(made.as_text(), aside=True)
-                plan, deciding = made.grid, {"n": n}
+                plan = made.grid
+                deciding = {"n": n}
             folder, scores = run_scored(
                 plan, out, tuple(method or ["fast", ORACLE]), jobs, **deciding, **working
             )
@@ -393,7 +394,8 @@ def score(
 
     refuse_own_input([report, to], [folder])
     book = read_joined(folder)
-    scores, failed = score_book(book, cost, allow_failed), read_failures(folder)
+    scores = score_book(book, cost, allow_failed)
+    failed = read_failures(folder)
     scores = scores.of(method) if method else scores
     answer = Asked(scores, truth, paired, by or [])
     if to is not None:

@@ -8,7 +8,8 @@ from typer.core import TyperCommand
 
 COMMON = "Options"
 # what every verb that reads a record takes is explained once
-_READING, _EXPLAINS = "Reading the record", "detect"
+_READING = "Reading the record"
+_EXPLAINS = "detect"
 # which group an option's help stands in; what is in none is common
 GROUPS = {
     "Reading the record": (

@@ -175,12 +175,14 @@ def _loop_to_simulate(
     from simbench.scenarios.spec import load_loop
 
     if from_run is None:
-        loop, first = load_loop(str(source)), seed or 0
+        loop = load_loop(str(source))
+        first = seed or 0
     elif scenario is None:
         raise ParameterError("simulate --from RUN needs --id, the scenario to repeat")
     else:
         repeated = read_scenario(from_run, scenario)
-        loop, first = repeated.loop, repeated.seed
+        loop = repeated.loop
+        first = repeated.seed
     settings = {k: toml_value(v) for k, v in pairs(sets, "--set", text=True).items()}
     return loop.with_all(settings), first
 
@@ -206,11 +208,13 @@ def _simulate_grid(
         show({"records": str(out), "n": written}, as_json)
         return
     say(f"{out}: {written} records without labels: records.parquet, loops.csv")
-    labels, run = "", grid
+    labels = ""
+    run = grid
     if not Path(grid).is_dir():
         words = ["simbench", "run", grid, *(["--n", str(n)] if n else [])]
         words += [word for key, value in sets.items() for word in ("--set", f"{key}={value}")]
-        labels, run = shlex.join([*words, "-o", "RUN"]) + ", then ", "RUN"
+        labels = shlex.join([*words, "-o", "RUN"]) + ", then "
+        run = "RUN"
     say(f"to score answers to them: {labels}{shlex.join(['simbench', 'run', run])} --answers FILE")
 
 

@@ -24,7 +24,8 @@ _LEAST = np.array([0.03, 0.15])
 _OUTSIDE = np.array([0.03, 0.7])  # of an oscillation from outside: its amplitude may change
 _FAR = 3.0  # standard deviations, beyond which a change is not the one that was simulated
 # S over the amplitude of OP of the friction that is tried where none is known, and J over S
-_SIZES, _JUMP = (0.6, 1.0, 1.4), 0.5
+_SIZES = (0.6, 1.0, 1.4)
+_JUMP = 0.5
 _LIGHT = 0.2  # of S, a step of the load that starts a cycle which a large one does not
 DRIVEN = ("sine", "propagated")  # what swings a loop from outside
 # density of changes that no simulation came near: it holds for sound and sticking valves alike
@@ -100,7 +101,8 @@ def expect_change(
     Expected
         What the loops did that oscillate before the change.
     """
-    changes, tried = [], 0
+    changes = []
+    tried = 0
     for loop, kick, factors in loops:
         for seed in range(_SEEDS):
             tried += 1

@@ -57,7 +57,8 @@ class GainChange:
     @property
     def shift_interval(self) -> tuple[float, float] | None:
         """95 % interval of |P2/P1 - 1|; None when one of the periods is missing."""
-        before, after = self.before, self.after
+        before = self.before
+        after = self.after
         ratio = after.period / before.period
         ends = interval(ratio - 1.0, ratio * ratio_error(before, after))
         if ends is None:
@@ -153,13 +154,16 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
             break
         changed *= 2
     before, after = phases
-    what, shift = describe_change(before, after), shift_of(before, after)
-    verdict, reason = "no_decision", unfit(before, after)
+    what = describe_change(before, after)
+    shift = shift_of(before, after)
+    verdict = "no_decision"
+    reason = unfit(before, after)
     if not reason:
         lengths = (changed - changed // 3, n - changed - (n - changed) // 3)
         gains = (1.0, factor)
         sticky = with_friction(loop, before.amplitude)
-        Ts, starts = loop.sampling.Ts, [(healthy_twin(loop), 0.0, gains)]
+        Ts = loop.sampling.Ts
+        starts = [(healthy_twin(loop), 0.0, gains)]
         sound = expect_change(starts, lengths, Ts, nudge)
         stuck = expect_change([(one, kick, gains) for one, kick in sticky], lengths, Ts, nudge)
         # what swings the loop from outside stands in its file

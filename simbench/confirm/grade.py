@@ -137,7 +137,8 @@ def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
     if test.same_direction is None and test.reversed is None:
         return _graded(GAIN_LIMIT, None, test.reason)
     # the last two levels of the big steps: the valve moved between them, or it moved from rest
-    op, pv = test.trace.op, test.trace.pv
+    op = test.trace.op
+    pv = test.trace.pv
     few = min(6, rest)
     moved = pv[last - few + 1 : last + 1].mean() - pv[rest - few : rest].mean()
     return _graded(
@@ -152,7 +153,8 @@ def _hysteresis(loop: Loop) -> float:
     mv = valve_response(
         loop.valve.name, np.concatenate([up, up[::-1], up]), loop.valve.parameters, Ts
     )
-    back, again = mv[n : 2 * n], mv[2 * n :]
+    back = mv[n : 2 * n]
+    again = mv[2 * n :]
     moving = np.abs(back - back[0]) > _REST
     dead = _TRAVERSE * float(np.argmax(moving)) if moving.any() else 100.0
     return max(float((back[::-1] - again).max()) - dead, 0.0)

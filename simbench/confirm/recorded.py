@@ -20,8 +20,12 @@ _LATE = 0.75  # of a hold, from which on PV counts as settled
 _FEWEST = 4  # holds
 # sizes of S and J that are tried, from a share of the smallest step to a little more than OP's
 # range, and the shares of S by which OP had moved on since the valve last moved before the test
-_SIZES, _JUMPS, _BEGUN = 120, 40, (0.0, 0.4, 0.8)
-_SMALLEST, _LARGEST, _MOST_J = 0.3, 1.1, 1.2
+_SIZES = 120
+_JUMPS = 40
+_BEGUN = (0.0, 0.4, 0.8)
+_SMALLEST = 0.3
+_LARGEST = 1.1
+_MOST_J = 1.2
 _AT_ONCE = 2000  # valves whose readings are fitted together
 _NUMBERS = 5  # S, J, level, gain and lost motion: what is fitted to the readings
 _WORSE = 9.0  # variances of a reading, by which a valve may fit worse than the best (3 sigma)
@@ -40,7 +44,8 @@ def controller_gain(record: LoopRecord) -> float | None:
 
     Least squares of OP's increments on the error's increments and the error.
     """
-    steps, error = np.diff(record.op), record.e
+    steps = np.diff(record.op)
+    error = record.e
     columns = np.column_stack([np.diff(error), error[1:]])
     gains = np.linalg.lstsq(columns, steps, rcond=None)[0]
     left = steps - columns @ gains
@@ -82,7 +87,8 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     op = record.op if record.op_percent is None else record.op_percent
     starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])
     lengths = np.diff(np.append(starts, op.size))
-    starts, lengths = starts[lengths >= _HELD], lengths[lengths >= _HELD]
+    starts = starts[lengths >= _HELD]
+    lengths = lengths[lengths >= _HELD]
     if starts.size < _FEWEST:
         raise ParameterError(
             f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least"
@@ -135,11 +141,13 @@ def _readings(
         line = np.polyfit(t, late, 1) if late.size > 2 else np.array([0.0, late.mean()])
         sigma = float(np.std(late - np.polyval(line, t)))
         moving[k] = line[0] * (t[-1] + Ts)
-        seen[k], errors[k] = (line[0] if slope else late.mean()), sigma / np.sqrt(late.size)
+        seen[k] = line[0] if slope else late.mean()
+        errors[k] = sigma / np.sqrt(late.size)
         if slope:
             errors[k] *= np.sqrt(12.0) / (late.size * Ts)
     op = op[starts]
-    steps, error = np.diff(op), float(np.sqrt(np.mean(errors**2)))
+    steps = np.diff(op)
+    error = float(np.sqrt(np.mean(errors**2)))
     gain = abs(float(np.polyfit(op, seen, 1)[0]))
     # in the direction of each step, so that noise is no motion; a slope's error is that of a mean
     # times the square root of 12
@@ -163,7 +171,8 @@ def _meet(one: Interval, other: Interval) -> bool:
 def _bands(one: _Readings) -> _Bands:
     """Return S and J of all valves that explain the readings as well as the likeliest."""
     steps = np.abs(np.diff(one.op))
-    least, span = float(steps[steps > 0.0].min()), float(np.ptp(one.op))
+    least = float(steps[steps > 0.0].min())
+    span = float(np.ptp(one.op))
     sizes, jumps = (
         np.append(0.0, np.geomspace(_SMALLEST * least, _LARGEST * span, count))
         for count in (_SIZES, _JUMPS)
@@ -197,7 +206,8 @@ def _fitted(one: _Readings, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     at, side = _moved(one.op, valves)
     X = np.stack([np.ones_like(at), at - one.op.mean(), side], axis=2)[1:]
     seen = one.seen[1:]
-    A, b = np.einsum("npq,npr->pqr", X, X), np.einsum("npq,n->pq", X, seen)
+    A = np.einsum("npq,npr->pqr", X, X)
+    b = np.einsum("npq,n->pq", X, seen)
     A += 1e-9 * np.trace(A, axis1=1, axis2=2)[:, None, None] * np.eye(3)
     weights = np.linalg.solve(A, b[..., None])[..., 0]
     left = ((seen[:, None] - np.einsum("npq,pq->np", X, weights)) ** 2).sum(axis=0)
@@ -211,13 +221,16 @@ def _moved(op: np.ndarray, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return OP (%) at which each valve last moved, and the direction, in every hold (n, p)."""
     S, J, side, begun = valves.T
     at = op[0] - side * begun * S
-    where, ways = np.empty((op.size, len(S))), np.empty((op.size, len(S)))
+    where = np.empty((op.size, len(S)))
+    ways = np.empty((op.size, len(S)))
     for k, now in enumerate(op):
         away = now - at
         band = np.where(np.sign(away) == side, J, S)
         goes = np.abs(away) > band * (1.0 + _APART) + _APART
-        at, side = np.where(goes, now, at), np.where(goes, np.sign(away), side)
-        where[k], ways[k] = at, side
+        at = np.where(goes, now, at)
+        side = np.where(goes, np.sign(away), side)
+        where[k] = at
+        ways[k] = side
     return where, ways
 
 
@@ -239,7 +252,8 @@ def _in_words(bands: _Bands | None, increment: float, settled: bool) -> tuple[bo
     """
     if bands is None:
         return None, "PV did not move on any step: the valve stands, or noise hides what it does"
-    (lo, hi), J = bands.S, bands.J
+    lo, hi = bands.S
+    J = bands.J
     if lo > (1.0 - _SURE) * increment and settled:
         sizes = (
             f"stick band S = {_middle(bands.S):.3g} % ({lo:.3g} to {hi:.3g}), slip-jump J ="

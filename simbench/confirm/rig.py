@@ -50,7 +50,8 @@ def run_rig(
     """Run one or more loops side by side, sample by sample, in plain Python: bit-equal to the
     compiled loop.
     """
-    n, Ts = setups[0].sp.size, setups[0].Ts
+    n = setups[0].sp.size
+    Ts = setups[0].Ts
     if any(s.sp.size != n or s.Ts != Ts for s in setups):
         raise ParameterError("loops that run side by side need the same sampling period and length")
     loops = [LiveLoop(s) for s in setups]
@@ -74,7 +75,9 @@ class LiveLoop:
     def __init__(self, setup: Setup) -> None:
         n = setup.sp.size
         parts = parts_of(setup)
-        self.setup, self.steps, self.stages = setup, parts.steps, parts.stages
+        self.setup = setup
+        self.steps = parts.steps
+        self.stages = parts.stages
         self.plant_p, self.control_p, self.gap_p, self.sensor_p, self.valve_p = parts.numbers
         self.lag = parts.sampled.delay + 1
         self.w = np.zeros(n + self.lag)
@@ -87,14 +90,17 @@ class LiveLoop:
         for module, p in setup.valves:
             self.v.append(tuple(float(x) for x in module.start(u, p)))
             u = self.v[-1][0]
-        self.op, self.pv, self.mv = np.empty(n), np.empty(n), np.empty(n)
+        self.op = np.empty(n)
+        self.pv = np.empty(n)
+        self.mv = np.empty(n)
         self.deviation = 0.0
 
     def control(self, k: int, gain: float = 1.0, by_hand: float | None = None) -> None:
         """Measure PV of sample `k`, and move the valve by the controller (Kc times `gain`) or to
         the OP (%) set by hand.
         """
-        setup, steps = self.setup, self.steps
+        setup = self.setup
+        steps = self.steps
         y = steps["plant_output"](self.x, self.plant_p) + setup.load_out[k]
         self.deviation = y - setup.pv0
         self.s = steps["sensor_step"](y, setup.pv_add[k], self.s, self.sensor_p)
@@ -110,7 +116,8 @@ class LiveLoop:
         for i, step in enumerate(self.stages):
             self.v[i] = step(u, self.v[i], self.valve_p[i])
             u = self.v[i][0]
-        self.pv[k], self.mv[k] = self.s[0], u
+        self.pv[k] = self.s[0]
+        self.mv[k] = u
 
     def advance(self, k: int, load: float = 0.0) -> None:
         """Let the plant answer to valve and load until the next sample."""

@@ -141,7 +141,8 @@ def travel_test(
     same = back = None
     if manual.steps_until_moved(side * big_step, phase=0) is not None:
         # what the big steps did to PV, per % of them, is the least that a moving valve does
-        answer, moved = abs(manual.seen - manual.rest), abs(manual.op - manual.first_op)
+        answer = abs(manual.seen - manual.rest)
+        moved = abs(manual.op - manual.first_op)
         manual.least_answer = increment * answer / moved
         same = manual.steps_until_moved(side * increment, phase=1)
         back = manual.steps_until_moved(-side * increment, phase=2)
@@ -156,7 +157,10 @@ class _Manual:
         setup = resolve_loop(quiet, seed)
         lags = [1 / abs(p) for p in np.roots(setup.den) if abs(p) > 1e-12]
         self.integrating = setup.den[-1] == 0
-        self.increment, self.Ts, self.op, self.k = increment, setup.Ts, setup.op0, 0
+        self.increment = increment
+        self.Ts = setup.Ts
+        self.op = setup.op0
+        self.k = 0
         settle = int(np.ceil((setup.Td + _SETTLED * sum(lags)) / self.Ts))
         # an engineer waits until half a small step would show in the noise
         answer = abs(setup.num[-1] / setup.den[setup.den != 0][-1]) * increment / 2
@@ -197,7 +201,8 @@ class _Manual:
         """Step OP until PV has moved and return the sum of the steps (%); None when OP's limit
         comes first.
         """
-        before, count = self.seen, 0
+        before = self.seen
+        count = 0
         bar = max(SIGMAS * np.sqrt(2) * self.error, _MOVE_SHARE * self.least_answer, 1e-12)
         while 0 <= self.op + step <= 100:
             self.op += step
@@ -209,7 +214,8 @@ class _Manual:
 
     def outcome(self, same: float | None, back: float | None) -> TravelTest:
         """Put the findings into words."""
-        k, wait = self.k, self.wait * self.Ts
+        k = self.k
+        wait = self.wait * self.Ts
         trace = Trace(self.live.op[:k], self.live.pv[:k], self.live.mv[:k])
         sticky = None if back is None else back > 2 * self.increment + 1e-9
         if same is None and back is None:

@@ -62,7 +62,8 @@ def check_file(path: str | Path) -> Contract:
     path, kind = Path(path), kind_of(path)
     if kind == "grid":
         return check_grid(path)
-    rules, defined = CONTRACTS[kind], _defined(path)
+    rules = CONTRACTS[kind]
+    defined = _defined(path)
     missing = [name for name in rules.folder.required if name not in defined]
     if missing:
         return Contract(

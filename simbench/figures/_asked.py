@@ -31,10 +31,12 @@ def write_asked(asked: Asked, path: Path) -> None:
             f" {comparison.truth} (exact McNemar test,"
             f" Holm-corrected p); {comparison.legend}"
         )
-        numbers, text = comparison.pairs, paper.pairs_text(comparison)
+        numbers = comparison.pairs
+        text = paper.pairs_text(comparison)
     elif asked.rates is not None:
         about = paper.caption_along(asked.scores, asked.rates, asked.truth)
-        numbers, text = asked.rates, paper.along_text(asked.rates)
+        numbers = asked.rates
+        text = paper.along_text(asked.rates)
     else:
         numbers = paper.ranking_numbers(asked.scores, asked.truth)
         text = paper.ranking_text(asked.scores, asked.truth)

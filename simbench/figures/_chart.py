@@ -19,12 +19,11 @@ from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, arrow, styl
 if TYPE_CHECKING:
     from simbench.detectors.procedure import Diagnosis
 
-_BOX, _GAP, _LINE, _PAD = (
-    2.9,
-    1.35,
-    0.155,
-    0.12,
-)  # inches: width of a question, room for an answer, a line's height, margin
+# inches
+_BOX = 2.9  # width of a question
+_GAP = 1.35  # room for an answer
+_LINE = 0.155  # height
+_PAD = 0.12  # margin
 
 
 def flow_table() -> pd.DataFrame:
@@ -58,7 +57,8 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
         name: (text.count("\n") + 1) * _LINE + 2 * _PAD
         for name, text in {**texts, **conclusions}.items()
     }
-    top, middle = 0.0, {}
+    top = 0.0
+    middle = {}
     for q in questions:
         stacked = sum(heights[c] + 0.14 for c in ends[q]) - (0.14 if ends[q] else 0.0)
         tall = max(heights[q], stacked)
@@ -88,22 +88,24 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
         named = [a for a in part["answer"] if (source, a) in taken] or list(part["answer"])
         answers = " / ".join(named)
         ink = RED if (source, named[0]) in taken else BLACK
-        y, z = middle[source], middle[target]
+        y = middle[source]
+        z = middle[target]
         if target in conclusions:
-            x, bend = left + _BOX + _GAP, left + _BOX + 0.2
+            x = left + _BOX + _GAP
+            bend = left + _BOX + 0.2
             straight = len(ends[str(source)]) < 2
-            path, at = (
-                (
-                    [(left + _BOX, y), (x, z)]
-                    if straight
-                    else [(left + _BOX, y), (bend, y), (bend, z), (x, z)]
-                ),
-                z,
+            path = (
+                [(left + _BOX, y), (x, z)]
+                if straight
+                else [(left + _BOX, y), (bend, y), (bend, z), (x, z)]
             )
+            at = z
             if target not in ends[source]:
                 # it is drawn next to an earlier question, whose answer is named there: this one
                 # where it leaves
-                at, low, lane = y + 0.35 * heights[source], z - 0.25 * heights[target], x - 0.15
+                at = y + 0.35 * heights[source]
+                low = z - 0.25 * heights[target]
+                lane = x - 0.15
                 path = [(left + _BOX, at), (lane, at), (lane, low), (x, low)]
             _arrow(axes, path, ink)
             axes.text(

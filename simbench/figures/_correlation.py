@@ -33,7 +33,8 @@ def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.D
 
     Horch (1999), Eqs 11.6 to 11.8 of the chapter; summed directly here, by FFT in the detector.
     """
-    u, y = op - op.mean(), pv - pv.mean()
+    u = op - op.mean()
+    y = pv - pv.mean()
     lags = np.arange(-round(reach / Ts), round(reach / Ts) + 1)
     n = u.size
     phi = [float(y[max(k, 0) : n + min(k, 0)] @ u[max(-k, 0) : n - max(k, 0)]) for k in lags]
@@ -46,7 +47,8 @@ def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.D
 
 def marks(table: pd.DataFrame) -> _Marks:
     """Find Horch's points on a drawn cross-correlation."""
-    lag, phi = table["lag (s)"].to_numpy(), table["Phi (-)"].to_numpy()
+    lag = table["lag (s)"].to_numpy()
+    phi = table["Phi (-)"].to_numpy()
     zero = int(np.argmin(np.abs(lag)))
     crossing = []
     for side in (-1, 1):
@@ -58,7 +60,8 @@ def marks(table: pd.DataFrame) -> _Marks:
     top = float(np.sign(phi[zero]) * np.abs(near).max())
     tau_l, tau_r = map(float, crossing)
     now = float(phi[zero])
-    dtau, drho = abs(tau_l - tau_r) / (tau_l + tau_r), abs(now - top) / abs(now + top)
+    dtau = abs(tau_l - tau_r) / (tau_l + tau_r)
+    drho = abs(now - top) / abs(now + top)
     return _Marks(tau_l, tau_r, now, top, dtau, drho)
 
 

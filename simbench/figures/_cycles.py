@@ -25,10 +25,13 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
     exact = exact_cycle(sampled_loop(loop))
     length = 1000 if exact is None else round((2 * periods + 2) * exact.period / Ts)
     record = simulate(loop.with_("sampling.n", length), start=cycle_start(loop)).record
-    op, mv, pv = record.op, record.mv, record.pv - record.sp
+    op = record.op
+    mv = record.mv
+    pv = record.pv - record.sp
     at = zero_crossings(op - op.mean(), 0.25 * float(op.std()))
     up = at[op[np.minimum(at.astype(int) + 1, op.size - 1)] > op.mean()]
-    start, stop = round(up[-periods - 1]), round(up[-1])
+    start = round(up[-periods - 1])
+    stop = round(up[-1])
     return pd.DataFrame(
         {
             "period (s)": (up[-1] - up[-periods - 1]) / periods * Ts,
@@ -52,7 +55,8 @@ def panel_cycles(
     cycles = []
     for panel, dead, band in panels:
         cycle = sustained_cycle(loop(dead, band, loops), periods=3)
-        own, base = loops.last, COLUMNS["T" if ratio == "Td_over_T" else "Ti"]
+        own = loops.last
+        base = COLUMNS["T" if ratio == "Td_over_T" else "Ti"]
         drawn = own[COLUMNS["Td"]] / own[base]
         ratios = (("S_over_2J", own[COLUMNS["S"]] / (2 * own[COLUMNS["J"]])), (ratio, drawn))
         for name, value in ratios:

@@ -36,7 +36,8 @@ def draw_ellipse(
     axes: Axes, data: pd.DataFrame, op_label: str, pv_label: str, title: str = ""
 ) -> None:
     """Draw the points, the ellipse, its limits and the chord along OP through the centre."""
-    points, ring = data[data.curve == "data"], data[data.curve == "ellipse"]
+    points = data[data.curve == "data"]
+    ring = data[data.curve == "ellipse"]
     axes.plot(points["OP"], points["PV"], ".", color=GREY, markersize=2, label="filtered data")
     axes.plot(ring["OP"], ring["PV"], color=RED, linewidth=1.6, label="ellipse")
     for name, caption in (("inner limit", "±10 %"), ("outer limit", None)):

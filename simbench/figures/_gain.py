@@ -55,7 +55,8 @@ def draw_gain(data: pd.DataFrame) -> Figure:
     for Kc, part in data.groupby("Kc", sort=False):
         low, high = axes[0, 0].get_xlim()
         middle = (part["t (s)"].mean() - low) / (high - low)
-        period, amplitude = part["period (s)"].iloc[0], part["amplitude (%)"].iloc[0]
+        period = part["period (s)"].iloc[0]
+        amplitude = part["amplitude (%)"].iloc[0]
         note(
             axes[0, 0],
             f"Kc = {Kc:g}: period {period:.3g} s, OP ±{amplitude:.2g} %",

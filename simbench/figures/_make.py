@@ -163,7 +163,8 @@ def figure(
     >>> figure("11.8", S=4, Td_over_T=0.3).axes[0].get_xlabel()
     'real part (-)'
     """
-    name, known = _id(id), figure_ids()
+    name = _id(id)
+    known = figure_ids()
     if name not in known:
         raise UnknownName("figure", name, known)
     given = {"isdb": isdb}
@@ -299,7 +300,8 @@ def _drawn(
     from simbench.catalogue import FIGURES
     from simbench.figures._style import GREY
 
-    module, loops = FIGURES.load(name.replace("-", "_")), Loops(numbers)
+    module = FIGURES.load(name.replace("-", "_"))
+    loops = Loops(numbers)
     wanted: dict[str, Any] = {need: given[need] for need in _wants(name)}
     if "loops" in inspect.signature(module.data).parameters:
         wanted["loops"] = loops

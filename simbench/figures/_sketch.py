@@ -91,7 +91,8 @@ def _path(shape: str, points: Sequence[_Point], text: str, at: _Point | None) ->
     name = f"{shape} {points[0]} {points[-1]}"
     rows = [[shape, name, x, y, ""] for x, y in points]
     if text:
-        (x0, y0), (x1, y1) = points[0], points[1]
+        x0, y0 = points[0]
+        x1, y1 = points[1]
         x, y = at or ((x0 + x1) / 2, (y0 + y1) / 2 + 0.18)
         rows += words(x, y, text)
     return rows

@@ -18,9 +18,14 @@ from simbench.detectors.verdict import VERDICTS
 from simbench.files import picture_kind, whole_file
 
 # Okabe and Ito (2008), safe for colour-blind readers
-BLACK, ORANGE, SKY, GREEN, _YELLOW, BLUE, RED, PINK = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+_YELLOW = "#F0E442"
+BLUE = "#0072B2"
+RED = "#D55E00"
+PINK = "#CC79A7"
 GREY = "#6E6E6E"
 _SERIES = (BLUE, RED, GREEN, ORANGE, SKY, PINK, BLACK, GREY)
 _DASHES = ("-", "--", ":")  # of the first eight series, the second, the third
@@ -142,7 +147,8 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
 
 def room(axes: Axes, values: pd.Series, below: float, above: float) -> None:
     """Let a panel reach further than the values drawn, by shares of their range."""
-    low, high = values.min(), values.max()
+    low = values.min()
+    high = values.max()
     axes.set_ylim(low - below * (high - low), high + above * (high - low))
 
 

@@ -45,7 +45,9 @@ def draw(data: pd.DataFrame) -> Figure:
         axes["a"].text(0.98, y, text, ha="right", va="bottom")
     axes["a"].set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[])
     label(axes["a"], "time", "value", "(a) primitives")
-    t, x, z = data["t (s)"], data["x (%)"], data["normalised difference (-)"]
+    t = data["t (s)"]
+    x = data["x (%)"]
+    z = data["normalised difference (-)"]
     for symbol, colour in COLOUR.items():
         chosen = data.symbol == symbol
         axes["b"].plot(t[chosen], x[chosen], ".", color=colour, markersize=3.5, label=symbol)

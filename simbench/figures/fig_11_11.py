@@ -59,11 +59,16 @@ def walk(
 
     Rests keep the standard deviation of the differences below their size while something moves.
     """
-    t, at, x, y = 0, [], [], []  # corner times, OP, MV
+    t = 0
+    at = []  # times of the corners
+    x = []  # OP
+    y = []  # MV
     for k in range(10 * op.size + 1):
         for pause in (0, rest if k % 2 == 0 else 0):
             t += pause
-            at, x, y = [*at, t], [*x, op[k % op.size]], [*y, mv[k % op.size]]
+            at = [*at, t]
+            x = [*x, op[k % op.size]]
+            y = [*y, mv[k % op.size]]
         t += steps
     keep = np.concatenate([[True], np.diff(at) > 0])
     sample = np.arange(at[-1] + 1)
@@ -79,12 +84,14 @@ def draw(data: pd.DataFrame) -> Figure:
     for place, panel, part in parts(axes, data, "panel"):
         corners = part[["OP", "MV"]].to_numpy()
         for i, symbol in enumerate(part["symbol"]):
-            start, end = corners[i], corners[(i + 1) % len(corners)]
+            start = corners[i]
+            end = corners[(i + 1) % len(corners)]
             colour = RED if symbol in ("IS", "DS") else BLUE
             arrow(place, start, end, "->", color=colour, linewidth=2)
             text_near(place, symbol, (start + end) / 2, ASIDE[symbol])
         place.set(xlim=(-1.2, 6.4), ylim=(0.2, 4.6), xticks=[], yticks=[])
         label(place, "OP", "MV", str(panel))
-        rho1, rho3 = part["rho1 (-)"].iloc[0], part["rho3 (-)"].iloc[0]
+        rho1 = part["rho1 (-)"].iloc[0]
+        rho3 = part["rho3 (-)"].iloc[0]
         note(place, f"ρ1 = {rho1:.2f}, ρ3 = {rho3:.2f}")
     return figure

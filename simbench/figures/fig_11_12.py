@@ -43,7 +43,8 @@ def draw(data: pd.DataFrame) -> Figure:
         data["OP (%)"], data["PV"], color=BLUE, linewidth=0.4, marker=".", markersize=1.5
     )
     label(axes["xy"], "OP (%)", "PV (record's units)", "PV-OP plot")
-    rho1, rho3 = data["rho1 (-)"].iloc[0], data["rho3 (-)"].iloc[0]
+    rho1 = data["rho1 (-)"].iloc[0]
+    rho3 = data["rho3 (-)"].iloc[0]
     note(
         axes["xy"], f"ρ1 = {rho1:.2f}, ρ3 = {rho3:.2f}\n(printed: 0.48, 0.41)", 0.97, 0.98, "right"
     )

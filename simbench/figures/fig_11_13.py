@@ -26,14 +26,17 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV - SP (PV units), lag
     (s), Phi (-), dtau (-), drho (-), and the numbers of the loop.
     """
-    rows, loops = [], loops or Loops()
+    rows = []
+    loops = loops or Loops()
     driven = loops.pi(numbers=HEALTHY, n=4000, disturbance=sine(3.0, PERIOD))
-    record, numbers = simulate(driven).record.window(2000, 4000), [loops.last]
+    record = simulate(driven).record.window(2000, 4000)
+    numbers = [loops.last]
     healthy = pd.DataFrame(
         {"t (s)": record.t, "OP (%)": record.op, "PV - SP": record.pv - record.sp}
     )
     sticky = sustained_cycle(loops.pi(numbers=STICKY, n=4000), periods=12)
-    sticky, numbers = sticky[["t (s)", "OP (%)", "PV - SP"]], [*numbers, loops.last]
+    sticky = sticky[["t (s)", "OP (%)", "PV - SP"]]
+    numbers = [*numbers, loops.last]
     panels_of = (("no stiction", healthy), ("stiction", sticky))
     for (panel, trend), own in zip(panels_of, numbers, strict=True):
         phi = correlation(trend["OP (%)"].to_numpy(), trend["PV - SP"].to_numpy(), record.Ts, 120.0)

@@ -12,7 +12,8 @@ from simbench.figures._style import note, panel, span, styled
 SOURCE = (
     "Jelali (2013), Fig. 11.14 and Eqs 11.6 to 11.8 (absolute bars restored), after Horch (1999)"
 )
-PERIOD, SHIFT = 60.0, 0.75  # s; distance (rad) of the phase from an even function
+PERIOD = 60.0  # s
+SHIFT = 0.75  # distance of the phase from an even function (rad)
 
 
 def data() -> pd.DataFrame:

@@ -32,7 +32,8 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
 
     Columns: w_Ti, verdict, lag (s), Phi (-), dtau (-), drho (-), and the numbers of the loop.
     """
-    rows, loops = [], loops or Loops()
+    rows = []
+    loops = loops or Loops()
     for w_Ti, (_, Kc) in CASES.items():
         record = simulate(loop(w_Ti, Kc, loops)).record.window(6000, 12000)
         verdict = judge(record, ["horch"])[0].verdict

@@ -64,7 +64,8 @@ def draw(data: pd.DataFrame) -> Figure:
     place.set_aspect("equal")
     place.set_ylim(-2.4, 2.2)
     place.legend(loc="upper right", ncols=3, markerscale=3)
-    S, fitness = float(data["S_apparent"].iloc[0]), float(data["fitness (-)"].iloc[0])
+    S = float(data["S_apparent"].iloc[0])
+    fitness = float(data["fitness (-)"].iloc[0])
     own = float(data["S (%)"].iloc[0])
     remark = f"apparent stiction (arrow) {S:.2f} %, the valve's S is {own:g} %\n"
     remark += f"α = {np.degrees(alpha):.0f}°, {fitness:.0%} of the points within ±10 %"

@@ -35,7 +35,8 @@ def draw(data: pd.DataFrame) -> Figure:
         place, data, "$OP_f$ - drift (record's units)", "$PV_f$ - drift (record's units)", "POW2"
     )
     place.legend(loc="upper right", markerscale=3)
-    fitness, S = float(data["fitness (-)"].iloc[0]), float(data["S_apparent"].iloc[0])
+    fitness = float(data["fitness (-)"].iloc[0])
+    S = float(data["S_apparent"].iloc[0])
     note(
         place,
         f"{fitness:.1%} within ±10 % (printed: 93.5 %)\napparent stiction {S:.2g}",

@@ -9,4 +9,5 @@ valve can be seen.
 from simbench.figures._chart import draw_flow, flow_table
 
 SOURCE = "Jelali (2013), Fig. 11.27 and Sect. 11.9; detectors/procedure.py"
-data, draw = flow_table, draw_flow
+data = flow_table
+draw = draw_flow

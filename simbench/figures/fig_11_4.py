@@ -11,7 +11,10 @@ from simbench.figures._style import BLUE, GREY, ORANGE, label, note, panels, par
 from simbench.loop.response import valve_response
 
 SOURCE = "Jelali (2013), Fig. 11.4, redrawn there from ISA-S51.1 (1979)"
-S, H, D = 20.0, 15.0, 30.0  # dead-band, hysteresis, dead-zone (% of travel)
+# % of travel
+S = 20.0  # dead-band
+H = 15.0  # hysteresis
+D = 30.0  # dead-zone
 PANELS = {
     "(a) hysteresis": ("hysteresis", {"S": 0.0, "H": H}),
     "(b) dead-band": ("deadband", {"S": S}),

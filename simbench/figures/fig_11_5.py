@@ -14,7 +14,8 @@ from simbench.figures._style import BLUE, GREY, ORANGE, RED, label, panel, span,
 from simbench.loop.response import valve_response
 
 SOURCE = "Jelali (2013), Fig. 11.5, after Choudhury et al. (2005) and Rossi & Scali (2005)"
-S, J = 30.0, 10.0
+S = 30.0
+J = 10.0
 PHASES = {"sticking": RED, "jump": ORANGE, "motion": BLUE}
 
 
@@ -26,10 +27,8 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     loops = loops or Loops()
     valve = loops.numbers(S=S, J=J)
     jump = valve["J"] or 0.0
-    t, corners = (
-        [0, 40, 60, 115, 120, 145, 155, 235, 240, 295],
-        [50, 10, 10, 65, 65, 90, 90, 10, 10, 65],
-    )
+    t = [0, 40, 60, 115, 120, 145, 155, 235, 240, 295]
+    corners = [50, 10, 10, 65, 65, 90, 90, 10, 10, 65]
     op = np.interp(np.arange(0.0, 295.25, 0.25), t, corners)
     mv = valve_response("choudhury", op, dict(valve))
     moved = np.diff(mv, prepend=mv[0])
@@ -46,7 +45,8 @@ def draw(data: pd.DataFrame) -> Figure:
     place.plot(
         [0, 100], [0, 100], color=GREY, linestyle="-.", linewidth=0.9, label="without stiction"
     )
-    op, mv = data["OP (%)"].to_numpy(), data["MV (%)"].to_numpy()
+    op = data["OP (%)"].to_numpy()
+    mv = data["MV (%)"].to_numpy()
     start = np.flatnonzero(data.phase.to_numpy()[1:] != data.phase.to_numpy()[:-1]) + 1
     shown = set()
     for a, b in zip(np.append(1, start), np.append(start, len(data))):

@@ -25,7 +25,8 @@ def data() -> pd.DataFrame:
     the law jumps.
     """
     p = valve_parameters(VALVES.load("stribeck"), {}, 1.0)
-    wide, narrow = np.linspace(0.0, 600.0, 61), np.linspace(0.0, 1.5, 151)
+    wide = np.linspace(0.0, 600.0, 61)
+    narrow = np.linspace(0.0, 1.5, 151)
     laws = {
         "(a) Coulomb": (wide, p.Fc + 0.0 * wide, p.Fc),
         "(b) Coulomb + viscous": (wide, p.Fc + p.Fv * wide / 1000, p.Fc),
@@ -51,7 +52,8 @@ def draw(data: pd.DataFrame) -> Figure:
     """Draw force over velocity, at rest in another colour."""
     figure, axes = panels(2, 2, 6.4, 5.4)
     for place, panel, part in parts(axes, data, "panel"):
-        v, force = part["velocity (mm/s)"].to_numpy(), part["friction (N)"].to_numpy()
+        v = part["velocity (mm/s)"].to_numpy()
+        force = part["friction (N)"].to_numpy()
         place.axhline(0, color=GREY, linewidth=0.6)
         moving = v.size // 2 - 1
         place.plot(v[:moving], force[:moving], color=BLUE, linewidth=1.8, label="moving")

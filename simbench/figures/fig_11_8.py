@@ -19,8 +19,10 @@ from simbench.theory.sampled import sampled_loop
 SOURCE = (
     "Jelali (2013), Fig. 11.8 and Eqs 11.1 and 11.2 (signs restored), after Choudhury et al. (2005)"
 )
-S, Ts = 5.0, 0.1
-JUMPS, COLOURS = (5.0, 2.0, 0.0), (RED, ORANGE, BLUE)
+S = 5.0
+Ts = 0.1
+JUMPS = (5.0, 2.0, 0.0)
+COLOURS = (RED, ORANGE, BLUE)
 PLANTS = {
     "(a) self-regulating": {"K": 1.0, "T": 10.0, "Td": 2.0, "Kc": 1.0, "Ti": 10.0},
     "(b) integrating": {"K": 0.1, "Td": 1.0, "Kc": 1.5, "Ti": 30.0},
@@ -38,7 +40,8 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     Columns: panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%),
     period (s), and the numbers of the loop.
     """
-    rows, loops = [], loops or Loops()
+    rows = []
+    loops = loops or Loops()
     for panel in PLANTS:
         sampled = sampled_loop(loop(panel, 1.0, loops))
         own = {k: v for k, v in loops.last.items() if k != COLUMNS["J"]}

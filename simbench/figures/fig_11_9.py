@@ -14,7 +14,10 @@ from simbench.figures._style import styled
 from simbench.scenarios.spec import Loop
 
 SOURCE = "Jelali (2013), Fig. 11.9a and b (Ts = 2; S = 5), after Rossi & Scali (2005)"
-Ts, S, Td, K = 2.0, 5.0, 20.0, 1.0
+Ts = 2.0
+S = 5.0
+Td = 20.0
+K = 1.0
 PANELS = [
     ("a", 5.0, 1.25),
     ("a", 0.5, 1.25),

@@ -17,7 +17,10 @@ SOURCE = (
     "Jelali (2013), Sect. 11.3.4: 'similar analysis can be carried out for integrating processes';"
     " not drawn there"
 )
-Ts, S, Td, K = 2.0, 5.0, 20.0, 0.01
+Ts = 2.0
+S = 5.0
+Td = 20.0
+K = 0.01
 PANELS = [
     ("a", 0.2, 1.25),
     ("a", 0.1, 1.25),

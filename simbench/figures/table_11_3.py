@@ -21,17 +21,15 @@ from simbench.theory.table_check import check_table_11_3
 from simbench.theory.tables import DEAD_BAND, STICK_SLIP, TABLE_11_3
 
 SOURCE = "Jelali (2013), Table 11.3, after Choudhury et al. (2008)"
-S, T, Ts = 5.0, 10.0, 0.5
-DELAYS, SHARES, INTEGRALS, JUMPS = (
-    (2.0, 5.0, 20.0),
-    (0.2, 0.5, 0.8),
-    (0.5, 1.0, 2.0),
-    (0.2, 0.5, 1.0, 1.5),
-)
-LOADS, STEPS = (
-    (4.0, 2.0, 7.5, 5.5),
-    (8.0, 3.0),
-)  # load steps (%), and set-point steps that move OP by about so many %
+S = 5.0
+T = 10.0
+Ts = 0.5
+DELAYS = (2.0, 5.0, 20.0)
+SHARES = (0.2, 0.5, 0.8)
+INTEGRALS = (0.5, 1.0, 2.0)
+JUMPS = (0.2, 0.5, 1.0, 1.5)
+LOADS = (4.0, 2.0, 7.5, 5.5)  # steps (%)
+STEPS = (8.0, 3.0)  # of the set point, which move OP by about so many %
 
 
 def ultimate_gain(K: float, T: float | None, Td: float, Ti: float | None) -> float:
@@ -84,7 +82,8 @@ def cycles(loop: Loop) -> bool:
     ]
     for start in begun:
         mv = simulate(start).record.mv
-        early, late = np.ptp(mv[n // 2 : 3 * n // 4]), np.ptp(mv[3 * n // 4 :])
+        early = np.ptp(mv[n // 2 : 3 * n // 4])
+        late = np.ptp(mv[3 * n // 4 :])
         moves = np.diff(mv[3 * n // 4 :])
         turns = np.count_nonzero(np.diff(np.sign(moves[moves != 0])))
         if late > least and late > 0.8 * early and turns >= 2:

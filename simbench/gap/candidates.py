@@ -126,7 +126,8 @@ def find_look_alikes(
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here,
     itself included.
     """
-    plant, r = first_order_like(s.baseline.plant).model_dump(), s.record
+    plant = first_order_like(s.baseline.plant).model_dump()
+    r = s.record
     here = circumstances(plant, s.baseline.noise.std, r.sp, s.op, np.asarray(r.pv), r.mv, effect, p)
     return tuple(
         sorted(

@@ -152,7 +152,8 @@ def diagnose_all(
     if baseline is None:
         # what is identified from wild samples or a stopped archive is no loop; beside a loop file,
         # outliers and a frozen sensor are effects that are named
-        given, records = records, [repair_record(one) for one in records]
+        given = records
+        records = [repair_record(one) for one in records]
         said = [n for old, new in zip(given, records) for n in new.notes if n not in old.notes]
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
@@ -265,7 +266,8 @@ def assess_with_tests(
     """Assess a record with those of its tests that nothing contradicts; the others are noted and
     not counted.
     """
-    kept, notes = [], []
+    kept = []
+    notes = []
     contrary = "test: {} contradicts the record and is not counted: {}"
     for test in tests:
         one = model_test(test, situation)
@@ -324,7 +326,8 @@ def _assess_all(
     ]
     with safe_path():
         pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
-    every, loops = [assessment for assessment, _ in pairs], pairs[0][1]
+    every = [assessment for assessment, _ in pairs]
+    loops = pairs[0][1]
     main, *others = every
     weighed = [one for _, one in pairs if isinstance(one, CandidateLoops)]
     if weighed:
@@ -353,7 +356,8 @@ def weigh_evidence(found: Assessment) -> Posterior:
 
 def name_effects(weights: Posterior, assessment: Assessment) -> list[str]:
     """Return the answer: the most probable, and the other effect that was chosen with it."""
-    first, chosen = weights.first, assessment.chosen
+    first = weights.first
+    chosen = assessment.chosen
     return [first, *(e for e in chosen if first in chosen and e != first)]
 
 

@@ -92,10 +92,14 @@ class _Controller:
     """
 
     def __init__(self, s: Situation, late: int) -> None:
-        pv, stated = np.asarray(s.record.pv), stated_controller(s.baseline, s.record.Ts)
-        self.Ts, self.moves = s.record.Ts, np.diff(s.sp)
-        self.op, self.e = np.asarray(s.op), s.sp - (np.append(pv[0], pv[:-1]) if late else pv)
-        self.Kc, self.Ki = stated.Kc, stated.Ki
+        pv = np.asarray(s.record.pv)
+        stated = stated_controller(s.baseline, s.record.Ts)
+        self.Ts = s.record.Ts
+        self.moves = np.diff(s.sp)
+        self.op = np.asarray(s.op)
+        self.e = s.sp - (np.append(pv[0], pv[:-1]) if late else pv)
+        self.Kc = stated.Kc
+        self.Ki = stated.Ki
         # digits of OP and PV as far as they reach OP, or what an archive by exception hides
         digits = written_unit(s.op), abs(self.Kc) * written_unit(pv), s.law.hidden
         self.unit = max(*digits, 1e-6 * float(np.std(s.op)), 1e-9) / 3.0
@@ -103,7 +107,8 @@ class _Controller:
 
     def left(self, numbers: _Numbers, newest: float) -> np.ndarray:
         """Return what a law leaves of OP (n - 1,), each sample from the recorded one before."""
-        e, change = self.e, np.diff(self.e)
+        e = self.e
+        change = np.diff(self.e)
         du = self.Kc * change + self.Ki * (newest * e[1:] + (1.0 - newest) * e[:-1])
         if Td := numbers.get("Td", 0.0):
             follow = 1.0 / (1.0 + numbers["filter"] / self.Ts)
@@ -155,7 +160,8 @@ class _Controller:
         it should move.
         """
         du = np.diff(self.op)
-        still, asked = np.append(False, du == 0.0), np.append(0.0, np.abs(du - plain))
+        still = np.append(False, du == 0.0)
+        asked = np.append(0.0, np.abs(du - plain))
         runs = [slice(a, b) for a, b in runs_of(still) if asked[a:b].max() > 5.0 * self.unit]
         idle = np.zeros(still.size, dtype=bool)
         for run in runs:

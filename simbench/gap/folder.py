@@ -108,7 +108,8 @@ class FolderDiagnosis:
         """
         rows = []
         for name, a in self.answers.items():
-            gap, valve = a["gap"], a["conclusion"]["verdict"]
+            gap = a["gap"]
+            valve = a["conclusion"]["verdict"]
             sizes = (f"{gap[key]:.2f}" for key in ("before", "after", "floor", "plant_floor"))
             p = f"{a['effects'][0]['probability']:.2f}"
             near = "yes" if gap["near"] else "no"

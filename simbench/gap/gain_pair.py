@@ -62,7 +62,8 @@ def gain_change_recorded(
     signals = [r.op if r.op_percent is None else r.op_percent for r in records]
     phases = [measure(op, r.Ts, float(Kc)) for op, r, Kc in zip(signals, records, gains)]
     verdict, reason = _compared(records, phases, ratio)
-    op, pv = np.concatenate(signals), np.concatenate([before.pv, after.pv])
+    op = np.concatenate(signals)
+    pv = np.concatenate([before.pv, after.pv])
     trace = Trace(op, pv, np.full(op.size, np.nan))
     shift = shift_of(*phases)
     return GainChange(verdict, reason, *phases, shift, 0.0, before.Ts, before.n, trace)
@@ -88,7 +89,8 @@ def _compared(
         for one, phase, f in zip(loops, phases, factors)
         for stuck, kick in with_friction(one.alone, phase.amplitude / one.percent)
     ]
-    lengths, Ts = (records[0].n, records[1].n), records[0].Ts
+    lengths = (records[0].n, records[1].n)
+    Ts = records[0].Ts
     expectations = [expect_change(some, lengths, Ts) for some in (sound, sticky)]
     odds = odds_of_friction(*phases, *expectations, outside=True)
     shown = pool_log_odds([one.log_odds for one in loops])

@@ -91,7 +91,8 @@ class Situation(Seen):
         """What single samples or the controller's law show without doubt, in words, by the effect
         that shows so.
         """
-        archive, law = self.archive, self.law
+        archive = self.archive
+        law = self.law
         seen = {
             "quantisation": (archive.rounding is not None, "PV lies on a lattice"),
             "compression": (archive.band > 0.0, "PV runs on straight lines"),
@@ -182,7 +183,8 @@ def through_valve(
 
 def load_memory(situation: Situation) -> float:
     """Return the longest correlation time (samples) of a load that is still taken for ordinary."""
-    d, control = situation.data, situation.baseline.controller
+    d = situation.data
+    control = situation.baseline.controller
     pace = d.T + d.Td
     if situation.integrating:
         # an integrating plant has no time constant; its loop has

@@ -20,7 +20,9 @@ class AnswerThreshold(float):
     def __new__(cls, value: float, unit: str, says: str, source: str) -> AnswerThreshold:
         """Return the number with its account."""
         one = super().__new__(cls, value)
-        one.unit, one.says, one.source = unit, says, source
+        one.unit = unit
+        one.says = says
+        one.source = source
         return one
 
     def __reduce__(self) -> tuple[type, tuple[float]]:

@@ -91,7 +91,8 @@ def pid_step(e, sp, state, p):
     """
     r = sp - p.pv0
     g = scheduled(sp - e if p.on == 0.0 else state[0] if p.on == 1.0 else sp, p.at, p.factor)
-    now, f = g * p.Kc * (e - (1.0 - p.b) * r), e - (1.0 - p.c) * r
+    now = g * p.Kc * (e - (1.0 - p.b) * r)
+    f = e - (1.0 - p.c) * r
     d = p.fade * state[3] + g * p.Kc * p.kd * (f - state[4])
     ahead = g * p.Ki * e
     if p.velocity > 0.0:
@@ -137,7 +138,8 @@ def pid_numbers(c, Kc, Ti, Ts, pv0, lo, hi):
         back = min(Ts / (c.Tt or (np.sqrt(Ti * Td) if Td > 0.0 else Ti)), 1.0)
     points = np.array(c.schedule or [[0.0, 1.0]], dtype=float).T.copy()
     b, weight = (default if value is None else value for value, default in ((c.b, 1.0), (c.c, 0.0)))
-    velocity, on = float(c.form == "velocity"), float(SCHEDULED_ON.index(c.schedule_on or "pv"))
+    velocity = float(c.form == "velocity")
+    on = float(SCHEDULED_ON.index(c.schedule_on or "pv"))
     numbers = (
         Kc,
         Kc * Ts / Ti,

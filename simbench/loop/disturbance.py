@@ -142,7 +142,8 @@ def _other_loop(
     )
     # it starts on its cycle, which from rest it might never reach: the valve has just stopped at
     # +j, OP at its maximum
-    top, pv = 50.0 + S / 2 + 0.1 * j, 50.0 - j * math.tanh(k * period / 4)
+    top = 50.0 + S / 2 + 0.1 * j
+    pv = 50.0 - j * math.tanh(k * period / 4)
     begin = Start(op=top, error=50.0 - pv, pv=pv, valve=(50.0 + j, 1.0, 1.0, top), mv=(50.0 + j,))
     setup = plain_setup(other, seed)
     setup.draw_noise()

@@ -46,7 +46,9 @@ SHAPES = {
 VALVE = "valve"
 _FUNDAMENTAL = (0.6, 1.6)  # band about the cycle's frequency
 _HARMONICS = {2: 0.15, 3: 0.3, 5: 0.12}  # largest share of the fundamental that is drawn
-_LAG, _SIZE = (0.1, 0.3), (0.3, 1.0)  # of the other valve: in periods, over this valve's motion
+# of the other valve
+_LAG = (0.1, 0.3)  # periods
+_SIZE = (0.3, 1.0)  # over this valve's motion
 _SHORTEST = 4.0  # samples per period; a shorter cycle has no shape
 _SETTLING = 3  # the first of so many parts of a run is left out, where its period is measured
 _PADDED = 3.0  # periods by which the error is continued at both ends, mirrored
@@ -95,7 +97,8 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
             f"disturbance {NAME!r}: the loop with valve {echo.parameters[VALVE]!r} does not cycle;"
             f" three periods of at least {_SHORTEST:g} samples are needed"
         )
-    rng, kind = np.random.default_rng(stream), ECHOES[int(p.kind)]
+    rng = np.random.default_rng(stream)
+    kind = ECHOES[int(p.kind)]
     load = _below(error, p.cut / period, period)
     if kind == "harmonics":
         load += _harmonics(error, period, rng)
@@ -116,7 +119,8 @@ def _harmonics(error: np.ndarray, period: float, rng: np.random.Generator) -> np
     phase = np.unwrap(elementwise(math.atan2, analytic.imag, analytic.real))
     total = np.zeros(error.size)
     for times, most in _HARMONICS.items():
-        share, turned = rng.uniform(0.0, most), rng.uniform(0.0, 2.0 * math.pi)
+        share = rng.uniform(0.0, most)
+        turned = rng.uniform(0.0, 2.0 * math.pi)
         if times / period < 0.5:  # above, it would be another frequency once sampled
             total += share * size * elementwise(math.cos, times * phase + turned)
     return total

@@ -40,7 +40,8 @@ def closed_loop(sp, load_in, load_out, noise, moves, op0, w, x, c, v, s, numbers
     """
     plant, controller, gap, sensor, valve = named(numbers)
     lag = w.shape[0] - sp.shape[0]
-    w_now, w_new = w[lag:], w[1:]
+    w_now = w[lag:]
+    w_new = w[1:]
     for k in range(sp.shape[0]):
         s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
         c = controller_step(error_step(sp[k] - s[0], gap), sp[k], c, controller)
@@ -90,7 +91,9 @@ def cascade(
     """
     plant, controller, gap, sensor, outer_plant, outer, valve = named(numbers)
     past = w.shape[0] - sp.shape[0]
-    w_now, w_in, w_out = w[past:], w[past - lags[0] :], w[past - lags[1] :]
+    w_now = w[past:]
+    w_in = w[past - lags[0] :]
+    w_out = w[past - lags[1] :]
     for k in range(sp.shape[0]):
         y = outer_plant_output(X, outer_plant) + outer_noise[k]
         C = outer_step(sp[k] - y, sp[k], C, outer)
@@ -104,7 +107,11 @@ def cascade(
         w_now[k] = v[-1][0] - op0 + load_in[k]
         x = plant_step(w_in[k], w_in[k + 1], x, plant)
         X = outer_plant_step(w_out[k], w_out[k + 1], X, outer_plant)
-        outer_op[k], outer_pv[k], op[k], pv[k], mv[k] = C[0], y, u, s[0], v[-1][0]
+        outer_op[k] = C[0]
+        outer_pv[k] = y
+        op[k] = u
+        pv[k] = s[0]
+        mv[k] = v[-1][0]
 
 
 def valve_chain(stages):

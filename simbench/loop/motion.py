@@ -48,7 +48,8 @@ class Motion:
     def lasting(self) -> float:
         """Median swing in the last third over that in the first; 0 when the last third is still."""
         middle = 0.5 * (self.at[1:] + self.at[:-1])
-        first, last = self.swings[middle < self.n / 3], self.swings[middle >= 2 * self.n / 3]
+        first = self.swings[middle < self.n / 3]
+        last = self.swings[middle >= 2 * self.n / 3]
         if last.size == 0:
             return 0.0
         return median(last) / median(first) if first.size else float("inf")
@@ -69,22 +70,32 @@ def motion(mv: np.ndarray, least: float) -> Motion:
     # the only candidates: last samples of a stay between a move up and a move down
     up = v[moves + 1] > v[moves]
     turn = np.flatnonzero(up[1:] != up[:-1]) + 1
-    at, value = moves[turn].tolist(), v[moves[turn]].tolist()
+    at = moves[turn].tolist()
+    value = v[moves[turn]].tolist()
     at.append(v.size - 1)
     value.append(float(v[-1]))
-    best, high, low = 0, float(v[0]), float(v[0])
-    direction, found = 0, []
+    best = 0
+    high = float(v[0])
+    low = float(v[0])
+    direction = 0
+    found = []
     for i, x in zip(at, value):
         if direction == 0:
-            high, low = max(high, x), min(low, x)
+            high = max(high, x)
+            low = min(low, x)
             if x - low > least or high - x > least:
                 direction = 1 if x - low > least else -1
-                best, high, low = i, x, x
+                best = i
+                high = x
+                low = x
         elif (x - high) * direction >= 0:
-            best, high = i, x
+            best = i
+            high = x
         elif (high - x) * direction > least:
             found.append((best, high))
-            direction, best, high = -direction, i, x
+            direction = -direction
+            best = i
+            high = x
     places = np.array([i for i, _ in found], dtype=int)
     return Motion(places, v[places], v.size)
 

@@ -107,7 +107,8 @@ def first_order_like(plant: Plant) -> Plant:
     (n1, n2), (d1, d2) = (
         np.append([0.0, 0.0], side)[-2:-4:-1] / side[-1] for side in (plant.num, den)
     )
-    delay, spread = d1 - n1, d1**2 - 2.0 * d2 - (n1**2 - 2.0 * n2)
+    delay = d1 - n1
+    spread = d1**2 - 2.0 * d2 - (n1**2 - 2.0 * n2)
     T = 0.0 if plant.integrating else float(np.sqrt(max(spread, (0.1 * d1) ** 2)))
     table = {"type": "integrating"} if plant.integrating else {"type": "foptd", "T": T}
     return Plant.model_validate({**table, "K": plant.K, "Td": max(plant.Td + delay - T, 0.0)})
@@ -117,12 +118,14 @@ def _like_of_samples(plant: Plant) -> Plant:
     """Return `first_order_like` of a plant in powers of z: mean and variance of its impulse
     response, less those of the hold.
     """
-    num, den = np.array(plant.num), np.array(plant.den)
+    num = np.array(plant.num)
+    den = np.array(plant.den)
     if plant.integrating:
         den = np.cumsum(den)[:-1]  # without the pole at z = 1
     # of lags in samples: num holds lag 1 and later, den lag 0 and later
     (delay, spread), (after, less) = (_moments(side, first) for side, first in ((num, 1), (den, 0)))
-    late, dt = delay - after, float(plant.dt or 1.0)
+    late = delay - after
+    dt = float(plant.dt or 1.0)
     if plant.integrating:
         # the input of a sample shows whole in the next one
         Td = max(plant.Td + (late - 1.0) * dt, 0.0)
@@ -134,7 +137,8 @@ def _like_of_samples(plant: Plant) -> Plant:
 
 def _moments(side: np.ndarray, first: int) -> tuple[float, float]:
     """Return mean and variance of the lags of a polynomial's numbers, the first one's given."""
-    lags, whole = first + np.arange(side.size), float(side.sum()) or 1e-300
+    lags = first + np.arange(side.size)
+    whole = float(side.sum()) or 1e-300
     mean = float((lags * side).sum()) / whole
     return mean, float((lags**2 * side).sum()) / whole - mean**2
 
@@ -146,10 +150,11 @@ def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]
     like = first_order_like(plant)
     if like is plant:
         return None
-    (whole, alone) = (sample(*polynomials(p), 0.0, Ts) for p in (plant, like))
+    whole, alone = (sample(*polynomials(p), 0.0, Ts) for p in (plant, like))
     a = np.poly(whole.A)
     b = np.poly(whole.A - np.outer(whole.B_new, whole.C)) - a
-    pole, push = alone.A[0, 0], dot(alone.C, alone.B_new)
+    pole = alone.A[0, 0]
+    push = dot(alone.C, alone.B_new)
     return np.polymul(b[1:], [1.0, -pole]) / push, a
 
 
@@ -184,7 +189,8 @@ def _sampled(num: tuple[float, ...], den: tuple[float, ...], Td: float, Ts: floa
     A, B, C = _state_space(np.array(num), np.array(den))
     delay, old = _split(Td, Ts)
     if len(A) == 1:
-        a, b = float(A[0, 0]), float(B[0])
+        a = float(A[0, 0])
+        b = float(B[0])
         B_old = math.exp(a * (Ts - old)) * _answer(a, b, old)
         B_new = _answer(a, b, Ts - old)
         whole = np.array([[math.exp(a * Ts)]])
@@ -226,7 +232,8 @@ def _state_space(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
     order = len(A)
     joint = np.zeros((order + 1, order + 1))
-    joint[:order, :order], joint[:order, order] = A, B
+    joint[:order, :order] = A
+    joint[:order, order] = B
     out = matrix_exponential(joint * h)
     return out[:order, :order], out[:order, order]
 

@@ -42,7 +42,8 @@ def drawn(
     """Yield where the residuals act and the signals, shape (total,), that their pieces make; of
     "op" the moves of OP, sample by sample.
     """
-    where, given = f"disturbance {RESAMPLED!r}", dict(part.parameters)
+    where = f"disturbance {RESAMPLED!r}"
+    given = dict(part.parameters)
     law = given.pop("filter", None)
     columns = {name: _column(given.pop(name), name, where) for name in RESIDUALS if name in given}
     p = resolve(NUMBERS, given, where)

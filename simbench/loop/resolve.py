@@ -20,7 +20,8 @@ from simbench.scenarios.spec import Loop, Part
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone; the
 # noise has stream 0.
-_DISTURBANCE, _EFFECT = 100, 200
+_DISTURBANCE = 100
+_EFFECT = 200
 _MOST = 64  # loops that are kept resolved: those of a group of scenarios, and their healthy twins
 
 

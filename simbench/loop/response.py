@@ -76,7 +76,8 @@ def valve_response(
 def stages_response(stages: tuple, op: np.ndarray, rest: float) -> np.ndarray:
     """Return what comes out of a chain of resolved valve stages under an OP series."""
     for module, p in stages:
-        state, out = tuple(float(s) for s in module.start(rest, p)), np.empty(op.size)
+        state = tuple(float(s) for s in module.start(rest, p))
+        out = np.empty(op.size)
         _compiled_trace(module.step)(op, state, p, out)
         op = out
     return op
@@ -109,7 +110,8 @@ def valve_file(
         Ts = float(np.median(step))
         uneven = np.flatnonzero(np.abs(step - Ts) > JITTER * Ts)
         if uneven.size:
-            at, dt = uneven[0] + 3, step[uneven[0]]
+            at = uneven[0] + 3
+            dt = step[uneven[0]]
             raise RecordError(
                 f"{source}, line {at}: a time step of {dt:g} s among steps of {Ts:g} s; even steps"
                 " are needed"

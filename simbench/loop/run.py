@@ -169,7 +169,9 @@ def signals_of(
             if parts.steps["sensor_step"] is sensor.full_step
             else sensor.plain_start(pv)
         )
-    op, measured, mv = np.empty(total), np.empty(total), np.empty(total)
+    op = np.empty(total)
+    measured = np.empty(total)
+    mv = np.empty(total)
     moves = setup.op_moves.copy()
     moves[0] += kick
     outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
@@ -235,7 +237,8 @@ def _cascaded(
     assert setup.outer is not None
     assert setup.loop.outer is not None
     w, x, c, v, s, op, measured, mv = rooms
-    master, (lo, hi) = setup.outer, setup.loop.outer.sp_span
+    master = setup.outer
+    lo, hi = setup.loop.outer.sp_span
     steps = {
         "outer_plant_step": "plant_step",
         "outer_plant_output": "plant_output",
@@ -248,7 +251,8 @@ def _cascaded(
         steps=steps,
         numbers=(plant_p, control_p, gap_p, sensor_p, *outer.numbers[:2], valve_p),
     )
-    X, C = plant_start(master, outer, master.pv0), control_start(master, outer.numbers[1])
+    X = plant_start(master, outer, master.pv0)
+    C = control_start(master, outer.numbers[1])
     signals = np.empty_like(op), np.empty_like(op)
     (kernel.bind if plain else kernel.compiled)(both.steps, both.stages, both.classes)(
         master.sp,
@@ -283,12 +287,14 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
     """Return the run that gave these signals, each of shape (warm_up + n + tail,); PV and MV are
     recorded as the setup says.
     """
-    first, end = setup.warm_up, setup.end
+    first = setup.warm_up
+    end = setup.end
     archived = measured
     for recorder in setup.recorders:
         archived = recorder(archived)
     process = "integrating" if setup.integrating else "self-regulating"
-    recorded, mv_std = mv, setup.loop.noise.mv_std or 0.0
+    recorded = mv
+    mv_std = setup.loop.noise.mv_std or 0.0
     if mv_std > 0:
         recorded = mv + mv_std * np.random.default_rng([setup.seed, MV_NOISE]).standard_normal(
             mv.size

@@ -26,7 +26,10 @@ from simbench.loop.sampled import plant as sampled_plant
 from simbench.scenarios.polynomials import checked_polynomials
 from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Outer, Part
 
-_NOISE, MV_NOISE, _OUTER_NOISE = 0, 1, 2  # random streams of their own
+# random streams of their own
+_NOISE = 0
+MV_NOISE = 1
+_OUTER_NOISE = 2
 
 
 @dataclass
@@ -385,7 +388,8 @@ def parts_of(setup: Setup) -> Parts:
                 "an effect changes the inner controller's law of a cascade, whose SP the outer OP"
                 " moves"
             )
-        steps["controller_step"], control_p = controller.other_step, _other_pi(setup)
+        steps["controller_step"] = controller.other_step
+        control_p = _other_pi(setup)
     if setup.frozen is not None:
         steps["sensor_step"] = sensor.freezing_step
         sensor_p = sensor.Freezing(float(follow), setup.pv_step, setup.frozen)
@@ -396,7 +400,8 @@ def parts_of(setup: Setup) -> Parts:
 
 def _other_pi(setup: Setup) -> controller.OtherPI:
     """Return the numbers of a PI with a derivative, or with samples in which it does not run."""
-    gain, (Td, lag) = setup.sign * setup.Kc, setup.derivative or (0.0, 0.0)
+    gain = setup.sign * setup.Kc
+    Td, lag = setup.derivative or (0.0, 0.0)
     return controller.OtherPI(
         Kc=gain,
         Ki=gain * setup.Ts / setup.Ti if setup.Ti else 0.0,
@@ -413,7 +418,8 @@ def in_series(inner: Setup, outer: Setup) -> Parts:
     """Return the parts of a cascade's outer loop as the valve drives it: behind the inner plant and
     its dead time.
     """
-    num, den = np.polymul(inner.num, outer.num), np.polymul(inner.den, outer.den)
+    num = np.polymul(inner.num, outer.num)
+    den = np.polymul(inner.den, outer.den)
     return parts_of(replace(outer, num=num, den=den, Td=inner.Td + outer.Td))
 
 
@@ -434,7 +440,8 @@ def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType]
         )
         return sampled, {"plant_step": module.step, "plant_output": plant.first_order_output}, p
     sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
-    old, new = sampled.B_old.tolist(), sampled.B_new.tolist()
+    old = sampled.B_old.tolist()
+    new = sampled.B_new.tolist()
     if sampled.order == 1:
         p = plant.FirstOrder(float(sampled.A[0, 0]), *old, *new, setup.pv0)
         return (
@@ -455,7 +462,8 @@ def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType]
 
 def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
     """Return the controller's steps and their numbers."""
-    gain, limits = setup.sign * setup.Kc, (setup.op_lo, setup.op_hi)
+    gain = setup.sign * setup.Kc
+    limits = (setup.op_lo, setup.op_hi)
     if setup.control_plugin is not None:
         module, p = setup.control_plugin
         tuned = {
@@ -499,7 +507,8 @@ def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] 
     """Return the plant's state: at rest, with PV at `pv` where it is of first order, or the one
     given.
     """
-    order, g = parts.sampled.order, parts.sampled
+    order = parts.sampled.order
+    g = parts.sampled
     if setup.plant_plugin is not None:
         rest = _numbers_in(setup.plant_plugin[0].start(parts.numbers[0]))
         return (float(pv - setup.pv0), *rest[1:])
@@ -553,7 +562,8 @@ def _plugin(
     known = (*built_in, *folder.names())
     if part.type not in known:
         raise UnknownName(folder.kind, part.type, known)
-    module, where = folder.load(part.type), f"{folder.kind} {part.type!r}"
+    module = folder.load(part.type)
+    where = f"{folder.kind} {part.type!r}"
     own = {k: v for k, v in (part.parameters or {}).items() if v is not None}
     more |= {"Ts": loop.sampling.Ts, "op0": loop.operating_point.op0, "pv0": loop.pv0}
     return module, resolve(module.PARAMETERS, own, where, getattr(module, "complete", None), **more)

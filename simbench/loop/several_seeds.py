@@ -65,9 +65,12 @@ class Spread:
         """Return the numbers for a terminal."""
         lines = [f"{'':34s}{'median':>10s}{'90 % interval':>24s}"]
         for name, words in _NUMBERS.items():
-            interval, value, between = getattr(self, name), "-", "-"
+            interval = getattr(self, name)
+            value = "-"
+            between = "-"
             if interval is not None:
-                value, between = f"{interval.value:.3g}", f"{interval.lo:.3g} to {interval.hi:.3g}"
+                value = f"{interval.value:.3g}"
+                between = f"{interval.lo:.3g} to {interval.hi:.3g}"
             lines.append(f"{words:34s}{value:>10s}{between:>24s}")
         count = round(self.oscillates * self.seeds)
         return "\n".join([*lines, f"{count} of {self.seeds} records oscillate"])

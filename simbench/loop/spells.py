@@ -20,11 +20,15 @@ def spells(setup: Any, p: Any, rng: np.random.Generator) -> np.ndarray:
     """Return 1.0 in spells of a mean length `p.length` (s) that fill a share of the run, 0.0
     between them.
     """
-    out, length = np.zeros(setup.sp.size), p.length / setup.Ts
-    k, on = 0, rng.random() < p.share
+    out = np.zeros(setup.sp.size)
+    length = p.length / setup.Ts
+    k = 0
+    on = rng.random() < p.share
     while k < out.size:
         mean = length if on else length * (1.0 - p.share) / p.share
         k_next = k + max(round(rng.exponential(max(mean, 1.0))), 1)
-        out[k:k_next], k, on = float(on), k_next, not on
+        out[k:k_next] = float(on)
+        k = k_next
+        on = not on
     out[0] = 0.0
     return out

@@ -25,10 +25,8 @@ def section(run: RunData) -> list[Part]:
         "no_decision": "no decision",
     }
     # a rate of few loops is chance
-    enough, kept = (
-        here["applicable"] >= LEAST,
-        here.columns.isin(["axis", "value", "method", "n", "applicable"]),
-    )
+    enough = here["applicable"] >= LEAST
+    kept = here.columns.isin(["axis", "value", "method", "n", "applicable"])
     here = here.where(enough.to_numpy()[:, None] | kept)
     digits = dict.fromkeys(
         ["accuracy", "from", "to", "sensitivity", "false positives", "no decision"], "{:.3f}".format

@@ -121,7 +121,8 @@ def _readable(ranking: pd.DataFrame, place: tuple[str, str, str]) -> Table:
         for r in ranking.itertuples()
     ]
     table = pd.DataFrame({"rank": ranking["rank"].astype(float), "detector": named})
-    beside, everything = {}, place[-1] == ALL
+    beside = {}
+    everything = place[-1] == ALL
     for name, column in {**_HEADLINE, **(_DETAILS if everything else {})}.items():
         table[name] = ranking[column]
         beside[name] = [

@@ -54,7 +54,8 @@ def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
     for i, kick in enumerate(scan):
         now = starts_cycle(loop, cycle, kick)
         if now and before:
-            low, high = (scan[i - 2] if i > 1 else loop.fs), scan[i - 1]
+            low = scan[i - 2] if i > 1 else loop.fs
+            high = scan[i - 1]
             while high - low > 1e-3 * high:
                 middle = 0.5 * (low + high)
                 low, high = (low, middle) if starts_cycle(loop, cycle, middle) else (middle, high)

@@ -110,7 +110,8 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
             raise ParameterError(f"{asked}; a longer Ts, or a larger gain K Kc, is needed")
         if run.count < BLOCK:
             return None
-        halves, swing = np.diff(run.sample), float(np.abs(np.diff(run.stop)).mean())
+        halves = np.diff(run.sample)
+        swing = float(np.abs(np.diff(run.stop)).mean())
         if swing < loop.least_swing:
             return None
         means.append(np.array([halves.mean(), np.abs(np.diff(run.extreme)).mean() / 2, swing]))
@@ -160,7 +161,8 @@ def cycle_start(loop: Loop) -> Start:
         raise ParameterError(
             "cycle_start: a plant plug-in starts there only where it is of first order"
         )
-    pid, order = loop.controller.type == "PID", sampled.order - 2 * (sampled.kd > 0.0)
+    pid = loop.controller.type == "PID"
+    order = sampled.order - 2 * (sampled.kd > 0.0)
     return Start(
         op=op0 + op,
         error=loop.setpoint.value - loop.pv0 - w / sampled.gain,
@@ -180,7 +182,8 @@ def _pid_state(
     loop: Loop, sampled: SampledLoop, x: np.ndarray, op: float, op0: float
 ) -> tuple[float, ...]:
     """Return the state of a PID as its `step` takes it, from the state of the sampled loop."""
-    y, d = float(sampled.C @ x), 0.0
+    y = float(sampled.C @ x)
+    d = 0.0
     if sampled.kd > 0.0:
         g = 1.0 / (1.0 + sampled.beta)
         y = float(sampled.C[:-2] @ x[:-2]) / (1.0 + sampled.kd * g)

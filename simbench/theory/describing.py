@@ -61,7 +61,8 @@ def stiction(S: float, J: float) -> _DescribingFunction:
     # a)/A
     def N(A):
         sin = np.clip((A - S) / A, -1.0, 1.0)
-        phi, cos = np.arcsin(sin), np.sqrt(1 - sin**2)
+        phi = np.arcsin(sin)
+        cos = np.sqrt(1 - sin**2)
         b = (A - 2 * fd) * cos + 0.5 * A * (np.pi / 2 + phi - sin * cos)
         a = A * (sin - 1) - 2 * fd * sin + 0.5 * A * cos**2
         return 2 / np.pi * (b + 1j * a) / A
@@ -125,8 +126,11 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _Des
         raise ParameterError(
             f"describing function: valve {model!r} does not move under a sine of {A[-1]:g} %"
         )
-    x, re, im = np.log(A[first:]), N.real[first:], N.imag[first:]
-    real, imag = PchipInterpolator(x, re), PchipInterpolator(x, im)
+    x = np.log(A[first:])
+    re = N.real[first:]
+    im = N.imag[first:]
+    real = PchipInterpolator(x, re)
+    imag = PchipInterpolator(x, im)
     return _DescribingFunction(
         lambda a: real(np.log(a)) + 1j * imag(np.log(a)), float(A[first]), float(A[-1])
     )
@@ -160,7 +164,8 @@ def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Inters
         near = np.abs(solved.x - start) < [1.0, 1.5]
         if not (solved.success and near.all() and max(map(abs, solved.fun)) < 1e-8):
             continue
-        period, A = 2 * np.pi / np.exp(solved.x[0]), valve.low * (1 + np.exp(solved.x[1]))
+        period = 2 * np.pi / np.exp(solved.x[0])
+        A = valve.low * (1 + np.exp(solved.x[1]))
         if all(abs(np.log(period / f.period)) > 1e-6 for f in found):
             found.append(
                 _Intersection(

@@ -66,7 +66,8 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     tried: set[int] = set()
     # OP turns when the dead time has passed, or later in a slow loop
     m = 1 if loop.resticks else loop.delay + 1
-    T, waits = standing(loop), np.unique(np.geomspace(1, loop.patience, 160).astype(np.int64)) - 1
+    T = standing(loop)
+    waits = np.unique(np.geomspace(1, loop.patience, 160).astype(np.int64)) - 1
     while loop.fs > 0 and m not in tried and m < loop.patience:
         tried.add(m)
         turns = []
@@ -91,7 +92,8 @@ def _with_moving_samples(
     c = loop.order + 2
     # of z one sample before break-away and of 1: state after the move and the dead time
     head = np.zeros((c, c + 1))
-    plant, control = (loop.A, loop.B_old, loop.B_new, loop.C), (loop.integral, loop.beta)
+    plant = (loop.A, loop.B_old, loop.B_new, loop.C)
+    control = (loop.integral, loop.beta)
     _move(plant, control, loop.fd, loop.delay, m, head)
     lows = _sign_changes(head, T, loop.fs, waits)
     if lows.size == 0:
@@ -145,13 +147,17 @@ def _sign_changes(head, T, fs, waits):
     _copied(T, powers[0])
     for i in range(1, depth):
         _product(powers[i - 1], powers[i - 1], powers[i])
-    Y, other, rows = np.empty((c, c + 1)), np.empty((c, c + 1)), np.empty((c, c + 1))
-    found, count = np.empty(waits.size, dtype=np.int64), 0
+    Y = np.empty((c, c + 1))
+    other = np.empty((c, c + 1))
+    rows = np.empty((c, c + 1))
+    found = np.empty(waits.size, dtype=np.int64)
+    count = 0
     before = 0.0
     for i in range(waits.size):
         now = _residual(head, T, powers, fs, waits[i], Y, other, rows)
         if i > 0 and before * now < 0.0:
-            low, high = waits[i - 1], waits[i]
+            low = waits[i - 1]
+            high = waits[i]
             while high - low > 1:
                 middle = (low + high) // 2
                 if _residual(head, T, powers, fs, middle, Y, other, rows) * before > 0.0:
@@ -273,8 +279,11 @@ def _move(plant, control, fd, delay, m, out):
     """
     A, B_old, B_new, C = plant
     integral, beta = control
-    order, columns = A.shape[0], out.shape[1]
-    x, fresh, v = np.zeros(order), np.zeros(order), np.zeros(m + 1)
+    order = A.shape[0]
+    columns = out.shape[1]
+    x = np.zeros(order)
+    fresh = np.zeros(order)
+    v = np.zeros(m + 1)
     for column in range(columns):
         for i in range(order):
             x[i] = 0.0

@@ -8,7 +8,9 @@ import numpy as np
 
 from simbench.detectors.compiled import njit_cached
 
-_ENDED, _STALLED, _SPENT = 0, 1, 2
+_ENDED = 0
+_STALLED = 1
+_SPENT = 2
 
 
 @njit_cached
@@ -28,14 +30,25 @@ def march(plant, control, valve, state, n_max, stall, out):
     integral, beta, lo, hi = control
     fs, fd, resticks = valve
     x, s, past = state
-    samples, extreme, stop, moved = out[0], out[1], out[2], out[3]
+    samples = out[0]
+    extreme = out[1]
+    stop = out[2]
+    moved = out[3]
     order = x.shape[0]
     depth = past.shape[0]
     fresh = x.copy()
-    u, w, v, direction, moving = s[0], s[1], s[2], s[3], s[4]
+    u = s[0]
+    w = s[1]
+    v = s[2]
+    direction = s[3]
+    moving = s[4]
     top = bottom = u
-    found, last, newest = 0, 0, depth - 1
-    k, how, stood = 0, _SPENT, 0
+    found = 0
+    last = 0
+    newest = depth - 1
+    k = 0
+    how = _SPENT
+    stood = 0
     while k < n_max:
         k += 1
         new = past[(newest + 2) % depth]
@@ -79,7 +92,11 @@ def march(plant, control, valve, state, n_max, stall, out):
         if k - last > stall:
             how = _STALLED
             break
-    s[0], s[1], s[2], s[3], s[4] = u, w, v, direction, moving
+    s[0] = u
+    s[1] = w
+    s[2] = v
+    s[3] = direction
+    s[4] = moving
     turned = past.copy()
     for i in range(depth):
         past[i] = turned[(newest + 1 + i) % depth]
@@ -108,10 +125,8 @@ def reversals(
 ) -> _Reversals:
     """March a loop until its valve has reversed `count` times."""
     arrays = np.zeros((4, count))
-    plant, control = (
-        (loop.A, loop.B_old, loop.B_new, loop.C),
-        (loop.integral, loop.beta, loop.lo, loop.hi),
-    )
+    plant = (loop.A, loop.B_old, loop.B_new, loop.C)
+    control = (loop.integral, loop.beta, loop.lo, loop.hi)
     valve = loop.fs, loop.fd, loop.resticks
     state = x, s, past
     found, samples, how = march(plant, control, valve, state, most, loop.patience, arrays)

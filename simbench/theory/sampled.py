@@ -110,7 +110,9 @@ class SampledLoop:
         """
         z = np.exp(1j * np.asarray(w, dtype=float) * self.Ts)[..., None]
         poles, V = np.linalg.eig(self.A)
-        left, new, old = self.C @ V, np.linalg.solve(V, self.B_new), np.linalg.solve(V, self.B_old)
+        left = self.C @ V
+        new = np.linalg.solve(V, self.B_new)
+        old = np.linalg.solve(V, self.B_old)
         G = (left * (new + old / z) / (z - poles)).sum(axis=-1) * z[..., 0] ** -self.delay
         return G * (1 + self.beta / (1 - 1 / z[..., 0])) if self.integral else G
 
@@ -191,18 +193,21 @@ def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> S
     (z - 1)/(z - fade) and PI = ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there
     for the velocity form with clamping.
     """
-    c, Ti, flat, n = (
-        setup.loop.controller,
-        float(setup.Ti or 0.0),
-        np.ascontiguousarray,
-        sampled.order,
-    )
+    c = setup.loop.controller
+    Ti = float(setup.Ti or 0.0)
+    flat = np.ascontiguousarray
+    n = sampled.order
     p = controllers.pid_numbers(c, gain, Ti, setup.Ts, 0.0, 0.0, 100.0)
-    beta, Tf = setup.Ts / Ti, float(c.Td or 0.0) / controllers.derivative_filter(c)
-    a, g, through = p.fade, 1.0 / (1.0 + beta), p.kd / (1.0 + beta)
+    beta = setup.Ts / Ti
+    Tf = float(c.Td or 0.0) / controllers.derivative_filter(c)
+    a = p.fade
+    g = 1.0 / (1.0 + beta)
+    through = p.kd / (1.0 + beta)
     A = np.zeros((n + 2, n + 2))
-    A[:n, :n], A[n, :n] = sampled.A, gain * sampled.C
-    A[n, n:], A[n + 1, n] = (a + g, -a * g), 1.0
+    A[:n, :n] = sampled.A
+    A[n, :n] = gain * sampled.C
+    A[n, n:] = (a + g, -a * g)
+    A[n + 1, n] = 1.0
     C = np.concatenate(
         [gain * (1.0 + through) * sampled.C, through * np.array([a + g - 2.0, 1.0 - a * g])]
     )
@@ -276,11 +281,9 @@ def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
         return False, 0.0
     slope = np.arange(-40, 40) / 40
     wave = 50.0 + reach * np.concatenate([slope[40:], -slope, slope, -slope, slope])
-    driven, follows, sticks = (
-        stages_response(stages, wave, 50.0),
-        stiction_map.valve_position(wave, S, J),
-        np.empty(wave.size),
-    )
+    driven = stages_response(stages, wave, 50.0)
+    follows = stiction_map.valve_position(wave, S, J)
+    sticks = np.empty(wave.size)
     compiled(_sticking)(wave, S, J, sticks)
     errors = [
         float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10) for ours in (follows, sticks)

@@ -33,7 +33,8 @@ TABLE_11_2 = MappingProxyType(
 
 # Choudhury, Shah and Thornhill (2008), Diagnosis of Process Nonlinearities and Valve Stiction:
 # Table 11.3
-DEAD_BAND, STICK_SLIP = "dead-band", "stick-slip"
+DEAD_BAND = "dead-band"
+STICK_SLIP = "stick-slip"
 TABLE_11_3 = MappingProxyType(
     {
         # (process, controller, nonlinearity) -> does a limit cycle occur?

@@ -32,7 +32,7 @@ def write_page(report: Report, path: str | Path) -> None:
     if report.of_folder:
         parts = [_ranking(report)]
     else:
-        (name, verdicts, _) = groups[0]
+        name, verdicts, _ = groups[0]
         lines = report.conclusions[name].as_lines() if name in report.conclusions else []
         answer = [*lines, f"Methods: {summary.sentence(verdicts)}."]
         parts = [Section("answer", "The answer", texts(answer))]

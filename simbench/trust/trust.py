@@ -289,7 +289,8 @@ def _weighed(
     table = scores.table
     table = table[(table["process"] == "all") & (table["population"] == "all")]
     by = {truth: rows.set_index("method") for truth, rows in table.groupby("truth")}
-    counted, notes = by["cycled"], []
+    counted = by["cycled"]
+    notes = []
     if float(counted["positives"].to_numpy().max()) < _FEW_CYCLING:
         counted = by["sticky"]
         notes.append(

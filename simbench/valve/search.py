@@ -6,7 +6,8 @@ import numpy as np
 
 # differences of log S and of J/S from which on two valves are different: the true peak of a
 # likelihood or an error is a few percent wide in S
-SIZES_APART, SHARES_APART = 0.08, 0.2
+SIZES_APART = 0.08
+SHARES_APART = 0.2
 
 
 def distinct_valves(
@@ -19,7 +20,8 @@ def distinct_valves(
     differences tell.
     """
     order = np.argsort(errors, kind="stable")
-    S, J = points[order, 0], points[order, 1]
+    S = points[order, 0]
+    J = points[order, 1]
     cells = np.column_stack([np.log(S), J / S]) // (share * np.array([SIZES_APART, SHARES_APART]))
     first = np.sort(np.unique(cells, axis=0, return_index=True)[1])
     return order[first[:most]]

@@ -31,7 +31,8 @@ def fit_plant_by_columns(
     """
     first = delays[-1] + 1
     best = (0.0, 0.0, 0.0, 0, np.inf)
-    target, before = y[first:], y[first - 1 : -1]
+    target = y[first:]
+    before = y[first - 1 : -1]
     for d in delays:
         A = np.column_stack([before, x[first - 1 - d : x.size - 1 - d], np.ones(target.size)])
         a, b, c = np.linalg.lstsq(A, target, rcond=None)[0]
@@ -45,7 +46,8 @@ def _plant(x, y, least, most, estimate):
     """Fill `estimate` with (a, b, c, delay, error) by the normal equations; return whether these
     were well conditioned.
     """
-    first, n = most, y.size
+    first = most
+    n = y.size
     m = n - first
     estimate[4] = np.inf
     mean_z = mean_y = 0.0
@@ -69,12 +71,17 @@ def _plant(x, y, least, most, estimate):
         det = zz * xx - xz * xz
         if not det > _ILL * zz * xx or xx <= _ILL * m * mean_x * mean_x:
             return False
-        a, b = (zy * xx - xy * xz) / det, (xy * zz - zy * xz) / det
+        a = (zy * xx - xy * xz) / det
+        b = (xy * zz - zy * xz) / det
         c = mean_y - a * mean_z - b * mean_x
         error = 0.0
         for k in range(first, n):
             left = y[k] - (a * y[k - 1] + b * x[k - 1 - d] + c)
             error += left * left / m
         if error < estimate[4]:
-            estimate[0], estimate[1], estimate[2], estimate[3], estimate[4] = a, b, c, d, error
+            estimate[0] = a
+            estimate[1] = b
+            estimate[2] = c
+            estimate[3] = d
+            estimate[4] = error
     return True

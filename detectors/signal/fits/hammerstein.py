@@ -26,7 +26,8 @@ from simbench.detectors.signal.oscillation import detrend
 _SAMPLES = 50  # per period at least, of valve position and PV after averaging
 # Periods and averaged samples looked at: the search wants few, since one missed jump spoils all
 # that follow; the end, many.
-SHORT, _FULL = (8, 360), (24, 700)
+SHORT = (8, 360)
+_FULL = (24, 700)
 # time constants tried, in periods; an integrator besides
 _TIMES = np.array([0.01, 0.04, 0.1, 0.25, 0.7])
 # of the swing of OP
@@ -37,11 +38,9 @@ _J_FINE = np.array([0.03, 0.15, 0.25, 0.35, 0.45, 0.6, 0.75, 0.9, 1.0, 1.1, 1.25
 _J_PROFILE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.25)  # of S
 # share of the variance of PV below which errors say nothing: sampling, rounding
 _LEAST_ERROR_SHARE = 2e-4
-_PASSES, _TOP, _AGAIN = (
-    2,
-    4,
-    128,
-)  # of the dense grid, each with the best plant so far; candidates kept; valves tried again
+_PASSES = 2  # of the dense grid, each with the best plant so far
+_TOP = 4  # candidates kept
+_AGAIN = 128  # valves tried again
 # whether a moving valve stops within every sample: Choudhury's map, He's; searched abreast
 _MAPS = np.array([[0.0], [1.0]])
 _ROWS = np.arange(2)[:, None]
@@ -141,11 +140,14 @@ class _Search:
         """
         parts = (stops, S, J, start, pole)
         shape = np.broadcast(*parts).shape
-        table, windows = np.empty((5, *shape)), np.empty((2, *shape), dtype=np.int64)
+        table = np.empty((5, *shape))
+        windows = np.empty((2, *shape), dtype=np.int64)
         for i, values in enumerate(parts):
             table[i] = values
-        windows[0], windows[1] = low, count
-        valves, (first, counts) = table.reshape(5, -1), windows.reshape(2, -1)
+        windows[0] = low
+        windows[1] = count
+        valves = table.reshape(5, -1)
+        first, counts = windows.reshape(2, -1)
         out = np.empty((counts.size, 2))
         own = Valves(*valves, first + self.delays[0], counts)
         compiled(errors)(self.stretch, own, stride, out)
@@ -161,13 +163,17 @@ class _Search:
         """Return the bottoms of the valleys, steps from `width` down to `least` shares of the
         swing; starts and delays stay.
         """
-        m, shape = ends.d.size, ends.d.shape
+        m = ends.d.size
+        shape = ends.d.shape
         pole = ends.pole.ravel()
-        points, steps = np.full((m, 3), -np.inf), np.empty((m, 3))
-        points[:, 0], points[:, 1] = ends.S.ravel(), ends.J.ravel()
+        points = np.full((m, 3), -np.inf)
+        steps = np.empty((m, 3))
+        points[:, 0] = ends.S.ravel()
+        points[:, 1] = ends.J.ravel()
         finite = (pole > 0.0) & (pole < 1.0)
         points[finite, 2] = np.log(-np.log(pole[finite]))
-        wide, error = np.full(shape, width).ravel(), np.empty(m)
+        wide = np.full(shape, width).ravel()
+        error = np.empty(m)
         steps[:, 0] = wide * self.swing
         steps[:, 1] = np.where(np.full(shape, fixed_J).ravel(), 0.0, steps[:, 0])
         steps[:, 2] = np.where(finite, 2.0 * wide, 0.0)
@@ -177,7 +183,9 @@ class _Search:
         )
         begin = Valves(maps, *points.T[:2].copy(), start, pole, self.delays[low], count)
         quick(descend, errors)(self.stretch, begin, points, steps, share, error)
-        S, J, pole = points[:, 0], points[:, 1], np.exp(-np.exp(points[:, 2]))
+        S = points[:, 0]
+        J = points[:, 1]
+        pole = np.exp(-np.exp(points[:, 2]))
         return ends._replace(
             **{
                 k: x.reshape(shape)
@@ -219,13 +227,16 @@ def fit_hammerstein(
 
 def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     """The best end under either map."""
-    everywhere, integrating = full.delays.size, poles.size == 1
+    everywhere = full.delays.size
+    integrating = poles.size == 1
     S, J = _grid(_GRID, full.swing)
     stride = max(1, everywhere // 8)
     grid = _MAPS[:, None], S[:, None], J[:, None], MOVING_UP, poles[:, None]
     tried, at = short.scan(*grid, 0, -(-everywhere // stride), stride)
-    which, column = tried.argmin(axis=1), np.arange(S.shape[1])
-    tried, at = tried[_ROWS, which, column], at[_ROWS, which, column]
+    which = tried.argmin(axis=1)
+    column = np.arange(S.shape[1])
+    tried = tried[_ROWS, which, column]
+    at = at[_ROWS, which, column]
     kept = _distinct(tried, S, J, 4)
     S, J, tried, which, at = (x[_ROWS, kept] for x in (S, J, tried, which, at))
     ends = _plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
@@ -241,11 +252,13 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
             [short.scan(stops, s, j, MOVING_UP, *plant)[0] for stops, s, j, *plant in rows]
         )
         kept = _distinct(tried, S, J, 4)
-        pole, d = np.repeat(best.pole, 4, axis=1), np.repeat(best.d, 4, axis=1)
+        pole = np.repeat(best.pole, 4, axis=1)
+        d = np.repeat(best.d, 4, axis=1)
         more = _Ends.at(tried[_ROWS, kept], S[_ROWS, kept], J[_ROWS, kept], pole, d)
         ends = _settle(short, ends.and_(more).best(_TOP), integrating, 0.006)
         again = np.argsort(tried, axis=1, kind="stable")[:, :_AGAIN]
-        S, J = S[_ROWS, again], J[_ROWS, again]
+        S = S[_ROWS, again]
+        J = J[_ROWS, again]
     ends = _plants(full, _restarted(full, ends), integrating).best(2)
     ends = _settle(full, ends, integrating, 0.004).best(1)
     return _settle(full, ends, integrating, 0.001)
@@ -291,7 +304,8 @@ def _combined(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile(shares, (2, S.size))
 
 
-_GRID, _FINE_GRID = _combined(_S_SHARES, _J_SHARES), _combined(S_FINE, _J_FINE)
+_GRID = _combined(_S_SHARES, _J_SHARES)
+_FINE_GRID = _combined(S_FINE, _J_FINE)
 
 
 def _grid(shares: tuple[np.ndarray, np.ndarray], swing: float) -> tuple[np.ndarray, np.ndarray]:
@@ -322,7 +336,8 @@ def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
         0,
         search.delays.size,
     )
-    column, k = np.arange(ends.d.shape[1]), error.argmin(axis=2)
+    column = np.arange(ends.d.shape[1])
+    k = error.argmin(axis=2)
     return ends._replace(
         error=error[_ROWS, column, k], pole=fine[_ROWS, column, k], d=d[_ROWS, column, k]
     )
@@ -405,5 +420,6 @@ def moving_mean(x: np.ndarray, half: int) -> np.ndarray:
     """
     total = np.concatenate([[0.0], np.cumsum(x)])
     k = np.arange(x.size)
-    lo, hi = np.maximum(k - half, 0), np.minimum(k + half + 1, x.size)
+    lo = np.maximum(k - half, 0)
+    hi = np.minimum(k + half + 1, x.size)
     return (total[hi] - total[lo]) / (hi - lo)

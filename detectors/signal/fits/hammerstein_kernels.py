@@ -17,10 +17,9 @@ from simbench.detectors.compiled import LANES, lanes, rows, wide
 _MOST_ROUNDS = 60  # of the pattern search
 _FASTEST = 700.0  # logarithm of a rate, beyond which a lag is over within a sample
 TIE = 1e-12  # errors that differ by less are equal: rounding shall not choose the way
-MOVING_UP, MOVING_DOWN = (
-    2.0,
-    -2.0,
-)  # start of a valve that has just been moving; else a rest position
+# start of a valve that has just been moving; else a rest position
+MOVING_UP = 2.0
+MOVING_DOWN = -2.0
 # valves that share a window of delays: the trials of one point of `descend`
 VALVES_SIDE_BY_SIDE = 8
 
@@ -90,12 +89,16 @@ def errors(record, valves, stride, out):
     the averages from `first` to before `last`.
     """
     wide()
-    n, delay = record.y.size, valves.delay
-    v, total = rows(n), rows(n + 1)
+    n = record.y.size
+    delay = valves.delay
+    v = rows(n)
+    total = rows(n + 1)
     for block in range(0, delay.size, LANES):
-        low, high = delay[block], delay[block]
+        low = delay[block]
+        high = delay[block]
         for i in range(block, min(block + LANES, delay.size), VALVES_SIDE_BY_SIDE):
-            low, high = min(low, delay[i]), max(high, delay[i])
+            low = min(low, delay[i])
+            high = max(high, delay[i])
         x = rows(n + high - low)
         moves(record, valves, block, v, total)
         answers(record.half, valves, low, block, v, total, x)
@@ -110,26 +113,33 @@ def moves(record, valves, block, v, total):
     `m` is the direction of a moving valve, 0 for one at rest.
     """
     wide()
-    op, q, lo, hi = record.op, record.q, record.lo, record.hi
-    stops, S, J, start = valves.stops, valves.S, valves.J, valves.start
-    position, m, fs, fd, mean, run, halts = (
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-    )
+    op = record.op
+    q = record.q
+    lo = record.lo
+    hi = record.hi
+    stops = valves.stops
+    S = valves.S
+    J = valves.J
+    start = valves.start
+    position = lanes()
+    m = lanes()
+    fs = lanes()
+    fd = lanes()
+    mean = lanes()
+    run = lanes()
+    halts = lanes()
     before = base = min(max(op[0], lo), hi)
     for c in range(LANES):
         i = min(block + c, S.size - 1)
-        fs[c], fd[c], halts[c] = 0.5 * (S[i] + J[i]), 0.5 * (S[i] - J[i]), stops[i]
+        fs[c] = 0.5 * (S[i] + J[i])
+        fd[c] = 0.5 * (S[i] - J[i])
+        halts[c] = stops[i]
         m[c] = 1.0 if start[i] == MOVING_UP else -1.0 if start[i] == MOVING_DOWN else 0.0
         position[c] = base - start[i] * fs[c]
         run[c] = 0.0
         total[c] = 0.0
-    first, share = True, 1.0 / q
+    first = True
+    share = 1.0 / q
     for k in range(total.size // LANES - 1):
         for c in range(LANES):
             mean[c] = 0.0
@@ -165,17 +175,23 @@ def answers(half, valves, low, block, v, total, x):
     by its delay less `low`.
     """
     wide()
-    pole, delay = valves.pole, valves.delay
-    a, gain, now = lanes(), lanes(), lanes()
+    pole = valves.pole
+    delay = valves.delay
+    a = lanes()
+    gain = lanes()
+    now = lanes()
     n = v.size // LANES
     for c in range(LANES):
         a[c] = pole[min(block + c, pole.size - 1)]
         gain[c] = 1.0 if a[c] == 1.0 else 1.0 - a[c]
         now[c] = 0.0
     for k in range(n):
-        left, right = max(k - half, 0), min(k + half + 1, n)
+        left = max(k - half, 0)
+        right = min(k + half + 1, n)
         share = 1.0 / (right - left)
-        row, start, stop = np.uintp(k * LANES), np.uintp(left * LANES), np.uintp(right * LANES)
+        row = np.uintp(k * LANES)
+        start = np.uintp(left * LANES)
+        stop = np.uintp(right * LANES)
         for c in range(LANES):
             i = np.uintp(c)
             h = v[row + i] - (total[stop + i] - total[start + i]) * share
@@ -192,23 +208,24 @@ def _misfits(record, count, low, stride, block, x, out):
     normal equations.
     """
     wide()
-    y, first, last, sign = record.y, record.first, record.last, record.sign
+    y = record.y
+    first = record.first
+    last = record.last
+    sign = record.sign
     m = last - first
     sy = syy = 0.0
     for j in range(first, last):
         sy += y[j]
         syy += y[j] * y[j]
     syy -= sy * sy / m
-    best, at, wanted, sx, sxx, sxz, sxy, szy = (
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-        lanes(),
-    )
+    best = lanes()
+    at = lanes()
+    wanted = lanes()
+    sx = lanes()
+    sxx = lanes()
+    sxz = lanes()
+    sxy = lanes()
+    szy = lanes()
     most = 0
     for c in range(LANES):
         best[c] = 1.0
@@ -221,15 +238,22 @@ def _misfits(record, count, low, stride, block, x, out):
         if i > 0 and stride > 1:
             product(y, first, m, top, x, sxy)
         product(y, first, m, top - 1, x, szy)
-        ahead, end = np.uintp((top - 1) * LANES), np.uintp((top + m - 1) * LANES)
+        ahead = np.uintp((top - 1) * LANES)
+        end = np.uintp((top + m - 1) * LANES)
         for c in range(LANES):
-            new, old = x[ahead + np.uintp(c)], x[end + np.uintp(c)]
+            new = x[ahead + np.uintp(c)]
+            old = x[end + np.uintp(c)]
             # the sums of x one sample earlier
-            sz, szz = sx[c] + new - old, sxx[c] + new * new - old * old
-            qxx, qzz, qxz = sxx[c] - sx[c] * sx[c] / m, szz - sz * sz / m, sxz[c] - sx[c] * sz / m
-            qxy, qzy = sign * (sxy[c] - sx[c] * sy / m), sign * (szy[c] - sz * sy / m)
+            sz = sx[c] + new - old
+            szz = sxx[c] + new * new - old * old
+            qxx = sxx[c] - sx[c] * sx[c] / m
+            qzz = szz - sz * sz / m
+            qxz = sxz[c] - sx[c] * sz / m
+            qxy = sign * (sxy[c] - sx[c] * sy / m)
+            qzy = sign * (szy[c] - sz * sy / m)
             det = qxx * qzz - qxz * qxz
-            k0, k1 = (qzz * qxy - qxz * qzy) / det, (qxx * qzy - qxz * qxy) / det
+            k0 = (qzz * qxy - qxz * qzy) / det
+            k1 = (qxx * qzy - qxz * qxy) / det
             # a valve that hardly moves under an integrator: what is left of x without its mean is
             # rounding
             both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0 and qxx > 1e-6 * sxx[c]
@@ -241,15 +265,18 @@ def _misfits(record, count, low, stride, block, x, out):
             sxy[c] = szy[c]
         # on to the next delay: the window moves by `stride` samples
         for late in range(stride if i + 1 < most else 0):
-            p, r = np.uintp((top - late - 2) * LANES), np.uintp((top - late + m - 2) * LANES)
+            p = np.uintp((top - late - 2) * LANES)
+            r = np.uintp((top - late + m - 2) * LANES)
             for c in range(LANES):
                 j = np.uintp(c)
-                new, old = x[p + np.uintp(LANES) + j], x[r + np.uintp(LANES) + j]
+                new = x[p + np.uintp(LANES) + j]
+                old = x[r + np.uintp(LANES) + j]
                 sx[c] += new - old
                 sxx[c] += new * new - old * old
                 sxz[c] += new * x[p + j] - old * x[r + j]
     for c in range(min(LANES, out.shape[0] - block)):
-        out[block + c, 0], out[block + c, 1] = best[c], at[c]
+        out[block + c, 0] = best[c]
+        out[block + c, 1] = at[c]
 
 
 def _moments(record, m, top, x, sx, sxx, sxz, sxy):
@@ -257,11 +284,13 @@ def _moments(record, m, top, x, sx, sxx, sxz, sxy):
     samples from `top` on.
     """
     wide()
-    y, first = record.y, record.first
+    y = record.y
+    first = record.first
     for c in range(LANES):
         sx[c] = sxx[c] = sxz[c] = sxy[c] = 0.0
     for j in range(m):
-        row, t = np.uintp((top + j) * LANES), y[first + j]
+        row = np.uintp((top + j) * LANES)
+        t = y[first + j]
         for c in range(LANES):
             now = x[row + np.uintp(c)]
             sx[c] += now
@@ -279,20 +308,21 @@ def product(y, first, m, top, x, sxy):
     # instructions for many
     whole = m - m % 4
     for j in range(0, whole, 4):
-        row, next_row = np.uintp((top + j) * LANES), np.uintp((top + j + 1) * LANES)
-        third_row, last_row = np.uintp((top + j + 2) * LANES), np.uintp((top + j + 3) * LANES)
-        t, next_t, third_t, last_t = (
-            y[first + j],
-            y[first + j + 1],
-            y[first + j + 2],
-            y[first + j + 3],
-        )
+        row = np.uintp((top + j) * LANES)
+        next_row = np.uintp((top + j + 1) * LANES)
+        third_row = np.uintp((top + j + 2) * LANES)
+        last_row = np.uintp((top + j + 3) * LANES)
+        t = y[first + j]
+        next_t = y[first + j + 1]
+        third_t = y[first + j + 2]
+        last_t = y[first + j + 3]
         for c in range(LANES):
             i = np.uintp(c)
             now = sxy[c] + x[row + i] * t + x[next_row + i] * next_t
             sxy[c] = now + x[third_row + i] * third_t + x[last_row + i] * last_t
     for j in range(whole, m):
-        row, t = np.uintp((top + j) * LANES), y[first + j]
+        row = np.uintp((top + j) * LANES)
+        t = y[first + j]
         for c in range(LANES):
             sxy[c] += x[row + np.uintp(c)] * t
 
@@ -310,15 +340,22 @@ def descend(record, begin, points, steps, least, error):
     """
     wide()
     m = len(points)
-    search, ahead = np.zeros((m, _TRIAL + 3)), np.empty(_TRIAL + 3)
+    search = np.zeros((m, _TRIAL + 3))
+    ahead = np.empty(_TRIAL + 3)
     for p in range(m):
-        search[p, _AT], search[p, _WIDTH] = _FIRST, 1.0
+        search[p, _AT] = _FIRST
+        search[p, _WIDTH] = 1.0
         for c in range(3):
             search[p, _BASE + c] = search[p, _BEST + c] = search[p, _TRIAL + c] = points[p, c]
     room = max(m * VALVES_SIDE_BY_SIDE, LANES)
-    S, J, pole, out = np.empty(room), np.empty(room), np.empty(room), np.empty((room, 2))
-    maps, starts = np.empty(room), np.empty(room)
-    delays, counts = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
+    S = np.empty(room)
+    J = np.empty(room)
+    pole = np.empty(room)
+    out = np.empty((room, 2))
+    maps = np.empty(room)
+    starts = np.empty(room)
+    delays = np.empty(room, dtype=np.int64)
+    counts = np.empty(room, dtype=np.int64)
     active = np.arange(m)
     while active.size > 0:
         # the fewer points, the further ahead
@@ -334,8 +371,10 @@ def descend(record, begin, points, steps, least, error):
                     # of the standard library: numpy's has other bits than compiled code
                     math.exp(-math.exp(min(ahead[_TRIAL + 2], _FASTEST))),
                 )
-                maps[t], starts[t] = begin.stops[p], begin.start[p]
-                delays[t], counts[t] = begin.delay[p], begin.count[p]
+                maps[t] = begin.stops[p]
+                starts[t] = begin.start[p]
+                delays[t] = begin.delay[p]
+                counts[t] = begin.count[p]
                 _advance(ahead, steps[p], least[p], np.inf)
         n = active.size * each
         valves = Valves(maps[:n], S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n])
@@ -363,8 +402,17 @@ def descend(record, begin, points, steps, least, error):
 # one pattern search, an array: what is tried now (a step, or one of these), the width of the steps,
 # rounds, the errors of the base and of the best point of this round, these two points, and the
 # point that is tried
-_FIRST, _AGAIN, _DONE = -2.0, -1.0, 9.0
-_AT, _WIDTH, _ROUNDS, ERROR, _TOP, _BASE, _BEST, _TRIAL = 0, 1, 2, 3, 4, 5, 8, 11
+_FIRST = -2.0
+_AGAIN = -1.0
+_DONE = 9.0
+_AT = 0
+_WIDTH = 1
+_ROUNDS = 2
+ERROR = 3
+_TOP = 4
+_BASE = 5
+_BEST = 8
+_TRIAL = 11
 
 
 def _advance(search, steps, least, e):
@@ -387,10 +435,12 @@ def _advance(search, steps, least, e):
     if search[_AT] == 8.0 or (search[_AT] == 6.0 and steps[2] == 0.0):
         if search[_TOP] < search[ERROR]:
             for c in range(3):
-                was, now = search[_BASE + c], search[_BEST + c]
+                was = search[_BASE + c]
+                now = search[_BEST + c]
                 search[_TRIAL + c] = 2.0 * now - was if steps[c] > 0.0 else now
                 search[_BASE + c] = now
-            search[ERROR], search[_AT] = search[_TOP], _AGAIN
+            search[ERROR] = search[_TOP]
+            search[_AT] = _AGAIN
             return
         search[_WIDTH] *= 0.5
         for c in range(3):

@@ -39,7 +39,8 @@ _FLAT = 1e-9  # share of a signal's size by which it moves at least
 _LEFT = 1e-4  # of OP's standard deviation, that PV's past leaves of it at least
 _SMALL = 1e-6  # of a signal's standard deviation: no archive tells less
 # shares of the squares of two positions and of their determinant that is left of them at least
-_NEW, _TWO = 1e-8, 1e-6
+_NEW = 1e-8
+_TWO = 1e-6
 _DIGITS = 9  # of an error, as a share of PV's rest: valves that differ by less are alike
 _ROOM = 4_000_000  # positions that are kept at a time
 
@@ -144,20 +145,26 @@ class _Data(NamedTuple):
         left, -1 where PV's past knows where the valve stands; positions and their sums are those of
         `_positions`.
         """
-        n, count = self.rest.size, self.pv.size
-        first, whole = count - n, float(self.rest @ self.rest)
+        n = self.rest.size
+        count = self.pv.size
+        first = count - n
+        whole = float(self.rest @ self.rest)
         found = self.shifted @ v
         # by dead time: the first position of each window, which came with it, and the one behind
         # its last, which went
         came, went = (v[:, end - 1 - np.arange(_LATE + 1)] for end in (first, count))
         along = self.weights @ self._products(found, came, went)
-        own, next_to = came**2 - went**2, came[:, :-1] * came[:, 1:] - went[:, :-1] * went[:, 1:]
-        own[:, 0], next_to[:, 0] = squares[:, 0], squares[:, 1]
+        own = came**2 - went**2
+        next_to = came[:, :-1] * came[:, 1:] - went[:, :-1] * went[:, 1:]
+        own[:, 0] = squares[:, 0]
+        next_to[:, 0] = squares[:, 1]
         own = np.cumsum(own[:, :_LATE], axis=1) - np.einsum("bdmc,bdmc->bdc", along, along)
         both = np.cumsum(next_to[:, : _LATE - 1], axis=1)
         b = both - np.einsum("bdmc,bdmc->bdc", along[:, :-1], along[:, 1:])
-        a, c = own[:, :-1], own[:, 1:]
-        one, two = found[:, -_LATE:-1], found[:, -_LATE + 1 :]
+        a = own[:, :-1]
+        c = own[:, 1:]
+        one = found[:, -_LATE:-1]
+        two = found[:, -_LATE + 1 :]
         room = a * c - b * b
         with np.errstate(all="ignore"):
             pair = (one * one * c - 2.0 * one * two * b + two * two * a) / room
@@ -178,17 +185,21 @@ class _Data(NamedTuple):
         Where both are one average later, the sum has lost its last term and got one before the
         first.
         """
-        c, count = len(self.rows), self.pv.size
+        c = len(self.rows)
+        count = self.pv.size
         first = count - self.rows.shape[1]
         k = np.arange(1, self.past + 1)
         heads, tails = np.ones((2, c - 1))
-        heads[: self.past], tails[: self.past] = self.pv[first - k], self.pv[count - k]
+        heads[: self.past] = self.pv[first - k]
+        tails[: self.past] = self.pv[count - k]
         k = np.arange(1, c - self.past)
-        heads[self.past :], tails[self.past :] = self.op[first - k], self.op[count - k]
+        heads[self.past :] = self.op[first - k]
+        tails[self.past :] = self.op[count - k]
         out = np.empty((len(found), _LATE, c, LANES))
         out[:, 0] = found[:, :c]
         for d in range(1, _LATE):
-            new, old = came[:, d, None], went[:, d, None]
+            new = came[:, d, None]
+            old = went[:, d, None]
             out[:, d, 0] = out[:, d - 1, 0] + came[:, d] - went[:, d]
             out[:, d, 1:] = out[:, d - 1, :-1] + heads[:, None] * new - tails[:, None] * old
             # the latest average of PV, and of OP, has none before it that is known
@@ -240,7 +251,8 @@ def _orthonormal(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndarray]:
     left, sizes, right = np.linalg.svd(rows[:of_pv].T, full_matrices=False)
     # what a smooth past repeats to this share is rounding
     kept = sizes > _SMALL * sizes[0]
-    basis, weights = left.T[kept], np.zeros((int(kept.sum()), len(rows)))
+    basis = left.T[kept]
+    weights = np.zeros((int(kept.sum()), len(rows)))
     weights[:, :of_pv] = right[kept] / sizes[kept, None]
     # in a loop some of OP's past is a sum of PV's: what is left of it is rounding
     for k in range(of_pv, len(rows)):
@@ -252,7 +264,8 @@ def _orthonormal(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndarray]:
         if size > _LEFT * math.sqrt(x.size):
             more = -(once + again) @ weights
             more[k] += 1.0
-            basis, weights = np.vstack([basis, x / size]), np.vstack([weights, more / size])
+            basis = np.vstack([basis, x / size])
+            weights = np.vstack([weights, more / size])
     return np.ascontiguousarray(basis), np.ascontiguousarray(weights)
 
 
@@ -306,13 +319,17 @@ def _positions(
     The valves are those of `stiction_map`, or such as stop within every sample (`stops`), which are
     He's. S = 0: it follows OP.
     """
-    count, blocks = op.size // q, -(-len(points) // LANES)
+    count = op.size // q
+    blocks = -(-len(points) // LANES)
     S, J, stops = np.ascontiguousarray(points.T)
-    at_rest, none = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
+    at_rest = np.zeros(len(points))
+    none = np.zeros(len(points), dtype=np.int64)
     valves = Valves(stops, S, J, at_rest, at_rest, none, none)
     record = Stretch(op, op, q, 0, 0, 0, 1.0, -np.inf, np.inf)
-    v, total = rows(blocks * count).reshape(blocks, count, LANES), rows(count + 1)
-    squares, least = np.empty((blocks, 2, LANES)), _FLAT * np.abs(op - op[0]).max()
+    v = rows(blocks * count).reshape(blocks, count, LANES)
+    total = rows(count + 1)
+    squares = np.empty((blocks, 2, LANES))
+    least = _FLAT * np.abs(op - op[0]).max()
     scaled = compiled(_scaled)
     for block, (moved, sums) in enumerate(zip(v, squares, strict=True)):
         scaled(record, valves, block * LANES, least, first, moved.reshape(-1), total, sums)
@@ -326,7 +343,10 @@ def _scaled(record, valves, block, least, first, v, total, sums):
     wide()
     moves(record, valves, block, v, total)
     n = v.size // LANES
-    mean, scale, one, two = lanes(), lanes(), lanes(), lanes()
+    mean = lanes()
+    scale = lanes()
+    one = lanes()
+    two = lanes()
     for c in range(LANES):
         mean[c] = total[np.uintp(n * LANES + c)] / n
         scale[c] = one[c] = two[c] = 0.0
@@ -344,10 +364,12 @@ def _scaled(record, valves, block, least, first, v, total, sums):
         for c in range(LANES):
             v[row + np.uintp(c)] *= scale[c]
     for k in range(first, n - 1):
-        row, before = np.uintp(k * LANES), np.uintp((k - 1) * LANES)
+        row = np.uintp(k * LANES)
+        before = np.uintp((k - 1) * LANES)
         for c in range(LANES):
             now = v[row + np.uintp(c)]
             one[c] += now * now
             two[c] += now * v[before + np.uintp(c)]
     for c in range(LANES):
-        sums[0, c], sums[1, c] = one[c], two[c]
+        sums[0, c] = one[c]
+        sums[1, c] = two[c]

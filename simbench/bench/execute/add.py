@@ -37,7 +37,9 @@ from simbench.files import refuse_taken
 
 # in the folder beside the run in which a call works: a run of the methods that are asked, the run
 # with its further methods, and the run as it was while the two are exchanged
-_ADDED, _JOINED, _BEFORE = "added", "joined", "before"
+_ADDED = "added"
+_JOINED = "joined"
+_BEFORE = "before"
 # what a run's manifest holds of a method that was answered from a file
 _ABOUT = {
     "front_end": False,
@@ -136,7 +138,8 @@ def add_to_run(
     'added: horch'
     """
     shown = Path(folder if out is None else out)
-    folder, target = Path(folder).resolve(), shown.resolve()
+    folder = Path(folder).resolve()
+    target = shown.resolve()
     work = target.with_name(f".{target.name}.adding")
     with pieces.held(work):
         try:
@@ -272,7 +275,8 @@ def _answered(folder: Path, file: Path, answers: Answers) -> _Addition:
     """Return the answers of a file as those of methods; what they left out is no decision."""
     scenarios = read_table(folder, "scenarios", ["scenario_id", "error"]).to_pylist()
     records = [row["scenario_id"] for row in scenarios if row["error"] is None]
-    rows, told = [], []
+    rows = []
+    told = []
     for name, of in answers.items():
         for record in records:
             verdict = of.get(record) or Verdict(name, NO_DECISION, reason="not answered")
@@ -307,7 +311,8 @@ def _join(
         [row["scenario_id"] for row in scenarios],
         list(new),
     )
-    receipts, start = [], 0
+    receipts = []
+    start = 0
     for number, part in enumerate(table_parts(folder, "verdicts", stated)):
         ids = part.column("scenario_id").unique().to_pylist()
         more = added.slice(start * len(new), len(ids) * len(new))

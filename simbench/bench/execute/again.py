@@ -91,7 +91,8 @@ def differing(folder: str | Path, names: Sequence[str] | None = None) -> Iterato
     columns = ["scenario_id", "method", "verdict", "score"]
     verdicts = read_table(folder, "verdicts", columns).to_pylist() if stored else []
     first = {(v["scenario_id"], v["method"]): (v["verdict"], v["score"]) for v in verdicts}
-    differ, asked = dict.fromkeys(names, 0), 0
+    differ = dict.fromkeys(names, 0)
+    asked = 0
     for row in rows.take(order).to_pylist():
         record = simulate(Loop.from_table(json.loads(row["loop"])), row["seed"]).record
         if record_hash(record) != row["record_hash"]:  # another processor: another record
@@ -125,10 +126,12 @@ def shaken_answers(
     drawn = np.sort(np.random.default_rng(0).permutation(other)[:_SHAKEN])
     chosen = {m: registry.load(m).METHOD.defaults() for m in names}
     rows = read_table(folder, "scenarios", ["loop", "seed"]).take(drawn).to_pylist()
-    at, codes = [], []
+    at = []
+    codes = []
     with one_thread():
         for place, row in zip(drawn.tolist(), rows, strict=True):
-            loop, said = Loop.from_table(json.loads(row["loop"])), []
+            loop = Loop.from_table(json.loads(row["loop"]))
+            said = []
             try:
                 for factor in _MEMBERS:
                     record = simulate(_with_gain(loop, factor), row["seed"]).record

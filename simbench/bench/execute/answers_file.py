@@ -17,7 +17,8 @@ from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.verdict import VERDICTS, Level, Verdict, in_data
 from simbench.files import plain_bytes
 
-_NEEDED, _OPTIONAL = ("method", "record", "verdict"), ("score", "S", "J")
+_NEEDED = ("method", "record", "verdict")
+_OPTIONAL = ("score", "S", "J")
 _NAME = re.compile(r"[A-Za-z][\w.@-]{0,59}", re.ASCII)
 _LARGEST = 1e6  # of S and J; the travel of a valve is 100 %
 _BETWEEN = ".."  # the ends of an interval
@@ -59,7 +60,9 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
     answers: Answers = {}
     lines: dict[tuple[str, str], int] = {}
     for line, row in _rows(Path(file)):
-        where, method, record = f"{file}, line {line}", row["method"], row["record"]
+        where = f"{file}, line {line}"
+        method = row["method"]
+        record = row["record"]
         if method not in answers:
             _refuse_name(where, method)
         if record not in records:

@@ -123,14 +123,20 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
     its times.
     """
     began = time.perf_counter()
-    seconds, methods = settings.time_limit, settings.methods
+    seconds = settings.time_limit
+    methods = settings.methods
     add_parts(*settings.parts)
     registry.add_hosted(*settings.plugins, seconds=seconds)
     registry.adopt({name: as_plugin(name, detector) for name, detector in settings.own.items()})
     chosen = {m: registry.load(m).METHOD.defaults() for m in methods if m != ORACLE}
     rng = np.random.default_rng([grid.content.seed, number])
-    simulating, judging, failures = 0.0, 0.0, 0
-    scenarios, verdicts, kept, held = [], [], {}, []
+    simulating = 0.0
+    judging = 0.0
+    failures = 0
+    scenarios = []
+    verdicts = []
+    kept = {}
+    held = []
     # one thread per worker: with more, sums in linear algebra come out in another order
     with one_thread():
         for index in groups:
@@ -180,7 +186,8 @@ def judge_record(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list
     flags, too; methods that do not declare that they need MV do not see it.
     """
     since = time.perf_counter()
-    unsighted, blind = record.without_mv(), prepare_once(record)
+    unsighted = record.without_mv()
+    blind = prepare_once(record)
     _ = blind.oscillation, blind.flags  # found once, for all methods
     shared = (time.perf_counter() - since) / max(len(chosen), 1)
     answers = []
@@ -196,14 +203,18 @@ def judge_record(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list
 
 def simulated(scenario: Scenario, error: str | None, group: int) -> SimulatedScenario:
     """Simulate and label a scenario of a group; `error` tells why it could not be set up."""
-    run, cycled, columns = None, Cycled("unclear"), _NO_THEORY
+    run = None
+    cycled = Cycled("unclear")
+    columns = _NO_THEORY
     try:
         if error is None:
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
             columns = _theory(scenario.loop)
     # whatever a model or a plug-in does on unusual numbers: one scenario, not the run
     except (Exception, SystemExit) as fault:
-        error, run, cycled = error_text(fault), None, Cycled("unclear")
+        error = error_text(fault)
+        run = None
+        cycled = Cycled("unclear")
     return SimulatedScenario(scenario, scenario.id, group, run, cycled, columns, error)
 
 
@@ -247,7 +258,8 @@ def _oracle(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
 
 def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
     """Return the columns of a scenario that its definition gives, without a simulation."""
-    loop, tags = scenario.loop, scenario.tags
+    loop = scenario.loop
+    tags = scenario.tags
     return {
         **{name: tags.get(name) for name in tables.TAG_KEYS},
         "scenario_id": scenario.id,
@@ -295,7 +307,8 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
 def verdict_row(ident: str, answer: Answer) -> dict[str, Any]:
     """Return one method's row of the verdicts table."""
     said = answer.verdict
-    (S_lo, S_hi), (J_lo, J_hi) = level_ends(said.S), level_ends(said.J)
+    S_lo, S_hi = level_ends(said.S)
+    J_lo, J_hi = level_ends(said.J)
     indices = {k: float(v) if math.isfinite(v) else None for k, v in said.indices.items()}
     return {
         "scenario_id": ident,

@@ -60,11 +60,13 @@ class Failures:
 
 def read_failures(folder: str | Path) -> Failures:
     """Count what failed in a finished run."""
-    manifest, filled = read_manifest(folder), pc.field("error").is_valid()
+    manifest = read_manifest(folder)
+    filled = pc.field("error").is_valid()
     unrun = read_table(folder, "scenarios", ["scenario_id", "error"], filled).to_pydict()
     raised = read_table(folder, "verdicts", ["scenario_id", "method", "error"], filled).to_pylist()
     lost = set(unrun["scenario_id"])
     rows = [(r["method"], r["error"]) for r in raised if r["scenario_id"] not in lost]
     reasons = Counter([f"simulation: {e}" for e in unrun["error"]] + [f"{m}: {e}" for m, e in rows])
-    methods, of = Counter(m for m, _ in rows), manifest["counts"]["scenarios"]
+    methods = Counter(m for m, _ in rows)
+    of = manifest["counts"]["scenarios"]
     return Failures(of, len(lost), dict(methods), dict(reasons.most_common(20)))

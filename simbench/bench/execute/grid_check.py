@@ -22,8 +22,11 @@ from simbench.scenarios.grid_check import say
 MOST_SCENARIOS = 1_000_000  # of one run
 # measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one
 # core); rows on disk (bytes)
-_SECONDS, _FAST_METHOD_SECONDS, _FULL_METHOD_SECONDS = 0.008, 0.0008, 0.05
-ROW, _VERDICT = 600, 70
+_SECONDS = 0.008
+_FAST_METHOD_SECONDS = 0.0008
+_FULL_METHOD_SECONDS = 0.05
+ROW = 600
+_VERDICT = 70
 
 
 @dataclass(frozen=True)

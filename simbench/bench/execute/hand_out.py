@@ -27,7 +27,8 @@ from simbench.progress import Progress
 from simbench.scenarios.grid import Grid
 from simbench.scenarios.spec import Scenario
 
-_RECORDS, _LOOPS = "records.parquet", "loops.csv"
+_RECORDS = "records.parquet"
+_LOOPS = "loops.csv"
 _SIGNALS = ("t", "sp", "op", "pv")
 _KNOWN = ("record", "Ts", "process", "op_lo", "op_hi")
 _AT_ONCE = 50  # records in a row group of the file
@@ -92,7 +93,8 @@ def write_records(
 
 def _write(folder: Path, plan: Grid) -> int:
     """Write both files of the folder, and return the number of records."""
-    records, left_out = _records(plan), []
+    records = _records(plan)
+    left_out = []
     known = []
     with (
         whole_file(folder / _RECORDS, "wb") as f,

@@ -343,7 +343,8 @@ def _worked(
     folder: Path, task: _Task, run: Runner, bar: _Bar, missing: dict[int, Sequence[int]]
 ) -> list[Receipt]:
     """Return the receipts of some pieces, in order; what a dead worker held is worked again."""
-    lives, receipts = LIVES, {}
+    lives = LIVES
+    receipts = {}
     while missing:
         try:
             for receipt in run(task, list(missing.items())):

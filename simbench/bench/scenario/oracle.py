@@ -24,7 +24,8 @@ SOURCE = (
 )
 _BANDS = np.geomspace(0.1, 40.0, 31)  # S, % of travel
 _JUMPS = np.linspace(0.0, 1.0, 9)  # J/S
-_ZOOMS, _AROUND = 3, 5  # rounds of refinement, candidates a side in each
+_ZOOMS = 3  # rounds of refinement
+_AROUND = 5  # candidates a side in each
 _FLOOR = 1e-9  # of PV's range: what rounding leaves of a residual without noise
 _UNSURE = 3.0  # nats: below this one answer is at most twenty times likelier than the other
 
@@ -44,7 +45,8 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     setup, op, pv = whole
     n = setup.end
     # PV as the known noise and load leave it to the valve, and the inflow that load adds to MV's
-    left, load = pv - setup.pv0 - setup.load_out[:n], np.array(setup.load_in[:n])
+    left = pv - setup.pv0 - setup.load_out[:n]
+    load = np.array(setup.load_in[:n])
     variance = (
         setup.noise_std**2
         + (_FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
@@ -54,7 +56,8 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     b, a, delay = _transfer(setup)
 
     def misfits(S: np.ndarray, J: np.ndarray) -> np.ndarray:
-        none, out = np.zeros(S.size), np.empty(S.size)
+        none = np.zeros(S.size)
+        out = np.empty(S.size)
         valves = Valves(none, S, J, none, none, none, none)
         compiled(squares_left)(record, valves, load, b, a, delay, out)
         return out / (2.0 * variance)
@@ -85,22 +88,27 @@ def _best_valve(
     """Return S and J of the best valve, and its misfit: of a coarse lattice over all valves, then
     of finer ones around the best so far.
     """
-    sizes, ratios = _BANDS, _JUMPS
-    factor, width, offsets = (
-        np.log(_BANDS[1] / _BANDS[0]),
-        _JUMPS[1],
-        np.linspace(-1.0, 1.0, _AROUND),
-    )
-    best, S, J = np.inf, np.nan, np.nan
+    sizes = _BANDS
+    ratios = _JUMPS
+    factor = np.log(_BANDS[1] / _BANDS[0])
+    width = _JUMPS[1]
+    offsets = np.linspace(-1.0, 1.0, _AROUND)
+    best = np.inf
+    S = np.nan
+    J = np.nan
     for _ in range(1 + _ZOOMS):
         s = np.repeat(sizes, ratios.size)
         j = s * np.tile(ratios, sizes.size)
         found = misfits(s, j)
         k = int(found.argmin())
         if found[k] < best:
-            best, S, J = float(found[k]), float(s[k]), float(j[k])
-        sizes, ratios = S * np.exp(factor * offsets), np.clip(J / S + width * offsets, 0.0, None)
-        factor, width = factor / 2, width / 2
+            best = float(found[k])
+            S = float(s[k])
+            J = float(j[k])
+        sizes = S * np.exp(factor * offsets)
+        ratios = np.clip(J / S + width * offsets, 0.0, None)
+        factor = factor / 2
+        width = width / 2
     return S, J, best
 
 
@@ -110,16 +118,19 @@ def _transfer(setup: Setup) -> tuple[np.ndarray, np.ndarray, int]:
     """
     if setup.loop.plant.dt is not None:
         # stated in z: its numbers as they stand, behind whole samples
-        b, a = np.append(0.0, setup.loop.plant.num or ()), np.array(setup.loop.plant.den)
+        b = np.append(0.0, setup.loop.plant.num or ())
+        a = np.array(setup.loop.plant.den)
         delay = round(setup.Td / setup.Ts)
     else:
         sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
         # C (zI - A)^-1 B = (det(zI - A + B C) - det(zI - A))/det(zI - A), the matrix determinant
         # lemma
-        A, C = np.atleast_2d(sampled.A), np.reshape(sampled.C, (1, -1))
+        A = np.atleast_2d(sampled.A)
+        C = np.reshape(sampled.C, (1, -1))
         a = np.poly(A)
         new, old = (np.poly(A - np.outer(B, C)) - a for B in (sampled.B_new, sampled.B_old))
-        b, delay = np.append(new, 0.0) + np.append(0.0, old), sampled.delay
+        b = np.append(new, 0.0) + np.append(0.0, old)
+        delay = sampled.delay
     size = max(b.size, a.size, 2)
     return np.pad(b, (0, size - b.size)), np.pad(a, (0, size - a.size)), delay
 
@@ -131,9 +142,14 @@ def squares_left(record, valves, load, b, a, delay, out):
     The filter is a transposed direct form II (Oppenheim and Schafer 2010, section 6.3).
     """
     wide()
-    n, last = load.size, b.size - 1
-    v, total, state = rows(n + 1), rows(n + 2), rows(last)
-    w, y, squares = lanes(), lanes(), lanes()
+    n = load.size
+    last = b.size - 1
+    v = rows(n + 1)
+    total = rows(n + 2)
+    state = rows(last)
+    w = lanes()
+    y = lanes()
+    squares = lanes()
     for block in range(0, out.size, LANES):
         moves(record, valves, block, v, total)
         for c in range(LANES):
@@ -145,17 +161,23 @@ def squares_left(record, valves, load, b, a, delay, out):
                 squares[c] += record.y[k] * record.y[k]
         for k in range(n - delay):
             # the first position is that before the record
-            row, pv, add = np.uintp((k + 1) * LANES), record.y[k + delay], load[k]
+            row = np.uintp((k + 1) * LANES)
+            pv = record.y[k + delay]
+            add = load[k]
             for c in range(LANES):
                 w[c] = v[row + np.uintp(c)] + add
                 y[c] = state[np.uintp(c)] + b[0] * w[c]
                 squares[c] += (pv - y[c]) * (pv - y[c])
             for j in range(1, last):
-                to, of = np.uintp((j - 1) * LANES), np.uintp(j * LANES)
-                bj, aj = b[j], a[j]
+                to = np.uintp((j - 1) * LANES)
+                of = np.uintp(j * LANES)
+                bj = b[j]
+                aj = a[j]
                 for c in range(LANES):
                     state[to + np.uintp(c)] = state[of + np.uintp(c)] + w[c] * bj - y[c] * aj
-            to, bj, aj = np.uintp((last - 1) * LANES), b[last], a[last]
+            to = np.uintp((last - 1) * LANES)
+            bj = b[last]
+            aj = a[last]
             for c in range(LANES):
                 state[to + np.uintp(c)] = w[c] * bj - y[c] * aj
         for c in range(min(LANES, out.size - block)):

@@ -61,7 +61,8 @@ def settle(group: Group) -> list[Scenario | None]:
     """
     if group.rules.empty:
         return [Scenario(loop=d.loop, seed=d.seed, tags=d.tags, asked=d.id) for d in group.drafts]
-    twin, cycle = group.twin, measure_cycle(group.twin)
+    twin = group.twin
+    cycle = measure_cycle(group.twin)
     if group.rules.w_Ti is not None:
         twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
     loops: dict[int, Loop] = {}
@@ -191,7 +192,8 @@ def first_guess(loop: Loop) -> float:
     """Guess the period (s) of a sticky loop's cycle."""
     S, J = band(loop)
     like = plant.first_order_like(loop.plant)
-    Td, Ti = like.Td, loop.controller.Ti
+    Td = like.Td
+    Ti = loop.controller.Ti
     k = abs(like.K) * loop.controller.Kc / (like.T or 1.0)
     if Ti is not None and like.T is not None:
         k *= max(1.0, like.T / Ti)  # more integral action than Ti = T: faster
@@ -240,7 +242,8 @@ def _sampled(loop: Loop, Ts: float, n: int) -> Loop:
 def _with_w_Ti(twin: Loop, cycle: Cycle, wanted: float) -> tuple[Loop, Cycle]:
     # Ti moves the period, the period asks for another Ti: a damped fixed point in logarithms. Below
     # its tuned value Ti takes Kc down with it, so that the loop stays stable.
-    Kc, tuned = twin.controller.Kc, twin.controller.Ti or 1.0
+    Kc = twin.controller.Kc
+    tuned = twin.controller.Ti or 1.0
     Ti = tuned
     for _ in range(15):
         ratio = wanted * cycle.period / (2.0 * math.pi) / Ti
@@ -256,7 +259,8 @@ def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
     """Settle a draft by the period of its own oscillation, by its sticky twin's where it has
     none.
     """
-    own, per = cycle.period, draft.rules.samples_per_period
+    own = cycle.period
+    per = draft.rules.samples_per_period
     loop = _settled(draft, twin, cycle, own)
     # what stands still but for the twin's own valve has the twin's period, but for what the noise
     # does to it
@@ -280,7 +284,8 @@ def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
 
 def _settled(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
     """Return a draft's loop for the period of its record."""
-    table, rules = draft.loop.to_table(), draft.rules
+    table = draft.loop.to_table()
+    rules = draft.rules
     if rules.w_Ti is not None:
         table["controller"].update(
             Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc)
@@ -332,7 +337,8 @@ def valve_table(
 ) -> dict[str, Any]:
     """Return the table of any valve file that has the (S, J) a cell asks for."""
     module = VALVES.load(name)
-    S, J = float(cell["S"]), float(cell.get("J", 0.0))
+    S = float(cell["S"])
+    J = float(cell.get("J", 0.0))
     own: dict[str, Any] = {}
     if hasattr(module, "for_SJ"):
         own = module.for_SJ(S, J, significant(period))

@@ -29,7 +29,10 @@ _MOMENTS = (
 )  # of the record's last period, from its end back, at which the noise goes off
 _FADING = 0.5  # below this the motion dies out; between this and LASTING it is not clear
 _MAX_TAIL = 20_000  # samples
-YES, NO, _ENTRAINED, _UNCLEAR = "yes", "no", "entrained", "unclear"
+YES = "yes"
+NO = "no"
+_ENTRAINED = "entrained"
+_UNCLEAR = "unclear"
 CYCLED = (YES, NO, _ENTRAINED, _UNCLEAR)
 _MOST = 32  # loops of a group
 _known: deque[tuple[Loop, int, Cycled]] = deque(maxlen=_MOST)
@@ -69,7 +72,8 @@ def simulate_with_truth(
 
 def _cycled(run: Run, loop: Loop, seed: int, period: float | None) -> Cycled:
     """Say whether a sticky loop cycles."""
-    Ts, bar = loop.sampling.Ts, least_swing(loop)
+    Ts = loop.sampling.Ts
+    bar = least_swing(loop)
     late = motion(run.mv[run.record.n // 2 :], bar / 4)
     if period is None:
         period = late.period * Ts

@@ -135,7 +135,8 @@ def reference_answers(book: RunArrays) -> list[Answers]:
     """Return what classifiers answer of an oscillating loop from everything but its waveform,
     learned on other groups: `no_waveform`, and `rhythm`.
     """
-    nothing, rows = np.zeros(book.ids.size), []
+    nothing = np.zeros(book.ids.size)
+    rows = []
     for name in (NO_WAVEFORM, WITH_RHYTHM):
         chance, verdicts, asked = no_waveform(book, rhythm=name == WITH_RHYTHM)
         told = verdicts, chance, asked, nothing != 0, nothing
@@ -152,5 +153,6 @@ def axis_codes(book: RunArrays, axis: str) -> tuple[list[str], np.ndarray]:
     codes, values = pd.factorize(book.axes[_AXIS_OF_CELL.get(axis, axis)], sort=True)
     texts = [v if isinstance(v, str) else f"{v:g}" for v in values]
     if texts[:1] == [""]:
-        codes, texts = codes - 1, texts[1:]
+        codes = codes - 1
+        texts = texts[1:]
     return texts, np.where(codes < 0, len(texts), codes)

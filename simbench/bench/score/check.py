@@ -121,11 +121,13 @@ def check_books(
     rows: list[dict[str, Any]] = []
     flips: list[pd.DataFrame] = []
     for method in (m for m in before.methods if m in now.methods):
-        i, j = now.methods.index(method), before.methods.index(method)
+        i = now.methods.index(method)
+        j = before.methods.index(method)
         for truth in _CHECKED_TRUTHS:
             # a loop whose truth differs is another case
             alike = before.truth[truth][pairs.before] == now.truth[truth][pairs.now]
-            at, was_at = pairs.now[alike], pairs.before[alike]
+            at = pairs.now[alike]
+            was_at = pairs.before[alike]
             by_chance = _by_other_bits(now, method, truth, shaken)
             sides = _answers(before, j, truth, was_at), _answers(now, i, truth, at)
             for row in _tests(*sides, ~pairs.same[alike]):
@@ -198,7 +200,8 @@ def _by_other_bits(
         lost = asked = 0
         for member in shaken.verdict[method]:
             other = _good(label[used] == 1, member[used])[what]
-            lost, asked = lost + int((kept & ~other).sum()), asked + kept.size
+            lost = lost + int((kept & ~other).sum())
+            asked = asked + kept.size
         found[what] = lost, asked
     return found
 
@@ -214,7 +217,8 @@ def _explained(loops: int, lost: int, asked: int) -> int:
 
 def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     """Make a run the baseline, and say what that changes."""
-    now, there = read_book(folder), (Path(baseline) / "manifest.json").exists()
+    now = read_book(folder)
+    there = (Path(baseline) / "manifest.json").exists()
     lines = [
         f"baseline {baseline}: {now.ids.size} scenarios of grid {now.manifest['grid']} x"
         f" {len(now.methods)} methods"
@@ -252,10 +256,8 @@ def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
                 f"the truth {truth!r} of {changed} scenarios with the same records has changed"
             )
     for method in (m for m in before.methods if m in now.methods):
-        failed, was = (
-            now.failed[now.methods.index(method)],
-            before.failed[before.methods.index(method)],
-        )
+        failed = now.failed[now.methods.index(method)]
+        was = before.failed[before.methods.index(method)]
         raised = int((failed[pairs.now] & ~was[pairs.before]).sum())
         if raised:
             found.append(f"method {method} raised an error on {raised} scenarios where it had none")
@@ -339,7 +341,8 @@ def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
         loops = np.array([of_all[method, truth] for truth in rows["truth"]])
         share = rows["seen"].fillna(1.0).to_numpy() * rows["n"].to_numpy() / np.maximum(loops, 1)
         worst = int(np.argmax(share))
-        row, wanted = rows.iloc[worst], _REACH[basis] * loops[worst] / max(rows.iloc[worst]["n"], 1)
+        row = rows.iloc[worst]
+        wanted = _REACH[basis] * loops[worst] / max(rows.iloc[worst]["n"], 1)
         if not share[worst] <= _REACH[basis]:
             yield (
                 f"{method}: cannot tell on the {loops[worst]} loops that it covers: of"
@@ -409,10 +412,13 @@ def _tests(before: tuple, now: tuple, other: np.ndarray) -> Iterator[dict[str, A
     used = before[3] & (before[0] >= 0)
     truth, said_a, score_a = (x[used] for x in before[:3])
     said_b, score_b = (x[used] for x in now[1:3])
-    positive, other = truth == 1, other[used]
-    old, new = _good(positive, said_a), _good(positive, said_b)
+    positive = truth == 1
+    other = other[used]
+    old = _good(positive, said_a)
+    new = _good(positive, said_b)
     for what, (among, _) in _COUNTED.items():
-        a, b = old[what], new[what]
+        a = old[what]
+        b = new[what]
         paired = Paired.of(a, b)
         row = {"what": what, "n": paired.n, "before": _share(a), "now": _share(b)}
         row["other"] = int(other.sum() if among is None else other[positive == among].sum())
@@ -433,7 +439,8 @@ def _share(right: np.ndarray) -> float:
 
 def _flips(now: RunArrays, i: int, before: RunArrays, j: int, pairs: Pairs) -> pd.DataFrame:
     changed = now.verdict[i][pairs.now] != before.verdict[j][pairs.before]
-    at, was_at = pairs.now[changed], pairs.before[changed]
+    at = pairs.now[changed]
+    was_at = pairs.before[changed]
     names = np.array([w for w, _ in sorted(CODES.items(), key=lambda item: item[1])])
     return pd.DataFrame(
         {

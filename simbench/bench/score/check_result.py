@@ -13,7 +13,9 @@ from simbench.bench.score.compare import plain
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR
 from simbench.detectors.report.report import columns
 
-NO_LOSS, WORSE, CANNOT_TELL = "same", "worse", "cannot tell"
+NO_LOSS = "same"
+WORSE = "worse"
+CANNOT_TELL = "cannot tell"
 NOT_COMPARABLE = "not comparable"  # what a command says where there is no check
 _SHOWN = 20  # flipped scenarios in a summary of a pull request; JSON has all
 # in a terminal, so that all of it fits a screen of 40 lines and 100 columns
@@ -100,7 +102,8 @@ class Check:
 
     def changes(self) -> list[str]:
         """Return the rates that moved and the scenarios that flipped, the worst first."""
-        lines, moved = [], _moved(self).drop(columns=["seen", "explained"])
+        lines = []
+        moved = _moved(self).drop(columns=["seen", "explained"])
         if len(moved):
             lines += ["", *_aligned(moved.head(_SCREEN["rates"]))]
         if len(self.flips):

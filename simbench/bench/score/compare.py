@@ -178,12 +178,14 @@ class Comparison:
 
     def _matrix_lines(self) -> list[str]:
         """Return the matrix, in parts as wide as a line."""
-        names, text = self._names(), self.cells().to_numpy()
+        names = self._names()
+        text = self.cells().to_numpy()
         widths = [
             max(len(str(k + 1)), *map(len, text[:, k])) + 2 if names else 0
             for k in range(len(names))
         ]
-        room, parts = _WIDTH - max(map(len, names), default=0), [[]]
+        room = _WIDTH - max(map(len, names), default=0)
+        parts = [[]]
         for k, width in enumerate(widths):
             if sum(widths[i] for i in parts[-1]) + width > room:
                 parts.append([])

@@ -17,7 +17,8 @@ _ALARMS = 0.05  # share of false positives at which sensitivity_at_5 is taken
 _LEAST = 100  # loops below which gradient boosting has nothing to split
 # trees, and leaves of each: with twice the trees of four times the leaves the AUC of 12 sets of
 # loops is .54 as well, where noise is asked for .998, and it takes four times as long
-_TREES, _LEAVES = 50, 8
+_TREES = 50
+_LEAVES = 8
 _MOST = 5_000  # loops that it learns from; of more these are drawn at random
 
 
@@ -69,12 +70,15 @@ def risk_coverage(
     El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the loops' values are the area's
     influence function.
     """
-    wrong, sure = np.full(ranks.size, 0.5), np.full(ranks.size, -1.0)
+    wrong = np.full(ranks.size, 0.5)
+    sure = np.full(ranks.size, -1.0)
     known = np.flatnonzero(ranks >= 0)
     if known.size:
-        place, fold = ranks[known], fold[known]
+        place = ranks[known]
+        fold = fold[known]
         place = (np.cumsum(np.bincount(place) > 0) - 1)[place]
-        folds, levels = int(fold.max()) + 1, int(place.max()) + 1
+        folds = int(fold.max()) + 1
+        levels = int(place.max()) + 1
         cell = fold * (levels + 1) + place + 1
         # how many of all and of the positives stand below every rank, in the other folds
         below, missed = (
@@ -102,7 +106,8 @@ def risk_coverage(
         # answers equally sure come in any order
         return (np.bincount(tied, values, size.size) / size)[tied]
 
-    risk, place = shared(wrong[order]), np.arange(1, order.size + 1)
+    risk = shared(wrong[order])
+    place = np.arange(1, order.size + 1)
     # a loop counts by its own error, and by moving all that are less sure one place down
     own, moved = (shared(np.cumsum(x[::-1])[::-1]) for x in (1.0 / place, risk / place))
     values = np.empty(order.size)
@@ -124,12 +129,14 @@ def _boosted(
     columns: int, feature_bytes: bytes, label_bytes: bytes, fold_bytes: bytes
 ) -> np.ndarray:
     """Return what `out_of_fold` does, of folds, for arrays of floats, bools and integers."""
-    label, fold = np.frombuffer(label_bytes, bool), np.frombuffer(fold_bytes, int)
+    label = np.frombuffer(label_bytes, bool)
+    fold = np.frombuffer(fold_bytes, int)
     features = np.frombuffer(feature_bytes).reshape(-1, columns)
     said = np.full(label.size, 0.5)
     learned = []
     for k in np.unique(fold):
-        there, here = fold != k, fold == k
+        there = fold != k
+        here = fold == k
         if there.any():
             said[here] = label[there].mean()
         if label.size >= _LEAST and 0 < label[there].sum() < there.sum():

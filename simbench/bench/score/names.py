@@ -9,13 +9,15 @@ from typing import Any
 from simbench.detectors.verdict import NO_STICTION, STICTION
 
 ALL = "all"
-OF_OSCILLATING, OF_NOT_OSCILLATING = "oscillating", "not oscillating"
+OF_OSCILLATING = "oscillating"
+OF_NOT_OSCILLATING = "not oscillating"
 SAMPLED = "sampled"  # scenarios of a large run on which orders and scatter are worked out
 LEAST = 20  # loops: a rate of fewer says nothing, and is not shown
 ROLE_YARDSTICK = "yardstick"
 CONSTANTS = {"always_no": NO_STICTION, "always_yes": STICTION}  # rows that always say the same
 # reference rows that know everything but the waveform; the second also how regular the cycles are
-NO_WAVEFORM, WITH_RHYTHM = "no_waveform", "rhythm"
+NO_WAVEFORM = "no_waveform"
+WITH_RHYTHM = "rhythm"
 # after a method's name, by where its constants were fitted: on loops of this grid, on loops like
 # most of these, on neither
 HOME_MARKS = {"fitted here": "*", "siblings": "+", "no": ""}

@@ -59,11 +59,14 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
     `period_s` is that of its oscillation, NaN where there is none: then it has 0 samples per period
     and 0 periods.
     """
-    op, pv = record.op, record.pv
+    op = record.op
+    pv = record.pv
     sp = np.full(record.n, pv.mean()) if record.sp is None else record.sp
-    fifth, oscillates = max(record.n // _FIFTH, 2), np.isfinite(period_s)
+    fifth = max(record.n // _FIFTH, 2)
+    oscillates = np.isfinite(period_s)
     period = period_s / record.Ts if oscillates else 0.0
-    of_op, of_pv = _signal(op, fifth), _signal(pv, fifth)
+    of_op = _signal(op, fifth)
+    of_pv = _signal(pv, fifth)
     values = {f"op_{name}": value for name, value in of_op.items()} | {
         f"pv_{name}": value for name, value in of_pv.items()
     }
@@ -82,7 +85,10 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
 
 def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
     std = centred(x)[1]
-    unit, begin, end, levels = max(std, _SMALLEST), x[:fifth], x[-fifth:], np.sort(x)
+    unit = max(std, _SMALLEST)
+    begin = x[:fifth]
+    end = x[-fifth:]
+    levels = np.sort(x)
     return {
         "std": std,
         "mean": float(np.mean(x)),

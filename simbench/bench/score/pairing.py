@@ -40,7 +40,8 @@ class Paired(NamedTuple):
     @classmethod
     def of(cls, first: np.ndarray, second: np.ndarray) -> Paired:
         """Count two sets of answers, each (n,) right or not."""
-        win, loss = int((first & ~second).sum()), int((~first & second).sum())
+        win = int((first & ~second).sum())
+        loss = int((~first & second).sum())
         return cls(first.size, win, first.size - win - loss, loss)
 
     @property

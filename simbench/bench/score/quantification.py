@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 _COLUMNS = ("method", "family", "parameter", "n", "median_error", "coverage", "width")
 _ENOUGH = 60  # estimates of a family of valves: fewer are scored, but not checked
-COVERAGE, MEDIAN_ERROR = "coverage", "median error"
+COVERAGE = "coverage"
+MEDIAN_ERROR = "median error"
 _ALLOWED = {
     COVERAGE: 0.03,
     MEDIAN_ERROR: 0.02,
@@ -36,7 +37,8 @@ def estimates(book: RunArrays) -> pd.DataFrame:
 
     loop, number = np.nonzero(~np.isnan(book.sizes).all(axis=0).T)
     sticky = book.friction[loop, 0] > 0.0
-    loop, number = loop[sticky], number[sticky]
+    loop = loop[sticky]
+    number = number[sticky]
     method = np.array(book.methods, dtype=object)[number]
     about = {m: book.manifest["methods"][m].get("stated", ()) for m in book.methods}
     parts = []
@@ -86,7 +88,9 @@ def compared(
     old, new = (estimates(book) for book in (before, now))
     new["loop"] = new["loop"].map(dict(zip(pairs.now, pairs.before, strict=True)))
     keys = ["method", "parameter", "family"]
-    ours, rows, untold = dict(list(new.groupby(keys))), [], []
+    ours = dict(list(new.groupby(keys)))
+    rows = []
+    untold = []
     for key, one in old.groupby(keys, sort=False):
         method, parameter, family = tuple(key)  # type: ignore[arg-type]
         if len(one) < _ENOUGH or method not in now.methods:
@@ -114,10 +118,12 @@ def _test(what: str, before: np.ndarray, now: np.ndarray) -> dict[str, Any]:
     """Test loop by loop whether errors grew, or intervals hold less often."""
     # an interval that is no longer given holds nothing
     known = np.isfinite(before)
-    before, now = before[known], np.nan_to_num(now[known])
+    before = before[known]
+    now = np.nan_to_num(now[known])
     row: dict[str, Any] = {"n": before.size, "allowed": _ALLOWED[what]}
     middle = np.median if what == MEDIAN_ERROR else np.mean
     row.update(before=float(middle(before)), now=float(middle(now)))
-    less, more = before < now, now < before
+    less = before < now
+    more = now < before
     paired = Paired.of(less, more) if what == MEDIAN_ERROR else Paired.of(more, less)
     return {**row, "lost": paired.win, "won": paired.loss, "p": paired.p_worse}

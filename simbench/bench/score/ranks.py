@@ -10,7 +10,8 @@ import numpy as np
 from scipy import stats
 
 UNDECIDED = 0.5  # cost of no decision; an error costs 1
-_LEVEL, _POWER = 0.95, 0.90
+_LEVEL = 0.95
+_POWER = 0.90
 # with a clear label: fewer rank nobody, as the 95 % interval of a rate is then wider than .3
 RANKED_LOOPS = 30
 

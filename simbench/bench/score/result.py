@@ -268,7 +268,8 @@ class Scores:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity
         become null.
         """
-        table, resolution = self._shown(self.table), self.resolution
+        table = self._shown(self.table)
+        resolution = self.resolution
         return {
             "grid": self.manifest["grid"],
             "grid_hash": self.manifest["grid_hash"],

@@ -36,7 +36,8 @@ def rhythm_features(record: LoopRecord, period_s: float) -> np.ndarray:
     period = period_s / record.Ts
     if not (np.isfinite(period) and 4.0 <= period <= record.n / 2):
         return np.zeros(len(RHYTHM))
-    means, values = [], []
+    means = []
+    values = []
     for x in (np.asarray(record.op, float), np.asarray(record.pv, float)):
         size = round(period)
         count = record.n // size
@@ -52,7 +53,8 @@ def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
     before = np.flatnonzero((fundamental[:-1] < 0.0) & (fundamental[1:] >= 0.0))
     if before.size < 3 or not std > 0.0:
         return [0.0] * len(_OF_EACH)
-    a, b = fundamental[before], fundamental[before + 1]
+    a = fundamental[before]
+    b = fundamental[before + 1]
     lengths = np.diff(before + a / (a - b))
     sizes = np.maximum.reduceat(np.abs(fundamental), before + 1)[:-1]
     return [
@@ -78,7 +80,8 @@ def _next(x: np.ndarray, step: int = 1) -> float:
 def _correlation(x: np.ndarray, y: np.ndarray) -> float:
     if x.size < _LEAST:
         return 0.0
-    (x, x_std), (y, y_std) = centred(x), centred(y)
+    x, x_std = centred(x)
+    y, y_std = centred(y)
     return float(x @ y / (x.size * x_std * y_std)) if x_std > 0.0 and y_std > 0.0 else 0.0
 
 

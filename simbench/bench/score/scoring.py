@@ -78,7 +78,8 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     import pandas as pd
 
     book = with_shipped(book)
-    reference, failing = reference_answers(book), failing_methods(book, allow_failed)
+    reference = reference_answers(book)
+    failing = failing_methods(book, allow_failed)
     everyone = [*answers_of(book), *reference]
     answers = long_table(everyone)
     sample = _Sample.of(book, everyone, reference[0])
@@ -89,10 +90,12 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     blocks = list(product(TRUTHS, _PROCESSES, _POPULATIONS))
     cube = counted(answers, process=process, going_on=going_on, **labels)
     counts = tallied(pd.concat(_chosen(cube, *key) for key in blocks), [*_KEY, "method"])
-    rows, standing = [], {}
+    rows = []
+    standing = {}
     for key in blocks:
         truth, kind, population = key
-        of, going = _PROCESSES[kind], _POPULATIONS[population]
+        of = _PROCESSES[kind]
+        going = _POPULATIONS[population]
         block = sample.block(np.isin(process, of) & np.isin(going_on, going), labels[truth])
         # where nothing oscillates no score tells loops apart
         each = _of_each(counts, key, len(everyone))
@@ -160,7 +163,8 @@ class _Sample(NamedTuple):
 
     def block(self, chosen: np.ndarray, label: np.ndarray) -> _Block:
         """Return the chosen loops of a run that have a label."""
-        chosen, label = chosen[self.some], label[self.some]
+        chosen = chosen[self.some]
+        label = label[self.some]
         use = np.flatnonzero(chosen & (label >= 0))
         groups = np.unique(self.groups[use], return_inverse=True)[1]
         return _Block(use, label[use] == 1, groups, folds_of(groups), self.blind[use])
@@ -189,7 +193,8 @@ def _rows(
     """Return a row for every method: what is a count, of all loops (`counts` are `tallied`); orders
     and spreads, of those in the block.
     """
-    where, rows = dict(place), []
+    where = dict(place)
+    rows = []
     for a, c in zip(sample.answers, counts, strict=True):
         row: dict[str, Any] = {"method": a.method, **where}
         row |= {key: getattr(a, key) for key in _ABOUT} | {key: c[key] for key in _COUNTED}
@@ -234,7 +239,8 @@ def _orders(
             "risk_coverage": _mean_of_groups(sure, groups),
         }
     if not (known := score >= 0).all():
-        score, positive = score[known], positive[known]
+        score = score[known]
+        positive = positive[known]
     row: dict[str, float] = {}
     for name, ends in ranges.items():
         row[name], row[f"{name}_lo"], row[f"{name}_hi"] = ends
@@ -359,9 +365,11 @@ def _rank(
     method of whoever ran the grid always has one: where it answers a part of the loops, among those
     that answer these.
     """
-    standing, n = [], rows[0]["n"]
+    standing = []
+    n = rows[0]["n"]
     for row in rows:
-        row["rank"], row["rank_loops"] = math.nan, 0
+        row["rank"] = math.nan
+        row["rank_loops"] = 0
     for kind in (0, 1):
         mine = [
             k
@@ -379,7 +387,8 @@ def _rank(
             n,
         )
         for k, rank in zip(members, ranks.rank, strict=True):
-            rows[k]["rank"], rows[k]["rank_loops"] = int(rank), n
+            rows[k]["rank"] = int(rank)
+            rows[k]["rank_loops"] = n
         standing.append((ranks, members))
         for k in (k for k in mine if everyone[k].own and k not in members):
             if rows[k]["applicable"] >= RANKED_LOOPS:
@@ -393,7 +402,8 @@ def _earned_on_average(block: _Block, a: Answers, cost: float) -> np.ndarray:
     """Return what a method earns on each loop of a block: where it does not answer, what it earns
     elsewhere, so that a gap neither helps nor harms it.
     """
-    earned, applies = _earned(a.said[block.use], block.positive, cost), a.applies[block.use]
+    earned = _earned(a.said[block.use], block.positive, cost)
+    applies = a.applies[block.use]
     return np.where(applies, earned, earned[applies].mean() if applies.any() else 0.0)
 
 

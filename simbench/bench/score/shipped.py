@@ -90,13 +90,15 @@ def with_shipped(book: RunArrays) -> RunArrays:
         return book
     there = RunArrays.read(shipped(str(book.manifest["grid"])))
     pairs = pair(book, there)
-    at, was_at = pairs.now, pairs.before
+    at = pairs.now
+    was_at = pairs.before
     refuse_other_benchmark(book.manifest, there.manifest, at.size)
     added = [i for i, name in enumerate(there.methods) if name not in book.methods]
     names = [there.methods[i] for i in added]
 
     def beside(name: str, absent: float) -> np.ndarray:
-        own, other = getattr(book, name), getattr(there, name)
+        own = getattr(book, name)
+        other = getattr(there, name)
         more = np.full((*own.shape[:-2], len(added), book.ids.size), absent, dtype=own.dtype)
         more[..., at] = other[..., added, :][..., was_at]
         return np.concatenate([own, more], axis=-2)

@@ -63,9 +63,11 @@ def tallied(counts: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """
     import pandas as pd
 
-    known, positive = counts["label"] >= 0, counts["label"] == 1
+    known = counts["label"] >= 0
+    positive = counts["label"] == 1
     covered = known & counts["applies"]
-    sticky, other = covered & positive, covered & ~positive
+    sticky = covered & positive
+    other = covered & ~positive
     says = {word: counts["said"] == code for word, code in CODES.items()}
     kinds = {
         "n": known,

@@ -23,7 +23,9 @@ from simbench.scenarios.spec import content_hash
 
 BENCHMARK = "benchmark"
 # key of a manifest: whose loops were taken as they stand; a run that settled its own has none
-SETTLED, PACKAGE, OF_RUN = "settled", "package", "run"
+SETTLED = "settled"
+PACKAGE = "package"
+OF_RUN = "run"
 PARTS = {"scenarios": "the scenarios", "evaluator": "the evaluator's rules"}
 # how a grid becomes a table is none of it: the table is the other part
 _PACKAGES = ("loop", "theory", "bench/scenario", "bench/score")

@@ -119,7 +119,8 @@ def unmatched(manifest: Mapping[str, Any]) -> int:
     """Return how many healthy loops of a run are left out because they could not be matched with
     sticky ones.
     """
-    planned, done = manifest.get("scenarios"), manifest.get("counts", {}).get("scenarios")
+    planned = manifest.get("scenarios")
+    done = manifest.get("counts", {}).get("scenarios")
     return planned - done if manifest.get("complete") and planned and done else 0
 
 
@@ -215,7 +216,8 @@ def processor() -> dict[str, str]:
 
 def _difference(key: str, old: Any, new: Any) -> str:
     if isinstance(old, dict) and isinstance(new, dict):
-        gone, come = [k for k in old if k not in new], [k for k in new if k not in old]
+        gone = [k for k in old if k not in new]
+        come = [k for k in new if k not in old]
         changes = (
             [f"the run has {', '.join(gone)}, which this command does not ask for"] if gone else []
         )

@@ -209,11 +209,14 @@ class RunArrays:
         folder = Path(path)
         manifest = read_manifest(folder) if manifest is None else manifest
         refuse_unfinished(folder, manifest)
-        methods, n = tuple(manifest["methods"]), manifest["counts"]["scenarios"]
+        methods = tuple(manifest["methods"])
+        n = manifest["counts"]["scenarios"]
         own = _own_axes(manifest)
         tags = ["tags"] if own else []
         scenarios = _joined(_parts_for_arrays(folder, "scenarios", manifest, *tags))
-        ids, said, start = scenarios.column("scenario_id").to_pylist(), [], 0
+        ids = scenarios.column("scenario_id").to_pylist()
+        said = []
+        start = 0
         for part in _parts_for_arrays(folder, "verdicts", manifest):
             size = part.num_rows // max(len(methods), 1)
             some = ids[start : start + size]
@@ -298,7 +301,8 @@ def _coded(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
     """
     coded = column.unify_dictionaries().combine_chunks()
     coded = coded.chunk(0) if isinstance(coded, pa.ChunkedArray) else coded
-    names, codes = coded.dictionary.to_pylist(), coded.indices
+    names = coded.dictionary.to_pylist()
+    codes = coded.indices
     codes = codes.fill_null(len(names)) if codes.null_count else codes  # which takes a while
     return names, codes.to_numpy(zero_copy_only=False)
 

@@ -17,8 +17,10 @@ from simbench.detectors.compiled import one_thread
 
 # folds in which whole units are left out, and how often they are drawn anew: what a classifier says
 # depends on what it is not shown
-_FOLDS, _ROUNDS = 5, 3
-_TREES, _FEW_TREES = 40, 12  # of all features, and of the few of a block, in each
+_FOLDS = 5
+_ROUNDS = 3
+_TREES = 40  # of all features, in each
+_FEW_TREES = 12  # of the few features of a block
 _LEAF = 2  # records in a leaf
 _DRAWS = 200  # of units, for the interval
 _ENDS = (0.025, 0.975)
@@ -96,7 +98,8 @@ def _out_of_fold(
     # here, for it takes a second to load
     from sklearn.ensemble import ExtraTreesClassifier
 
-    rng, said = np.random.default_rng([seed, 5]), np.zeros(label.size)
+    rng = np.random.default_rng([seed, 5])
+    said = np.zeros(label.size)
     of_records = np.isin(units, units[label])
     with one_thread():
         for _ in range(_ROUNDS):
@@ -106,7 +109,8 @@ def _out_of_fold(
                 own, place = np.unique(units[some], return_inverse=True)
                 fold[some] = rng.permutation(own.size)[place] % _FOLDS
             for k in range(_FOLDS):
-                there, here = fold != k, fold == k
+                there = fold != k
+                here = fold == k
                 if here.any() and 0 < label[there].sum() < there.sum():
                     model = ExtraTreesClassifier(trees, min_samples_leaf=_LEAF, random_state=seed)
                     model.fit(X[there], label[there], weight[there])
@@ -116,7 +120,8 @@ def _out_of_fold(
 
 def _with_interval(told: _Classified, seed: int) -> Estimate:
     """Return the area under the ROC curve and its interval, by drawing the units of each kind."""
-    rng, counts = np.random.default_rng([seed, 6]), np.zeros((_DRAWS, told.label.size))
+    rng = np.random.default_rng([seed, 6])
+    counts = np.zeros((_DRAWS, told.label.size))
     of_kind = [np.unique(told.units[told.label == kind]) for kind in (False, True)]
     for times in counts:
         for own in of_kind:
@@ -131,9 +136,11 @@ def _areas(told: _Classified, weights: np.ndarray) -> np.ndarray:
     """Return the area under the ROC curve for each of some sets of weights, shape (sets, n): how
     likely a recorded loop scores more than a simulated one, ties half.
     """
-    ours, theirs = told.score[told.label, None], told.score[~told.label]
+    ours = told.score[told.label, None]
+    theirs = told.score[~told.label]
     above = (ours > theirs) + 0.5 * (ours == theirs)
-    recorded, simulated = weights[:, told.label], weights[:, ~told.label]
+    recorded = weights[:, told.label]
+    simulated = weights[:, ~told.label]
     with one_thread():
         pairs = (recorded @ above * simulated).sum(axis=1)
     # weights are no round numbers: an area of 1 is one

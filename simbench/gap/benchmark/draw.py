@@ -72,7 +72,8 @@ def with_nuisances(
     """
     found = []
     for number, one in enumerate(drawn):
-        loop, record = one.loop, one.record
+        loop = one.loop
+        record = one.record
         try:
             for name, strength in chosen:
                 # by its name: one nuisance more must not shift the draws of the others
@@ -101,7 +102,8 @@ def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> MethodAcc
     """Return how right methods are on loops that cycle because of their valve and on those that do
     not; others are not counted.
     """
-    kinds, said = [], []
+    kinds = []
+    said = []
     with one_thread():
         for one in drawn:
             try:

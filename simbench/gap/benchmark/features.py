@@ -24,14 +24,16 @@ BLOCKS = (
     "valve",
 )
 # added to shares whose logarithm is a feature: of power and variance, of samples
-_POWER, _SHARE = 1e-3, 0.01
+_POWER = 1e-3
+_SHARE = 0.01
 _SMALLEST = 1e-12
 # std of white noise over the median of its absolute fourth difference, as in `no_waveform`
 _NOISE_SCALE = 1.0 / (0.6745 * 70.0**0.5)
 # edges of the bands of the error's spectrum, in its median frequency
 _EDGES = (0.0, 0.25, 0.5, 0.8, 1.25, 2.0, 4.0)
 # time constants and dead times (samples) of what OP is passed through to explain PV
-_LAGS, _DELAYS = (0, 2, 6, 20, 60), (1, 4, 12)
+_LAGS = (0, 2, 6, 20, 60)
+_DELAYS = (1, 4, 12)
 _PULL = 1e-4  # ridge of that regression, in variances
 _MEANS = 20  # means of OP and PV per period, whose changes have the shape of a wave and no noise
 _LARGEST = 1e3  # factor up to which a quotient counts
@@ -39,7 +41,8 @@ _LARGEST = 1e3  # factor up to which a quotient counts
 
 def describe(record: LoopRecord) -> dict[tuple[str, str], float]:
     """Return the features of a record, each with its block and its name."""
-    op, pv = np.asarray(record.op, float), np.asarray(record.pv, float)
+    op = np.asarray(record.op, float)
+    pv = np.asarray(record.pv, float)
     sp = np.full(record.n, pv.mean()) if record.sp is None else np.asarray(record.sp, float)
     fits = _explained(op, pv)
     pace = _median_frequency(op - op.mean())
@@ -149,7 +152,8 @@ def _load(error: np.ndarray, pv: np.ndarray, fits: np.ndarray) -> dict[str, floa
 
 def _explained(op: np.ndarray, pv: np.ndarray) -> np.ndarray:
     """Return what of PV, about its mean, a regression on delayed and lagged OP explains."""
-    u, n = op - op.mean(), op.size
+    u = op - op.mean()
+    n = op.size
     columns = [np.arange(n) / n, np.cumsum(u) / n]
     for lag in _LAGS:
         pole = np.exp(-1.0 / lag) if lag else 0.0
@@ -166,7 +170,8 @@ def _controller(op: np.ndarray, error: np.ndarray, pace: float) -> dict[str, flo
     """Return how far OP's moves follow a PI law of the error, what a derivative adds, and how fast
     the law is.
     """
-    moves, change = np.diff(op)[1:], np.diff(error)
+    moves = np.diff(op)[1:]
+    change = np.diff(error)
     pi = np.column_stack([change[1:], error[2:], np.ones(op.size - 2)])
     law, left = _regressed(pi, moves)
     _, less = _regressed(np.column_stack([pi, np.diff(change)]), moves)

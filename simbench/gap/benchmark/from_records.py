@@ -35,7 +35,8 @@ from simbench.scenarios.spec import Loop, Part, Scenario, content_hash
 
 VERSION = 1
 # S of the cells, in what would show in the record, and J in S
-SIZES, JUMPS = (0.5, 1.0, 2.0, 4.0), (0.25, 0.5, 1.0)
+SIZES = (0.5, 1.0, 2.0, 4.0)
+JUMPS = (0.25, 0.5, 1.0)
 _LARGEST = 30.0  # % of travel; no valve that sticks so much is left in a loop
 _VALVE = "choudhury"
 _LEAST = 4  # times that the cells of few records are drawn, all together: enough for a ranking
@@ -168,7 +169,8 @@ def grid_of_loops(
     `repeats` times.
     """
     calls = [delayed(_scenarios)(n, one, name, seed, repeats) for n, one in loops.items()]
-    rows, group = [], 0
+    rows = []
+    group = 0
     for scenarios in run_parallel(calls, jobs, "scenarios settled"):
         for cell, ones in enumerate(scenarios):
             if cell and len(loops) < _FEWEST:
@@ -253,7 +255,8 @@ def _cell(
         kind = str(rng.choice(ECHOES))
         healthy = _echo(near.loop, valve, kind, other) if cycles else None
         if healthy is None:
-            healthy, kind = (near.loop, other), "none"
+            healthy = (near.loop, other)
+            kind = "none"
         if cycles or (tags["cell"] + tags["repeat"]) % 2 == 0:
             run_once(*healthy)
             told = {**tags, "member": "healthy", "echo": kind}

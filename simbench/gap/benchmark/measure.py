@@ -171,8 +171,11 @@ class Search:
         seed: int,
         jobs: int,
     ) -> None:
-        self.drawn, self.lent, self.recorded = drawn, lent, recorded
-        self.seed, self.jobs = seed, jobs
+        self.drawn = drawn
+        self.lent = lent
+        self.recorded = recorded
+        self.seed = seed
+        self.jobs = jobs
 
     def asked(self, several: Sequence[tuple[Chosen, ...]]) -> list[TriedAddition]:
         """Return how well the loops with some nuisances can be told from the records."""
@@ -188,7 +191,8 @@ class Search:
         """Return what is added one after the other: each time what brings the loops nearest to the
         records, as long as that is worth it.
         """
-        steps, now = [], before
+        steps = []
+        now = before
         rest = _best_of_blocks(_best_of_each(before, singles))
         while rest and len(steps) < _MOST_ADDED:
             tried = self.asked([(*now.chosen, *one.chosen) for one in rest]) if steps else rest

@@ -71,7 +71,8 @@ def loop_of(report: GapReport, record: LoopRecord) -> NearLoop:
     # here, for it loads the benchmark
     from simbench.bench.execute.compute_piece import record_hash
 
-    runs, situation = report.behind.loops, report.behind.found.situation
+    runs = report.behind.loops
+    situation = report.behind.found.situation
     probability = report.conclusion.probability
     likely = probability is not None and probability > LIKELIER
     effects = [FRICTION] if likely and FRICTION in runs.fitted.parameters else []

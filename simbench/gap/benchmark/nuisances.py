@@ -23,7 +23,8 @@ from simbench.scenarios.spec import Loop, Part, read_toml
 
 STRENGTHS = (0.3, 1.0, 3.0)  # factors on the sizes
 # samples of a loop whose length or sampling is a record's
-_SHORTEST, _LONGEST = 100, 8000
+_SHORTEST = 100
+_LONGEST = 8000
 _SMALLEST = 1e-12
 
 
@@ -78,7 +79,8 @@ def units_of(record: LoopRecord) -> dict[str, float]:
 def _parameters(
     wanted: Parameters, record: LoopRecord, source: Source, strength: float
 ) -> dict[str, Any]:
-    units, out = units_of(record), {}
+    units = units_of(record)
+    out = {}
     for name, one in wanted.items():
         if isinstance(one, str):
             out[name] = one
@@ -113,7 +115,8 @@ def _lend_archive(loop: Loop, record: LoopRecord, source: Source, strength: floa
     """Return a loop written as a record of the folder: in its steps, against the size of its
     signals, and repeating samples where it does.
     """
-    lent, table = source.record, {}
+    lent = source.record
+    table = {}
     for name, other in (("op", "pv"), ("pv", "op")):
         real, own = (np.asarray(getattr(r, name), float) for r in (lent, record))
         step = read_lattice(real, np.asarray(getattr(lent, other), float)).digits

@@ -78,16 +78,19 @@ def in_samples(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]:
         late = np.zeros(round(plant.Td / plant.dt) + 1)
         return np.append(late, plant.num or ()), np.array(plant.den)
     g = plants.sample(*plants.polynomials(plant), plant.Td, Ts)
-    den, late = np.real(np.poly(g.A)), np.zeros(g.delay)
+    den = np.real(np.poly(g.A))
+    late = np.zeros(g.delay)
     new, old = (_numerator(g.A, B, g.C, den) for B in (g.B_new, g.B_old))
     return np.concatenate([late, np.append(new, 0.0) + np.append(0.0, old)]), den
 
 
 def _numerator(A: np.ndarray, B: np.ndarray, C: np.ndarray, den: np.ndarray) -> np.ndarray:
     """Return the numbers of C (zI - A)^-1 B over `den`, by its impulse response."""
-    response, x = np.zeros(den.size), B
+    response = np.zeros(den.size)
+    x = B
     for lag in range(1, den.size):
-        response[lag], x = C @ x, A @ x
+        response[lag] = C @ x
+        x = A @ x
     return np.convolve(response, den)[: den.size]
 
 

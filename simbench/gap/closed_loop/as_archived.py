@@ -55,7 +55,8 @@ def _resting_by_effect(s: Situation) -> tuple[bool, bool]:
     """Return whether OP and PV rest as an effect makes them, which is not the archive's; the
     lattice of PV is, where the loop is identified.
     """
-    law, archive = s.law, s.archive
+    law = s.law
+    archive = s.archive
     by_controller = law.limits is not None or law.gap > 0.0 or law.step > 0.0
     on_lattice = s.trusted and archive.rounding is not None
     return by_controller, s.frozen or on_lattice or archive.band > 0.0
@@ -66,6 +67,7 @@ def digits_of(s: Situation) -> tuple[float, float]:
     """Return the steps in which OP and PV are written, or PV of an identified loop is measured;
     computed once per record because it is simulated many times.
     """
-    op, pv = read_lattice(s.op, s.record.pv).digits, read_lattice(s.record.pv, s.op).digits
+    op = read_lattice(s.op, s.record.pv).digits
+    pv = read_lattice(s.record.pv, s.op).digits
     lattice = s.archive.rounding
     return op, pv if lattice is None or s.trusted else lattice[0]

@@ -31,13 +31,15 @@ from simbench.scenarios.spec import Loop, Plant
 
 # samples of a piece: a third of the period of the swing, so that no cycle hides in one, within
 # these; and as many as a load needs that moves seldom
-_SHORT, _LONG = (3, 20), 100
+_SHORT = (3, 20)
+_LONG = 100
 _SPARED = 3  # pieces at least that the residuals must hold
 _MIDDLE = 50.0  # of OP's travel, where an OP of unknown unit is simulated
 _AT_LIMIT = 0.02  # share of OP's samples at its largest or smallest value, from which it is a limit
 
 
-AS_STATED, AS_SHOWN = "as stated", "as the samples show"
+AS_STATED = "as stated"
+AS_SHOWN = "as the samples show"
 
 
 # the table of a plant, OP at which it rests, what it leaves of PV, and the filter that this passes
@@ -59,11 +61,14 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
     given, s, end = s, _in_travel(s), held_out(s)
     if s is given:
         yield Copy(fitted, "first order", "Gaussian")
-    op, pv, sp = s.op[:end], s.record.pv[:end], s.sp[:end]
+    op = s.op[:end]
+    pv = s.record.pv[:end]
+    sp = s.sp[:end]
     law = regress_law(op, sp - pv)
     if law is None:
         return
-    position, kick = op, max((kick_of(effect) for effect in effects), default=0.0)
+    position = op
+    kick = max((kick_of(effect) for effect in effects), default=0.0)
     for effect in effects:
         position = through_valve(position, s.baseline, s.record.Ts, effect)
     tables: list[tuple[str, _Left]] = [("first order", _as_stated(fitted.plant, position, pv, s))]
@@ -142,8 +147,10 @@ def _with_shown_load(s: Situation, loop: Loop, plant_too: bool) -> Iterator[Copy
     """Yield a loop whose load is drawn again from what its plant leaves of PV, then one with the
     plant that the record shows, if that is asked for.
     """
-    end, Ts = held_out(s), loop.sampling.Ts
-    op, pv = s.op[:end], s.record.pv[:end]
+    end = held_out(s)
+    Ts = loop.sampling.Ts
+    op = s.op[:end]
+    pv = s.record.pv[:end]
     position = through_valve(op, loop, Ts)
     tables: list[tuple[str, _Left]] = [(AS_STATED, _as_stated(loop.plant, position, pv, s))]
     if plant_too and (plant := regress_plant(position, pv)) is not None:
@@ -200,7 +207,8 @@ def _as_shown(plant: Arx, s: Situation, Ts: float) -> _Left:
     """Return the table of a plant that was regressed, OP at which it rests on the first set point,
     its residuals with what is left of that, and the filter they pass.
     """
-    den, num = plant.den, plant.driven
+    den = plant.den
+    num = plant.driven
     size = max(den.size, num.size + 1)
     table = {
         "type": "tf",
@@ -208,7 +216,8 @@ def _as_shown(plant: Arx, s: Situation, Ts: float) -> _Left:
         "den": np.append(den, np.zeros(size - den.size)).tolist(),
         "dt": Ts,
     }
-    rest, gain = float(den.sum()) * float(s.sp[0]), float(num.sum())
+    rest = float(den.sum()) * float(s.sp[0])
+    gain = float(num.sum())
     op0 = _within((rest - plant.constant) / gain if gain else np.nan, s)
     return table, op0, plant.left + plant.constant - (rest - gain * op0), den.tolist()
 

@@ -54,12 +54,15 @@ def controller_words(loop: Loop) -> str:
         own |= {"Td": c.Td and f"{c.Td:.3g} s"}
         return f"is {c.type}: " + ", ".join(f"{k} = {v}" for k, v in own.items() if v)
     Kc, Ki, Kd = _like_pid(c, loop.sampling.Ts)
-    Ti, Td = (Kc / Ki if Ki else np.inf), (Kd / Kc if Kc else 0.0)
-    kind, said = ("PI" if np.isfinite(Ti) else "P"), f"Kc = {Kc:.3g}"
+    Ti = Kc / Ki if Ki else np.inf
+    Td = Kd / Kc if Kc else 0.0
+    kind = "PI" if np.isfinite(Ti) else "P"
+    said = f"Kc = {Kc:.3g}"
     if np.isfinite(Ti):
         said += f", Ti = {Ti:.3g} s"
     if Td > _LITTLE * loop.sampling.Ts:
-        kind, said = f"{kind}D", f"{said}, Td = {Td:.3g} s"
+        kind = f"{kind}D"
+        said = f"{said}, Td = {Td:.3g} s"
     elif Td < -_LITTLE * loop.sampling.Ts:
         said += f", late by {-Td:.3g} s"
     order = np.trim_zeros(np.array(c.den), "b").size - 1
@@ -82,7 +85,8 @@ def _like_pid(c: Controller, Ts: float) -> tuple[float, float, float]:
     by least squares of its response relative to its size (Levy 1959).
     """
     w = np.geomspace(*(2.0 * np.pi / (wave * Ts) for wave in _WAVES), _POINTS)
-    s, z = 1j * w, np.exp(1j * w * Ts)
+    s = 1j * w
+    z = np.exp(1j * w * Ts)
     law = c.sign * np.polyval(c.num or (), z) / np.polyval(c.den or (), z)
     X = np.column_stack([np.ones_like(s), 1.0 / s, s]) / np.abs(law)[:, None]
     y = law / np.abs(law)

@@ -30,7 +30,8 @@ _FITTED = 0.65  # first share of the record, to which loops are fitted that copy
 # 12 % from seed to seed, and of 10 the seed decided whether it was resolvable; with 64 by 6 %, and
 # of 2 (results/gap_seeds.txt). Of a long record, which averages over more cycles itself, fewer will
 # do.
-_RUNS, _SAMPLES = (8, 64), 256_000
+_RUNS = (8, 64)
+_SAMPLES = 256_000
 # without noise all simulations are the same, and what is left of a distance is rounding
 _LEAST_FLOOR = 0.01
 # for the interval of what closes, whose ends from seed to seed scatter by .02 (median of 7 that are
@@ -150,7 +151,8 @@ def measure(
         draws.append(closed_share(before_d, after_d, f))
     value = closed_share(b, a, f)
     lo, hi = np.clip(value + GAP_WIDER * (np.quantile(draws, [0.05, 0.95]) - value), -1.0, 1.0)
-    lo, hi = float(min(lo, value)), float(max(hi, value))
+    lo = float(min(lo, value))
+    hi = float(max(hi, value))
     return Shrinkage(b, r, a, f, True, value, lo, hi, per, at_plant)
 
 
@@ -160,7 +162,8 @@ def _unsteadiness(situation: Situation, runs: Runs, spread: np.ndarray) -> float
 
     What the set point does to a stretch, it does to the simulated one as well.
     """
-    start, sp = held_out(situation), situation.sp
+    start = held_out(situation)
+    sp = situation.sp
     real = _changes(situation.op, situation.record.pv, sp, start)
     simulated = _changes(runs.archived[:, 0], runs.archived[:, 1], sp, start)
     away = sum(distance(r, x, spread) for r, x in zip(real, simulated))

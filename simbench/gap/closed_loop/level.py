@@ -31,7 +31,8 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
     real = np.array([situation.op, situation.record.pv])
     wide = np.maximum(real.std(axis=1), 1e-9)
     bias_only = loop.controller.Ti is None and not loop.plant.integrating
-    best, least = loop, np.inf
+    best = loop
+    least = np.inf
     for _ in range(_ROUNDS):
         runs = run_with_seeds(loop, seed, RUNS, kick)
         if runs is None:
@@ -40,7 +41,8 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
         away = real.mean(axis=1) - means
         off = float(np.max(np.abs(away) / wide))
         if off < least:
-            best, least = loop, off
+            best = loop
+            least = off
         if off < _CLOSE:
             break
         d_op, d_pv = map(float, away)

@@ -43,8 +43,11 @@ def fixed_loop(
     jumps: bool = True,
 ) -> Loop:
     """Return a loop file that simulates like the record."""
-    record, d, base = situation.record, situation.data, situation.baseline
-    Ts, n = record.Ts, record.n
+    record = situation.record
+    d = situation.data
+    base = situation.baseline
+    Ts = record.Ts
+    n = record.n
     table: dict[str, Any] = base.to_table()
     if plant == "fitted":
         per = Ts if situation.integrating else 1.0
@@ -68,7 +71,8 @@ def fixed_loop(
                 numbers.get("Td", base.plant.Td),
             )
     # in the samples of the loop: those of a record whose clock is a little off are others
-    sp, period = situation.sp, base.sampling.Ts
+    sp = situation.sp
+    period = base.sampling.Ts
     table["setpoint"] = {
         "value": float(sp[0]),
         "steps": [[float(k * period), float(sp[k])] for k in np.flatnonzero(np.diff(sp)) + 1],
@@ -125,7 +129,8 @@ def _loads(
     It was fitted as what it does to PV, through the gain of that fit; at the input it is the same
     in every arm.
     """
-    Ts, d = situation.record.Ts, situation.data
+    Ts = situation.record.Ts
+    d = situation.data
     K = abs(input_gain(source, d))
     loads = [
         {"type": "coloured", "amplitude": std / K, "period": period * Ts}
@@ -170,7 +175,8 @@ def _with_kicks(source: Fit, n: int) -> Mapping[str, float]:
     """
     if not source.spec.fade:
         return source.theta
-    kick, period = source.theta["load_jump"], source.theta["load_time"]
+    kick = source.theta["load_jump"]
+    period = source.theta["load_time"]
     kicks = kick * np.sqrt(0.5 * period * len(source.spec.jumps) / n)  # Campbell's theorem
     return {**source.theta, "load": float(np.hypot(source.theta["load"], kicks))}
 
@@ -179,7 +185,9 @@ def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:
     """Return the parts of a fitted load: std of its steady effect on PV, correlation time, second
     time constant (samples).
     """
-    std, period, lag = load_std(theta), theta["load_time"], lag_of(theta)
+    std = load_std(theta)
+    period = theta["load_time"]
+    lag = lag_of(theta)
     if lag == kernels.PINK_LOAD:
         return [(std / np.sqrt(3.0), period / kernels.FRACTION**i, 0.0) for i in range(3)]
     return [(std, period, lag if lag > SHORTEST_LAG else 0.0)]
@@ -187,7 +195,8 @@ def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:
 
 def _rest(situation: Situation, fit: Fit) -> float:
     """Return OP at which PV rests on the first set point, mean load included."""
-    d, sp = situation.data, situation.sp
+    d = situation.data
+    sp = situation.sp
     v = valve_of(fit.spec, fit.theta, d.u)
     gain = fit.K if fit.K != 0 else d.K
     ahead = (float(np.mean(d.y)) - sp[0]) / gain if d.T > 0 else (d.y[-1] - d.y[0]) / (gain * d.n)

@@ -64,6 +64,7 @@ class FittedPart:
 
     def distance(self, runs: np.ndarray) -> float:
         """Return how far OP and PV of simulations, shape (seeds, 2, n), are from the record."""
-        op, pv = runs[:, 0, self.part], runs[:, 1, self.part]
+        op = runs[:, 0, self.part]
+        pv = runs[:, 1, self.part]
         simulated = np.array(list(features(op, pv, self.sp).values())).T
         return distance(self.real, simulated, seed_spread(simulated, self.least))

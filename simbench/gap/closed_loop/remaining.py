@@ -13,7 +13,10 @@ from simbench.gap.closed_loop.summary_features import BANDS, HANN, PEAK, REST
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import PLAINLY
 
-_SENSOR, _CONTROLLER, _PROCESS, _LOAD = "sensor", "controller", "process", "disturbance"
+_SENSOR = "sensor"
+_CONTROLLER = "controller"
+_PROCESS = "process"
+_LOAD = "disturbance"
 
 
 class _Kind(NamedTuple):
@@ -106,7 +109,8 @@ def _in_words(name: str, one: Compared, s: Situation) -> Remaining:
     kind, _, number = name.rpartition(" ") if name[-1].isdigit() else (name, "", "")
     signal, _, what = kind.partition(" ")
     known = _KINDS[kind if "after" in what else what]
-    samples, Ts = s.record.n - held_out(s), s.record.Ts
+    samples = s.record.n - held_out(s)
+    Ts = s.record.Ts
     where = ""
     if what == "band":
         edges = np.unique(np.geomspace(2, samples // 2 + 1, BANDS + 1).astype(int))

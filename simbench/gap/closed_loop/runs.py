@@ -23,7 +23,8 @@ class ClosedLoops:
     """Simulated loops of one diagnosis, each run once."""
 
     def __init__(self, fitted: Fitted, seed: int) -> None:
-        self.fitted, self.seed = fitted, seed
+        self.fitted = fitted
+        self.seed = seed
         self.arms: dict[tuple[str, ...], tuple[Runs, Runs, Runs]] = {}
         self.levelled: dict[tuple[str, ...], Loop] = {}
 
@@ -33,7 +34,8 @@ class ClosedLoops:
         """Return the baseline with some effects in it, under the load of their fit or of the fit
         with others; `plant` is "fitted" or "baseline".
         """
-        f, under = self.fitted, effects if under is None else under
+        f = self.fitted
+        under = effects if under is None else under
         return fixed_loop(
             f.situation,
             self.fit_of(effects),
@@ -64,7 +66,8 @@ class ClosedLoops:
         """Return the recalibrated loop with the part of a block that no known effect explains as
         the record shows it, and what that closes; None where it closes nothing.
         """
-        s, (before, again, _) = self.fitted.situation, self.runs_with([])
+        s = self.fitted.situation
+        before, again, _ = self.runs_with([])
         fitted = FittedPart(s)
         tried = [(c, simulate_runs(s, c.loop, self.seed)) for c in shown(s, again.loop, block)]
         found = [(c, runs) for c, runs in tried if runs is not None]

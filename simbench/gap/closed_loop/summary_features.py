@@ -13,7 +13,8 @@ import numpy as np
 BANDS = 6  # octave-like bands of the spectra
 _LAGS = (1, 3, 10, 30)  # samples
 # added to shares whose logarithm is a feature: of samples, and of the power
-REST, PEAK = 0.01, 0.001
+REST = 0.01
+PEAK = 0.001
 HANN = 0.375  # mean square of the window of the spectra
 CAP = 12.0  # seed-to-seed standard deviations; one absurd feature must not drown the rest
 _LEAST_SPREAD = 0.03  # of a feature from seed to seed, that differences are believed to
@@ -28,7 +29,8 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
         x = x - x.mean(axis=-1, keepdims=True)
         d = np.diff(x)
         variance = np.mean(x * x, axis=-1)
-        size, step = np.sqrt(variance) + 1e-9, np.std(d, axis=-1) + 1e-9
+        size = np.sqrt(variance) + 1e-9
+        step = np.std(d, axis=-1) + 1e-9
         out[f"{name} size"] = np.log(size)
         out[f"{name} change"] = np.log(step)
         out[f"{name} kurtosis"] = np.log1p(np.mean((x * x) ** 2, axis=-1) / size**4)
@@ -51,7 +53,8 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
             out[f"{name} memory {lag}"] = np.mean(x[..., lag:] * x[..., :-lag], axis=-1) / size**2
         slow = np.array([part.mean(axis=-1) for part in np.array_split(x, 5, axis=-1)])
         out[f"{name} wander"] = np.std(slow, axis=0) / size
-    de, du = np.diff(e), np.diff(op)
+    de = np.diff(e)
+    du = np.diff(op)
     m = de.shape[-1]
     scale = np.std(de, axis=-1) * np.std(du, axis=-1) + 1e-12
     pairs = (("op after pv", de, du, (0, 1, 3)), ("pv after op", du, de, (2, 6)))

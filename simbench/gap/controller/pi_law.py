@@ -135,7 +135,8 @@ def best_aligned(
     law = examined(pv, sp)
     if law.known and not law.averaged:
         return law
-    late, tries = np.append(pv[0], pv[:-1]), [law]
+    late = np.append(pv[0], pv[:-1])
+    tries = [law]
     sps = [sp] if sp is None else [sp, np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1])]
     for shifted in sps[:2]:
         other = examined(late, shifted)
@@ -183,11 +184,20 @@ class _Examination:
         acts: Stated,
         noise: float,
     ) -> None:
-        self.op, self.pv, self.sp, self.du = op, pv, sp, np.diff(op)
+        self.op = op
+        self.pv = pv
+        self.sp = sp
+        self.du = np.diff(op)
         self.level = np.full(pv.size, pv.mean()) if sp is None else sp
-        self.Ts, self.Kc, self.Ti, self.Ki = stated.Ts, stated.Kc, stated.Ti, stated.Ki
-        self.noise, self.acts, self.e = noise, acts, acts.error(op, pv, self.level)
-        Kc, per_pv = self.Kc, stated.per_pv
+        self.Ts = stated.Ts
+        self.Kc = stated.Kc
+        self.Ti = stated.Ti
+        self.Ki = stated.Ki
+        self.noise = noise
+        self.acts = acts
+        self.e = acts.error(op, pv, self.level)
+        Kc = self.Kc
+        per_pv = stated.per_pv
         self.op_is, self.pv_is = op_is, pv_is = read_lattice(op, pv), read_lattice(pv, op)
         # what an archive by exception repeats
         op_band = exception_band(op, max(op_is.unit, op_is.step))
@@ -198,23 +208,28 @@ class _Examination:
         # what the digits of PV leave of the law counts as those of OP
         unit = max(op_is.unit, per_pv * pv_is.digits)
         limit = limits_of(op, self.e, Kc + self.Ki, -Kc, op_is.step, unit, self.hidden)
-        lo, hi = limit.get("lo", -np.inf), limit.get("hi", np.inf)
+        lo = limit.get("lo", -np.inf)
+        hi = limit.get("hi", np.inf)
         inside = (op > lo) & (op < hi)
         # the ends of the range are everybody's limits
-        lo, hi = lo if lo > 0.01 else 0.0, hi if hi < 99.99 else 100.0
+        lo = lo if lo > 0.01 else 0.0
+        hi = hi if hi < 99.99 else 100.0
         self.limits = None if (lo, hi) == (0.0, 100.0) else (lo, hi)
         # a controller that holds its integral at a limit leaves it by another step
         told = inside[1:] & inside[:-1]
         # of a value that an archive repeats nobody knows what it was
         of_pv = np.append(True, np.diff(pv) != 0.0) | (pv_band == 0.0)
         kept = inside & of_pv & (np.append(True, self.du != 0.0) | (op_band == 0.0))
-        rows, digits = kept[1:] & kept[:-1], (op_is.digits, pv_is.digits)
+        rows = kept[1:] & kept[:-1]
+        digits = (op_is.digits, pv_is.digits)
         if self.hidden > 0.0 and rows.sum() < LAW_ROWS:
-            rows, digits = told, (2.0 * op_band, 2.0 * pv_band)
+            rows = told
+            digits = (2.0 * op_band, 2.0 * pv_band)
         else:
             inside = kept
         loud = np.abs(Kc * np.diff(self.e) + self.Ki * self.e[1:]) > _LOUD * op_band
-        self.inside, self.rows = inside, rows
+        self.inside = inside
+        self.rows = rows
         self.told = told & (rows | (of_pv[1:] & of_pv[:-1] & loud))
         self.rounding = float(np.hypot(digits[0], per_pv * digits[1])) / np.sqrt(6.0)
         self.digits = digits
@@ -257,8 +272,15 @@ class _Examination:
         """Fit the law, past a gap of the error and a lattice of OP: is nothing but it between error
         and OP (`plain`), does it explain OP (`exact`)?
         """
-        op, e, du, rows, size = self.op, self.e, self.du, self.rows, self.size
-        Kc, Ki, no_sp, step = self.Kc, self.Ki, self.sp is None, self.op_is.step
+        op = self.op
+        e = self.e
+        du = self.du
+        rows = self.rows
+        size = self.size
+        Kc = self.Kc
+        Ki = self.Ki
+        no_sp = self.sp is None
+        step = self.op_is.step
         coarse = self.op_is.coarse > 0.0
         if coarse:
             bare = by_steps(du, e, rows, Kc, Ki, size, no_sp)
@@ -268,7 +290,8 @@ class _Examination:
             off = off[rows & (du != 0.0)] - np.median(off[rows])
             coarse = not off.size or bool(np.quantile(np.abs(off), 0.9) > _FINER * step)
         own = self.level - self.pv
-        still, errors = du == 0.0, [e]
+        still = du == 0.0
+        errors = [e]
         gap = error_gap(still, own, self.told)
         of_pv = self.acts.settings is not None
         if gap == 0.0 and of_pv:
@@ -297,15 +320,21 @@ class _Examination:
         card = CARD / np.sqrt(6.0) if written_unit(op) > 0.1 * CARD else 0.0
         hidden = DIGITS * max(self.rounding, card) + 1e-9 * float(np.abs(op).max())
         self.tolerance = max(_NEAR if coarse else EXACT, min(hidden / size, _HALF))
-        self.fit, self.e, self.rows, self.size = fit, e, rows, size
-        self.gap, self.coarse, self.plain = gap, coarse, not coarse and gap == 0.0
+        self.fit = fit
+        self.e = e
+        self.rows = rows
+        self.size = size
+        self.gap = gap
+        self.coarse = coarse
+        self.plain = not coarse and gap == 0.0
         self.exact = fit.residual < self.tolerance and not self.collapsed
 
     def _known(self, law: Law) -> Law:
         """Return the law that explains OP: the baseline's or another tuning, and which PV it was
         shown.
         """
-        fit, sp = self.fit, self.sp
+        fit = self.fit
+        sp = self.sp
         if self.plain:
             law = replace(law, recovered_pv=self._seen(fit.a, fit.b))
         # a baseline that explains OP as well is the simpler truth
@@ -325,7 +354,11 @@ class _Examination:
         """Return a law that the recorded PV does not show: another controller, or another PV than
         the archive's.
         """
-        op, pv, e, Kc, Ki = self.op, self.pv, self.e, self.Kc, self.Ki
+        op = self.op
+        pv = self.pv
+        e = self.e
+        Kc = self.Kc
+        Ki = self.Ki
         # what the archive shows of PV: its lattice, samples on straight lines, and samples it kept
         grid = self.pv_is.coarse
         line = on_line(pv, self.pv_is.unit, self.noise) & (grid == 0.0)
@@ -347,11 +380,13 @@ class _Examination:
         law = replace(law, reason=reason, foreign=foreign)
         if foreign or not self.plain:
             return law
-        a, b = Kc + Ki, -Kc
+        a = Kc + Ki
+        b = -Kc
         if rough and not self.limits and exact.sum() > 20:
             hidden = hidden_law(op, e, Kc, Ki, exact)
             if hidden.base > 1.5 * hidden.misfit and np.isfinite(hidden.a):
-                a, b = hidden.a, hidden.b
+                a = hidden.a
+                b = hidden.b
         candidate = self._seen(a, b)
         if candidate is None:
             return law
@@ -368,7 +403,10 @@ class _Examination:
         """Return the law, under the baseline's tuning or another, whose PV the archive took the
         mean of; None where none is.
         """
-        op, inside, Kc, Ki = self.op, self.inside, self.Kc, self.Ki
+        op = self.op
+        inside = self.inside
+        Kc = self.Kc
+        Ki = self.Ki
         rests = float(np.mean(self.du[self.rows] == 0.0))
         if self.op_is.step == 0.0 and rests > _RESTING:
             return None
@@ -378,7 +416,8 @@ class _Examination:
         stated = len(tunings)
         if inside.all():
             within = inside.copy()
-            within[: max(MEAN_OVER)], within[-max(MEAN_OVER) :] = False, False
+            within[: max(MEAN_OVER)] = False
+            within[-max(MEAN_OVER) :] = False
             hidden = hidden_law(op, self.e, Kc, Ki, within, MEAN_OVER)
             tunings.append((hidden.a, hidden.b))
         tries = []
@@ -417,7 +456,9 @@ class _Examination:
         Under backward integration, which the simulation runs, the two numbers reproduce this very
         OP.
         """
-        Kc, Ti, Ts = self.Kc, self.Ti, self.Ts
+        Kc = self.Kc
+        Ti = self.Ti
+        Ts = self.Ts
         integral = a + b
         best = (np.inf, -b, np.inf)
         for share in FORMS:

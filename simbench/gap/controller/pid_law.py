@@ -62,7 +62,8 @@ class Stated:
         controller does between its limits; its own, of a PI. The derivative is that of another PV
         where `slope_of` is given.
         """
-        e, p = sp - pv, self._terms
+        e = sp - pv
+        p = self._terms
         if p is None:
             return e
         gain = self._gain(op, pv, sp)
@@ -107,7 +108,9 @@ class Stated:
             return change
         if p.at.size > 1:
             return None
-        pi, fade, second = [1.0 + p.Ki, -1.0], [1.0, -p.fade], np.array([1.0, -2.0, 1.0])
+        pi = [1.0 + p.Ki, -1.0]
+        fade = [1.0, -p.fade]
+        second = np.array([1.0, -2.0, 1.0])
         same = [1.0 + p.Ki * self.newest, p.Ki * (1.0 - self.newest) - 1.0]
         return lfilter(np.polymul(pi, fade), np.polymul(same, fade) + p.kd * second, change)
 
@@ -128,9 +131,11 @@ class Stated:
         """
         if self._terms is None or self._terms.at.size > 1 or not self.Ti:
             return None
-        du, moves = np.diff(op), np.diff(replace(self, Ti=None).error(op, pv, sp))
+        du = np.diff(op)
+        moves = np.diff(replace(self, Ti=None).error(op, pv, sp))
         free = du != 0.0
-        X, y = np.column_stack([moves, self._adds(sp - pv)])[free], du[free]
+        X = np.column_stack([moves, self._adds(sp - pv)])[free]
+        y = du[free]
         Kc, Ki = solve_by_majority(X, y) if y.size > 2 else (0.0, 0.0)
         if Kc * Ki <= 0.0 or about_zero(y - X @ [Kc, Ki]) > _EXPLAINS * about_zero(y):
             return None

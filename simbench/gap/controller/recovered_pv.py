@@ -23,7 +23,8 @@ ROUNDED = 0.35
 MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
 # how far a mean's weights may miss 1 in sum, and the least of them: without either one tuning of
 # 129 records is another
-_SUM, _LEAST_WEIGHT = 0.1, -0.2
+_SUM = 0.1
+_LEAST_WEIGHT = -0.2
 _BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
 
@@ -59,7 +60,8 @@ def recover_pv(
     forget = -b / a
     if not 0.0 <= forget < 0.9999:
         return None
-    drive, out = np.append(0.0, np.diff(op) / a), e.copy()
+    drive = np.append(0.0, np.diff(op) / a)
+    out = e.copy()
     # between limits the inversion is a first-order filter; a controller that holds its integral at
     # a limit leaves it by another step
     for begin, end in runs_of(inside):
@@ -108,7 +110,8 @@ def hidden_law(
     A regression of OP on the recorded error would be biased by the archive's error; here the
     error is the output.
     """
-    y, many = e[exact], len(over)
+    y = e[exact]
+    many = len(over)
     drive = np.append(0.0, np.diff(op))
     unit = (np.arange(op.size) == 0).astype(float)
 
@@ -124,7 +127,8 @@ def hidden_law(
     stated = forget = Kc / (Kc + Ki)
     if Ki != 0.0:
         grid = np.log(Kc / Ki) + np.linspace(-3.0, 3.0, GRID)
-        best, width = grid[int(np.argmin([misfit(x) for x in grid]))], grid[1] - grid[0]
+        best = grid[int(np.argmin([misfit(x) for x in grid]))]
+        width = grid[1] - grid[0]
         forget = expit(
             scipy.optimize.minimize_scalar(
                 misfit,
@@ -133,10 +137,12 @@ def hidden_law(
                 options={"xatol": 1e-6},
             ).x
         )
-    X, X0 = channels(forget), channels(stated)
+    X = channels(forget)
+    X0 = channels(stated)
     beta = solve_least_squares(X, y)
     total = float(beta[:many].sum())
     a = 1.0 / total if total != 0.0 else np.inf
-    left, start = y - X0[:, :many].mean(axis=1) / (Kc + Ki), X0[:, many:]
+    left = y - X0[:, :many].mean(axis=1) / (Kc + Ki)
+    start = X0[:, many:]
     left = left - start @ solve_least_squares(start, left)
     return _Hidden(a, -forget * a, float(np.std(y - X @ beta)), float(np.std(left)))

@@ -35,7 +35,8 @@ def solve_least_squares(X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def solve_by_majority(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return the coefficients of least squares over the rows that they explain."""
-    beta, keep = solve_least_squares(X, y), np.ones(y.size, dtype=bool)
+    beta = solve_least_squares(X, y)
+    keep = np.ones(y.size, dtype=bool)
     for _ in range(8):
         off = np.abs(y - X @ beta)
         # trimming, not weighting: where the law holds it holds exactly

@@ -19,7 +19,8 @@ _RESTS = 6
 _OFTEN = 0.01
 # share of OP's range at one end of it, in which its turning points are looked at, and the chance
 # that as many of them are at the very same extreme without a limit, below which there is one
-_END, _BY_CHANCE = 0.1, 1e-4
+_END = 0.1
+_BY_CHANCE = 1e-4
 # times what a law may leave, by which it would move OP where it was not computed
 _FAR = 3.0
 # share of the rarer kind of samples, resting or moving, that a band must separate from the other;
@@ -40,7 +41,8 @@ def limits_of(
     `hidden` (%) nobody knows whether it rests.
     """
     out = {}
-    lo, hi = float(op.min()), float(op.max())
+    lo = float(op.min())
+    hi = float(op.max())
     asked = a * e[1:] + b * e[:-1]
     margin = max(0.6 * step, 3.0 * unit, hidden, 1e-6 * float(np.ptp(op)))
     still = (np.diff(op) == 0.0) & (np.abs(asked) >= hidden)
@@ -120,10 +122,14 @@ def skips_scans(
     if moves.size < 30:
         return False
     of_runs = error_at(moves)
-    du, now, before = np.diff(op[moves]), of_runs[1:], of_runs[:-1]
+    du = np.diff(op[moves])
+    now = of_runs[1:]
+    before = of_runs[:-1]
     rows = free[moves[1:] - 1] & free[np.maximum(moves[:-1] - 1, 0)]
-    X, y = np.column_stack([now, before])[rows], du[rows]
-    law, usual = solve_by_majority(X, y), about_zero(y) or 1.0
+    X = np.column_stack([now, before])[rows]
+    y = du[rows]
+    law = solve_by_majority(X, y)
+    usual = about_zero(y) or 1.0
     left = float(np.quantile(np.abs(y - X @ law), 0.8))
     # nearly every move obeys, and would move OP where it stands
     asked = np.abs(np.column_stack([e[1:], e[:-1]]) @ law)[still & free]

@@ -123,17 +123,20 @@ def assess(
         refuse_other_plant(situation)
     maps, mv_strays = valve_maps(situation, tests)
     engine, bare, maps = _model(situation, tests, maps)
-    s, base = _known(situation, tests, engine, bool(maps)), bare
+    s = _known(situation, tests, engine, bool(maps))
+    base = bare
     candidates = fit_candidates(engine, base, possible_effects(s, bool(maps)))
     sizes = _plain(s, base, candidates)
     plain, candidates = _parted(candidates, sizes)
     load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
     if load is not None and load.log_likelihood_gain > 0.0:
         # what an ordinary load does by itself is in every model
-        base, candidates = load.fit, fit_beside_load(engine, load, candidates)
+        base = load.fit
+        candidates = fit_beside_load(engine, load, candidates)
         more = _plain(s, base, candidates)
         beside, candidates = _parted(candidates, more)
-        plain, sizes = plain | beside, sizes | more
+        plain = plain | beside
+        sizes = sizes | more
     every = candidates | plain
     parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in every.items() if c.used}
     parameters |= {**s.proven, **{e: p for e, (_, p) in maps.items()}}
@@ -281,7 +284,8 @@ def _chosen(
     What law or samples show comes first, unless friction, whose probability is asked by itself, is
     likelier than not.
     """
-    known, nats = known_by(rows), nats_of(rows)
+    known = known_by(rows)
+    nats = nats_of(rows)
     allowed = [e for e in nats if friction is None or is_friction(e) == (friction > LIKELIER)]
     first = max(allowed, key=lambda e: nats[e], default=NONE)
     if known and not (friction is not None and is_friction(first)):

@@ -44,7 +44,8 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     for op, mv, Ts in seen:
         expected = np.clip(through_valve(op, s.baseline, Ts), 0.0, 100.0)
         search = MapSearch(op, mv, Ts, expected, s.expected_band, s.data.late)
-        overshoots, least = positioner(search), least_band(mv)
+        overshoots = positioner(search)
+        least = least_band(mv)
         if overshoots is not None:
             # a sound valve, too, and no band is needed for what it does
             search.healthy -= overshoots[0]
@@ -68,7 +69,8 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
 
 def _wide(effect: str, found: MapFit, least: float) -> MapFit:
     """Return a map without its evidence where its band (%) is none: narrower than MV tells."""
-    band, (gain, p) = recogniser(effect).band, found
+    band = recogniser(effect).band
+    gain, p = found
     return (min(gain, 0.0), p) if band is not None and band(p) < least else found
 
 
@@ -108,11 +110,13 @@ def by_stem(
     if mv is not None:
         steps = np.diff(np.unique(np.round(mv, _DIGITS)))
         digit = float(steps.min()) if steps.size else 0.0
-        low, high = made - digit, made + digit
+        low = made - digit
+        high = made + digit
         last = np.append(made[0], made[:-1])
         if share_of(mv - made, last - made) > _EARLY:
             # between the last sample and this one only the time at which MV was logged differs
-            low, high = np.minimum(low, last - digit), np.maximum(high, last + digit)
+            low = np.minimum(low, last - digit)
+            high = np.maximum(high, last + digit)
         made = np.where((low <= mv) & (mv <= high), made, mv)
     return replace(data, u=np.ascontiguousarray(made))
 
@@ -144,7 +148,8 @@ def lab_rows(tests: Sequence[ModelledTest], base: Fit, rows: Sequence[Evidence])
             if by_lab is None or t.lab is None:
                 continue
             at = np.flatnonzero(np.isfinite(t.lab))
-            errors, times = t.data.y[at] - t.lab[at], at * t.Ts
+            errors = t.data.y[at] - t.lab[at]
+            times = at * t.Ts
             noise = (
                 float(np.hypot(base.theta["noise_std"], t.lab_std)) or float(np.std(errors)) or 1.0
             )
@@ -183,7 +188,8 @@ def other_plants(fitted: Fitted, s: Situation, tests: Sequence[ModelledTest]) ->
 
 
 def _other_plant(alone: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]) -> str:
-    data, tries = alone.data, []
+    data = alone.data
+    tries = []
     for fit in fits:
         spec, theta = engine.one_of(i, fit.spec, fit.theta)
         # the record's plant, in the test's samples, held as a baseline is
@@ -194,17 +200,16 @@ def _other_plant(alone: Engine, engine: JointEngine, i: int, fits: Sequence[Fit]
         tries.append(held.fit(spec, theta))
     same = max(tries, key=lambda f: f.loglik)
     spec = same.spec.join(Spec(free=frozenset({"K", "T", "Td"})))
-    T, Td = same.theta.get("T", 0.0), same.theta["Td"]
+    T = same.theta.get("T", 0.0)
+    Td = same.theta["Td"]
     starts = [
         {**same.theta, "T": T * f, "Td": Td * g} for f, g in ((1.0, 1.0), (0.4, 0.5), (2.5, 2.0))
     ]
     other = fit_likeliest(alone, spec, starts)
     if other.loglik - same.loglik < ANOTHER_PLANT or same.K == 0.0:
         return ""
-    gain, time = (
-        other.K / same.K,
-        (other.theta.get("T", 0.0) + other.theta["Td"] + 1.0) / (T + Td + 1.0),
-    )
+    gain = other.K / same.K
+    time = (other.theta.get("T", 0.0) + other.theta["Td"] + 1.0) / (T + Td + 1.0)
     if all(1.0 / PLANT_APART < x < PLANT_APART for x in (gain, time)):
         return ""
     return (

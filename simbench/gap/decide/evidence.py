@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 
 from simbench.gap.effects import Parameters
 
-LAW, SAMPLES, MV = "controller's law", "single samples", "MV"
-LAB, PV = "lab samples", "PV beside OP"
+LAW = "controller's law"
+SAMPLES = "single samples"
+MV = "MV"
+LAB = "lab samples"
+PV = "PV beside OP"
 
 
 @dataclass(frozen=True)

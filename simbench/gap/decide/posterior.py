@@ -154,7 +154,8 @@ def posterior(
     probabilities sum to 1. `unknown` has the share that a logistic curve gives to the worst
     residual test, a half where it just fails; while none fails it is not the first.
     """
-    known, nats = known_by(rows), nats_of(rows)
+    known = known_by(rows)
+    nats = nats_of(rows)
     apart = friction is not None
     # what is known takes the place of none: it is in every model
     alone, least = (known[0], SECOND_NATS) if known else (NONE, LEAST_NATS)
@@ -181,7 +182,8 @@ def posterior(
             p[first] -= OF_TWO * whole * beside[e]
             p[e] += OF_TWO * whole * beside[e]
     ratio, block = worst_test
-    q, best = doubt(ratio), max(p.values())
+    q = doubt(ratio)
+    best = max(p.values())
     if ratio < 1.0 or known:
         q = min(q, EDGE * best / (1.0 + best))
     p = {e: (1.0 - q) * v for e, v in p.items()} | {UNKNOWN: q}

@@ -22,7 +22,9 @@ class Probe:
     """A record's fit without effect, into which effects of growing size are forced."""
 
     def __init__(self, engine: Engine, base: Fit, situation: Situation) -> None:
-        self.engine, self.base, self.situation = engine, base, situation
+        self.engine = engine
+        self.base = base
+        self.situation = situation
         self.level = engine.evaluate(base.spec, base.theta)
 
     def first(

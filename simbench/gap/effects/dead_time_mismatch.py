@@ -16,7 +16,8 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 def smallest(probe: Probe) -> tuple[float, str]:
     """Force a longer dead time."""
-    Ts, Td = probe.situation.record.Ts, probe.base.theta["Td"]
+    Ts = probe.situation.record.Ts
+    Td = probe.base.theta["Td"]
     spec = Spec(free=frozenset({"Td"}))
     return probe.first(spec, lambda x: {"Td": Td + x * 5.0}, lambda x: x * 5.0 * Ts), "s"
 

@@ -19,7 +19,8 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Let the measurement walk, with a ramp on top; an integrating plant's balance is a ramp
     already.
     """
-    n, T = engine.data.n, engine.data.T
+    n = engine.data.n
+    T = engine.data.T
     t = np.linspace(0.0, 1.0, n)
     # as a load's, it may bend
     spec = base.spec.join(Spec(walk=True, channels=(4.0 * t * (1.0 - t), t) if T > 0 else ()))
@@ -51,11 +52,11 @@ def by_lab(
     """Return the log-likelihood of errors that ramp, as PV did, and walk, with noise, from
     an unknown offset.
     """
-    rate, walk, offset = float(p["rate"]), float(p["walk"]), 10.0 * (float(np.ptp(errors)) + noise)
-    ramps, walks = (
-        (_SURE_WITHIN * rate) ** 2 * np.outer(times, times),
-        walk**2 * np.minimum.outer(times, times),
-    )
+    rate = float(p["rate"])
+    walk = float(p["walk"])
+    offset = 10.0 * (float(np.ptp(errors)) + noise)
+    ramps = (_SURE_WITHIN * rate) ** 2 * np.outer(times, times)
+    walks = walk**2 * np.minimum.outer(times, times)
     L = np.linalg.cholesky(noise**2 * np.eye(times.size) + ramps + walks + offset**2)
     x = np.linalg.solve(L, errors - rate * times)
     return -0.5 * float(x @ x) - float(np.log(np.diag(L)).sum())

@@ -18,7 +18,8 @@ from simbench.gap.thresholds import DRIFT_OF_A_DAY, LARGER
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Fit a random walk with a bent ramp to the load."""
     d = engine.data
-    t, T = np.linspace(0.0, 1.0, d.n), base.theta["T"] if d.T > 0 else 0.0
+    t = np.linspace(0.0, 1.0, d.n)
+    T = base.theta["T"] if d.T > 0 else 0.0
     # a sine slower than the record bends
     bend, line = (kernels.plant(x, T, 0.0, 0.0) for x in (4.0 * t * (1.0 - t), t))
     spec = base.spec.join(Spec(load_walk=True, channels=(bend, line)))
@@ -34,11 +35,10 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return ramp (%/s) and walk (%/sqrt(s)) at the plant's input."""
-    Ts, K = s.record.Ts, input_gain(fit, s.data)
-    rate, walk = (
-        fit.beta[-1] / K / (s.data.n * Ts),
-        fit.theta["load_walk"] / abs(K) / np.sqrt(Ts),
-    )
+    Ts = s.record.Ts
+    K = input_gain(fit, s.data)
+    rate = fit.beta[-1] / K / (s.data.n * Ts)
+    walk = fit.theta["load_walk"] / abs(K) / np.sqrt(Ts)
     return {"rate": float(rate), "walk": float(walk)}
 
 
@@ -46,9 +46,11 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
     """Return how far (%) a load drifts that goes no further than on an ordinary day, or than the
     baseline or healthy records state; None beyond. The load of an identified loop is its own.
     """
-    data, n = s.data, s.record.n
+    data = s.data
+    n = s.record.n
     # the ramp runs over all records that are fitted as one
-    ramp, walk = fit.beta[-1] * n / data.n, fit.theta["load_walk"] * np.sqrt(n)
+    ramp = fit.beta[-1] * n / data.n
+    walk = fit.theta["load_walk"] * np.sqrt(n)
     most = max(0.0 if data.measured else DRIFT_OF_A_DAY, LARGER * data.loads.get("slow", 0.0))
     near = np.hypot(ramp, walk) < most * abs(input_gain(fit, data))
     return travel(numbers(fit, s), s.record.duration) if near or not s.trusted else None

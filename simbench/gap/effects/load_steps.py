@@ -30,7 +30,8 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
     Where jumps explain more that fade as the load does, they are kicks of the load, and no steps.
     """
-    n, best = engine.data.n, _jumping(engine, base)
+    n = engine.data.n
+    best = _jumping(engine, base)
     if best is not base:
         kicks = engine.fit(replace(best.spec, fade=True), best.theta, steps=8)
         best = max(best, kicks, key=lambda f: f.loglik)
@@ -48,7 +49,8 @@ def _price(fit: Fit, n: int) -> float:
 
 def _jumping(engine: Engine, base: Fit) -> Fit:
     """Return the fit with jumps added as long as they are worth their price."""
-    n, best = engine.data.n, base
+    n = engine.data.n
+    best = base
     while True:
         places, height = _jumps(engine, best)
         better = best
@@ -73,7 +75,8 @@ def _pruned(engine: Engine, fit: Fit) -> Fit:
     """Return the fit without jumps that are not worth their own price, once the others are
     there.
     """
-    jumps, n = fit.spec.jumps, engine.data.n
+    jumps = fit.spec.jumps
+    n = engine.data.n
     without = [replace(fit.spec, jumps=tuple(j for j in jumps if j != k)) for k in jumps]
     worth = [fit.loglik - engine.evaluate(spec, fit.theta) for spec in without]
     price = float(np.log((n - len(jumps) + 1) / len(jumps)))
@@ -87,7 +90,9 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     """Return samples at which a jump of the load explains the innovations, the clearest first, and
     the std of their heights.
     """
-    d, th, n = engine.data, fit.theta, engine.data.n
+    d = engine.data
+    th = fit.theta
+    n = engine.data.n
     unit = np.ones(d.n)
     unit[0] = 0.0
     g = kernels.plant(unit, th["T"] if d.T > 0 else 0.0, 0.0, 0.0)
@@ -98,7 +103,8 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     residual[: kernels.SKIP] = 0.0
     energy = np.cumsum(white**2)[::-1]
     energy = np.maximum(energy, 1e-3 * energy[0])
-    size, edge = next_fast_len(2 * n, real=True), max(3, int(0.005 * n))
+    size = next_fast_len(2 * n, real=True)
+    edge = max(3, int(0.005 * n))
     conjugate = np.conj(np.fft.rfft(white, size))
     places: list[int] = []
     heights: list[float] = []
@@ -107,7 +113,8 @@ def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     for _ in range(_AT_ONCE):
         cross = np.fft.irfft(np.fft.rfft(residual, size) * conjugate, size)[:n]
         score = 0.5 * cross**2 / energy
-        score[:edge], score[-5:] = 0.0, 0.0
+        score[:edge] = 0.0
+        score[-5:] = 0.0
         score[np.convolve(taken, np.ones(2 * _APART + 1), "same") > 0.5] = 0.0
         k = int(np.argmax(score))
         taken[k] = True
@@ -130,7 +137,8 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
     """Return the size (%) of jumps that may be all that an ordinary load does: a single one, petty,
     stated, fading, or with nothing else; None of more. The load of an identified loop is its own.
     """
-    data, n = s.data, s.record.n
+    data = s.data
+    n = s.record.n
     # one in as many samples as the record has
     once = len(fit.spec.jumps) * n <= data.n + n - 1
     day = max(0.0 if data.measured else PETTY_STEPS, LARGER * data.loads.get("steps", 0.0))

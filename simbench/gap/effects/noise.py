@@ -29,7 +29,8 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return a factor of the stated std, or the std (PV units) where none is stated."""
-    std, stated = fit.theta["noise_std"], s.data.noise
+    std = fit.theta["noise_std"]
+    stated = s.data.noise
     return {"factor": std / stated} if stated > 0 else {"std": std}
 
 

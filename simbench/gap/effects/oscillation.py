@@ -26,7 +26,8 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Find the sharpest peak of the innovations' periodogram, refine its frequency, add the
     sine.
     """
-    n, data = engine.data.n, engine.data
+    n = engine.data.n
+    data = engine.data
     white = np.asarray(base.residual) - np.mean(base.residual)
     power = np.abs(np.fft.rfft(white, 4 * n)) ** 2
     t = np.arange(n)
@@ -36,14 +37,16 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         return base.spec.join(Spec(channels=(np.sin(w * t), np.cos(w * t))))
 
     fastest = int(4 * n / _SHORTEST)
-    best, value = float(_LOWEST + int(np.argmax(power[_LOWEST:fastest]))), -np.inf
+    best = float(_LOWEST + int(np.argmax(power[_LOWEST:fastest])))
+    value = -np.inf
     for step in (1.0, 0.3):
         keep = best
         for shift in (-2, -1, 0, 1, 2):
             trial = best + shift * step
             level = engine.evaluate(at(trial), base.theta)
             if level > value:
-                value, keep = level, trial
+                value = level
+                keep = trial
         best = keep
     # the peak was picked out of n/2 others
     count = 2.0 + 2.0
@@ -66,7 +69,8 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
     """Return the amplitude (%) of a sine that the baseline states, or of so few periods that it is
     an ordinary load that wanders, by healthy records as far; None of any other.
     """
-    period, amplitude = fit.theta["period"], float(np.hypot(*fit.beta[-2:]))
+    period = fit.theta["period"]
+    amplitude = float(np.hypot(*fit.beta[-2:]))
     stated = any(
         abs(np.log(period / p)) < _SAME_PERIOD and amplitude < LARGER * a for p, a in s.data.sines
     )

@@ -62,9 +62,13 @@ def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:
     """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV
     makes it move.
     """
-    law, samples = s.law, s.samples
-    pv, seen = s.record.pv, law.recovered_pv
-    place, band, step = "record" if law.apart else "loop", 0.0, 0.0
+    law = s.law
+    samples = s.samples
+    pv = s.record.pv
+    seen = law.recovered_pv
+    place = "record" if law.apart else "loop"
+    band = 0.0
+    step = 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
     # noise that an archive's mean has smoothed lies on lines sooner
@@ -86,14 +90,20 @@ def _spikes(
     """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP
     moves as no PV makes it.
     """
-    law, samples = s.law, s.samples
-    pv, seen, mismatch = s.record.pv, law.recovered_pv, ""
-    spikes, heights, place = samples.spikes, samples.heights, "loop"
+    law = s.law
+    samples = s.samples
+    pv = s.record.pv
+    seen = law.recovered_pv
+    mismatch = ""
+    spikes = samples.spikes
+    heights = samples.heights
+    place = "loop"
     if seen is not None and not law.foreign and not thinned:
         only, sizes = find_spikes(pv - seen, 0.0)
         # where the law is exact everywhere else, what is left of PV is the spikes alone
         strong = np.abs(sizes) > max(1e-3 * float(np.std(pv)), 5.0 * law.blur)
-        only, sizes = only[strong], sizes[strong]
+        only = only[strong]
+        sizes = sizes[strong]
         plain = only.size >= 2 and samples.step == 0.0
         # an archive lost some samples, which were bridged, of OP as well
         if plain and np.all(_bridged(pv, samples.digits)[only]):
@@ -104,7 +114,10 @@ def _spikes(
                 return None, seen, ""
             mismatch = "OP moves as no PV on record makes it move"
         elif plain:
-            spikes, heights, place, plant_pv = only, sizes, "record", seen
+            spikes = only
+            heights = sizes
+            place = "record"
+            plant_pv = seen
     elif spikes.size >= 3 and seen is None and not _answered(s, spikes, heights):
         place = "record"
     if spikes.size < 3 or thinned:
@@ -131,7 +144,8 @@ def stands_out(pv: np.ndarray, places: np.ndarray, heights: np.ndarray) -> bool:
     just their height.
     """
     inner = (places > 0) & (places < pv.size - 1)
-    k, h = places[inner], heights[inner]
+    k = places[inner]
+    h = heights[inner]
     if k.size < 2:
         return False
     off = pv[k] - 0.5 * (pv[k - 1] + pv[k + 1])

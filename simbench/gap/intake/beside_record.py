@@ -28,15 +28,20 @@ _EDGE = 1  # samples at a change of mode that may be written down on either side
 
 def model_test(test: RecordedTest, s: Situation) -> ModelledTest:
     """Return the settings and signals of a test that the fits need."""
-    r, op = test.record, test.record.op_percent
+    r = test.record
+    op = test.record.op_percent
     if r.mv is not None:
         refuse_mv_units(r.mv, op, test.path)
     pace = s.record.Ts / r.Ts
     plain = not test.manual.any() and abs(pace - 1.0) <= SAME_TS
-    law, proven, unexplained = None, {}, ""
+    law = None
+    proven = {}
+    unexplained = ""
     if plain:
         situation = check(replace(r, tag=test.name, meta={}), test.loop, s.trusted, s.tuned)
-        law, data, unexplained = situation.law, situation.data, situation.unexplained_law
+        law = situation.law
+        data = situation.data
+        unexplained = situation.unexplained_law
         # a short test may not show that the archive repeats PV by exception, as the record has, and
         # three wild readings of it are chance where single samples of the record show nothing
         other = {"detuning", "noise", *(["frozen_sensor"] if s.samples.band > 0.0 else [])}
@@ -84,7 +89,8 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
             s.archive.faithful and s.law.step == 0.0 and s.law.gap == 0.0 and s.law.limits is None
         )
         return why if bare and not law.foreign else ""
-    control, stated = s.baseline.controller, test.loop.controller
+    control = s.baseline.controller
+    stated = test.loop.controller
     Kc = s.law.Kc * stated.Kc / control.Kc
     Ti = s.law.Ti * (stated.Ti / control.Ti if stated.Ti and control.Ti else 1.0)
     if find_retuning(law.Kc, law.Ti, Kc, Ti) is None:
@@ -98,7 +104,8 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
 
 def _elsewhere(test: RecordedTest, s: Situation) -> str:
     """Return whether PV is so far from the record's that it must be another signal."""
-    pv, recorded = test.record.pv, s.record.pv
+    pv = test.record.pv
+    recorded = s.record.pv
     far = _ELSEWHERE * float(np.ptp(recorded))
     if pv.max() > recorded.min() - far and pv.min() < recorded.max() + far:
         return ""
@@ -118,7 +125,8 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
     manual = test.manual
     if not manual.any():
         return ""
-    moves, edge = moving(test.record.op), _EDGE + late
+    moves = moving(test.record.op)
+    edge = _EDGE + late
     rests = max([edge, *(1.5 * (b - a) for a, b in runs_of(~moving(usual)[1:]))])
     misfit = f"the mode column of {test.name} does not fit its OP, which"
     for a, b in runs_of(manual):
@@ -130,7 +138,8 @@ def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
                     " called MAN"
                 )
     for a, b in runs_of(~manual):
-        first, last = ~moves[a + 1 : b], ~moves[a:b][::-1]
+        first = ~moves[a + 1 : b]
+        last = ~moves[a:b][::-1]
         for place, side, changed in (("first", first, a > 0), ("last", last, b < manual.size)):
             if changed and side.cumprod().sum() > rests:
                 return f"{misfit} stands still in the {place} samples that are called AUTO"

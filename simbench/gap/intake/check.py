@@ -83,7 +83,8 @@ def check(
     resolution = rounded if at == "loop" else samples.resolution
     # what a block of the loop file is stated to do is not told from what else may happen there
     stated = sorted(part.name for part in baseline.effect)
-    blocks, notes = {block_of(e) for e in stated}, notes_of(record, law)
+    blocks = {block_of(e) for e in stated}
+    notes = notes_of(record, law)
     if late:
         notes.append(CLOCK.format(late * record.Ts))
     if stated:

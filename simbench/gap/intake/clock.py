@@ -12,7 +12,8 @@ from simbench.scenarios.spec import Controller
 _MOST = 60  # samples by which PV may be stamped late
 # of the variance of OP's changes, that the law may leave on the right clock, and of what it leaves
 # on the record's
-_LEFT, _SHARE = 0.2, 0.3
+_LEFT = 0.2
+_SHARE = 0.3
 _SHIFTED = 0.5  # of a record, that must be left
 
 

@@ -107,7 +107,9 @@ def _of_one(s: Situation) -> Healthy:
     found = {e: c for e, c in fit_candidates(engine, base, known).items() if c.used}
     p: dict[str, Parameters] = {e: recogniser(e).numbers(c.fit, s) for e, c in found.items()}
     worth = {e for e, c in found.items() if c.log_likelihood_gain > 0.0}
-    duration, sines, slow = s.record.duration, (), 0.0
+    duration = s.record.duration
+    sines = ()
+    slow = 0.0
     if "load_drift" in found:
         slow = load_drift.travel(p["load_drift"], duration)
     if "oscillation" in worth:

@@ -39,7 +39,8 @@ def identify(
     """Return a loop file that fits the record, without any effect in it; `law` is what `law_of`
     showed of it already.
     """
-    noise, guess = 0.0, 1.0 if plant is None else float(np.sign(plant.K))
+    noise = 0.0
+    guess = 1.0 if plant is None else float(np.sign(plant.K))
     law = law or law_of(record, guess)
     if plant is None:
         # friction and feedback turn the sign of a plant; what OP does about PV shows the
@@ -76,7 +77,8 @@ def law_of(r: LoopRecord, sign: float = 1.0) -> Law:
 
 
 def _controller(law: Law, sign: float, Ts: float) -> Controller:
-    direction, Kc = "reverse" if sign > 0 else "direct", abs(law.Kc)
+    direction = "reverse" if sign > 0 else "direct"
+    Kc = abs(law.Kc)
     if law.known and np.isinf(law.Ti):
         return Controller(type="P", Kc=Kc, direction=direction)
     Ti = law.Ti if np.isfinite(law.Ti) else 20.0 * Ts
@@ -89,7 +91,8 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
     """
     samples = inspect_samples(r.pv, r.op)
     u = op_in_percent(r, False, "") if r.mv is None else r.mv
-    pv, tries = cleaned(r.pv, samples.spikes), []
+    pv = cleaned(r.pv, samples.spikes)
+    tries = []
     for integrating in (False, True) if r.process is None else (r.process == "integrating",):
         _, fit = fit_plant(u, pv, integrating, samples.digits, sign)
         # a time constant is one number more to fit
@@ -108,7 +111,8 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
         raise NoAnswer(
             f"{_where(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"
         )
-    dead, noise = fit.theta["Td"] * r.Ts, fit.theta["noise_std"]
+    dead = fit.theta["Td"] * r.Ts
+    noise = fit.theta["noise_std"]
     if integrating:
         return Plant(type="integrating", K=K / r.Ts, Td=dead), noise
     return Plant(type="foptd", K=K, T=fit.theta["T"] * r.Ts, Td=dead), noise

@@ -62,7 +62,8 @@ def before_sensor(
     """Return PV (n,) before the filter that the baseline states, where noise is white, and the step
     of the digits of the PV behind it, as they count there.
     """
-    y, tau = np.ascontiguousarray(pv, dtype=float), _filter_of(baseline, Ts)
+    y = np.ascontiguousarray(pv, dtype=float)
+    tau = _filter_of(baseline, Ts)
     if tau == 0.0:
         return y, resolution
     keep = float(np.exp(-1.0 / tau))
@@ -128,7 +129,8 @@ def remarks_of(r: LoopRecord, samples: Samples, integrating: bool) -> list[str]:
     """Return what an identified loop takes from its record, and what no effect of it can say:
     the plant's type, lattices, wild samples.
     """
-    pv, op = np.asarray(r.pv), np.asarray(r.op)
+    pv = np.asarray(r.pv)
+    op = np.asarray(r.op)
     out = []
     if r.process is None:
         kind = "integrating" if integrating else "self-regulating"
@@ -162,7 +164,8 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
     """Return the engine's input, with PV as the plant gave it to the controller, and the lattice on
     which it was put there.
     """
-    r, baseline = seen.record, seen.baseline
+    r = seen.record
+    baseline = seen.baseline
     plant = first_order_like(baseline.plant)
     y, resolution = before_sensor(baseline, r.Ts, plant_pv, resolution)
     data = Data(

@@ -39,7 +39,10 @@ def refuse_other_plant(s: Situation) -> None:
     another one, another plant, in gain and in time, must explain PV better than every single effect
     on the baseline's plant before the loop is called another.
     """
-    data, law, Ts, control = s.data, s.law, s.record.Ts, s.baseline.controller
+    data = s.data
+    law = s.law
+    Ts = s.record.Ts
+    control = s.baseline.controller
     if (
         law.tuning is None
         or not _apart(law.tuning[0])
@@ -49,8 +52,11 @@ def refuse_other_plant(s: Situation) -> None:
     free, other = fit_plant(data.u, data.y, False, data.resolution, float(np.sign(law.Kc)))
     if other.K * law.Kc <= 0.0:
         return
-    gain, lag, wait = other.K, other.theta["T"], other.theta["Td"]
-    pace, known = lag + wait, data.T + data.Td
+    gain = other.K
+    lag = other.theta["T"]
+    wait = other.theta["Td"]
+    pace = lag + wait
+    known = data.T + data.Td
     if data.T > 0 and not (_apart(gain / data.K) and _apart(pace / known)):
         return
     # an integrating plant has a slope and a dead time; one that settles late in the record may well

@@ -86,7 +86,8 @@ def complete_baseline(
             )
         # an inner loop is judged by its record, set point included
         return baseline.model_copy(update={"outer": None}), both, []
-    known, missing = baseline.loop, baseline.missing
+    known = baseline.loop
+    missing = baseline.missing
     identified = identify(
         record,
         None if "plant" in missing else known.plant,

@@ -147,7 +147,8 @@ def _loop(
     """Return the baseline with a test's settings in it; its Ts is that of the time column, which a
     stated one must meet.
     """
-    control, Ts = settings.get("controller", {}), settings.get("sampling", {}).get("Ts")
+    control = settings.get("controller", {})
+    Ts = settings.get("sampling", {}).get("Ts")
     if Ts is not None and abs(record.Ts / Ts - 1.0) > SAME_TS:
         raise RecordError(
             f"{where}: Ts = {record.Ts:g} s by its time column, but its [sampling] says {Ts:g} s;"
@@ -171,7 +172,8 @@ def _loop(
 
 def _refuse(test: RecordedTest) -> None:
     """Refuse a test that shows nothing, or not what it declares."""
-    r, manual = test.record, test.manual.any()
+    r = test.record
+    manual = test.manual.any()
     sampled = 0 if test.lab is None else int(np.isfinite(test.lab).sum())
     declared = f"declared as test {test.id!r}, but"
     wrong = {

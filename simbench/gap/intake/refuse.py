@@ -36,9 +36,11 @@ def refuse_mv_units(mv: np.ndarray, op: np.ndarray, where: str) -> None:
     slope is not, and no valve moves against OP. One factor in both is a unit, but near (0, 0),
     where every valve is a factor.
     """
-    low, high = float(mv.min()), float(mv.max())
+    low = float(mv.min())
+    high = float(mv.max())
     span = f"MV runs from {low:g} to {high:g}"
-    slope, level = moving_slope(op, mv), float(mv.mean() / op.mean()) if op.mean() > 0.0 else 1.0
+    slope = moving_slope(op, mv)
+    level = float(mv.mean() / op.mean()) if op.mean() > 0.0 else 1.0
     ahead = float(np.corrcoef(op, mv)[0, 1]) if np.ptp(mv) > 0.0 and np.ptp(op) > 0.0 else 0.0
     wrong = ""
     if low < -5.0 or high > 105.0:
@@ -78,7 +80,8 @@ def _is_factor(slope: float, level: float, op: float) -> bool:
     """Return whether MV's slope agrees with its level, and better than with the characteristic that
     has this level at OP.
     """
-    x, r = op / 100.0, np.log(_RATIOS)
+    x = op / 100.0
+    r = np.log(_RATIOS)
     bent = (r * np.exp(r * x) / np.expm1(r))[
         int(np.argmin(np.abs(np.expm1(r * x) / np.expm1(r) - level * x)))
     ]
@@ -89,7 +92,8 @@ def moving_slope(op: np.ndarray, mv: np.ndarray) -> float | None:
     """Return how far MV moves per % of OP while it moves, friction or not; None where it seldom
     does.
     """
-    du, dv = np.diff(op), np.diff(mv)
+    du = np.diff(op)
+    dv = np.diff(mv)
     least = 0.3 * float(np.std(du))
     # a slip is one step; between two steps of one direction the valve slides with OP
     slides = (

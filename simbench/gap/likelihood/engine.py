@@ -156,9 +156,11 @@ class Engine:
         """
         d = self.data
         T = theta["T"] if d.T > 0 else 0.0
-        y, tau = d.y, theta.get("tau", 0.0) if spec.pole else 0.0
+        y = d.y
+        tau = theta.get("tau", 0.0) if spec.pole else 0.0
         if spec.pole == "sensor":
-            y, tau = before_filter(y, tau), 0.0
+            y = before_filter(y, tau)
+            tau = 0.0
         moved = d.shaped(valve_of(spec, theta, d.u))
         # the input before the record may have stood elsewhere
         inputs = [moved, d.shaped(self.onset)]
@@ -174,9 +176,11 @@ class Engine:
         """Return the channels' innovations over their standard deviation, and the part of
         -log-likelihood that is no square.
         """
-        model, jumps = self.noise_model(spec, theta), jumps_of(spec, theta)
+        model = self.noise_model(spec, theta)
+        jumps = jumps_of(spec, theta)
         white, log_var = kernels.whiten(channels, model, jumps)
-        count, jacobian = self.data.n - kernels.SKIP, 0.0
+        count = self.data.n - kernels.SKIP
+        jacobian = 0.0
         if spec.pole == "sensor":
             jacobian = count * math.log(-math.expm1(-1.0 / theta["tau"]))
         return white, 0.5 * (log_var + count * math.log(2 * math.pi)) + jacobian
@@ -200,7 +204,8 @@ class Engine:
         """Return the linear coefficients and how far, in standard deviations, the gain lies outside
         its prior.
         """
-        A, b = _regular(N[1:, 1:]), N[1:, 0].copy()
+        A = _regular(N[1:, 1:])
+        b = N[1:, 0].copy()
         beta = np.linalg.solve(A, b)
         K = self.data.K
         low, high = self._gains(spec)
@@ -215,9 +220,11 @@ class Engine:
 
     def _gains(self, spec: Spec) -> tuple[float, float]:
         """Return the smallest and the largest gain that the plant may have."""
-        least, most = 1.0 - NOMINAL, 1.0 + NOMINAL
+        least = 1.0 - NOMINAL
+        most = 1.0 + NOMINAL
         if not self.data.trusted:
-            least, most = 0.05, 20.0
+            least = 0.05
+            most = 20.0
         elif "K" in spec.free:
             least, most = _MISMATCH
         low, high = sorted((self.data.K * least, self.data.K * most))
@@ -270,7 +277,8 @@ class Engine:
         x[logs] = np.log(np.maximum(x[logs], 1e-300))
         x = np.clip(x, box[:, 0], box[:, 1])
         now = self._terms(spec, unpack(x))
-        value, damping = 0.5 * float(now[0] @ now[0]) + now[1], 1e-2
+        value = 0.5 * float(now[0] @ now[0]) + now[1]
+        damping = 1e-2
         for _ in range(steps):
             J, slope = self._derivatives(spec, names, x, box, unpack, now)
             gradient = J @ now[0] + slope
@@ -289,7 +297,10 @@ class Engine:
                 then = self._terms(spec, unpack(trial))
                 new = 0.5 * float(then[0] @ then[0]) + then[1]
                 if new < value:
-                    gained, x, value, now = value - new, trial, new, then
+                    gained = value - new
+                    x = trial
+                    value = new
+                    now = then
                     damping = max(0.1 * damping, 1e-6)
                     break
                 damping *= 10.0
@@ -328,7 +339,8 @@ class Engine:
         """
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
-        J, slope = np.empty((x.size, left.size)), np.empty(x.size)
+        J = np.empty((x.size, left.size))
+        slope = np.empty(x.size)
         shaping = _SHAPING | {number.name for number in spec.effect_numbers if number.shapes}
         count = self.data.n - kernels.SKIP
         for i, name in enumerate(names):
@@ -342,7 +354,8 @@ class Engine:
                 signals = self._channels(spec, theta)
                 changed = signals[0] - beta @ signals[1:]
             white, higher = self._whiten(spec, theta, changed[None, :])
-            J[i, :count], J[i, count] = white[0, kernels.SKIP :], left[count]
+            J[i, :count] = white[0, kernels.SKIP :]
+            J[i, count] = left[count]
             J[i, count + 1 :] = self._surprises(spec, theta)
             J[i] -= left
             J[i] /= h
@@ -391,7 +404,8 @@ class Engine:
         """
         d = self.data
         # a plant of higher order is near enough as a later one: the best is fitted as it is
-        model, Td = self.noise_model(spec, theta), theta["Td"] + d.lateness
+        model = self.noise_model(spec, theta)
+        Td = theta["Td"] + d.lateness
         # a scan ranks maps without the walks
         model = model._replace(load_walk=0.0, walk=0.0)
         onset = kernels.plant(self.onset, model.T, Td, model.tau)

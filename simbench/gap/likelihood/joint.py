@@ -44,7 +44,8 @@ class JointEngine(Engine):
         self, i: int, spec: Spec, theta: Mapping[str, float]
     ) -> tuple[Spec, dict[str, float]]:
         """Return spec and nonlinear parameters as one record has them, in its samples."""
-        part, rows = self.parts[i], self.places[i]
+        part = self.parts[i]
+        rows = self.places[i]
         jumps = tuple(
             k - rows.start for k in spec.jumps if rows.start + kernels.SKIP <= k < rows.stop
         )
@@ -80,10 +81,13 @@ class JointEngine(Engine):
     def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
         # PV, the plant's answer, every record's bias and onset; last the signals of an effect, the
         # first record's at the end
-        whole, blocks, effects = np.zeros((2, self.data.n)), [], []
+        whole = np.zeros((2, self.data.n))
+        blocks = []
+        effects = []
         count = len(spec.channels)
         for i, engine in enumerate(self.engines):
-            rows, alone = self.places[i], engine._channels(*self.one_of(i, spec, theta))
+            rows = self.places[i]
+            alone = engine._channels(*self.one_of(i, spec, theta))
             whole[:, rows] = alone[:2]
             if self.data.T == 0.0:
                 whole[1, rows] /= self.parts[i].pace
@@ -99,7 +103,8 @@ class JointEngine(Engine):
     def _whiten(
         self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray
     ) -> tuple[np.ndarray, float]:
-        white, level = np.zeros(channels.shape), 0.0
+        white = np.zeros(channels.shape)
+        level = 0.0
         for i, engine in enumerate(self.engines):
             rows = self.places[i]
             here = channels[:, rows]
@@ -117,9 +122,13 @@ class JointEngine(Engine):
     def _scanned(
         self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        gy, gg, level = np.zeros(len(points)), np.zeros(len(points)), 0.0
+        gy = np.zeros(len(points))
+        gg = np.zeros(len(points))
+        level = 0.0
         for i, engine in enumerate(self.engines):
             scale = 1.0 / self.parts[i].pace if self.data.T == 0.0 else 1.0
             one = engine._scanned(*self.one_of(i, spec, theta), kind, points)
-            gy, gg, level = gy + scale * one[0], gg + scale**2 * one[1], level + one[2]
+            gy = gy + scale * one[0]
+            gg = gg + scale**2 * one[1]
+            level = level + one[2]
         return gy, gg, level

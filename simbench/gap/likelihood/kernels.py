@@ -18,10 +18,9 @@ from simbench.valve.maps import creep, play, stick, zone
 IDEAL, PLAY, ZONE, STICK, CREEP, CURVE = range(6)
 PINK_LOAD = -1.0  # as `load_lag`: a load of power 1/f
 FRACTION = 5.0  # ratio of the time constants that add up to 1/f
-_FEW, _MANY = (
-    16,
-    48,
-)  # valve maps filtered together, one waits while another computes: of long records few, or ...
+# valve maps filtered together, one waits while another computes: of long records few, or ...
+_FEW = 16
+_MANY = 48
 # ... of records up to this many samples many, which the processor's cache holds
 _CACHED_SAMPLES = 5000
 SKIP = 4  # first samples, which only settle the filter's unknown start
@@ -106,7 +105,8 @@ def valve(u, kind, p0, p1, p2):
 
 def _through(u, kind, p0, p1, p2, v):
     """Fill `v` as `valve` returns it."""
-    lo, hi = -np.inf, np.inf
+    lo = -np.inf
+    hi = np.inf
     if kind == PLAY:
         x = u[0] + p1
         for k in range(u.size):
@@ -154,15 +154,24 @@ def _respond(v, T, Td, out, weight):
     if T > 0.0:
         a = math.exp(-1.0 / T)
         rest = math.exp(-(1.0 - late) / T)
-        b_new, b_old = 1.0 - rest, rest - a
+        b_new = 1.0 - rest
+        b_old = rest - a
     else:
-        a, b_new, b_old = 1.0, 1.0 - late, late
+        a = 1.0
+        b_new = 1.0 - late
+        b_old = late
     m, n = v.shape
     first = 0
     # four rows at once: one waits while the others compute
     while first + 4 <= m:
-        v0, v1, v2, v3 = v[first], v[first + 1], v[first + 2], v[first + 3]
-        y0, y1, y2, y3 = out[first], out[first + 1], out[first + 2], out[first + 3]
+        v0 = v[first]
+        v1 = v[first + 1]
+        v2 = v[first + 2]
+        v3 = v[first + 3]
+        y0 = out[first]
+        y1 = out[first + 1]
+        y2 = out[first + 2]
+        y3 = out[first + 3]
         x0 = x1 = x2 = x3 = old0 = old1 = old2 = old3 = 0.0
         for k in range(n):
             y0[k] += weight * x0
@@ -171,12 +180,18 @@ def _respond(v, T, Td, out, weight):
             y3[k] += weight * x3
             if k >= delay:
                 j = k - delay
-                new0, new1, new2, new3 = v0[j] - v0[0], v1[j] - v1[0], v2[j] - v2[0], v3[j] - v3[0]
+                new0 = v0[j] - v0[0]
+                new1 = v1[j] - v1[0]
+                new2 = v2[j] - v2[0]
+                new3 = v3[j] - v3[0]
                 x0 = a * x0 + b_old * old0 + b_new * new0
                 x1 = a * x1 + b_old * old1 + b_new * new1
                 x2 = a * x2 + b_old * old2 + b_new * new2
                 x3 = a * x3 + b_old * old3 + b_new * new3
-                old0, old1, old2, old3 = new0, new1, new2, new3
+                old0 = new0
+                old1 = new1
+                old2 = new2
+                old3 = new3
         first += 4
     for i in range(first, m):
         x = old = 0.0
@@ -238,7 +253,8 @@ def _riccati(kalman):
     variance.
     """
     F, Q, P, h, r, gain, Ph, FP, P_new = kalman
-    s, S = h.size, r
+    s = h.size
+    S = r
     for i in range(s):
         Ph[i] = 0.0
         for j in range(s):
@@ -296,53 +312,74 @@ def _state_space(model, jumps):
     load that jumps; noise that remembers its last value.
     """
     T, tau, load_time, load_lag, load, noise, colour, spread, load_walk, walk = model
-    smooth, parts = load_lag > 0.1, 3 if load_lag == PINK_LOAD else 1
-    has_tau, coloured, jumping = tau > 1e-3, abs(colour) > 0.01, jumps.places.size > 0
+    smooth = load_lag > 0.1
+    parts = 3 if load_lag == PINK_LOAD else 1
+    has_tau = tau > 1e-3
+    coloured = abs(colour) > 0.01
+    jumping = jumps.places.size > 0
     jumping = jumping and not jumps.fade
     s = 1 + parts + smooth + has_tau + (load_walk > 0.0) + (walk > 0.0) + coloured + jumping
-    F, Q, P, h = np.zeros((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.zeros(s)
+    F = np.zeros((s, s))
+    Q = np.zeros((s, s))
+    P = np.zeros((s, s))
+    h = np.zeros(s)
     phi = math.exp(-1.0 / load_time)
     a = math.exp(-1.0 / T) if T > 0.0 else 1.0
     enters = 1.0 - a if T > 0.0 else 1.0
-    F[0, 0], F[1, 1] = phi, a
+    F[0, 0] = phi
+    F[1, 1] = a
     top = 2
     if smooth:
         b = math.exp(-1.0 / load_lag)
-        F[2, 2], F[2, 0], F[1, 2] = b, 1.0 - b, enters
+        F[2, 2] = b
+        F[2, 0] = 1.0 - b
+        F[1, 2] = enters
         P[2, 2] = load * load
         top = 3
     else:
         F[1, 0] = enters
     share = load * load / parts
     Q[0, 0] = share * (1.0 - phi * phi)
-    P[0, 0], P[1, 1] = share, spread * spread
+    P[0, 0] = share
+    P[1, 1] = spread * spread
     for i in range(1, parts):
         phi = math.exp(-(FRACTION**i) / load_time)
-        F[top, top], F[1, top] = phi, enters
-        Q[top, top], P[top, top] = share * (1.0 - phi * phi), share
+        F[top, top] = phi
+        F[1, top] = enters
+        Q[top, top] = share * (1.0 - phi * phi)
+        P[top, top] = share
         top += 1
     seen = 1
     if has_tau:
         seen = top
         b = math.exp(-1.0 / tau)
-        F[top, top], F[top, 1] = b, 1.0 - b
+        F[top, top] = b
+        F[top, 1] = 1.0 - b
         P[top, top] = spread * spread
         top += 1
     h[seen] = 1.0
     if load_walk > 0.0:
-        F[top, top], F[1, top], Q[top, top] = 1.0, enters, load_walk * load_walk
+        F[top, top] = 1.0
+        F[1, top] = enters
+        Q[top, top] = load_walk * load_walk
         top += 1
     if walk > 0.0:
-        F[top, top], Q[top, top], h[top] = 1.0, walk * walk, 1.0
+        F[top, top] = 1.0
+        Q[top, top] = walk * walk
+        h[top] = 1.0
         top += 1
     level = 0
     if jumping:
         level = top
-        F[top, top], F[1, top] = 1.0, enters
+        F[top, top] = 1.0
+        F[1, top] = enters
         top += 1
     r = noise * noise
     if coloured:
-        F[top, top], Q[top, top], P[top, top], h[top] = colour, r * (1.0 - colour * colour), r, 1.0
+        F[top, top] = colour
+        Q[top, top] = r * (1.0 - colour * colour)
+        P[top, top] = r
+        h[top] = 1.0
         r = 1e-6 * r
     return F, Q, P, h, r, level
 
@@ -356,14 +393,25 @@ def _gains(kalman, level, late, jumps, n):
     the state `level` on, which PV shows `late` samples later. A jump is followed by the same gains
     as the one before, unless they are close together.
     """
-    s, count, jump = kalman.h.size, jumps.places.size, jumps.size
-    P, gain = kalman.P, kalman.gain
-    gains, variances = np.empty((n, s)), np.empty(n)
+    s = kalman.h.size
+    count = jumps.places.size
+    jump = jumps.size
+    P = kalman.P
+    gain = kalman.gain
+    gains = np.empty((n, s))
+    variances = np.empty(n)
     room = _REACH if count > 0 else 0
-    after, their_variances = np.zeros((room, s)), np.zeros(room)
+    after = np.zeros((room, s))
+    their_variances = np.zeros(room)
     covariances = np.zeros((min(room, _NEAR), s, s))
-    S, sum_log, log_var = 1.0, 0.0, 0.0
-    live, start, last, since, upcoming = True, 0, -1, -1, 0
+    S = 1.0
+    sum_log = 0.0
+    log_var = 0.0
+    live = True
+    start = 0
+    last = -1
+    since = -1
+    upcoming = 0
     for k in range(n):
         if upcoming < count and k >= jumps.places[upcoming] - late:
             upcoming += 1
@@ -376,14 +424,17 @@ def _gains(kalman, level, late, jumps, n):
                 if not live:
                     for i in range(s):
                         copied(covariances[since, i], P[i])
-                live, start = True, k
+                live = True
+                start = k
         if live:
             if start > 0 and k - start < 2:
                 # a jump between two samples is part of one at each
                 P[level, level] += jump * jump
-            S_old, S = S, _riccati(kalman)
+            S_old = S
+            S = _riccati(kalman)
             if last >= 0 and k - start >= _NEAR:
-                live, since = False, min(_NEAR, last)
+                live = False
+                since = min(_NEAR, last)
             elif k - start > 20 and abs(S - S_old) < (1e-7 if start == 0 else _SETTLED) * S:
                 live = False
         elif since >= 0:
@@ -404,20 +455,28 @@ def _innovations(channels, F, h, gains, variances):
     """Return what the filter does not foresee of each channel (m, n), over its standard
     deviation.
     """
-    (m, n), s = channels.shape, h.size
+    m, n = channels.shape
+    s = h.size
     out = np.empty((m, n))
-    x, x_new, nu = np.zeros((s, m)), np.zeros((s, m)), np.zeros(m)
+    x = np.zeros((s, m))
+    x_new = np.zeros((s, m))
+    nu = np.zeros(m)
     # F is a diagonal with a few couplings, and h is mostly zeros
-    shows, shown = np.zeros(s, np.int64), 0
-    to, come = np.zeros(s * s, np.int64), np.zeros(s * s, np.int64)
-    weight, couplings = np.zeros(s * s), 0
+    shows = np.zeros(s, np.int64)
+    shown = 0
+    to = np.zeros(s * s, np.int64)
+    come = np.zeros(s * s, np.int64)
+    weight = np.zeros(s * s)
+    couplings = 0
     for i in range(s):
         if h[i] != 0.0:
             shows[shown] = i
             shown += 1
         for j in range(s):
             if i != j and F[i, j] != 0.0:
-                to[couplings], come[couplings], weight[couplings] = i, j, F[i, j]
+                to[couplings] = i
+                come[couplings] = j
+                weight[couplings] = F[i, j]
                 couplings += 1
     scale = 0.0
     for k in range(n):
@@ -445,11 +504,14 @@ def _innovations(channels, F, h, gains, variances):
             for c in range(m):
                 nu[c] -= x[i, c]
         for i in range(s):
-            own, g = F[i, i], gain[i]
+            own = F[i, i]
+            g = gain[i]
             for c in range(m):
                 x_new[i, c] = g * nu[c] + own * x[i, c]
         for q in range(couplings):
-            i, j, w = to[q], come[q], weight[q]
+            i = to[q]
+            j = come[q]
+            w = weight[q]
             for c in range(m):
                 x_new[i, c] += w * x[j, c]
         for c in range(m):

@@ -55,7 +55,8 @@ class Data:
         """Mean delay (samples) of the shape."""
         if self.shape is None:
             return 0.0
-        (b, a), at = self.shape, np.arange(self.shape[0].size)
+        b, a = self.shape
+        at = np.arange(self.shape[0].size)
         return float(b @ at / b.sum() - a @ at / a.sum())
 
     @property
@@ -224,10 +225,13 @@ def lag_of(theta: Mapping[str, float]) -> float:
 
 def load_std(theta: Mapping[str, float]) -> float:
     """Return the standard deviation of the fitted load's steady effect on PV."""
-    std, period, lag = theta["load"], theta["load_time"], lag_of(theta)
+    std = theta["load"]
+    period = theta["load_time"]
+    lag = lag_of(theta)
     if lag <= SHORTEST_LAG:  # as the mark of a 1/f load is
         return std
-    a, b = np.exp(-1.0 / period), np.exp(-1.0 / lag)
+    a = np.exp(-1.0 / period)
+    b = np.exp(-1.0 / lag)
     return std * float(np.sqrt((1 - b) / (1 + b) * (1 + a * b) / (1 - a * b)))
 
 

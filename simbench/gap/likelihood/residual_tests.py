@@ -16,7 +16,8 @@ from simbench.gap.likelihood.model import Data, Fit
 _NOTHING = 1e-4
 # samples over which a jump of PV is compared with what it may be else, and the first that are not
 # asked
-_REACH, _START = 400, 10
+_REACH = 400
+_START = 10
 _BESIDE = 7  # samples about a jump in which the others may lie
 
 
@@ -34,7 +35,8 @@ def shifts(engine: Engine, fit: Fit) -> float:
     """
     residual = np.asarray(fit.residual).copy()
     residual[: kernels.SKIP] = 0.0
-    n, reach = residual.size, min(_REACH, residual.size // 3)
+    n = residual.size
+    reach = min(_REACH, residual.size // 3)
     model = engine.noise_model(fit.spec, fit.theta)
     step = (np.arange(n) >= reach).astype(float)
     wild = (np.arange(n) == reach).astype(float)

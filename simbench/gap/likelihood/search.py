@@ -25,14 +25,16 @@ SMOOTH = (
 MV_STARTS = (-1.0, 0.0, 1.0)  # of MV within its band, in halves of it
 _JUMPS = (-4.0, -1.5, 0.0, 1.5, 4.0)  # shares by which J is varied with S, whose peak is narrower
 _SLIPPING = (kernels.STICK, kernels.CREEP)  # maps with a jump
-KEPT, _CHILDREN = 30, 6  # different peaks followed, and points tried around each
+KEPT = 30  # different peaks followed
+_CHILDREN = 6  # points tried around each
 _SPREADS = (0.03, 0.012)  # of log S around them, ever closer
 _ROUGH = ("S", "J", "D", "c")  # in which the likelihood has corners
 TINY = 10  # widths below what OP's jitter hides
 _QUIET = 0.3  # of the load that "no effect" needed, with which peaks are looked for
 # where no plant is known, friction is looked for with plants of these time constants and dead times
 # (samples)
-_LAGS, _DELAYS = (0.7, 3.0, 10.0, 30.0), (0.5, 3.0, 8.0, 15.0)
+_LAGS = (0.7, 3.0, 10.0, 30.0)
+_DELAYS = (0.5, 3.0, 8.0, 15.0)
 _FOLLOWED = 2  # of the starts, the likeliest
 _HOPELESS = 4.0  # nats below the base from which a grid's best point is not worth refining
 
@@ -99,7 +101,8 @@ def scan_map(
     near = np.vstack([around(kind, points[i], 0.5 * SIZES_APART) for i in tops])
     high = engine.scan(spec, theta, kind, near)
     if kind in _SLIPPING:
-        points, values = np.vstack([points, near]), np.concatenate([values, high])
+        points = np.vstack([points, near])
+        values = np.concatenate([values, high])
         best = refine_peaks(
             lambda children: engine.scan(spec, theta, kind, children), points, values
         )[0]
@@ -185,12 +188,14 @@ def settle(engine: Engine, fit: Fit, steps: int = 3) -> Fit:
 
 def narrow(engine: Engine, fit: Fit) -> Fit:
     """Alternate ever finer scans around a valve map's numbers with steps in all others."""
-    best, kind = fit, fit.spec.valve
+    best = fit
+    kind = fit.spec.valve
     bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
     first, second = ("D", "c") if kind == kernels.ZONE else ("S", "J")
     for share in (0.06, 0.02, 0.007, 0.002):
         for _ in range(3):
-            th, before = best.theta, best.loglik
+            th = best.theta
+            before = best.loglik
             points = around(kind, np.array([th[first], th.get(second, 0.0), 0.0]), share)
             point = points[int(np.argmax(engine.scan(bare, th, kind, points)))]
             best = better(best, fit_with_map(engine, bare, th, kind, point))

@@ -64,8 +64,10 @@ def held(tau: float, damping: float) -> tuple[list[float], list[float]]:
 
     Astrom and Wittenmark (1997), Computer-Controlled Systems, table 2.1.
     """
-    decay, turn = damping / tau, cmath.sqrt(damping * damping - 1.0) / tau
-    one, other = cmath.exp(turn - decay), cmath.exp(-turn - decay)
+    decay = damping / tau
+    turn = cmath.sqrt(damping * damping - 1.0) / tau
+    one = cmath.exp(turn - decay)
+    other = cmath.exp(-turn - decay)
     even = 0.5 * (one + other).real
     # at critical damping the poles meet, and (one - other)/(2 turn) is their value
     odd = decay * ((one - other) / (2.0 * turn) if abs(turn) > _MEET else one).real

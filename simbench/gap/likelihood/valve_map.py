@@ -58,7 +58,10 @@ class MapSearch:
         late: int = 0,
     ) -> None:
         # a copy: kernels would be compiled once more for a record's arrays, which are read-only
-        self.op, self.mv, self.Ts, self.late = op.copy(), np.array(mv, dtype=float), Ts, late
+        self.op = op.copy()
+        self.mv = np.array(mv, dtype=float)
+        self.Ts = Ts
+        self.late = late
         self.span = float(np.ptp(op)) or 1.0
         self.sizes = np.geomspace(0.02 * self.span, 1.5 * self.span, 50)
         # what an archive that reports by exception may hide of OP is no valve's
@@ -135,12 +138,14 @@ class MapSearch:
 
     def stretch(self) -> MapSearch:
         """Return the search over as many samples as are needed, where MV moves most."""
-        n, size = self.op.size, min(_STRETCH, self.op.size)
+        n = self.op.size
+        size = min(_STRETCH, self.op.size)
         way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(self.mv)))])
         starts = np.arange(0, n - size + 1, max(size // 2, 1))
         first = int(starts[np.argmax(way[starts + size - 1] - way[starts])])
         here = slice(first, first + size)
-        op, mv = self.op[here], self.mv[here]
+        op = self.op[here]
+        mv = self.mv[here]
         return MapSearch(op, mv, self.Ts, op, late=self.late)
 
     def peaks(self, kind: int, grid: list[tuple[float, float]]) -> list[tuple[float, float, float]]:
@@ -189,5 +194,6 @@ def share_of(left: np.ndarray, way: np.ndarray) -> float:
 
 def lag_signal(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
     """Return a signal after a first-order lag of `tau` samples, begun at `first` or at rest."""
-    a, start = np.exp(-1.0 / tau), op[0] if first is None else first
+    a = np.exp(-1.0 / tau)
+    start = op[0] if first is None else first
     return start + lfilter([1.0 - a], [1.0, -a], op - start, (1.0 - a) * (start - op[0]))

@@ -150,7 +150,8 @@ class Trial:
             setup = resolve_loop(Loop.from_table(table), seed)
             if self.manual:
                 # a controller of no gain hands an enormous set point on: OP is the operator's
-                setup.Kc, setup.Ti = _TINY, None
+                setup.Kc = _TINY
+                setup.Ti = None
                 setup.sp = setup.pv0 + self.moves / (_TINY * setup.sign)
             else:
                 setup.sp = setup.sp + self.moves
@@ -168,7 +169,8 @@ def size_test(
     `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it
     can stick.
     """
-    d, rest = s.data, float(np.mean(s.op))
+    d = s.data
+    rest = float(np.mean(s.op))
     pace = d.Td + (1.0 / max(abs(d.K * s.baseline.controller.Kc), 1e-9) if s.integrating else d.T)
     size = float(np.clip(0.5 * np.ptp(s.op), 1.0, 10.0))
     if id_ == "stairs":
@@ -181,7 +183,9 @@ def size_test(
         size = min(size, most)
     if id_ == "sp_steps":
         size *= abs(d.K) * (pace if s.integrating else 1.0)
-    moves, excursion, travel = id_ in _MOVES, 0.0, 0.0
+    moves = id_ in _MOVES
+    excursion = 0.0
+    travel = 0.0
     for _ in range(_SMALLER if moves else 1):
         trial = _trial(id_, size, pace, s)
         if trial.minutes > limits.minutes:
@@ -198,7 +202,8 @@ def size_test(
 
 
 def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:
-    Ts, n = s.record.Ts, min(s.record.n, _MOST)
+    Ts = s.record.Ts
+    n = min(s.record.n, _MOST)
     if id_ in _MOVES:
         paces, least, *levels = _MOVES[id_]
         moves = size * np.array(levels[s.integrating], dtype=float)
@@ -221,7 +226,9 @@ def _excursion(
         moved = np.abs(s.record.pv - s.sp).max(), np.abs(s.op - rest).max()
         return float(moved[0]), float(moved[1]), True
     own = float(np.abs(trial.moves).max()) if trial.manual else 0.0
-    worst, travel, inside = 0.0, own, True
+    worst = 0.0
+    travel = own
+    inside = True
     for loop in loops.values():
         start = loop.setpoint.value
         runs = [trial.run(loop, seed) for seed in range(RUNS if limits != Limits() else 1)]

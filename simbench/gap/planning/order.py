@@ -127,7 +127,8 @@ def plan(
     why = _no_need(assessment, probability)
     if why:
         return PlannedTests(why=why, op_unit=assessment.situation.record.S_unit)
-    s, fitted = assessment.situation, assessment.parameters
+    s = assessment.situation
+    fitted = assessment.parameters
     explained = [e for e in probability if e == NONE or e in fitted]
     likely = sorted(explained, key=lambda e: -probability[e])[:_EXPLANATIONS]
     files = {e: loops.loop([] if e == NONE else [e]) for e in likely}
@@ -153,7 +154,8 @@ def plan(
 
 def _no_need(assessment: Assessment, probability: Mapping[str, float]) -> str:
     """Return why no test is needed, or would help; "" where one might."""
-    s, first = assessment.situation, max(probability, key=lambda e: probability[e])
+    s = assessment.situation
+    first = max(probability, key=lambda e: probability[e])
     name = "no effect" if first == NONE else first.replace("_", " ")
     named = assessment.chosen if first in assessment.chosen else [first]
     # a second effect that only the likelihood names is open, however sure the first is

@@ -50,7 +50,8 @@ def write_folder_page(
 def _table(answers: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
     rows = []
     for name, a in answers.items():
-        gap, valve = a["gap"], a["conclusion"]
+        gap = a["gap"]
+        valve = a["conclusion"]
         rows.append(
             {
                 "record": name,

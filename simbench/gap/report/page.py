@@ -69,7 +69,8 @@ def write_page(
 
 
 def _answer(report: GapReport) -> list[Part]:
-    g, s = report.gap, report.shrinkage
+    g = report.gap
+    s = report.shrinkage
     what = {NONE: "that nothing is lacking", UNKNOWN: "of an effect not on the list"}.get(
         report.effect, f"of {words(report.effect)}"
     )
@@ -115,7 +116,8 @@ def _where(report: GapReport) -> list[Part]:
 
 def _look(traces: pictures.Traces, situation: Situation) -> list[Part]:
     """Return the record and its simulations in pictures: over time, over OP, and their spectra."""
-    part, shown = end_of(situation), "record and simulations"
+    part = end_of(situation)
+    shown = "record and simulations"
     drawn = [
         (pictures.draw_traces("PV", traces, part), f"PV over time, set point dotted: {shown}"),
         (pictures.draw_traces("OP", traces, part), f"OP over time: {shown}"),
@@ -128,7 +130,8 @@ def _look(traces: pictures.Traces, situation: Situation) -> list[Part]:
     given = f"the baseline as {given}, the baseline with K, T and Td recalibrated"
     lost = "" if "baseline" in traces else " The baseline runs away and is not drawn."
     if not situation.stated_parts:
-        given, lost = "the loop that was identified from the record", ""
+        given = "the loop that was identified from the record"
+        lost = ""
     added = "".join(f", and {name} added" for name in traces if name.startswith("with "))
     says = (
         f"The record beside simulations of the same length under its set point: {given}{added}."

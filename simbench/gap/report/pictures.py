@@ -92,7 +92,8 @@ def fill_traces(panels: Iterable[Axes], signal: str, traces: Traces, part: slice
     """Draw one signal over time, a panel each, as `draw_traces`."""
     limits = _limits([_signal(trace, signal)[part] for trace in traces.values()])
     for axes, (name, trace) in zip(panels, traces.items()):
-        x, last = _signal(trace, signal)[part], name == list(traces)[-1]
+        x = _signal(trace, signal)[part]
+        last = name == list(traces)[-1]
         if signal == "PV" and trace.sp is not None:
             axes.plot(trace.t[part], trace.sp[part], color=GREY, linestyle=":", linewidth=1.0)
         axes.plot(trace.t[part], x, color=LOOK[name][0], linewidth=0.9)
@@ -208,7 +209,8 @@ def _signal(trace: LoopRecord, name: str) -> np.ndarray:
 
 def _limits(signals: Sequence[np.ndarray]) -> tuple[float, float]:
     """Return limits that hold the record, which comes first, and what is not far off it."""
-    lo, hi = float(signals[0].min()), float(signals[0].max())
+    lo = float(signals[0].min())
+    hi = float(signals[0].max())
     wide = (hi - lo) or 1.0
     low = max(min(float(s.min()) for s in signals), lo - _BEYOND * wide)
     high = min(max(float(s.max()) for s in signals), hi + _BEYOND * wide)

@@ -333,10 +333,13 @@ class GapReport:
         str
             The gap, what it was, how far parts of the record are apart, and whether it is near.
         """
-        g, near = self.gap, "yes" if self.gap.near else "no"
-        before, it = "", "It is"
+        g = self.gap
+        near = "yes" if self.gap.near else "no"
+        before = ""
+        it = "It is"
         if self.named or self.behind.shown:
-            before, it = f"{g.before:.2f} before; ", "It is then"
+            before = f"{g.before:.2f} before; "
+            it = "It is then"
         return (
             f"{it} {g.after:.2f} from the record ({before}parts of the record are"
             f" {g.plant_floor:.2f} apart). Near the record: {near}."
@@ -400,7 +403,8 @@ class GapReport:
         list of str
             Sentences on its unit, its floor and its shrinkage.
         """
-        g, s = self.gap, self.shrinkage
+        g = self.gap
+        s = self.shrinkage
         lines = [
             "The distance of record and simulations is the mean over features, in standard"
             " deviations between simulations.",

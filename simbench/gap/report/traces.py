@@ -11,15 +11,13 @@ from simbench.gap.report.result import GapReport, Ranked
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, UNKNOWN
 
-RECORD, BASELINE, IDENTIFIED, TUNED, FIXED, SHOWN, NEAREST = (
-    "record",
-    "baseline",
-    "identified",
-    "recalibrated",
-    "with the effect",
-    "as the record shows it",
-    "with the nearest effect",
-)
+RECORD = "record"
+BASELINE = "baseline"
+IDENTIFIED = "identified"
+TUNED = "recalibrated"
+FIXED = "with the effect"
+SHOWN = "as the record shows it"
+NEAREST = "with the nearest effect"
 
 
 def nearest(report: GapReport) -> Ranked | None:
@@ -32,7 +30,8 @@ def nearest(report: GapReport) -> Ranked | None:
 
 def gap_sizes(report: GapReport) -> dict[str, float]:
     """Return the gap of every simulation, and both floors, in seed-to-seed standard deviations."""
-    g, near = report.gap, nearest(report)
+    g = report.gap
+    near = nearest(report)
     sizes = {"before": g.before}
     if report.behind.found.situation.stated_parts:
         sizes["recalibrated"] = g.recalibrated
@@ -53,7 +52,8 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     """Return the record, and simulations of its length with the baseline, the recalibrated loop and
     the loop with the named (or nearest) effect; what cannot be simulated is left out.
     """
-    runs, near = report.behind.loops, nearest(report)
+    runs = report.behind.loops
+    near = nearest(report)
     before, tuned, _ = runs.runs_with(report.named)
     # an identified loop needs no other calibration
     loops = {IDENTIFIED: before.loop}

@@ -16,7 +16,9 @@ from simbench.detectors.signal.tails import heavy_tails
 
 # An archive that reports by exception stores no move within its band: none is smaller, where moves
 # that are not filtered so would be as many within it as in the width next to it.
-_DIGITS, _MOVES, _EXCUSED = 3.0, 20, 0.05
+_DIGITS = 3.0
+_MOVES = 20
+_EXCUSED = 0.05
 _ROUGH = 2.5  # bands, of a typical move from which standstills are no longer those of a slow signal
 
 
@@ -55,14 +57,18 @@ class Samples:
 def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> Samples:
     """Look at PV sample by sample."""
     is_written = read_lattice(pv, *others)
-    unit, step, rounding = is_written.unit, is_written.step, max(is_written.unit, is_written.step)
+    unit = is_written.unit
+    step = is_written.step
+    rounding = max(is_written.unit, is_written.step)
     spikes, heights = find_spikes(pv, rounding)
     # a spike is off the line of its neighbours, and in the line of four: where more is wide, that
     # is not the spikes but the tails of the noise
     most = min(5.0 * spikes.size / len(pv), 0.5)
     if spikes.size > 0 and heavy_tails(off_line(np.asarray(pv, dtype=float))[0], most):
-        spikes, heights = spikes[:0], heights[:0]
-    band, moves = exception_band(pv, rounding), np.abs(np.diff(pv))
+        spikes = spikes[:0]
+        heights = heights[:0]
+    band = exception_band(pv, rounding)
+    moves = np.abs(np.diff(pv))
     # what moves by little more than the band each time rests within it by nature
     rough = band == 0.0 or float(np.median(moves[moves > 0.0])) > _ROUGH * band
     return Samples(

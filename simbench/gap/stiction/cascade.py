@@ -14,7 +14,8 @@ from simbench.gap.thresholds import SLAVE_TOGETHER
 # oscillate. Where integral action holds a constant set point the mean of PV moves against the load,
 # and OP otherwise (correlations of .6 at most on the records of `tests/data/published`); of the
 # cooling water of the Tennessee Eastman process OP and PV go together by .90 to .98.
-_PERIODS, _PART = 2.0, 30.0
+_PERIODS = 2.0
+_PART = 30.0
 _APART = 0.6  # of what is quicker: under P control OP goes with PV at every pace
 _SHARE = 0.05  # of PV's standard deviation, that is slow
 

@@ -35,11 +35,16 @@ from simbench.gap.thresholds import (
 )
 from simbench.loop.effects import NONE
 
-STICKING, TIGHT, FROM_OUTSIDE = "stiction", "tuning", "disturbance from outside"
+STICKING = "stiction"
+TIGHT = "tuning"
+FROM_OUTSIDE = "disturbance from outside"
 POSITIONER = "positioner"
 AT_REST = "the valve does not move"
 STEPPED = "threshold in the controller"
-SENSOR, AT_LIMIT, NO_CAUSE, NOT_TOLD = "sensor", "saturation", NONE, "cannot tell"
+SENSOR = "sensor"
+AT_LIMIT = "saturation"
+NO_CAUSE = NONE
+NOT_TOLD = "cannot tell"
 _BLOCK = {
     STICKING: "valve",
     POSITIONER: "valve",
@@ -112,7 +117,8 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
     """Weigh the causes of one loop's motion; `loops` are those that may have made the record, or
     why none can be identified.
     """
-    flags, swing = prepared.flags, prepared.oscillation
+    flags = prepared.flags
+    swing = prepared.oscillation
     claimed = not isinstance(loops, str) and loops.probability > CLAIMED_FROM
     for flag, name in _CAUSE_OF_FLAG.items():
         if flag in flags and not claimed:
@@ -146,7 +152,8 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
             _outside(loops, line and keeps > regularity.of_friction(loops), keeps, periods),
         ]
     else:
-        why, open_to = "the loop does not swing", 0.0
+        why = "the loop does not swing"
+        open_to = 0.0
         if swing.sustained:
             few = (
                 f"{periods:.0f} periods"
@@ -242,7 +249,8 @@ def _outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) ->
 def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
     if "spikes" in prepared.flags:
         return Cause(SENSOR, 0.7, (prepared.flags["spikes"].evidence,))
-    op, pv = prepared.record.op, prepared.record.pv
+    op = prepared.record.op
+    pv = prepared.record.pv
     share = min(float(loops.healthy[0].noise.std / np.std(pv)), 1.0) ** 2
     noisy = f"noise is {share:.0%} of PV's variance"
     moved = float(np.std(np.diff(op))) if prepared.record.op_percent is not None else 0.0

@@ -136,7 +136,8 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     `find_causes`.
     """
     causes = find_causes(prepared, loops)
-    cause, swings = causes.named.name, prepared.oscillation.sustained
+    cause = causes.named.name
+    swings = prepared.oscillation.sustained
     notes = prepared.record.notes
     if isinstance(loops, str):
         to_do = _NEXT.get(cause, _RECORD_AGAIN)
@@ -177,7 +178,8 @@ def from_posterior(
     """Conclude from the posterior of all effects, given a loop file: `shown` is which stiction the
     record would have shown, None where it was not asked, and `test` the one to run next.
     """
-    p, first = weights.friction, named[0]
+    p = weights.friction
+    first = named[0]
     answer = verdict(p)
     words = " and ".join(e.replace("_", " ") for e in named)
     reasons = [

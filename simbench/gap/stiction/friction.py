@@ -171,7 +171,8 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     """
     alone = _asked(_weighed(replace(record, mv=None), known))
     percent = in_percent(record)[0]
-    op, mv = np.asarray(percent.op), np.asarray(record.mv, dtype=float)
+    op = np.asarray(percent.op)
+    mv = np.asarray(record.mv, dtype=float)
     if standing(op, mv) is not None:
         return replace(alone, told=Told(alone.log_odds, replace(record, mv=None), (FROZEN,)))
     true = chance_of_position(*_worth(alone, mv), alone.log_odds)
@@ -184,7 +185,8 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     notes = [scale.sentence()] if record.op_percent is not None else []
     if true < LIKELIER:
         notes.append(ECHO if repeats(op, mv) else NO_POSITION)
-    main, believed = alone, replace(record, mv=None)
+    main = alone
+    believed = replace(record, mv=None)
     if true >= LIKELIER:
         main = by_mv
         believed = replace(record, mv=scale.undone(mv)) if scale.is_unit else record
@@ -208,7 +210,8 @@ def _in_scale(
     """Return what MV shows of friction, and its scale, where one explains it plainly better than
     every valve in the unit of OP.
     """
-    op, mv = np.asarray(in_percent(record)[0].op), np.asarray(record.mv, dtype=float)
+    op = np.asarray(in_percent(record)[0].op)
+    mv = np.asarray(record.mv, dtype=float)
     scale, nats = scale_of(MapSearch(op, mv, record.Ts, op), fitted)
     try:
         by_mv = _weighed(record, known)
@@ -299,9 +302,11 @@ def in_percent(record: LoopRecord) -> tuple[LoopRecord, float]:
     """Return the record with OP in %, and how many of `record.S_unit` one % is."""
     if record.op_percent is not None:
         return replace(record, op=record.op_percent, op_span=(0.0, 100.0)), 1.0
-    lo, hi = float(record.op.min()), float(record.op.max())
+    lo = float(record.op.min())
+    hi = float(record.op.max())
     room = _ROOM * ((hi - lo) or 1.0)
-    lo, hi = lo - room, hi + room
+    lo = lo - room
+    hi = hi + room
     op = (record.op - lo) * (100.0 / (hi - lo))
     return replace(record, op=op, op_span=(0.0, 100.0)), (hi - lo) / 100.0
 
@@ -324,7 +329,9 @@ def _identified(record: LoopRecord) -> list[Assessment]:
     """Return the assessments of a record with the loops of both kinds that can be identified from
     it.
     """
-    views, refused, law = [], None, law_of(record)
+    views = []
+    refused = None
+    law = law_of(record)
     for process in PROCESSES:
         try:
             loop = identify(replace(record, process=process), law=law)
@@ -361,7 +368,8 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
     gain = friction_nats(sticky, none)
     known = [i for i, v in enumerate(views) if _is(v, v.situation.record.process)]
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
-    data, likeliest = views[first].situation.data, views[at[FRICTION]]
+    data = views[first].situation.data
+    likeliest = views[at[FRICTION]]
     regressed = friction_regressed(data.u, data.y)
     evidence = FrictionEvidence(
         gain + max(regressed.gain, LEAST_REGRESSED),
@@ -382,7 +390,8 @@ def _unclaimed(likeliest: Assessment, gain: float) -> str:
             "a regression of PV finds a band, but no model of the loop with friction explains the"
             " record better than one without: a gain that changes with load looks like that"
         )
-    op, S = likeliest.situation.op, float(likeliest.candidates[FRICTION].fit.theta["S"])
+    op = likeliest.situation.op
+    S = float(likeliest.candidates[FRICTION].fit.theta["S"])
     turned = largest_reversal(op)
     if S <= turned - written_unit(op):
         return ""
@@ -408,13 +417,16 @@ def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
     """Return the log-likelihood of each sample with an effect, or with none, and its share of the
     price of the numbers fitted.
     """
-    base, s = assessment.base, assessment.situation
-    fit, price = base, price_of(assessment)
+    base = assessment.base
+    s = assessment.situation
+    fit = base
+    price = price_of(assessment)
     if effect is not None:
         one = assessment.candidates.get(effect)
         if one is None:
             return _priced(assessment, None) + _NOTHING / (s.data.n - SKIP)
-        fit, price = one.fit, price + one.fit.loglik - base.loglik - one.log_likelihood_gain
+        fit = one.fit
+        price = price + one.fit.loglik - base.loglik - one.log_likelihood_gain
     return nats_of(fit, price)
 
 

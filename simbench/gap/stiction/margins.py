@@ -36,10 +36,13 @@ def margins(loop: Loop) -> Margins | None:
     """Return the margins of a loop, the hold of its sampling counted as half a sample of dead time;
     None of other plants.
     """
-    plant, pi = loop.plant, loop.controller
+    plant = loop.plant
+    pi = loop.controller
     if plant.type not in ("foptd", "integrating") or pi.type not in ("P", "PI"):
         return None
-    Ts, T, Ti = loop.sampling.Ts, float(plant.T or 0.0), float(pi.Ti or np.inf)
+    Ts = loop.sampling.Ts
+    T = float(plant.T or 0.0)
+    Ti = float(pi.Ti or np.inf)
     slow = max(T, Ti if np.isfinite(Ti) else 0.0, plant.Td, 10.0 * Ts)
     w = np.geomspace(0.02 / slow, np.pi / Ts, _POINTS)
     s = 1j * w

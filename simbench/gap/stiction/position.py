@@ -41,7 +41,8 @@ _NEARER = (-0.25, -0.1, 0.1, 0.25)
 _KEPT = 4  # valves that are followed
 _PART = 400  # samples in which valves are looked for first
 # of MV's noise, and of its standard deviation, up to which what OP leaves of it is noise
-_AS_OP, _LITTLE = 1.5, 0.2
+_AS_OP = 1.5
+_LITTLE = 0.2
 _UNIT = 0.7, 1.4  # gains between which MV may be in % of travel behind a characteristic
 _ONE = 0.03  # from a gain of 1 and, times OP's range, from an offset of 0: MV is in OP's scale
 _NUMBERS = 5.0  # of a scaled valve: S, J, where it begins, gain and offset
@@ -89,7 +90,8 @@ def standing(op: np.ndarray, mv: np.ndarray) -> slice | None:
     first = int(moved[-1]) + 1 if moved.size else 0
     if mv.size - first < least or not _LIMIT < rest < 100.0 - _LIMIT:
         return None
-    lo, hi = float(op[first:].min()), float(op[first:].max())
+    lo = float(op[first:].min())
+    hi = float(op[first:].max())
     between = lo < rest < hi or not first
     return slice(first, mv.size) if between and hi - lo > MV_STANDS * near else None
 
@@ -109,7 +111,8 @@ def scale_of(search: MapSearch, fitted: tuple[float, float] | None) -> tuple[Sca
 
     Of a long record the peaks are narrow: they are looked for in a short part first.
     """
-    op, mv = search.op, search.mv
+    op = search.op
+    mv = search.mv
     if _says_op(op, mv) and abs(np.polyfit(op, mv, 1)[0] - 1.0) < _ONE:
         return Scale(), 0.0
     parts = [slice(k, k + _PART) for k in range(0, max(op.size - _PART, 0) + 1, _PART // 2)]

@@ -53,7 +53,8 @@ def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:
     numbers = assessment.parameters.get(effect)
     if numbers is None:
         return None
-    S, J = float(numbers["S"]), float(numbers.get("J", 0.0))
+    S = float(numbers["S"])
+    J = float(numbers.get("J", 0.0))
     s = assessment.situation
     if s.record.mv is not None:
         search = MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.op, late=s.data.late)
@@ -67,7 +68,8 @@ def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:
 
 def _by_pv(assessment: Assessment, effect: str) -> Levels:
     """Return what gives valves (p, 3) their log-likelihood, with plant, load and noise held."""
-    fit, data = assessment.candidates[effect].fit, assessment.situation.data
+    fit = assessment.candidates[effect].fit
+    data = assessment.situation.data
     engine = Engine(data, load_memory(assessment.situation))
     bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
     kind = kernels.STICK if fit.spec.valve == kernels.PLAY else fit.spec.valve

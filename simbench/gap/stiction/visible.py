@@ -101,7 +101,9 @@ def visible_in(view: Assessment) -> Visible:
     seen = visible(view)
     if seen.open or view.situation.record.mv is not None:
         return seen
-    asked, loop, smallest = largest_asked(view.situation.op), _sound(view), math.inf
+    asked = largest_asked(view.situation.op)
+    loop = _sound(view)
+    smallest = math.inf
     for k in range(_MOST_SIZES):
         S = asked * _FINER**-k
         if S <= 0.0 or not _shows(view, loop, S):
@@ -113,7 +115,8 @@ def visible_in(view: Assessment) -> Visible:
 
 def _by_mv(s: Situation) -> Visible:
     """Return which stiction MV would have shown: any band that it tells and OP turns through."""
-    least, asked = least_band(np.asarray(s.record.mv)), largest_asked(s.op)
+    least = least_band(np.asarray(s.record.mv))
+    asked = largest_asked(s.op)
     if least <= asked:
         return Visible(least)
     why = f"OP turned by more than {asked:.2g} % under {REVERSALS:g} times, which MV hardly shows"
@@ -166,7 +169,8 @@ def _probability(view: Assessment, op: np.ndarray, pv: np.ndarray, S: float) -> 
     """Return the probability of stiction of a simulated record whose S is known, so that no search
     is needed: fits begin at the true numbers.
     """
-    s, start = view.situation, view.base
+    s = view.situation
+    start = view.base
     data = replace(s.data, u=op, y=np.ascontiguousarray(pv, dtype=float))
     engine = Engine(data, load_memory(s))
     spec = replace(start.spec, valve=kernels.STICK)

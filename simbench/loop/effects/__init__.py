@@ -31,7 +31,8 @@ __all__ = [
 ]
 
 BLOCKS = ("controller", "valve", "process", "sensor", "disturbance")
-NONE, UNKNOWN = "none", "unknown"
+NONE = "none"
+UNKNOWN = "unknown"
 PLUGINS = PluginFolder(
     "effect",
     "simbench.loop.effects",

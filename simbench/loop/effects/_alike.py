@@ -77,7 +77,9 @@ def circumstances(
     """Return the circumstances of an effect: `plant` and the std of `noise` as the loop file states
     them, recorded signals.
     """
-    change, jitter, p = np.diff(pv), np.diff(op), parameters or {}
+    change = np.diff(pv)
+    jitter = np.diff(op)
+    p = parameters or {}
     known = EFFECTS.get(effect, Effect("", {}, ""))
     jump = p.get("J") if "J" in known.parameters else 0.0
     return Circumstances(
@@ -99,7 +101,8 @@ def _pace(
     gain = abs(float(plant["K"])) if effect.block == "disturbance" else 1.0
     if "size" in effect.parameters:
         return {"slow": "size" in p and gain * abs(float(p["size"])) < noise}
-    pace, rate = float(plant["T"]) + float(plant.get("Td", 0.0)), abs(float(p.get("rate", 0.0)))
+    pace = float(plant["T"]) + float(plant.get("Td", 0.0))
+    rate = abs(float(p.get("rate", 0.0)))
     walked = abs(float(p.get("walk", 0.0))) * pace**0.5
     return {
         "slow": gain * (rate * pace + walked) < noise,

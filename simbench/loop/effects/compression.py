@@ -28,7 +28,10 @@ def swinging_door(pv, band):
     """Return PV as an archive rebuilds it after swinging-door compression: no sample is further
     than `band` from its rebuilt value.
     """
-    kept, start, low, high = [0], 0, -np.inf, np.inf
+    kept = [0]
+    start = 0
+    low = -np.inf
+    high = np.inf
     values = pv.tolist()
     for k in range(1, len(values)):
         run = k - start
@@ -37,7 +40,9 @@ def swinging_door(pv, band):
         if not low <= slope <= high:
             start = k - 1
             kept.append(start)
-            low, high, run = -np.inf, np.inf, 1
+            low = -np.inf
+            high = np.inf
+            run = 1
         low = max(low, (values[k] - values[start] - band) / run)
         high = min(high, (values[k] - values[start] + band) / run)
     kept.append(len(values) - 1)

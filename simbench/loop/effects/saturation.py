@@ -19,4 +19,5 @@ def apply(setup, p, rng):
     """Narrow the controller's limits."""
     if p.lo >= p.hi:
         raise ParameterError(f"effect 'saturation': lo = {p.lo:g} must be below hi = {p.hi:g}")
-    setup.op_lo, setup.op_hi = max(setup.op_lo, p.lo), min(setup.op_hi, p.hi)
+    setup.op_lo = max(setup.op_lo, p.lo)
+    setup.op_hi = min(setup.op_hi, p.hi)

@@ -84,7 +84,8 @@ def refuse_large_substep(values: dict[str, float], where: str) -> None:
 
 def fastest(Fv: float, m: float, k: float) -> float:
     """Return the shortest time constant (s) of m x'' + Fv x' + k x = 0."""
-    a, w2 = Fv / (2.0 * m), k / m
+    a = Fv / (2.0 * m)
+    w2 = k / m
     return 1.0 / (a + math.sqrt(a * a - w2)) if a * a > w2 else 1.0 / math.sqrt(w2)
 
 
@@ -92,7 +93,8 @@ def overshoot(p) -> float:
     """Return by which share of a free jump the valve passes its balance: 0 when damped, 1 without
     viscous friction.
     """
-    a, w2 = p.Fv / (2.0 * p.m), p.k / p.m
+    a = p.Fv / (2.0 * p.m)
+    w2 = p.k / p.m
     return math.exp(-math.pi * a / math.sqrt(w2 - a * a)) if a * a < w2 else 0.0
 
 

@@ -14,7 +14,8 @@ _MAX_STEPS = 1_000_000
 _TOLERANCE = 1e-7
 # under a held force that the bristles can carry, slower than this (%/s) and balanced to this share
 # of fs: at rest
-_REST, _BALANCE = 1e-4, 1e-6
+_REST = 1e-4
+_BALANCE = 1e-6
 _ROSENBROCK_D = 1.0 / (2.0 + sqrt(2.0))
 _E32 = 6.0 + sqrt(2.0)
 

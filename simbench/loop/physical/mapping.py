@@ -21,7 +21,10 @@ def complete_band(
     # S = percent (Fs + Fc), J = percent (Fs - Fc): force balance at rest and in slow motion,
     # Choudhury et al. (2005).
     high, low = forces
-    S, J, Fs, Fc = values["S"], values["J"], values[high], values[low]
+    S = values["S"]
+    J = values["J"]
+    Fs = values[high]
+    Fc = values[low]
     band = [not math.isnan(S), not math.isnan(J)]
     pair = [not math.isnan(Fs), not math.isnan(Fc)]
     if any(band) and any(pair):

@@ -34,7 +34,9 @@ def step(w_old, w_new, state, p):
     T dh/dt = K w - 2 pv0 (sqrt(h/pv0) - 1), by the classic Runge-Kutta step.
     """
     early = (p.Td % p.Ts) / p.Ts
-    push, h, x = p.K * (early * w_old + (1.0 - early) * w_new), p.Ts / p.T, state[0]
+    push = p.K * (early * w_old + (1.0 - early) * w_new)
+    h = p.Ts / p.T
+    x = state[0]
     a = push - _out(x, p.pv0)
     b = push - _out(x + 0.5 * h * a, p.pv0)
     c = push - _out(x + 0.5 * h * b, p.pv0)

@@ -17,7 +17,8 @@ SampledLaw = namedtuple("SampledLaw", "num den sign Kc op0 pv0 lo hi")
 
 def numbers(controller: Controller) -> SampledLaw:
     """Return the numbers of `step`; `den` without the 1 that it begins with."""
-    num, den = np.array(controller.num), np.array(controller.den)[1:]
+    num = np.array(controller.num)
+    den = np.array(controller.den)[1:]
     return SampledLaw(num, den, controller.sign, 1.0, 50.0, 0.0, 0.0, 100.0)
 
 
@@ -32,7 +33,8 @@ def step(e, sp, state, p):
     What goes into the next sample is OP as it was limited, and moved by others: so a limit winds
     nothing up (Astrom and Hagglund 2006, Advanced PID Control, section 3.5).
     """
-    past, errors = state[1], state[2]
+    past = state[1]
+    errors = state[2]
     for i in range(past.size - 1, 0, -1):
         past[i] = past[i - 1]
     past[0] = state[0] - p.op0

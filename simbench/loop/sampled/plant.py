@@ -32,7 +32,8 @@ def step(w_old, w_new, state, p):
     """One sample: the inflow's deviation `w_new` (%) and state in, state out; its arrays change in
     place.
     """
-    past, moved = state[1], state[2]
+    past = state[1]
+    moved = state[2]
     for i in range(moved.size - 1, 0, -1):
         moved[i] = moved[i - 1]
     moved[0] = w_new

@@ -45,7 +45,8 @@ def complete(values, where):
     """Fill Fc from S or S from Fc."""
     refuse_large_substep(values, where)
     percent = 200.0 / (values["k"] * values["stroke"])
-    S, Fc = values["S"], values["Fc"]
+    S = values["S"]
+    Fc = values["Fc"]
     if isnan(S):
         Fc = PUBLISHED_FRICTION[1] if isnan(Fc) else Fc
         return {**values, "Fc": Fc, "S": percent * Fc}

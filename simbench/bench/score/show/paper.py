@@ -91,7 +91,8 @@ def caption_along(scores: Any, rates: pd.DataFrame, truth: str = "cycled") -> st
 
 
 def _of_loops(scores: Any, truth: str, population: str, loops: str) -> str:
-    rows, m = scores.rows(truth, population=population), scores.manifest
+    rows = scores.rows(truth, population=population)
+    m = scores.manifest
     n, positives = (int(rows[x].max()) if len(rows) else 0 for x in ("n", "positives"))
     return (
         f"Detectors of valve stiction on grid {m['grid']}{benchmark_text(m)}, seed {m.get('seed')}:"
@@ -131,7 +132,8 @@ def _formatted(kind: str, text: pd.DataFrame, about: str) -> str:
 
 def _under_groups(rows: Sequence[Any], groups: Sequence[str], heading: Callable) -> list[Any]:
     """Return rows with a heading above the first of each group that has a name."""
-    out, before = [], ""
+    out = []
+    before = ""
     for row, group in zip(rows, groups, strict=True):
         out += [heading(group)] if group and group != before else []
         out.append(row)

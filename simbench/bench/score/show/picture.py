@@ -56,7 +56,8 @@ def sides(rows: pd.DataFrame) -> Any:
     size = 8.0, 1.3 - 0.24 * min(places, default=0)
     whole = Figure(figsize=size, dpi=_DPI, layout="constrained")
     figure = whole.subplots(1, 2, sharey=True, squeeze=False)
-    open_, wrong = rows["no_decision_negatives"], rows["false_positives"]
+    open_ = rows["no_decision_negatives"]
+    wrong = rows["false_positives"]
     shares = (
         (rows["sensitivity"], rows["no_decision_positives"], rows["missed"]),
         (1.0 - open_ - wrong, open_, wrong),

@@ -32,7 +32,8 @@ def resolution_curve(book: RunArrays) -> pd.DataFrame:
     """Return a row for every method and cut; see `Scores.resolution_curve`."""
     import pandas as pd
 
-    cut, block = book.axes["cut"], book.axes["block"]
+    cut = book.axes["cut"]
+    block = book.axes["block"]
     label = book.truth["cycled"]
     echo = ~np.isnan(cut) & (label == 0)
     cuts = np.unique(cut[echo])

@@ -32,7 +32,9 @@ from simbench.detectors.report.report import columns
 if TYPE_CHECKING:
     import pandas as pd
 
-_LINES, _WIDTH = 30, 100  # of the default output
+# of the default output
+_LINES = 30
+_WIDTH = 100  # characters
 # lines that a command prints around the table: what failed, the run's folder
 _BESIDES = 2
 _PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
@@ -56,7 +58,8 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     """Return one table of at most 30 lines and 100 columns, the ranking on oscillating loops, and
     three sentences; `whole`: with every method.
     """
-    title, rows = _title(scores, whole), scores.rows(truth)
+    title = _title(scores, whole)
+    rows = scores.rows(truth)
     if rows.empty:
         return [*title, *_sentences(scores, truth, where)]
     first = rows.iloc[0]
@@ -159,7 +162,8 @@ def _cell(share: float, n: int) -> str:
 
 def _title(scores: Any, whole: bool) -> list[str]:
     """Return what a run is; of the `whole` text also how many loops cycle and were left out."""
-    m, counts = scores.manifest, scores.counts
+    m = scores.manifest
+    counts = scores.counts
     about = (
         f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed"
         f" {m.get('seed')}{benchmark_text(m)}"
@@ -197,7 +201,8 @@ def _title(scores: Any, whole: bool) -> list[str]:
 
 def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list[str]:
     """Return which differences are resolved, and where the report is."""
-    standing, rows = scores.standing[truth, ALL, OF_OSCILLATING], scores.rows(truth)
+    standing = scores.standing[truth, ALL, OF_OSCILLATING]
+    rows = scores.rows(truth)
     said = [
         f"Not ranked, too many errors: {m} failed on {k} records."
         for m, k in scores.failing.items()
@@ -258,7 +263,8 @@ def _ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
         if body[k][0] == "title" and (after is None or body[after][0] == "title")
     }
     lines = _cells([r for k, (kind, r) in enumerate(body) if kind != "title" and k not in dropped])
-    out, cells = [lines[0]], iter(lines[1:])
+    out = [lines[0]]
+    cells = iter(lines[1:])
     for k, (kind, r) in enumerate(body):
         if k not in dropped | headings:
             out.append(r if kind == "title" else next(cells))
@@ -272,7 +278,8 @@ def _cells(rows: Sequence[Any]) -> list[str]:
     for shown in (_interval, lambda value, lo, hi, few: _rate(value, few)):
         lines = [HEAD]
         for r in rows:
-            few, rank = r.applicable < LEAST, math.isnan(r.rank)
+            few = r.applicable < LEAST
+            rank = math.isnan(r.rank)
             lines.append(
                 (
                     ("" if r.kind > 1 else "-") if rank else f"{r.rank:.0f}",
@@ -314,7 +321,8 @@ def _still(scores: Any, truth: str) -> list[str]:
     first = rows.iloc[0]
     lines = [("method", "n", "false positives", "no decision")]
     for r in rows[rows.role != ROLE_YARDSTICK].itertuples():
-        few, rates = r.applicable < LEAST, (r.false_positives, r.no_decision)
+        few = r.applicable < LEAST
+        rates = (r.false_positives, r.no_decision)
         lines.append(
             (r.method + HOME_MARKS[r.home], str(r.applicable), *(_rate(x, few) for x in rates))
         )
@@ -324,7 +332,8 @@ def _still(scores: Any, truth: str) -> list[str]:
 
 def _causes(scores: Any) -> list[str]:
     """Return false positives by what makes a loop oscillate whose valve does not."""
-    rows, names = scores.by_cause, _marked(scores)
+    rows = scores.by_cause
+    names = _marked(scores)
     rows = rows[rows.role != ROLE_YARDSTICK] if len(rows) else rows
     causes = list(dict.fromkeys(rows.cause)) if len(rows) else []
     lines = [("method", *causes)]
@@ -340,7 +349,8 @@ def _resolved_corners(scores: Any) -> list[str]:
     """Return which share of the echoes is called sticky, over the frequency at which they end, and
     which of their sticky siblings.
     """
-    rows, names = scores.resolution_curve(), _marked(scores)
+    rows = scores.resolution_curve()
+    names = _marked(scores)
     if rows.empty:
         return []
     cuts = sorted(rows["cut"].unique())
@@ -365,7 +375,8 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     rows = rows[(rows.kind < 2) & (rows.applicable >= LEAST)]
     lines = [("method", "n", "cost over no_waveform", "95 %", "less than no_waveform")]
     for r in rows.itertuples():
-        lo, hi = r.cost_over_no_waveform_lo, r.cost_over_no_waveform_hi
+        lo = r.cost_over_no_waveform_lo
+        hi = r.cost_over_no_waveform_hi
         answer = "yes" if hi < 0 else "no" if lo > 0 else "cannot tell"
         cells = (
             str(r.applicable),
@@ -398,7 +409,8 @@ def _details(scores: Any, truth: str) -> list[str]:
         )
     ]
     for r in rows.itertuples():
-        few, none = r.applicable < LEAST, math.isnan(r.rank)
+        few = r.applicable < LEAST
+        none = math.isnan(r.rank)
         rates = (
             r.cost,
             r.accuracy,
@@ -434,7 +446,8 @@ def _marked(scores: Any) -> dict[str, str]:
 
 
 def _left_out(scores: Any) -> list[str]:
-    rows, names = scores.left_out, _marked(scores)
+    rows = scores.left_out
+    names = _marked(scores)
     rows = rows[(rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
     lines = [("method", "loops", "n", "stiction", "no stiction", "no decision")]
     for r in rows.itertuples():
@@ -467,7 +480,8 @@ def _dead_band(scores: Any) -> list[str]:
 
 def _quantified(scores: Any) -> list[str]:
     """Return S and J side by side, one row for a method on a family of valves."""
-    t, names = scores.quantification, _marked(scores)
+    t = scores.quantification
+    names = _marked(scores)
     lines = [
         (
             "method",
