@@ -9,11 +9,19 @@ import contextlib
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from difflib import get_close_matches
 
 
 class UserError(Exception):
     """Base of every error that a command line answers with one sentence and exit code 2."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why there is no answer for one of several things, in a sentence; the others are answered."""
+
+    reason: str
 
 
 class RecordError(UserError, ValueError):

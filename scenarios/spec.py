@@ -53,6 +53,30 @@ _NonNegative = Annotated[Real, Field(ge=0, le=LARGEST_NUMBER, allow_inf_nan=Fals
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="constants")
 
+    def replace(self, **changes: Any) -> Self:
+        """Return the table with some of its fields changed; every rule of it is checked again.
+
+        Parameters
+        ----------
+        **changes
+            New values by field, as a loop file has them or as the objects that they become.
+
+        Returns
+        -------
+        table of the same class
+            A new one; this one stays as it is.
+
+        Raises
+        ------
+        SpecError
+            As `Loop.from_table`.
+        """
+        return checked(type(self), {**self._kept(), **changes}, type(self).__name__.lower())
+
+    def _kept(self) -> dict[str, Any]:
+        """Return the fields that are set, without what follows from others."""
+        return self.model_dump(exclude_none=True)
+
 
 class Plant(_Table):
     """G(s) between valve and PV: K e^(-Td s)/(T s + 1), K e^(-Td s)/s, num(s)/den(s) e^(-Td s), or
@@ -121,6 +145,17 @@ class Plant(_Table):
         if self.den is None:
             return self.type == "integrating"
         return self.den[-1] == 0.0 if self.dt is None else integrates(self.den)
+
+    def with_gain(self, factor: float) -> Plant:
+        """Return the plant behind which PV moves by `factor` times as much; a plug-in without a K
+        stays.
+        """
+        scaled: dict[str, Any] = {"K": self.K * factor}
+        if self.num is not None:
+            scaled["num"] = tuple(x * factor for x in self.num)
+        if self.parameters is not None and self.known_gain:
+            scaled["parameters"] = {**self.parameters, "K": self.K * factor}
+        return self.model_copy(update=scaled)
 
     @property
     def known_gain(self) -> bool:
@@ -302,7 +337,7 @@ def _flat(table: dict[str, Any], follow: tuple[str, ...]) -> dict[str, Any]:
     return {**{k: v for k, v in table.items() if k not in follow and v is not None}, **own}
 
 
-class _OperatingPoint(_Table):
+class OperatingPoint(_Table):
     """Where the run rests before it starts: OP in %, PV in its units (None: the set point's start
     value).
     """
@@ -394,6 +429,12 @@ class Part(BaseModel):
     name: str
     parameters: dict[str, Value] = Field(default_factory=dict)
 
+    @classmethod
+    def of(cls, section: str, table: Mapping[str, Any]) -> Self:
+        """Return the part that a table of a loop file's section names, its numbers beside it."""
+        key = _NAME_KEY[section]
+        return cls(name=table[key], parameters={k: v for k, v in table.items() if k != key})
+
 
 # The key that names the plug-in in each table of a loop file.
 _NAME_KEY = {"valve": "model", "disturbance": "type", "effect": "name"}
@@ -431,7 +472,7 @@ class Loop(_Table):
     plant: Plant
     controller: Controller
     sampling: Sampling
-    operating_point: _OperatingPoint = _OperatingPoint()
+    operating_point: OperatingPoint = OperatingPoint()
     valve: Part = Part(name="ideal")
     noise: Noise = Noise()
     setpoint: SetPoint = SetPoint()
@@ -502,6 +543,10 @@ class Loop(_Table):
                 " are simulated"
             )
         return self
+
+    def _kept(self) -> dict[str, Any]:
+        """Return the sections as the objects that they are, which need no second check."""
+        return {name: section for name, section in self if section is not None}
 
     @property
     def pv0(self) -> float:

@@ -23,7 +23,7 @@ from results.studies.withheld.sites import ask_sites
 from results.studies.withheld.world import right_names
 from results.studies.worlds import recipes
 from simbench.detectors.compiled import one_thread
-from simbench.detectors.errors import UserError
+from simbench.detectors.errors import Refusal, UserError
 from simbench.gap.command import diagnose_files
 from simbench.gap.planning.menu import Limits, size_test
 from simbench.gap.planning.order import ORDER
@@ -65,7 +65,7 @@ def asked(seed: int, i: int, entry: dict) -> list[dict[str, Any]]:
         situation = alone.behind.found.situation
         for kind in ORDER:
             trial = size_test(kind, situation, {}, 0.0, Limits())
-            if isinstance(trial, str) or (kind == "mv" and situation.record.mv is not None):
+            if isinstance(trial, Refusal) or (kind == "mv" and situation.record.mv is not None):
                 continue
             test = run_test(plant, trial, item.baseline, place)
             try:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from joblib import Parallel, delayed
 
 from simbench.detectors.compiled import one_thread
-from simbench.detectors.errors import ParameterError, RecordError, UserError
+from simbench.detectors.errors import ParameterError, RecordError, Refusal, UserError
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repair_record
@@ -225,9 +225,9 @@ def _assess_one(
     baseline: Loop | Partial | None,
     tests: Sequence[RecordedTest] = (),
     ordinary: Healthy | None = None,
-) -> tuple[Assessment, CandidateLoops | str]:
+) -> tuple[Assessment, CandidateLoops | Refusal | None]:
     """Return the assessment of one record, with its tests, and the loops that may have made
-    it, or why it is not weighed.
+    it, or why it is not weighed; None where that is not asked.
 
     With a trusted baseline friction is weighed with all other effects: no loops are needed then.
     """
@@ -245,7 +245,7 @@ def _assess_one(
     if ordinary is not None:
         situation = ordinary.ordinary_in(situation)
     # 3. with an identified baseline: does friction explain the record better than other loops?
-    loops: CandidateLoops | str = ""
+    loops: CandidateLoops | Refusal | None = None
     friction = None
     try:
         refuse_unweighable(record)
@@ -253,7 +253,7 @@ def _assess_one(
             loops = candidate_loops(record, baseline)
             friction = loops.probability
     except UserError as why:
-        loops = str(why)
+        loops = Refusal(str(why))
         situation.notes.append(f"{FRICTION}: cannot tell, {why}")
         friction = None if situation.trusted else 0.0
     # 4. every effect fitted and scored, with the tests of the same loop
@@ -314,7 +314,7 @@ def _assess_all(
     jobs: int,
     tests: Sequence[RecordedTest] = (),
     ordinary: Healthy | None = None,
-) -> tuple[Assessment, CandidateLoops | str]:
+) -> tuple[Assessment, CandidateLoops | Refusal | None]:
     """Assess every record; evidence adds up, and the longest record carries the tests, the fits,
     parameters and the gap.
     """
@@ -365,14 +365,14 @@ def report(
     assessment: Assessment,
     weights: Posterior,
     runs: ClosedLoops,
-    loops: CandidateLoops | str = "",
+    loops: CandidateLoops | Refusal | None = None,
 ) -> GapReport:
     """Turn evidence and simulations into the answer."""
     s = assessment.situation
     weights = _with_gap(assessment, weights, runs)
     shown = None
     stated = s.trusted and bool(resolve.friction(s.baseline))
-    if s.trusted and not (loops or stated) and weights.friction < DENIED_BELOW:
+    if s.trusted and loops is None and not stated and weights.friction < DENIED_BELOW:
         shown = visible_in(assessment)
         if shown.open:
             weights = weights.with_friction(DENIED_BELOW)
@@ -393,12 +393,12 @@ def report(
     planned = plan(assessment, weights.probability, runs, most=1)
     if stands(s.record):
         conclusion = at_rest(s.record)
-    elif s.trusted and not loops:
+    elif isinstance(loops, Refusal) and s.trusted:
+        conclusion = without(loops.reason, named)
+    elif loops is None:
         advice = planned.next_test
         test = None if advice is None else f"{advice['test']}: {advice['says']}"
         conclusion = from_posterior(weights, named, assessment, shown, test)
-    elif s.trusted:
-        conclusion = without(str(loops), named)
     else:
         conclusion = from_record(Prepared(replace(s.record, mv=None)), loops)[0]
     return GapReport(

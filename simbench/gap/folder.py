@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from simbench.detectors.errors import UserError
+from simbench.detectors.errors import Refusal, UserError
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
@@ -214,9 +214,9 @@ def diagnose_folder(
     }
     calls = [delayed(_one)(records[name], loop) for name, loop in asked.items()]
     answers = dict(zip(asked, run_parallel(calls, jobs, "diagnosed"), strict=True))
-    failed = {name: answer for name, answer in answers.items() if isinstance(answer, str)}
+    failed = {name: one.reason for name, one in answers.items() if isinstance(one, Refusal)}
     return FolderDiagnosis(
-        {name: answer for name, answer in answers.items() if not isinstance(answer, str)},
+        {name: one for name, one in answers.items() if not isinstance(one, Refusal)},
         {**refused, **failed},
     )
 
@@ -226,11 +226,11 @@ def _beside(folder: Path, name: str) -> Loop | Partial | None:
     return read_baseline(file) if file.is_file() else None
 
 
-def _one(record: LoopRecord, loop: Loop | Partial | None) -> dict[str, Any] | str:
+def _one(record: LoopRecord, loop: Loop | Partial | None) -> dict[str, Any] | Refusal:
     """Return the JSON of a diagnosis, or why there is none: the other records are answered."""
     try:
         return diagnose(record, loop).as_json()
     except UserError as error:
-        return str(error)
+        return Refusal(str(error))
     except Exception as fault:
-        return sentence_of(fault)
+        return Refusal(sentence_of(fault))

@@ -15,7 +15,7 @@ from simbench.gap.likelihood.model import REDDEST, Data
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.resolve import undisturbed
 from simbench.loop.response import stages_response
-from simbench.scenarios.spec import Loop
+from simbench.scenarios.spec import Loop, Part, Sampling
 
 # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 _LOAD_MEMORY = 4.0
@@ -169,11 +169,10 @@ def through_valve(
     """
     if baseline.valve.name == "ideal" and not baseline.effect and effect is None:
         return op
-    table = baseline.to_table()
-    table["effect"] = [*table.get("effect", []), *([] if effect is None else [effect])]
-    table["sampling"] = {"Ts": Ts, "n": max(op.size, 3)}
+    effects = baseline.effect if effect is None else (*baseline.effect, Part.of("effect", effect))
+    sampling = Sampling(Ts=Ts, n=max(op.size, 3))
     try:
-        valves = undisturbed(type(baseline).from_table(table)).valves
+        valves = undisturbed(baseline.replace(effect=effects, sampling=sampling)).valves
     except UserError:
         # friction beside friction
         return op

@@ -158,8 +158,8 @@ def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]
     return np.polymul(b[1:], [1.0, -pole]) / push, a
 
 
-def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
-    """Return the table of a "tf" plant with its gain times `K`, its time constants times `T`, and
+def stretched(plant: Plant, K: float, T: float, Td: float) -> Plant:
+    """Return a "tf" plant with its gain times `K`, its time constants times `T`, and
     dead time `Td` (s).
     """
     assert plant.num is not None
@@ -168,7 +168,7 @@ def stretched(plant: Plant, K: float, T: float, Td: float) -> dict[str, Any]:
         [c * T**i for i, c in enumerate(reversed(side))][::-1] for side in (plant.num, plant.den)
     )
     per = T if plant.integrating else 1.0  # K of an integrating plant stands per second
-    return {"type": "tf", "num": [K * per * c for c in num], "den": den, "Td": Td}
+    return plant.replace(num=[K * per * c for c in num], den=den, Td=Td)
 
 
 def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPlant:

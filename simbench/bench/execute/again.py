@@ -11,7 +11,6 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -134,7 +133,8 @@ def shaken_answers(
             said = []
             try:
                 for factor in _MEMBERS:
-                    record = simulate(_with_gain(loop, factor), row["seed"]).record
+                    nudged = loop.model_copy(update={"plant": loop.plant.with_gain(factor)})
+                    record = simulate(nudged, row["seed"]).record
                     answers = judge_record(record, chosen)[1]
                     said.append([CODES[verdict.verdict] for verdict, _, _ in answers])
             except UserError:  # of a plug-in's plant, or an echo whose sibling no longer cycles
@@ -146,14 +146,3 @@ def shaken_answers(
     table = np.array(codes, dtype=np.int8)  # loops, members, methods
     verdict = {name: table[:, :, k].T for k, name in enumerate(names)}
     return Shaken(np.array(at), len(_MEMBERS), verdict)
-
-
-def _with_gain(loop: Loop, factor: float) -> Loop:
-    """Return a loop whose PV moves by `factor` times as much."""
-    plant = loop.plant
-    scaled: dict[str, Any] = {"K": plant.K * factor}
-    if plant.num is not None:
-        scaled["num"] = tuple(x * factor for x in plant.num)
-    if plant.parameters is not None and plant.known_gain:
-        scaled["parameters"] = {**plant.parameters, "K": plant.K * factor}
-    return loop.model_copy(update={"plant": plant.model_copy(update=scaled)})

@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.run import RunOptions, read_plan
 from simbench.bench.execute.settle_group import settled
-from simbench.detectors.errors import ParameterError
+from simbench.detectors.errors import ParameterError, Refusal
 from simbench.detectors.record import LoopRecord
 from simbench.files import folder as make_folder
 from simbench.files import refuse_taken, whole_file
@@ -102,7 +102,7 @@ def _write(folder: Path, plan: Grid) -> int:
     ):
         while some := list(islice(records, _AT_ONCE)):
             there = {name: r for name, r in some if isinstance(r, LoopRecord)}
-            left_out += [reason for _, reason in some if isinstance(reason, str)]
+            left_out += [one.reason for _, one in some if isinstance(one, Refusal)]
             if there:
                 writer.write_table(_samples(there))
             known += [
@@ -123,23 +123,23 @@ def _write(folder: Path, plan: Grid) -> int:
 _SCHEMA = pa.schema([("record", pa.string()), *((name, pa.float64()) for name in _SIGNALS)])
 
 
-def _records(plan: Grid) -> Iterator[tuple[str, LoopRecord | str]]:
+def _records(plan: Grid) -> Iterator[tuple[str, LoopRecord | Refusal]]:
     """Yield id and record of every scenario, or why there is none, in the order of ids."""
     scenarios = [one for group in plan.groups() for one in settled(group)]
     scenarios.sort(key=lambda one: one[0].id)
     with Progress(total=len(scenarios), desc="simulated", delay=1.0) as bar:
         for scenario, error in scenarios:
-            yield scenario.id, error if error is not None else _record_of(scenario)
+            yield scenario.id, _record_of(scenario) if error is None else Refusal(error)
             bar.update(1)
 
 
-def _record_of(scenario: Scenario) -> LoopRecord | str:
+def _record_of(scenario: Scenario) -> LoopRecord | Refusal:
     """Return the record of a scenario without MV, or why it cannot be simulated."""
     try:
         return simulate(scenario.loop, scenario.seed).record.without_mv()
     # whatever a model does on unusual numbers: this record alone
     except (Exception, SystemExit) as fault:
-        return error_text(fault)
+        return Refusal(error_text(fault))
 
 
 def _samples(records: Mapping[str, LoopRecord]) -> pa.Table:

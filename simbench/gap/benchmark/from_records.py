@@ -21,7 +21,7 @@ from simbench.bench.scenario.kept import run_once
 from simbench.bench.scenario.resolve import seed_of_echo
 from simbench.bench.scenario.truth import YES, simulate_with_truth
 from simbench.detectors.compiled import one_thread
-from simbench.detectors.errors import ParameterError, RecordError, UserError
+from simbench.detectors.errors import ParameterError, RecordError, Refusal, UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_folder
 from simbench.files import whole_file
@@ -143,7 +143,7 @@ def grid_from_records(
     calls = [delayed(_kept_loop)(record, seed, kept) for record in records.values()]
     answers = dict(zip(records, run_parallel(calls, jobs, "loops identified"), strict=True))
     loops = {n: one for n, one in answers.items() if isinstance(one, NearLoop)}
-    left_out = {n: one for n, one in answers.items() if isinstance(one, str)}
+    left_out = {n: one.reason for n, one in answers.items() if isinstance(one, Refusal)}
     if not loops:
         why = "; ".join(f"{n}: {reason}" for n, reason in list(left_out.items())[:3])
         raise RecordError(f"{name}: no record has a loop that is near it ({why})")
@@ -197,7 +197,7 @@ def _row(one: Scenario, group: int) -> dict[str, Any]:
     }
 
 
-def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | str:
+def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | Refusal:
     """Return the loop of a record, from where it was kept if it was."""
     if kept is None:
         return near_loop(record, seed)
@@ -206,11 +206,11 @@ def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | s
     file = kept / f"{content_hash(told)}.json"
     if file.is_file():
         stored = json.loads(file.read_text(encoding="utf-8"))
-        return stored if isinstance(stored, str) else NearLoop.from_json(stored)
+        return Refusal(stored) if isinstance(stored, str) else NearLoop.from_json(stored)
     found = near_loop(record, seed)
     kept.mkdir(parents=True, exist_ok=True)
     with whole_file(file) as f:
-        f.write(json.dumps(found if isinstance(found, str) else found.as_json()))
+        f.write(json.dumps(found.reason if isinstance(found, Refusal) else found.as_json()))
     return found
 
 

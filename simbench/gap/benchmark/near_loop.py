@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from simbench.detectors.errors import RecordError, UserError
+from simbench.detectors.errors import RecordError, Refusal, UserError
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.gap import describe_gap, within_reach
@@ -51,14 +51,14 @@ class NearLoop:
         return cls(**{**kept, "loop": Loop.from_table(kept["loop"], "near loop")})
 
 
-def near_loop(record: LoopRecord, seed: int = 0) -> NearLoop | str:
+def near_loop(record: LoopRecord, seed: int = 0) -> NearLoop | Refusal:
     """Return the loop that copies a record, or why there is none, in a sentence."""
     try:
         return loop_of(diagnose(record, identify=True, seed=seed), record)
     except UserError as why:
-        return str(why)
+        return Refusal(str(why))
     except Exception as fault:
-        return sentence_of(fault)
+        return Refusal(sentence_of(fault))
 
 
 def loop_of(report: GapReport, record: LoopRecord) -> NearLoop:

@@ -124,7 +124,7 @@ def _lend_archive(loop: Loop, record: LoopRecord, source: Source, strength: floa
         held = np.diff(real) == 0.0
         if held.any():
             table[f"{name}_held"] = [0, *np.resize(held, loop.sampling.n - 1).astype(int).tolist()]
-    return Loop.from_table(loop.to_table() | {"archive": table})
+    return loop.replace(archive=table)
 
 
 def _lend_setpoint(loop: Loop, record: LoopRecord, source: Source, strength: float) -> Loop:

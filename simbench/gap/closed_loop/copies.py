@@ -27,7 +27,7 @@ from simbench.gap.closed_loop.level import WITHIN, kick_of, moved
 from simbench.gap.situation import Situation, through_valve
 from simbench.loop.effects import block_of
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.spec import Loop, Plant
+from simbench.scenarios.spec import Archiving, Loop, Noise, Part, Plant
 
 # samples of a piece: a third of the period of the swing, so that no cycle hides in one, within
 # these; and as many as a load needs that moves seldom
@@ -75,7 +75,7 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
     plant_shown = regress_plant(position, pv)
     if plant_shown is not None:
         tables.append((AS_SHOWN, _as_shown(plant_shown, s, s.record.Ts)))
-    around = {**_around(s, fitted, effects), "controller": controller_of(law, s.record.Ts)}
+    around = _around(s, fitted, effects).replace(controller=controller_of(law, s.record.Ts))
     of_op = {"op": (law.left + law.constant).tolist()}
     for copy in _drawn_again(s, s.record.Ts, tables, around, of_op):
         yield copy._replace(loop=moved(copy.loop, kick))
@@ -85,7 +85,7 @@ def _drawn_again(
     s: Situation,
     Ts: float,
     tables: Sequence[tuple[str, _Left]],
-    around: Mapping[str, Any],
+    around: Loop,
     of_op: Mapping[str, list[float]],
 ) -> Iterator[Copy]:
     """Yield loops of some plants whose load is drawn again from what they leave of PV, and from
@@ -93,16 +93,13 @@ def _drawn_again(
     """
     for name, (plant, op0, left, law_of_left) in tables:
         for piece in _pieces(s.op[: held_out(s)], left.size):
-            load = {"type": "resampled", "piece": piece * Ts, **of_op, "output": left.tolist()}
-            load |= {} if law_of_left is None else {"filter": law_of_left}
-            table = {
-                **around,
-                "plant": plant,
-                "operating_point": {"op0": op0, "pv0": float(s.sp[0])},
-                "disturbance": [load],
-            }
+            numbers = {"piece": piece * Ts, **of_op, "output": left.tolist()}
+            numbers |= {} if law_of_left is None else {"filter": law_of_left}
+            load = Part(name="resampled", parameters=numbers)
+            rest = {"op0": op0, "pv0": float(s.sp[0])}
             try:
-                yield Copy(Loop.from_table(table, "copy"), name, f"{piece * Ts:.3g}")
+                copy = around.replace(plant=plant, operating_point=rest, disturbance=(load,))
+                yield Copy(copy, name, f"{piece * Ts:.3g}")
             except SpecError:
                 continue  # a pole at the edge of stability
 
@@ -132,13 +129,12 @@ def _with_shown_law(s: Situation, loop: Loop) -> Iterator[Copy]:
     # the period that the file states: that of the record may differ from it by its clock
     Ts = loop.sampling.Ts
     piece = _pieces(op, law.left.size)[0] * Ts
-    table = loop.to_table() | {"controller": controller_of(law, Ts)}
-    table["disturbance"] = [
-        {"type": "resampled", "piece": piece, "op": left},
-        *table["disturbance"],
-    ]
+    load = Part(name="resampled", parameters={"piece": piece, "op": left})
     try:
-        yield Copy(Loop.from_table(table, "loop"), AS_STATED, AS_STATED)
+        shown_law = loop.replace(
+            controller=controller_of(law, Ts), disturbance=(load, *loop.disturbance)
+        )
+        yield Copy(shown_law, AS_STATED, AS_STATED)
     except SpecError:
         return  # it acts the other way
 
@@ -155,8 +151,7 @@ def _with_shown_load(s: Situation, loop: Loop, plant_too: bool) -> Iterator[Copy
     tables: list[tuple[str, _Left]] = [(AS_STATED, _as_stated(loop.plant, position, pv, s))]
     if plant_too and (plant := regress_plant(position, pv)) is not None:
         tables.append((AS_SHOWN, _as_shown(plant, s, Ts)))
-    around = {name: part for name, part in loop.to_table().items() if name != "noise"}
-    yield from _drawn_again(s, Ts, tables, around, {})
+    yield from _drawn_again(s, Ts, tables, loop.replace(noise=Noise()), {})
 
 
 def _in_travel(s: Situation) -> Situation:
@@ -171,27 +166,40 @@ def archived(loop: Loop, s: Situation, held: bool) -> Loop:
     and (`held`) repeated where these repeat their last value.
     """
     op_step, pv_step = map(float, digits_of(s))
-    table: dict[str, Any] = {"op_step": op_step, "pv_step": pv_step}
-    if held:
-        table |= {
-            name: np.append(0, (np.diff(x) == 0.0).astype(int)).tolist()
-            for name, x in (("op_held", s.op), ("pv_held", s.record.pv))
-            if np.any(np.diff(x) == 0.0)
-        }
-    return Loop.from_table(loop.to_table() | {"archive": table}, "copy")
+    return loop.replace(
+        archive=Archiving(
+            op_step=op_step,
+            pv_step=pv_step,
+            op_held=_repeats(s.op) if held else None,
+            pv_held=_repeats(s.record.pv) if held else None,
+        )
+    )
 
 
-def _around(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return what stands around plant, controller and load: set point, sampling, valve, limits."""
-    table = {name: fitted.to_table()[name] for name in ("sampling", "setpoint", "valve")}
+def _repeats(x: np.ndarray) -> tuple[int, ...] | None:
+    """Return 1 for every sample that repeats the one before, and 0 for the others; None where none
+    does.
+    """
+    same = np.diff(x) == 0.0
+    return (0, *same.astype(int).tolist()) if same.any() else None
+
+
+def _around(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> Loop:
+    """Return a loop with the set point, the sampling and the valve of the fitted one, the effects
+    on the valve and the limits of OP; its plant and controller are to be replaced.
+    """
     op = s.op
     limits = {
         name: end
         for name, end in (("lo", float(op.min())), ("hi", float(op.max())))
         if np.mean(op == end) > _AT_LIMIT
     }
-    listed = [*effects, *([{"name": "saturation", **limits}] if limits else [])]
-    return table | {"effect": listed}
+    parts = [Part.of("effect", effect) for effect in effects]
+    if limits:
+        parts.append(Part(name="saturation", parameters=limits))
+    return fitted.replace(
+        effect=tuple(parts), noise=Noise(), archive=None, disturbance=(), outer=None
+    )
 
 
 def controller_of(law: Arx, Ts: float) -> dict[str, Any]:

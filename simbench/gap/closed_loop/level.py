@@ -13,7 +13,7 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop
+from simbench.scenarios.spec import Loop, Part
 
 RUNS = (
     8  # of each loop, each under a load of its own: what a mean over them misses is a third of it
@@ -72,11 +72,9 @@ def moved(loop: Loop, kick: float) -> Loop:
     """Return a loop whose OP is moved by so many % in its first sample."""
     if not kick:
         return loop
-    table = loop.to_table()
-    start = {"type": "ramp", "amplitude": kick, "period": loop.sampling.Ts, "at": "op"}
+    move = {"amplitude": kick, "period": loop.sampling.Ts, "at": "op"}
     # ahead of the others: an echo of a valve's motion must be the last
-    table["disturbance"] = [start, *table["disturbance"]]
-    return Loop.from_table(table, "loop")
+    return loop.replace(disturbance=(Part(name="ramp", parameters=move), *loop.disturbance))
 
 
 def kick_of(p: Mapping[str, Any]) -> float:

@@ -25,7 +25,7 @@ from simbench.gap.likelihood.model import (
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS
 from simbench.loop.plant import first_order_like, stretched
-from simbench.scenarios.spec import Loop, Plant
+from simbench.scenarios.spec import Loop, OperatingPoint, Part, Plant, Sampling, SetPoint
 
 # correlation of the noise from sample to sample, below which it is as good as white
 _COLOURED = 0.15
@@ -43,67 +43,95 @@ def fixed_loop(
     jumps: bool = True,
 ) -> Loop:
     """Return a loop file that simulates like the record."""
-    record = situation.record
-    d = situation.data
     base = situation.baseline
-    Ts = record.Ts
-    n = record.n
-    table: dict[str, Any] = base.to_table()
-    if plant == "fitted":
-        per = Ts if situation.integrating else 1.0
-        numbers = {
-            "K": fit.K / per if fit.K * d.K > 0 else base.plant.K,
-            # an OP that was archived late hides as many samples of the dead time
-            "Td": (fit.theta["Td"] + d.late) * Ts,
-        }
-        numbers |= {"T": fit.theta["T"] * Ts} if d.T > 0 else {}
-        for released in fit.spec.free:  # an effect states it in place of the fit
-            numbers.pop(released, None)
-        if d.shape is None:
-            table["plant"] |= numbers
-        else:
-            like = first_order_like(base.plant)
-            slower = numbers["T"] / like.T if like.T and "T" in numbers else 1.0
-            table["plant"] = stretched(
-                base.plant,
-                numbers.get("K", like.K) / like.K,
-                slower,
-                numbers.get("Td", base.plant.Td),
-            )
-    # in the samples of the loop: those of a record whose clock is a little off are others
-    sp = situation.sp
-    period = base.sampling.Ts
-    table["setpoint"] = {
-        "value": float(sp[0]),
-        "steps": [[float(k * period), float(sp[k])] for k in np.flatnonzero(np.diff(sp)) + 1],
-    }
-    table["sampling"] = {"Ts": period, "n": n}
-    source = load or fit
+    identified = base.replace(
+        plant=_fitted_plant(situation, fit) if plant == "fitted" else base.plant,
+        setpoint=_recorded_set_point(situation),
+        # in the samples of the loop: those of a record whose clock is a little off are others
+        sampling=Sampling(Ts=base.sampling.Ts, n=situation.record.n),
+    )
     as_stated = situation.trusted and plant == "baseline"
     if not (as_stated and base.disturbance):
-        noise = d.noise if as_stated else _noise(situation, fit)
-        table["disturbance"] = _loads(situation, source, effects)
-        if fit.theta["noise_std"] < _LEAST * d.floor:
-            noise = 0.0
-        elif _remembers(source):
-            # noise that remembers is a load on PV itself
-            table["disturbance"].append(_coloured_noise(source, Ts))
-            noise = 0.0
-        table["noise"] = table.get("noise", {}) | {"std": noise}
-    # a ramp begins at 0: OP's mean lies half of it away from where the record began
-    half = 0.5 * n * Ts
-    # on an integrating plant a ramp of the measurement is a load
-    gain = Plant.model_validate(table["plant"]).K if d.T > 0 else np.inf
-    led = shift_by_ramps(effects, half, gain)
-    table["operating_point"] = {
-        "op0": clip(_rest(situation, fit) + led, *WITHIN),
-        "pv0": float(sp[0]),
-    }
-    table["effect"] = [*table.get("effect", []), *({"name": e, **p} for e, p in effects.items())]
+        identified = _with_fitted_load(
+            identified, situation, fit, load or fit, effects, as_stated=as_stated
+        )
+    identified = identified.replace(
+        operating_point=_resting_point(situation, fit, effects, identified.plant),
+        effect=(*base.effect, *(Part(name=name, parameters=p) for name, p in effects.items())),
+    )
+    source = load or fit
     if jumps and source.spec.jumps and not source.spec.fade:
-        table["effect"].append({"name": "load_steps", **load_steps.numbers(source, situation)})
-    loop = Loop.from_table(table, "fixed loop")
-    return loop if situation.trusted else stable(loop)
+        steps = Part(name="load_steps", parameters=load_steps.numbers(source, situation))
+        identified = identified.replace(effect=(*identified.effect, steps))
+    return identified if situation.trusted else stable(identified)
+
+
+def _fitted_plant(situation: Situation, fit: Fit) -> Plant:
+    """Return the plant with the gain, the time constant and the dead time of a fit, but for those
+    that an effect states in their place.
+    """
+    d = situation.data
+    base = situation.baseline.plant
+    Ts = situation.record.Ts
+    per = Ts if situation.integrating else 1.0
+    numbers = {
+        "K": fit.K / per if fit.K * d.K > 0 else base.K,
+        # an OP that was archived late hides as many samples of the dead time
+        "Td": (fit.theta["Td"] + d.late) * Ts,
+    }
+    if d.T > 0:
+        numbers["T"] = fit.theta["T"] * Ts
+    numbers = {name: value for name, value in numbers.items() if name not in fit.spec.free}
+    if d.shape is None:
+        return base.replace(**numbers)
+    like = first_order_like(base)
+    slower = numbers["T"] / like.T if like.T and "T" in numbers else 1.0
+    return stretched(base, numbers.get("K", like.K) / like.K, slower, numbers.get("Td", base.Td))
+
+
+def _recorded_set_point(situation: Situation) -> SetPoint:
+    """Return the set point of the record, its steps in the samples of the loop."""
+    sp = situation.sp
+    period = situation.baseline.sampling.Ts
+    moves = np.flatnonzero(np.diff(sp)) + 1
+    steps = tuple((float(k * period), float(sp[k])) for k in moves)
+    return SetPoint(value=float(sp[0]), steps=steps)
+
+
+def _with_fitted_load(
+    loop: Loop,
+    situation: Situation,
+    fit: Fit,
+    source: Fit,
+    effects: dict[str, dict[str, float | str]],
+    *,
+    as_stated: bool,
+) -> Loop:
+    """Return a loop under the load of `source` and the noise of `fit`; noise that remembers is a
+    load on PV itself. `as_stated`: white noise is the baseline's.
+    """
+    loads = _loads(situation, source, effects)
+    std = 0.0
+    if fit.theta["noise_std"] >= _LEAST * situation.data.floor:
+        if _remembers(source):
+            loads.append(_coloured_noise(source, situation.record.Ts))
+        else:
+            std = situation.data.noise if as_stated else _noise(situation, fit)
+    parts = tuple(Part.of("disturbance", load) for load in loads)
+    return loop.replace(disturbance=parts, noise=loop.noise.replace(std=std))
+
+
+def _resting_point(
+    situation: Situation, fit: Fit, effects: dict[str, dict[str, float | str]], plant: Plant
+) -> OperatingPoint:
+    """Return where OP and PV rest before the run."""
+    # a ramp begins at 0: OP's mean lies half of it away from where the record began
+    half = 0.5 * situation.record.n * situation.record.Ts
+    # on an integrating plant a ramp of the measurement is a load
+    gain = plant.K if situation.data.T > 0 else np.inf
+    led = shift_by_ramps(effects, half, gain)
+    op0 = clip(_rest(situation, fit) + led, *WITHIN)
+    return OperatingPoint(op0=op0, pv0=float(situation.sp[0]))
 
 
 def shift_by_ramps(

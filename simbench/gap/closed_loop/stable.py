@@ -5,7 +5,7 @@ not.
 from __future__ import annotations
 
 from simbench.detectors.errors import ParameterError
-from simbench.scenarios.spec import Loop
+from simbench.scenarios.spec import Loop, Part
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 
 
@@ -22,9 +22,14 @@ def stable(loop: Loop) -> Loop:
         return loop
     if margin is None or margin >= 1.0:
         return loop
-    table = loop.to_table()
-    table["plant"]["K"] *= margin
-    for load in table.get("disturbance", []):
-        if load.get("at", "input") == "input":
-            load["amplitude"] /= margin
-    return Loop.from_table(table, "fixed loop")
+    loads = tuple(_weaker(load, margin) for load in loop.disturbance)
+    return loop.replace(plant=loop.plant.with_gain(margin), disturbance=loads)
+
+
+def _weaker(load: Part, margin: float) -> Part:
+    """Return a load that moves PV as much behind a gain of `margin` times what it was."""
+    p = load.parameters
+    size = p.get("amplitude")
+    if p.get("at", "input") != "input" or not isinstance(size, (int, float)):
+        return load
+    return Part(name=load.name, parameters={**p, "amplitude": size / margin})

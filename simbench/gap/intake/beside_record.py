@@ -76,7 +76,7 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
     contradicts it.
     """
     law = fitted.law
-    contrary = _shifted(test, s.op, (law or s.law).late) or _elsewhere(test, s)
+    contrary = _misfit_of_mode(test, s.op, (law or s.law).late) or _misfit_of_pv(test, s)
     if contrary or law is None or not (s.tuned and s.law.known):
         return contrary
     if not law.known:
@@ -102,8 +102,8 @@ def contradiction(test: RecordedTest, fitted: ModelledTest, s: Situation) -> str
     )
 
 
-def _elsewhere(test: RecordedTest, s: Situation) -> str:
-    """Return whether PV is so far from the record's that it must be another signal."""
+def _misfit_of_pv(test: RecordedTest, s: Situation) -> str:
+    """Return why PV, far from the record's, must be another signal; "" where it need not be."""
     pv = test.record.pv
     recorded = s.record.pv
     far = _ELSEWHERE * float(np.ptp(recorded))
@@ -115,9 +115,9 @@ def _elsewhere(test: RecordedTest, s: Situation) -> str:
     )
 
 
-def _shifted(test: RecordedTest, usual: np.ndarray, late: int) -> str:
-    """Return whether OP moves like a controller's although `mode` is MAN, or rests although it is
-    AUTO.
+def _misfit_of_mode(test: RecordedTest, usual: np.ndarray, late: int) -> str:
+    """Return where OP moves like a controller's although `mode` is MAN, or rests although it is
+    AUTO; "" where it does neither.
 
     `usual` is OP of the record, in automatic: how often it moves there, and how long it rests at
     most.

@@ -4,6 +4,7 @@ ones.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.detectors.records.tables import read_sheet
 from simbench.detectors.signal.holds import still
-from simbench.scenarios.spec import Loop, read_toml
+from simbench.scenarios.spec import Controller, Loop, Sampling, read_toml
 
 TEST_IDS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "raw", "fast", "lab")
 _TABLES = {
@@ -160,14 +161,21 @@ def _loop(
             f"{where}: Ts = {record.Ts:g} s by its time column, the baseline's is {period:g} s; a"
             " log of another pace is declared by Ts of [sampling] in the test's settings"
         )
-    table = baseline.to_table()
-    tuning = table["controller"]
+    return baseline.replace(
+        controller=_retuned(baseline.controller, control),
+        sampling=Sampling(Ts=record.Ts, n=record.n),
+    )
+
+
+def _retuned(controller: Controller, settings: Mapping[str, Any]) -> Controller:
+    """Return the controller with the Kc and Ti of a test: stated, or as ratios of its own."""
+    stated = controller.model_dump(exclude_none=True)
+    tuning = {}
     for name in ("Kc", "Ti"):
-        if tuning.get(name) is not None:
-            ratio = control.get(f"{name}_ratio")
-            tuning[name] = tuning[name] * ratio if ratio else control.get(name, tuning[name])
-    table["sampling"] = {"Ts": record.Ts, "n": record.n}
-    return Loop.from_table(table, where)
+        if name in stated:
+            ratio = settings.get(f"{name}_ratio")
+            tuning[name] = stated[name] * ratio if ratio else settings.get(name, stated[name])
+    return controller.replace(**tuning)
 
 
 def _refuse(test: RecordedTest) -> None:

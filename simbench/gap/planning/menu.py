@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from simbench.detectors.errors import UserError
+from simbench.detectors.errors import Refusal, UserError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.level import RUNAWAY, RUNS
 from simbench.gap.controller.pi_law import CARD
@@ -19,7 +19,7 @@ from simbench.gap.intake.recorded_test import FEWEST
 from simbench.gap.situation import Situation
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
-from simbench.scenarios.spec import Loop, Real
+from simbench.scenarios.spec import Loop, Real, Sampling, SetPoint
 
 LEAD = 120  # samples in automatic before an operator takes over
 _MOST = 1500  # samples of a test; longer ones tell little more, only later
@@ -141,13 +141,16 @@ class Trial:
 
     def run(self, loop: Loop, seed: int) -> LoopRecord | None:
         """Simulate the test on a loop file; None where the loop cannot be simulated."""
-        table = loop.to_table()
-        table["sampling"] = {"Ts": self.Ts, "n": self.n}
-        table["setpoint"] = {"value": loop.setpoint.value}
+        control = loop.controller
         if self.id == "kc_half":
-            table["controller"]["Kc"] *= 0.5
+            control = control.replace(Kc=0.5 * control.Kc)
         try:
-            setup = resolve_loop(Loop.from_table(table), seed)
+            tried = loop.replace(
+                controller=control,
+                sampling=Sampling(Ts=self.Ts, n=self.n),
+                setpoint=SetPoint(value=loop.setpoint.value),
+            )
+            setup = resolve_loop(tried, seed)
             if self.manual:
                 # a controller of no gain hands an enormous set point on: OP is the operator's
                 setup.Kc = _TINY
@@ -163,7 +166,7 @@ class Trial:
 
 def size_test(
     id_: str, s: Situation, loops: Mapping[str, Loop], band: float, limits: Limits
-) -> Trial | str:
+) -> Trial | Refusal:
     """Return a test within limits on the loops of the explanations, or why there is none.
 
     `band`: width (%) of the friction that may be there, 0 without; stairs must be finer, so that it
@@ -179,7 +182,7 @@ def size_test(
         room = min(rest - limits.op[0], limits.op[1] - rest, limits.op_travel)
         most = room / max(_MOVES[id_][2])
         if most <= CARD:
-            return f"{id_}: OP has no room within its limits"
+            return Refusal(f"{id_}: OP has no room within its limits")
         size = min(size, most)
     if id_ == "sp_steps":
         size *= abs(d.K) * (pace if s.integrating else 1.0)
@@ -192,13 +195,13 @@ def size_test(
             n = int(60.0 * limits.minutes / trial.Ts)
             if moves or n < FEWEST:
                 lasts = f"{id_}: {trial.minutes:.0f} min"
-                return f"{lasts}, more than the {limits.minutes:.0f} allowed"
+                return Refusal(f"{lasts}, more than the {limits.minutes:.0f} allowed")
             trial = replace(trial, moves=trial.moves[:n])
         excursion, travel, inside = _excursion(trial, s, loops, limits)
         if inside:
             return replace(trial, pv_excursion=excursion, op_travel=travel)
         size *= 0.6
-    return f"{id_}: PV or OP would leave its limits (PV by {excursion:.3g})"
+    return Refusal(f"{id_}: PV or OP would leave its limits (PV by {excursion:.3g})")
 
 
 def _trial(id_: str, size: float, pace: float, s: Situation) -> Trial:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from simbench.detectors.errors import Refusal
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.effects import recogniser
@@ -144,8 +145,8 @@ def plan(
         if len(tests) == most:
             break
         trial = size_test(id_, s, files, min(bands, default=0.0), limits or Limits())
-        if isinstance(trial, str):
-            left_out.append(trial)
+        if isinstance(trial, Refusal):
+            left_out.append(trial.reason)
         else:
             tests.append(trial)
     why = "" if tests else "every test of the menu was run, or leaves its limits"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from simbench.detectors.errors import Refusal
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.signal.oscillation import Oscillation
 from simbench.detectors.signal.phase import coherence
@@ -113,13 +114,13 @@ class Causes:
         return lines
 
 
-def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
+def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
     """Weigh the causes of one loop's motion; `loops` are those that may have made the record, or
     why none can be identified.
     """
     flags = prepared.flags
     swing = prepared.oscillation
-    claimed = not isinstance(loops, str) and loops.probability > CLAIMED_FROM
+    claimed = not isinstance(loops, Refusal) and loops.probability > CLAIMED_FROM
     for flag, name in _CAUSE_OF_FLAG.items():
         if flag in flags and not claimed:
             cause = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
@@ -130,8 +131,8 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | str) -> Causes:
         sent = f"OP moves in steps of at least {step:.3g} {unit} and rests in between"
         cause = Cause(STEPPED, 0.8, (f"{sent}: a threshold in the controller or what sends OP",))
         return Causes(cause, (cause,))
-    if isinstance(loops, str):
-        return _open(loops, ())
+    if isinstance(loops, Refusal):
+        return _open(loops.reason, ())
     if not claimed and (found := loops.positioner) is not None:
         why = (
             f"MV overshoots OP as a valve or positioner of second order does, without friction"

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from simbench.detectors.errors import UserError
+from simbench.detectors.errors import Refusal, UserError
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repair_record
@@ -119,9 +119,9 @@ def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
         cause = Cause(why.AT_REST, float(SEIZED), (conclusion.reason,))
         return conclusion, Causes(cause, (cause,))
     try:
-        loops: CandidateLoops | str = candidate_loops(record)
+        loops: CandidateLoops | Refusal = candidate_loops(record)
     except UserError as reason:
-        loops = str(reason)
+        loops = Refusal(str(reason))
     return from_record(Prepared(replace(record, mv=None)), loops)
 
 
@@ -131,7 +131,7 @@ def at_rest(record: LoopRecord) -> Conclusion:
     return Conclusion(STICTION, float(SEIZED), why.AT_REST, reason, _STROKE, record.notes)
 
 
-def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclusion, Causes]:
+def from_record(prepared: Prepared, loops: CandidateLoops | Refusal) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed; parameters as in
     `find_causes`.
     """
@@ -139,9 +139,9 @@ def from_record(prepared: Prepared, loops: CandidateLoops | str) -> tuple[Conclu
     cause = causes.named.name
     swings = prepared.oscillation.sustained
     notes = prepared.record.notes
-    if isinstance(loops, str):
+    if isinstance(loops, Refusal):
         to_do = _NEXT.get(cause, _RECORD_AGAIN)
-        reason = "; ".join((*causes.named.speaks_for, loops))
+        reason = "; ".join((*causes.named.speaks_for, loops.reason))
         return Conclusion(NO_DECISION, None, cause, reason, to_do, notes), causes
     p = loops.probability
     answer = verdict(p)

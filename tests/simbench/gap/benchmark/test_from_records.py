@@ -13,7 +13,7 @@ from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import YES, simulate_with_truth
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.reading import read_table
-from simbench.detectors.errors import ParameterError, RecordError, UserError
+from simbench.detectors.errors import ParameterError, RecordError, Refusal, UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import STICTION
 from simbench.files import write_record
@@ -171,7 +171,7 @@ def test_a_run_on_records_resumes_and_is_checked(records, tmp_path, monkeypatch)
 def test_a_record_without_a_loop_is_named(records):
     op = 50.0 + np.random.default_rng(0).standard_normal(300)
     dead = LoopRecord(op, np.full(300, 7.0), 1.0)
-    assert isinstance(near_loop(dead), str)
+    assert isinstance(near_loop(dead), Refusal)
     found = grid_from_records({"quiet": records["quiet"], "dead": dead}, "two")
     assert list(found.left_out) == ["dead"]
     assert "dead is left out" in found.as_text()

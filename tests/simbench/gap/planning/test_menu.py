@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from simbench.detectors.errors import Refusal
 from simbench.gap.planning.menu import LEAD, Limits, size_test
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, checked
@@ -58,8 +59,8 @@ def test_no_test_leaves_its_limits(id_, most):
     trial = size_test(
         id_, situation(), {"none": LOOP}, 0.0, Limits(pv_excursion=most, op_travel=3.0)
     )
-    if isinstance(trial, str):
-        assert id_ in trial
+    if isinstance(trial, Refusal):
+        assert id_ in trial.reason
     else:
         assert trial.pv_excursion <= most
         assert trial.op_travel <= 3.0 + 1e-9
@@ -78,9 +79,8 @@ def test_another_load_takes_no_test_out_of_its_limits(id_):
 
 def test_a_test_that_would_last_too_long_is_left_out_and_a_passive_one_is_cut():
     limits = Limits(minutes=5.0)
-    assert "more than the 5 allowed" in size_test(
-        "stairs", situation(), {"none": LOOP}, 0.0, limits
-    )
+    refused = size_test("stairs", situation(), {"none": LOOP}, 0.0, limits)
+    assert "more than the 5 allowed" in refused.reason
     trial = size_test("mv", situation(), {"none": LOOP}, 0.0, limits)
     assert trial.minutes == pytest.approx(5.0)
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from simbench.detectors.errors import Refusal
 from simbench.gap.planning import order
 from simbench.gap.planning.menu import Trial
 from simbench.gap.planning.order import ORDER, PlannedTests, plan
@@ -23,7 +24,7 @@ def assessed(monkeypatch, left_out=(), asked=(), known=False, faithful=True, str
 
     def sized(id_, s, loops, band, limits):
         seen.update(loops=loops, band=band)
-        return f"{id_}: no" if id_ in left_out else trial(id_)
+        return Refusal(f"{id_}: no") if id_ in left_out else trial(id_)
 
     monkeypatch.setattr(order, "size_test", sized)
     situation = SimpleNamespace(

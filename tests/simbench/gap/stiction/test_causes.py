@@ -10,6 +10,7 @@ import pytest
 from recorded import LOADED_FAST
 
 from simbench.detection import detect
+from simbench.detectors.errors import Refusal
 from simbench.detectors.prepared import Prepared
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import candidate_loops
@@ -88,7 +89,7 @@ def test_a_loop_at_rest_has_no_cause():
 
 def test_a_record_without_a_loop_is_open_with_its_reason():
     record = simulate(Loop.from_table(LOOP), 3).record.without_mv()
-    result = find_causes(Prepared(record), "no plant can be identified").named
+    result = find_causes(Prepared(record), Refusal("no plant can be identified")).named
     assert (result.name, result.against) == (causes.NOT_TOLD, ("no plant can be identified",))
 
 
