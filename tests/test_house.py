@@ -17,21 +17,14 @@ from numpydoc.hooks.validate_docstrings import parse_config
 from numpydoc.validate import validate
 
 from simbench.loop.effects import EFFECTS
+from tests.common.habits import PRODUCT, places, product_trees, statements
 
 ROOT = Path(__file__).parents[1]
-PRODUCT = ("simbench", "detectors", "scenarios")
 PLUGINS = ["detectors/methods", "simbench/gap/effects", "simbench/figures"]
 PLUGINS += [f"simbench/loop/{kind}" for kind in ("valves", "effects", "plants", "controllers")]
 
 
-@cache
-def trees() -> dict[str, ast.Module]:
-    """Return the syntax tree of every file of the product by its path."""
-    files = (p for name in PRODUCT for p in (ROOT / name).rglob("*.py"))
-    return {
-        p.relative_to(ROOT).as_posix(): ast.parse(p.read_text(encoding="utf-8"))
-        for p in sorted(files)
-    }
+trees = cache(product_trees)
 
 
 def repeated(names: dict[str, set[str]]) -> dict[str, set[str]]:
@@ -151,3 +144,23 @@ def test_few_files_name_an_effect_of_another_file():
     ]
     # mostly a verdict, a section of the loop file or a valve model of the same name
     assert len(names) <= 70, names
+
+
+def test_a_statement_states_one_fact():
+    found = places("several facts in one statement", trees())
+    # names that are unpacked from what one call or one loop gives are fine now and then
+    assert 1000 * len(found) <= 6 * statements(trees()), found
+
+
+def test_no_answer_hides_in_a_string():
+    assert places("a type hidden in a string", trees()) == []
+
+
+def test_a_loop_becomes_a_table_at_the_border_alone():
+    border = {
+        "scenarios/spec.py",
+        "simbench/gap/report/result.py",
+        "simbench/bench/scenario/resolve.py",
+    }
+    found = places("a loop edited as a table", trees())
+    assert {place.partition(":")[0] for place in found} <= border

@@ -62,7 +62,7 @@ class TravelTest:
 
     @property
     def verdict(self) -> str:
-        """Whether the valve sticks: "stiction", "no_stiction" or "no_decision"."""
+        """What is said of the valve: "stiction", "no_stiction" or "no_decision"."""
         return NO_DECISION if self.sticky is None else STICTION if self.sticky else NO_STICTION
 
     def as_json(self) -> dict[str, Any]:

@@ -86,8 +86,8 @@ def _full_name(method: str, changed: Mapping[str, float]) -> str:
 
 
 def home_of(method: str, book: RunArrays) -> str:
-    """Return whether a method's constants were fitted to this grid ("fitted here"), to loops like
-    most of these ("siblings"), or "no".
+    """Return where a method's constants were fitted: on this grid ("fitted here"), on loops like
+    most of these ("siblings"), or on neither ("no").
     """
     known = [
         name
