@@ -75,7 +75,7 @@ def answer_of(
     does, it costs no other method its answer.
     """
     try:
-        return _asked(name, prepared, thresholds, raw), None
+        return _ask(name, prepared, thresholds, raw), None
     except Exception as wrong:  # a detector may fail in any way; the others must not
         message = (
             str(wrong) if isinstance(wrong, PluginError) else f"{type(wrong).__name__}: {wrong}"
@@ -84,17 +84,19 @@ def answer_of(
         return Verdict(name, NO_DECISION, reason=f"{FAILED}{error}"), error
 
 
-def _asked(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool) -> Verdict:
+def _ask(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool) -> Verdict:
     host = registry.host_of(name)
     if host is not None:
-        return ask_worker(host, _asked_there, name, prepared, thresholds, raw)
+        return ask_worker(host, _ask_in_worker, name, prepared, thresholds, raw)
     return judge_one(name, registry.load(name), prepared, raw, dict(thresholds))
 
 
-def _asked_there(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool) -> Verdict:
+def _ask_in_worker(
+    name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool
+) -> Verdict:
     """Judge a record where this runs, in the plug-in's worker."""
     registry.host_entries = False
-    return _asked(name, prepared, thresholds, raw)
+    return _ask(name, prepared, thresholds, raw)
 
 
 def refuse_wrong_forms(names: Iterable[str]) -> None:
@@ -113,7 +115,7 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
         record = example_record("stiction", module.METHOD.process[0])
         prepared = Prepared(record if module.METHOD.needs_mv else record.without_mv())
         try:
-            _asked(name, prepared, module.METHOD.defaults(), raw=True)
+            _ask(name, prepared, module.METHOD.defaults(), raw=True)
         except AnswerError as wrong:
             raise AnswerError(f"detector {name!r}: {wrong}") from None
         except Exception:

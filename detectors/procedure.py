@@ -19,7 +19,7 @@ from simbench.detectors.prepared import Prepared, prepare
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.bicoherence import error_bicoherence
 from simbench.detectors.signal.valve_follow import Follow, valve_follow
-from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, _plain
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Level, Verdict, _as_plain
 from simbench.detectors.views import page_part
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class Diagnosis:
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
-        return _plain(
+        return _as_plain(
             {
                 "verdict": self.verdict,
                 "score": self.score,

@@ -84,7 +84,7 @@ def repair_record(record: LoopRecord) -> LoopRecord:
     >>> repair_record(LoopRecord(op=-np.sin(t / 8), pv=pv, Ts=1.0)).notes
     ('outliers: 1 sample of PV contradicts its neighbours on both sides and counts as missing',)
     """
-    return _in_ordinary_unit(_thawed(_without_wild(with_implied_process(record))))
+    return _in_ordinary_unit(_cut_frozen(_without_wild(with_implied_process(record))))
 
 
 def _without_wild(record: LoopRecord) -> LoopRecord:
@@ -92,7 +92,7 @@ def _without_wild(record: LoopRecord) -> LoopRecord:
     bridged = {}
     notes = []
     for name in ("pv", "op"):
-        wild = _outside(getattr(record, name))
+        wild = _find_outliers(getattr(record, name))
         count = wild.size
         if count:
             bridged[name] = cleaned(getattr(record, name), wild)
@@ -112,7 +112,7 @@ def _without_wild(record: LoopRecord) -> LoopRecord:
     return replace(mended, notes=(*said, *notes))
 
 
-def _outside(x: np.ndarray) -> np.ndarray:
+def _find_outliers(x: np.ndarray) -> np.ndarray:
     """Return the samples, up to five in a row, that lie far outside all others, by their index; the
     top of a wave, whose neighbours are nearly as far out, is none of them.
     """
@@ -131,7 +131,7 @@ def _outside(x: np.ndarray) -> np.ndarray:
     return np.flatnonzero(wild)
 
 
-def _thawed(record: LoopRecord) -> LoopRecord:
+def _cut_frozen(record: LoopRecord) -> LoopRecord:
     """Return the longer part before or after a stretch in which PV and OP are frozen."""
     moves = (np.diff(record.pv) != 0.0) | (np.diff(record.op) != 0.0)
     stretch = frozen(np.append(0, np.cumsum(moves)))

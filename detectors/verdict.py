@@ -116,14 +116,14 @@ class Verdict:
             infinities become null.
         """
         probability = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
-        return _plain(asdict(self) | probability)
+        return _as_plain(asdict(self) | probability)
 
 
-def _plain(value: Any) -> Any:
+def _as_plain(value: Any) -> Any:
     if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): _as_plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
+        return [_as_plain(v) for v in value]
     if isinstance(value, bool) or value is None or isinstance(value, str):
         return value
     number = float(value)

@@ -22,13 +22,13 @@ def with_columns(table: Mapping[str, Any], folder: Path, where: str) -> dict[str
     whole = dict(table)
     loads = whole.get("disturbance")
     if isinstance(loads, (list, tuple)):
-        whole["disturbance"] = [_filled(part, RESIDUALS, folder, where) for part in loads]
+        whole["disturbance"] = [_fill_columns(part, RESIDUALS, folder, where) for part in loads]
     if "archive" in whole:
-        whole["archive"] = _filled(whole["archive"], _HELD, folder, where)
+        whole["archive"] = _fill_columns(whole["archive"], _HELD, folder, where)
     return whole
 
 
-def _filled(part: Any, names: tuple[str, ...], folder: Path, where: str) -> Any:
+def _fill_columns(part: Any, names: tuple[str, ...], folder: Path, where: str) -> Any:
     """Return one section with the columns that its file has of these names."""
     if not isinstance(part, Mapping) or "file" not in part:
         return part

@@ -76,7 +76,7 @@ class More(_Table):
     scale: dict[str, _Scale] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _known(self) -> Self:
+    def _check_scale(self) -> Self:
         for key in self.scale:
             if key not in self.parameters:
                 raise ValueError(
@@ -337,7 +337,7 @@ class Grid:
             "repeat": repeat,
         }
         if self.content.loop is not None:
-            return self._plain(index, values, rng, tags)
+            return self._draw_loop(index, values, rng, tags)
         block = self.content.block[number]
         settings: dict[str, Any] = {"process": block.process, "controller": block.controller}
         ranges = {**self.content.draw, **block.draw}
@@ -381,13 +381,13 @@ class Grid:
         # outside
         keys = {key: settings.pop(key) for key in list(settings) if _of_loop(key)}
         overrides = {**keys, **self.overrides}
-        tags.update({key: _told(value) for key, value in keys.items()})
+        tags.update({key: _tag_of(value) for key, value in keys.items()})
         twin, rules, drafts = cell_group(
             settings, made, tags, overrides, f"{self.name}, block {block.name!r}"
         )
         return Group(index, twin, rules, drafts)
 
-    def _plain(
+    def _draw_loop(
         self, index: int, values: Mapping[str, Value], rng: np.random.Generator, tags: dict
     ) -> Group:
         assert self.content.loop is not None
@@ -403,7 +403,7 @@ class Grid:
         sticky = with_ratios(loop, moving, self.name)
         loop = with_ratios(loop, ratios, self.name)
         seed = int(rng.integers(2**63))
-        told = {key: _told(value) for key, value in values.items()}
+        told = {key: _tag_of(value) for key, value in values.items()}
         tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **told}
         twin = sticky.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
         draft = Draft(loop, tags, Rules(**rules), seed, scenario_id(tags, seed))
@@ -412,7 +412,7 @@ class Grid:
     def _disturbance(self, name: Value, rng: np.random.Generator) -> tuple[dict[str, Any], ...]:
         if name == "none":
             return ()
-        d = self._named("disturbance", self.content.disturbances, name)
+        d = self._part_named("disturbance", self.content.disturbances, name)
         more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
         return (
             {
@@ -428,10 +428,10 @@ class Grid:
         return (
             ()
             if name == "none"
-            else (self._named("effect", self.content.effects, name).drawn(str(name), rng),)
+            else (self._part_named("effect", self.content.effects, name).drawn(str(name), rng),)
         )
 
-    def _named(self, kind: str, parts: Mapping[str, Any], name: Value) -> Any:
+    def _part_named(self, kind: str, parts: Mapping[str, Any], name: Value) -> Any:
         if name not in parts:
             raise SpecError(
                 f"{self.name}: {kind} {name!r} is unknown,"
@@ -490,7 +490,7 @@ def _of_loop(key: str) -> bool:
     return key not in SETTINGS and ("." in key or key in Loop.model_fields)
 
 
-def _told(value: Any) -> float | int | str:
+def _tag_of(value: Any) -> float | int | str:
     """Return an axis value as a tag: a table by the name of its part, or written out like a
     list.
     """
@@ -699,7 +699,7 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
         own = {*block.axes, *block.draw, *content.draw, *needed}
         fitting = {k: v for k, v in axes.items() if k not in alien and (k in own or k not in known)}
         members = tuple(
-            m.model_copy(update={"where": _narrowed(m.where, fitting)}) for m in block.member
+            m.model_copy(update={"where": _narrow_axes(m.where, fitting)}) for m in block.member
         )
         blocks.append(
             block.model_copy(update={"axes": {**block.axes, **fitting}, "member": members})
@@ -707,7 +707,7 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
     return content.model_copy(update={"block": tuple(blocks)})
 
 
-def _narrowed(
+def _narrow_axes(
     where: dict[str, tuple[Value, ...]], axes: Mapping[str, tuple[Value, ...]]
 ) -> dict[str, tuple[Value, ...]]:
     # a member kept to a few values of an axis stays with those that the new axis still has

@@ -106,7 +106,7 @@ def _mistakes(content: Any) -> Iterator[str]:
             axes["S_over_2J"] = tuple(v for v in axes["S_over_2J"] if v != 0) or (1.0,)
         yield from _axes("", axes, {})
         return
-    for name, count in _counted(b.name for b in content.block):
+    for name, count in _count_names(b.name for b in content.block):
         if count > 1:
             yield f"{count} blocks are called {name!r}"
     for block in content.block:
@@ -144,7 +144,7 @@ def _sibling(at: str, member: Any, block: Any) -> Iterator[str]:
         yield from _word(f"{at}of", member.of, tuple(before))
 
 
-def _counted(names: Iterable[str]) -> list[tuple[str, int]]:
+def _count_names(names: Iterable[str]) -> list[tuple[str, int]]:
     every = list(names)
     return [(name, every.count(name)) for name in dict.fromkeys(every)]
 
@@ -152,7 +152,7 @@ def _counted(names: Iterable[str]) -> list[tuple[str, int]]:
 def _axes(where: str, axes: Mapping[str, tuple], known: Mapping[str, tuple]) -> Iterator[str]:
     for key, values in axes.items():
         yield from _axis(f"{where}axis {key!r}", key, values, known)
-        twice = [v for v, count in _counted(map(repr, values)) if count > 1]
+        twice = [v for v, count in _count_names(map(repr, values)) if count > 1]
         if twice:
             yield f"{where}axis {key!r} has the value {twice[0]} twice; each is allowed once"
 

@@ -99,7 +99,7 @@ class Plant(_Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _read(cls, table: Any) -> Any:
+    def _read_table(cls, table: Any) -> Any:
         if not isinstance(table, dict) or not isinstance(table.get("type"), str):
             return table
         if table["type"] == "tf":
@@ -110,7 +110,7 @@ class Plant(_Table):
         return table
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _check_whole(self) -> Self:
         if self.K == 0:
             raise ValueError("K = 0; the valve must act on PV")
         for name in ("num", "den", "dt"):
@@ -133,7 +133,7 @@ class Plant(_Table):
         return self
 
     @model_serializer(mode="wrap")
-    def _written(self, handler: Any) -> dict[str, Any]:
+    def _write(self, handler: Any) -> dict[str, Any]:
         return _flat(
             handler(self),
             {"tf": ("K", "T")}.get(self.type, ()) if self.parameters is None else ("K", "T"),
@@ -195,7 +195,7 @@ class Controller(_Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _read(cls, table: Any) -> Any:
+    def _read_table(cls, table: Any) -> Any:
         if not isinstance(table, dict) or not isinstance(table.get("type"), str):
             return table
         if table["type"] == "tf":
@@ -206,7 +206,7 @@ class Controller(_Table):
         return _read_plugin(table, ("type", "direction"), {"Kc": 1.0})
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _check_whole(self) -> Self:
         if self.type in ("PI", "PID") and self.Ti is None:
             raise ValueError(
                 f"Ti is missing; a {self.type} controller needs an integral time above 0 s"
@@ -233,7 +233,7 @@ class Controller(_Table):
         return self
 
     @model_serializer(mode="wrap")
-    def _written(self, handler: Any) -> dict[str, Any]:
+    def _write(self, handler: Any) -> dict[str, Any]:
         own = self.parameters is not None or self.type == "tf"
         return _flat(handler(self), ("Kc", "Ti") if own else ())
 
@@ -402,7 +402,7 @@ class Outer(_Table):
     sp_span: tuple[_Finite, _Finite] = (0.0, 100.0)
 
     @model_validator(mode="after")
-    def _closed(self) -> Self:
+    def _check_feedback(self) -> Self:
         if self.plant.type not in PLANT_TYPES or self.controller.type not in CONTROLLER_TYPES:
             kinds = f"plants {', '.join(PLANT_TYPES)} and controllers {', '.join(CONTROLLER_TYPES)}"
             raise ValueError(f"an outer loop takes no plug-in; {kinds} are allowed")
@@ -863,7 +863,7 @@ def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
             for step in key:
                 value = value[step]
             clauses.append(
-                f"{'.'.join(map(str, key))} = {_short(value)}; a number, [lo, hi] or names are"
+                f"{'.'.join(map(str, key))} = {_shorten(value)}; a number, [lo, hi] or names are"
                 " needed"
             )
     return "; ".join(clauses[:_MOST_CLAUSES]) + (
@@ -899,18 +899,18 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
         return f"{'key' if len(path) > 1 else 'section'} {place!r} is missing, which is needed"
     message = str(error["msg"]).removeprefix("Value error, ")
     if kind == "value_error" and message == "a number is needed":
-        return f"{place} = {_short(value)}; {message}"
+        return f"{place} = {_shorten(value)}; {message}"
     if kind == "value_error":
         return f"[{place}] {message}" if place else message
     if kind == "literal_error":
         allowed = [
             w.strip(" '") for w in str(error["ctx"]["expected"]).replace(" or ", ",").split(",")
         ]
-        return f"{place} = {_short(value)} is unknown; {suggestion(str(value), allowed)}"
-    return f"{place} = {_short(value)}; {message[0].lower()}{message[1:]}"
+        return f"{place} = {_shorten(value)} is unknown; {suggestion(str(value), allowed)}"
+    return f"{place} = {_shorten(value)}; {message[0].lower()}{message[1:]}"
 
 
-def _short(value: Any) -> str:
+def _shorten(value: Any) -> str:
     try:
         text = value.isoformat() if isinstance(value, (date, time)) else repr(value)
     except (ValueError, RecursionError):  # more digits than Python writes, tables within tables

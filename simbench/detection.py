@@ -195,7 +195,7 @@ def judge_files(
         # 2. read the records
         known = {} if labels is None else read_labels(labels)
         refuse_wrong_forms(names)
-        records, refused, alone = _read(Path(path), known, labels, **about)
+        records, refused, alone = _read_all(Path(path), known, labels, **about)
         # 3. weigh all evidence about each where that is asked for, and judge it by every method
         verdicts = []
         conclusions = {}
@@ -240,7 +240,7 @@ def _conclude(record: LoopRecord) -> Conclusion:
     return conclude(record)
 
 
-def _read(
+def _read_all(
     path: Path,
     known: Mapping[str, Mapping[str, str]],
     labels: str | Path | None,

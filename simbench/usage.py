@@ -29,7 +29,7 @@ def exit_code(work: Callable[[], int | None], command: Sequence[str] = ()) -> in
     command that has them.
     """
     _open_closed_streams()
-    code = _run(work, command)
+    code = _exit_code_of(work, command)
     # what is printed while the interpreter ends is nobody's answer
     if code == 0 and isinstance(sys.stdout, _ClosedOutput) and sys.stdout.lost:
         return complain(
@@ -39,7 +39,7 @@ def exit_code(work: Callable[[], int | None], command: Sequence[str] = ()) -> in
     return code
 
 
-def _run(work: Callable[[], int | None], command: Sequence[str]) -> int:
+def _exit_code_of(work: Callable[[], int | None], command: Sequence[str]) -> int:
     """Run a command and return its exit code, whatever it raises."""
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")

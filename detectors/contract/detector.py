@@ -99,18 +99,20 @@ def _thresholds(name: str, module: ModuleType) -> Iterator[str]:
 
 def _cases(name: str, module: ModuleType, process: str) -> Iterator[str | Fault]:
     """Judge the six plain records, and the first of them once more at the end."""
-    first = _judged(name, module, example_record("stiction", process))
+    first = _judge_noting(name, module, example_record("stiction", process))
     for case in CASES:
         on = _on(case, process)
         judged = (
-            first if case == "stiction" else _judged(name, module, example_record(case, process))
+            first
+            if case == "stiction"
+            else _judge_noting(name, module, example_record(case, process))
         )
         yield from (Fault(fault, f"on {on}") for fault in judged.faults)
         exempt = case not in _DEAD or case in module.METHOD.exempt
         if not (judged.faults or exempt or judged.value.verdict == NO_DECISION):
             yield f"says {judged.value.verdict!r} on {on}, of which nothing can be said"
-    again = _judged(name, module, example_record("stiction", process))
-    if _plain(first) != _plain(again):
+    again = _judge_noting(name, module, example_record("stiction", process))
+    if _as_text(first) != _as_text(again):
         yield (
             f"is not deterministic: asked twice about one record ({process}), it gives two"
             f" answers{_difference(first, again)}"
@@ -126,7 +128,7 @@ def _quality(name: str, module: ModuleType) -> Iterator[str]:
     for process in module.METHOD.process:
         best = math.inf
         for case in (c for c in CASES if c not in module.METHOD.exempt and c not in _DEAD):
-            judged = _judged(name, module, example_record(case, process))
+            judged = _judge_noting(name, module, example_record(case, process))
             if judged.faults:
                 continue
             on = _on(case, process)
@@ -154,9 +156,9 @@ def _order(name: str, module: ModuleType, process: str) -> Iterator[str]:
         for case in ("stiction", "healthy"):
             plain = example_record(case, process)
             records.append(replace(plain, pv=plain.pv + level, sp=np.full(plain.n, 50.0 + level)))
-    first = [_plain(_judged(name, module, record)) for record in records]
+    first = [_as_text(_judge_noting(name, module, record)) for record in records]
     for k in (3, 3, 2, 1, 0, 0):
-        if _plain(_judged(name, module, records[k])) != first[k]:
+        if _as_text(_judge_noting(name, module, records[k])) != first[k]:
             yield (
                 f"depends on what was asked before: the same record ({process}) gets another answer"
                 " after another one"
@@ -173,7 +175,7 @@ def _faint_noise(name: str, module: ModuleType, process: str) -> Iterator[str]:
             record,
             **{s: x + _FAINT * np.ptp(x) * rng.standard_normal(x.size) for s, x in seen.items()},
         )
-        asked, moved = (_word(_judged(name, module, r)) for r in (record, noisy))
+        asked, moved = (_word(_judge_noting(name, module, r)) for r in (record, noisy))
         if asked != moved:
             what = f"{asked!r} becomes {moved!r} on the record {case!r} ({process})"
             yield f"hangs on the last digits: {what} under a noise of 1e-6"
@@ -199,7 +201,7 @@ def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
     """
     for case in ("stiction", "healthy", "sine"):
         record = replace(example_record(case, process), op_span=(0.0, 100.0))
-        asked = _word(_judged(name, module, record))
+        asked = _word(_judge_noting(name, module, record))
         others = {
             "the sign of OP and PV": turned(record),
             "the unit of time": replace(record, Ts=record.Ts / 3600.0),
@@ -207,16 +209,16 @@ def _moves(name: str, module: ModuleType, process: str) -> Iterator[str]:
         if module.METHOD.reversible:
             others["the direction of time, which it claims not to"] = backwards(record)
         for what, other in others.items():
-            moved = _word(_judged(name, module, other))
+            moved = _word(_judge_noting(name, module, other))
             if moved != asked:
                 yield (
                     f"follows {what}: {asked!r} becomes {moved!r} on the record {case!r}"
                     f" ({process})"
                 )
     dense = example_record("dense", process)
-    asked = _word(_judged(name, module, dense))
+    asked = _word(_judge_noting(name, module, dense))
     for step in THINNED:
-        moved = _word(_judged(name, module, thin_record(dense, step)))
+        moved = _word(_judge_noting(name, module, thin_record(dense, step)))
         if moved != asked:
             yield (
                 f"follows the sampling: {asked!r} becomes {moved!r} on a dense record ({process}),"
@@ -229,9 +231,9 @@ def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
         record = replace(example_record(case, process), op_span=(0.0, 100.0))
         if not (module.METHOD.needs_mv and process == "integrating"):
             record = replace(record, mv=None)  # MV is recorded in %, whatever the unit of OP
-        asked = _word(_judged(name, module, record))
+        asked = _word(_judge_noting(name, module, record))
         for a, b in _UNITS:
-            moved = _word(_judged(name, module, replace(record, pv=a * record.pv + b)))
+            moved = _word(_judge_noting(name, module, replace(record, pv=a * record.pv + b)))
             if moved != asked:
                 yield (
                     f"follows PV's unit: {asked!r} becomes {moved!r} on the record {case!r}"
@@ -240,7 +242,7 @@ def _units(name: str, module: ModuleType, process: str) -> Iterator[str]:
                 break
         for a, b in _OP_UNITS if record.mv is None else ():
             moved = _word(
-                _judged(
+                _judge_noting(
                     name, module, replace(record, op=a * record.op + b, op_span=(b, 100.0 * a + b))
                 )
             )
@@ -279,7 +281,7 @@ def _dead(name: str, module: ModuleType, process: str) -> Iterator[Fault]:
         yield from (Fault(fault, where) for fault in faults)
 
 
-def _judged(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
+def _judge_noting(name: str, module: ModuleType, record: LoopRecord) -> Guarded:
     """Judge a record as every run does, and note what the detector's own answer lacks."""
     answers: list[Any] = []
 
@@ -306,7 +308,7 @@ def _word(judged: Guarded) -> str:
     return "an error" if judged.faults else judged.value.verdict
 
 
-def _plain(judged: Guarded) -> str:
+def _as_text(judged: Guarded) -> str:
     return repr(judged.faults) if judged.faults else json.dumps(judged.value.as_json())
 
 

@@ -71,13 +71,13 @@ def two_models(
     of keeping the mode: 1 with a start in "following" is a plain Kalman filter.
     """
     standing = np.empty(u.size)
-    total = compiled(_filtered)(
+    total = compiled(_filter_samples)(
         *(np.ascontiguousarray(x, dtype=float) for x in (u, y)), a, b, noise, stay, standing
     )
     return standing, float(total)
 
 
-def _filtered(u, y, a, b, noise, stay, standing):
+def _filter_samples(u, y, a, b, noise, stay, standing):
     """Fill `standing` with the probability that the valve rests; return the log-likelihood of the
     record.
     """
@@ -90,8 +90,8 @@ def _filtered(u, y, a, b, noise, stay, standing):
     p_two = stay
     total = 0.0
     for k in range(u.size):
-        one, like_one = _measured(one, y[k], r)
-        two, like_two = _measured(two, y[k], r)
+        one, like_one = _measure(one, y[k], r)
+        two, like_two = _measure(two, y[k], r)
         joint_one = p_one * like_one
         joint_two = p_two * like_two
         total += math.log(joint_one + joint_two)
@@ -103,14 +103,14 @@ def _filtered(u, y, a, b, noise, stay, standing):
         # what each mode inherits from both
         mixed_one = _mix(one, two, p_one * stay / max(ahead_one, 1e-300))
         mixed_two = _mix(two, one, p_two * stay / max(ahead_two, 1e-300))
-        one = _moved(mixed_one, a, b, q)
-        two = _moved((mixed_two[0], u[k], mixed_two[2], 0.0, 0.0), a, b, q)
+        one = _predict(mixed_one, a, b, q)
+        two = _predict((mixed_two[0], u[k], mixed_two[2], 0.0, 0.0), a, b, q)
         p_one = ahead_one
         p_two = ahead_two
     return total
 
 
-def _measured(f, y, r):
+def _measure(f, y, r):
     """Update one Kalman filter by a measurement; return it with its likelihood."""
     z, v, zz, zv, vv = f
     s = zz + r
@@ -119,7 +119,7 @@ def _measured(f, y, r):
     return (z + zz / s * e, v + zv / s * e, zz * r / s, zv * r / s, vv - zv * zv / s), likelihood
 
 
-def _moved(f, a, b, q):
+def _predict(f, a, b, q):
     """Predict one Kalman filter over one sample, with the valve's random movement."""
     z, v, zz, zv, vv = f
     vv = vv + q
@@ -194,7 +194,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     # unit of time
     late = round(round(plant.Td_s / record.Ts / q, 6))
     _, b, u = min(
-        (_aligned(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)),
+        (_error_of_plant(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)),
         key=lambda f: f[0],
     )
     noise = max(math.sqrt(max(plant.error, 1e-4)), 0.02)
@@ -218,20 +218,20 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     )
 
 
-def _aligned(
+def _error_of_plant(
     u: np.ndarray, y: np.ndarray, a: float, half: int, sign: float
 ) -> tuple[float, float, np.ndarray]:
     """Return the squared error of a plant with pole `a` whose response to u is scaled to y, the
     scale, and u.
     """
     x = np.empty(u.size)
-    quick(_lagged)(u, a, x)
+    quick(_fill_lag)(u, a, x)
     x -= moving_mean(x, half)
     b = sign * float(y.std() / max(x.std(), 1e-300))
     return float(np.mean((y - b * x) ** 2)), b, u
 
 
-def _lagged(u, a, x):
+def _fill_lag(u, a, x):
     """Fill `x` with the response of a first-order lag to `u`."""
     x[0] = 0.0
     for k in range(1, u.size):

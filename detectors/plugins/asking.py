@@ -35,7 +35,7 @@ def ask_worker(
     answer = host.call(_judge_there, judge, name, bare, thresholds, raw)
     if not isinstance(answer, Verdict):
         raise PluginError("answered with something that is no verdict")
-    return _checked(name, answer)
+    return _check_answer(name, answer)
 
 
 def _judge_there(
@@ -48,7 +48,7 @@ def _judge_there(
     return judge(name, prepared, thresholds, raw)
 
 
-def _checked(name: str, verdict: Verdict) -> Verdict:
+def _check_answer(name: str, verdict: Verdict) -> Verdict:
     """Return a worker's verdict with plain numbers and one-line texts; raise PluginError if it is
     no verdict.
     """

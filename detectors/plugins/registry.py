@@ -74,8 +74,9 @@ class PluginFolder:
         if name not in self._loaded:
             if name not in self.every_name():
                 raise UnknownName(self.kind, name, self.every_name())
-            self._loaded[name] = self._checked(
-                self._outside(name) or importlib.import_module(f"{self.package}.{name}"), name
+            self._loaded[name] = self._check_module(
+                self._load_published(name) or importlib.import_module(f"{self.package}.{name}"),
+                name,
             )
         return self._loaded[name]
 
@@ -101,7 +102,7 @@ class PluginFolder:
         ) as error:  # a plug-in may fail in any way; the user needs the file's name
             sys.modules.pop(spec.name, None)
             raise self._useless(f"{self.kind} file {path}", repr(error)) from error
-        self._files[name] = self._checked(module, name)
+        self._files[name] = self._check_module(module, name)
         return name
 
     def add_files(self, *paths: str | Path) -> list[str]:
@@ -147,14 +148,14 @@ class PluginFolder:
         if not (name.isidentifier() and name.isascii() and name == name.lower()):
             needs = "small letters of a to z, digits and _ are needed; rename the file"
             raise ParameterError(f"{self.kind} file {path}: {name!a} is no id; {needs}")
-        if taken or self._taken(name):
+        if taken or self._is_taken(name):
             raise ParameterError(
                 f"{self.kind} file {path}: the name {name!r} is taken; another is needed: rename"
                 " the file"
             )
         return name
 
-    def _taken(self, name: str) -> bool:
+    def _is_taken(self, name: str) -> bool:
         return name in self.reserved or self.built_in(name) or name in self._entry_points
 
     def own_file(self, path: str | Path) -> bool:
@@ -180,7 +181,7 @@ class PluginFolder:
         where the caller does.
         """
         for name in modules:
-            if self._taken(name):
+            if self._is_taken(name):
                 raise ParameterError(
                     f"{self.kind} {name!r}: the name is taken; another is needed: rename the"
                     " function"
@@ -204,12 +205,12 @@ class PluginFolder:
             if e.name not in self.reserved and not self.built_in(e.name)
         }
 
-    def _outside(self, name: str) -> ModuleType | None:
+    def _load_published(self, name: str) -> ModuleType | None:
         """Return what another distribution publishes under a name, or its replacement here."""
         point = self._entry_points.get(name)
         if point is None:
             return None
-        where = self._published(name, point)
+        where = self._publisher_of(name, point)
         try:
             return point.load()
         except (
@@ -218,7 +219,7 @@ class PluginFolder:
         ) as error:  # it may fail in any way; the user needs its distribution's name
             raise self._useless(where, repr(error)) from error
 
-    def _published(self, name: str, point: Any) -> str:
+    def _publisher_of(self, name: str, point: Any) -> str:
         """Return who publishes a plug-in under a name."""
         whose = point.dist.name if point.dist else "another distribution"
         return f"{self.kind} {name!r} of {whose} ({point.value})"
@@ -236,7 +237,7 @@ class PluginFolder:
             f"{where} cannot be imported: {why}" + ("" if needs in why else f"; {needs}")
         )
 
-    def _checked(self, module: ModuleType, name: str) -> ModuleType:
+    def _check_module(self, module: ModuleType, name: str) -> ModuleType:
         missing = [a for a in self.required if not hasattr(module, a)]
         if missing:
             raise ParameterError(
@@ -328,11 +329,11 @@ class _Detectors(PluginFolder):
         if name in self._hosts:
             self._hosts.pop(name)[1].close()
 
-    def _outside(self, name: str) -> ModuleType | None:
+    def _load_published(self, name: str) -> ModuleType | None:
         point = self._entry_points.get(name)
         if point is None or not self.host_entries:
-            return super()._outside(name)
-        return self._stub(name, (), name, self._published(name, point), SECONDS)
+            return super()._load_published(name)
+        return self._stub(name, (), name, self._publisher_of(name, point), SECONDS)
 
     def _stub(self, name: str, key: tuple, source: str, where: str, seconds: float) -> ModuleType:
         """Start a plug-in's worker and return its replacement here: its attributes, and
@@ -341,7 +342,7 @@ class _Detectors(PluginFolder):
         host = Host(_describe_detector, source, seconds)
         stub = ModuleType(name)
         try:
-            stub.__dict__.update(detect=_elsewhere, __file__=None)
+            stub.__dict__.update(detect=_refuse_here, __file__=None)
             stub.__dict__.update(host.described())
         except UserError as error:
             host.close()
@@ -377,7 +378,7 @@ class _Detectors(PluginFolder):
         return [f"{name}@{PUBLISHED}" for name in self.names()]
 
 
-def _elsewhere(*_: Any, **__: Any) -> None:
+def _refuse_here(*_: Any, **__: Any) -> None:
     raise ParameterError("this is a plug-in, which runs in its worker process only")
 
 

@@ -89,9 +89,9 @@ def seconds(
         t = values.astype("datetime64[ns]").astype(np.int64) * 1e-9
         t[np.isnat(values)] = np.nan
     elif isinstance(values, np.ndarray) and values.dtype.kind in "fiu":
-        t = _counted(values.astype(np.float64), unit, name, where, remarks)
+        t = _seconds_from_numbers(values.astype(np.float64), unit, name, where, remarks)
     else:
-        t = _read([str(v).strip() for v in values], unit, name, where, place, remarks)
+        t = _read_texts([str(v).strip() for v in values], unit, name, where, place, remarks)
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         given = str(values[bad[0]]).strip()[:60]
@@ -160,7 +160,9 @@ def hour_lost(t: np.ndarray, Ts: float) -> np.ndarray:
     )
 
 
-def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) -> np.ndarray:
+def _seconds_from_numbers(
+    t: np.ndarray, unit: str, name: str, where: str, notes: list[str]
+) -> np.ndarray:
     """Return seconds from numbers; without a unit they are seconds, unless no record could count
     so.
     """
@@ -190,7 +192,7 @@ def _counted(t: np.ndarray, unit: str, name: str, where: str, notes: list[str]) 
     return t
 
 
-def _read(
+def _read_texts(
     texts: list[str],
     unit: str,
     name: str,
@@ -201,10 +203,10 @@ def _read(
     """Read a column of texts: as a whole it decides between numbers, day first and month first."""
     if texts and _ZONE.search(texts[0]):
         texts = [_ZONE.sub("", text) for text in texts]
-    numbers = _read_by(_number, texts)
+    numbers = _read_by_rule(_number, texts)
     if np.isfinite(numbers).all():
-        return _counted(numbers, unit, name, where, notes)
-    iso = _read_by(_iso, texts)
+        return _seconds_from_numbers(numbers, unit, name, where, notes)
+    iso = _read_by_rule(_iso, texts)
     if np.isfinite(iso).all():
         return iso
     stamps = _stamps(texts)
@@ -220,7 +222,7 @@ def _read(
     raise RecordError(f"{where}, {place(row)}: {name} is {texts[row]!r}; {_NEEDED}", cure)
 
 
-def _read_by(read: Callable[[str], float], texts: list[str]) -> np.ndarray:
+def _read_by_rule(read: Callable[[str], float], texts: list[str]) -> np.ndarray:
     """Return the times of texts, NaN where they are none, and all NaN where the first is none."""
     begins = not texts or np.isfinite(read(texts[0]))
     return np.array([read(text) for text in texts] if begins else [np.nan] * len(texts))

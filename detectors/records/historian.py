@@ -152,7 +152,7 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
         said = ", ".join(filter(None, first.values()))
         sheet.notes.append(f"file: {sheet.place(0)} taken as units or descriptions: {said}")
         del sheet.lines[:1]
-    sheet.columns = {_named(i, n, c): c for i, (n, c) in enumerate(sheet.columns.items())}
+    sheet.columns = {_name_quality(i, n, c): c for i, (n, c) in enumerate(sheet.columns.items())}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
         if name == time or not written or not _numeric(written[1]) or plain(written[2]) in _MARKS:
@@ -168,7 +168,7 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     return units
 
 
-def _named(place: int, name: str, cells: Sequence[object]) -> str:
+def _name_quality(place: int, name: str, cells: Sequence[object]) -> str:
     """Return a name for a column that holds qualities only, where it has none, or one that begins
     with q: q_pv is the quality of PV, and no loop called q.
     """
@@ -254,7 +254,7 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
         if _is_numeric(cells):
             out[name] = np.array(cells, dtype=np.float64)
             continue
-        bare, marks = zip(*map(_taken_apart, cells), strict=True) if len(cells) else ((), ())
+        bare, marks = zip(*map(_split_cell, cells), strict=True) if len(cells) else ((), ())
         _refuse_thousands(bare, name, where)
         texts[name] = ["" if m in _BAD else text for text, m in zip(bare, marks, strict=True)]
         bad = sum(m in _BAD for m in marks)
@@ -331,7 +331,7 @@ def apply_quality(
             _is_about(other, roles[role], role, sheet, roles) for other in known for role in mine
         ):
             continue
-        judged = _judged(sheet.columns[name], name, where) if mine else None
+        judged = _find_bad(sheet.columns[name], name, where) if mine else None
         if judged is None:
             what = [f"column {name!r} is not understood and counts for nothing"] if mine else []
         else:
@@ -348,7 +348,7 @@ def _is_about(name: str, column: str, role: str, sheet: Sheet, roles: Mapping[st
     name, or names its column, its loop or the signal, or nothing.
     """
     names = list(sheet.columns)
-    alike = [n for n in names if is_quality(n) and _unnumbered(n) == _unnumbered(name)]
+    alike = [n for n in names if is_quality(n) and _strip_number(n) == _strip_number(name)]
     if len(alike) > 1:
         side = -1 if names[names.index(alike[0]) - 1] in roles.values() else 1
         return names[(names.index(name) + side) % len(names)] == column
@@ -360,12 +360,12 @@ def _is_about(name: str, column: str, role: str, sheet: Sheet, roles: Mapping[st
     return not whose or tuple(whose) == mine.loop
 
 
-def _unnumbered(name: str) -> str:
+def _strip_number(name: str) -> str:
     return re.sub(r"\.\d+$", "", name)
 
 
 def _last_word(name: str) -> str:
-    return plain(_unnumbered(name)).replace("_", " ").split()[-1]
+    return plain(_strip_number(name)).replace("_", " ").split()[-1]
 
 
 def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
@@ -385,7 +385,7 @@ def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
     return str(parts[0]), [str(parts[1]), *([extra] if extra else [])], str(parts[2])
 
 
-def _taken_apart(value: object) -> tuple[str, str]:
+def _split_cell(value: object) -> tuple[str, str]:
     """Return a cell without separators of thousands, and the mark that follows its value."""
     text = "" if value is None else str(value).strip()
     mark = ""
@@ -403,7 +403,7 @@ def _is_numeric(column: object) -> bool:
 
 
 def _numeric(text: str) -> bool:
-    bare = _taken_apart(text)[0]
+    bare = _split_cell(text)[0]
     return any(c.isdigit() for c in bare) and bool(_POINT.fullmatch(bare) or _COMMA.fullmatch(bare))
 
 
@@ -497,7 +497,7 @@ def _without_sentinels(x: np.ndarray, name: str, sheet: Sheet) -> np.ndarray:
     return x
 
 
-def _judged(cells: Sequence[object], name: str, where: str) -> tuple[np.ndarray, int] | None:
+def _find_bad(cells: Sequence[object], name: str, where: str) -> tuple[np.ndarray, int] | None:
     """Return which samples are bad and how many unsure, by the codes of OPC, by words or by a flag;
     None where the column speaks of no quality.
     """

@@ -172,7 +172,7 @@ def read_record(
     for row in read_loop_table(loops) if loops is not None else []:
         if (wanted is None and row.get("file", path.name) == path.name) or row["tag"] == wanted:
             return _of_row(path, row, given, named=wanted is not None)
-    return _only(_of_file(path, wanted, single=True, **_merged({}, given)))
+    return _only_loop(_of_file(path, wanted, single=True, **_merge_stated({}, given)))
 
 
 def read_columns(
@@ -195,7 +195,7 @@ def read_columns(
     _join_dates(sheet)
     opened = {"": _Opened(sheet, units, unfold(sheet, "none"), where)}
     given = {k: v for k, v in about.items() if v is not None}
-    return _only(_of_tables(opened, where, tag, chosen, "", single=True, **given))
+    return _only_loop(_of_tables(opened, where, tag, chosen, "", single=True, **given))
 
 
 def read_records(
@@ -228,12 +228,16 @@ def _of_row(
     """
     tag = None if "columns" in row else row["tag"]
     loops = _of_file(
-        path, tag, single=True, in_columns=not named and "file" not in row, **_merged(row, given)
+        path,
+        tag,
+        single=True,
+        in_columns=not named and "file" not in row,
+        **_merge_stated(row, given),
     )
-    return replace(_only(loops), tag=row["tag"])
+    return replace(_only_loop(loops), tag=row["tag"])
 
 
-def _only(loops: tuple[dict[str, LoopRecord], dict[str, RecordError]]) -> LoopRecord:
+def _only_loop(loops: tuple[dict[str, LoopRecord], dict[str, RecordError]]) -> LoopRecord:
     records, refused = loops
     if refused:
         raise next(iter(refused.values()))
@@ -322,7 +326,7 @@ def _names(files: Sequence[Path], titles: Sequence[str]) -> list[str]:
     return names
 
 
-def _merged(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+def _merge_stated(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a table of loops states about one, overridden by the caller."""
     both = {**row, **{k: v for k, v in given.items() if v is not None}}
     return {
@@ -348,7 +352,7 @@ def _of_file(
     where = str(path)
     if in_columns:
         given["in_columns"] = True
-    tables = _opened(path, chosen, tag)
+    tables = _open_tables(path, chosen, tag)
     return _of_tables(tables, where, tag, chosen, path.stem, single, **given)
 
 
@@ -457,7 +461,7 @@ class _Opened:
         return replace(self, sheet=replace(self.sheet, notes=[*self.sheet.notes]), parts=parts)
 
 
-def _opened(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str, _Opened]:
+def _open_tables(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str, _Opened]:
     """Return a file's table, of a workbook with several those of its sheets by name, or the one
     that a tag names.
     """
@@ -527,12 +531,12 @@ def _record(
             if numbered:
                 sentence = f"{where}: {len(numbered)} columns have no names; which of them, counted"
                 raise RecordError(
-                    f"{sentence} from 1, is which is needed", _named_by(numbered, names)
+                    f"{sentence} from 1, is which is needed", _option_naming(numbered, names)
                 )
             raise _with_ranges(no_column(role, roles, names, where), table)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen)]
     sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if parse(n).word != r]
-    read = _wide if table.parts is None else _long
+    read = _read_wide if table.parts is None else _read_long
     t, signals, modes, given = read(table, roles, chosen, Ts, how)
     if t.size < SHORTEST:
         raise RecordError(f"{where}: {t.size} samples; at least {SHORTEST} are needed")
@@ -546,7 +550,7 @@ def _record(
     if held is not None and automatic:
         t, signals, meta["automatic"] = _automatic(t, signals, held, sheet.notes)
         began = float(t[0])
-    series = {r: _known(t, x) for r, x in signals.items() if np.isfinite(x).any()}
+    series = {r: _known_samples(t, x) for r, x in signals.items() if np.isfinite(x).any()}
     if given is None and _on_change(t, series):
         t, signals, Ts, notes = hold(series, base_step(t), where)
         late = [r for r, x in signals.items() if not np.isfinite(x).all()]
@@ -572,7 +576,7 @@ def _record(
         manual = held[np.searchsorted(recorded, times) - 1] == MAN
         record = replace(record, meta={"manual": manual, **record.meta})
     return replace(
-        record, notes=(*record.notes, *open_span(record, where), *_outside(record, where))
+        record, notes=(*record.notes, *open_span(record, where), *_check_span(record, where))
     )
 
 
@@ -618,7 +622,7 @@ def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | N
     return modes[np.maximum.accumulate(np.where(modes != "", np.arange(modes.size), known[0]))]
 
 
-def _named_by(numbered: Mapping[str, Any], names: Sequence[str]) -> str:
+def _option_naming(numbered: Mapping[str, Any], names: Sequence[str]) -> str:
     """Return the option that says which columns without a name are signals, and which is the time
     where no other column is.
     """
@@ -652,7 +656,7 @@ def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, 
     return t[a:b], {role: x[a:b] for role, x in signals.items()}, 1.0 - share[MAN]
 
 
-def _outside(record: LoopRecord, where: str) -> list[str]:
+def _check_span(record: LoopRecord, where: str) -> list[str]:
     """Refuse a span that is another signal's; note how many samples of a signal lie outside its
     span.
     """
@@ -671,7 +675,7 @@ def _outside(record: LoopRecord, where: str) -> list[str]:
     return notes
 
 
-def _wide(
+def _read_wide(
     table: _Opened,
     roles: dict[str, str],
     chosen: Mapping[str, str],
@@ -732,13 +736,13 @@ def _wide(
         modes = None if modes is None else modes[::-1]
     if not apart and how is None:
         return t, signals, modes, None
-    series = {role: _known(t, x) for role, x in signals.items()}
-    times, signals, Ts = _together(series, Ts, where, sheet.notes, how)
+    series = {role: _known_samples(t, x) for role, x in signals.items()}
+    times, signals, Ts = _align_signals(series, Ts, where, sheet.notes, how)
     modes = modes if modes is None else last_known(times, t, modes, "")
     return times, signals, modes, Ts
 
 
-def _known(t: np.ndarray, x: np.ndarray) -> Series:
+def _known_samples(t: np.ndarray, x: np.ndarray) -> Series:
     """Return the samples that are known; of two at one time the later one holds."""
     known = np.isfinite(x)
     t = t[known]
@@ -772,26 +776,26 @@ def _join_dates(sheet: Sheet) -> None:
     ]
 
 
-def _long(
+def _read_long(
     table: _Opened,
     roles: dict[str, str],
     chosen: Mapping[str, str],
     Ts: float | None,
     how: str | None = None,
 ):
-    """Read a table whose signals have separate times, as `_wide` does another."""
+    """Read a table whose signals have separate times, as `_read_wide` does another."""
     parts = {role: (table.parts or {})[name] for role, name in roles.items()}
     where = table.where
     series = {role: read_series(part, role, where, chosen) for role, part in parts.items()}
     stored = series.pop(MODE, None)
     notes: list[str] = []
-    t, signals, given = _together(series, Ts, where, notes, how)
+    t, signals, given = _align_signals(series, Ts, where, notes, how)
     modes = None if stored is None else last_known(t, *stored, "")
     table.sheet.notes += [note for part in parts.values() for note in part.notes] + notes
     return t, signals, modes, given
 
 
-def _together(
+def _align_signals(
     series: Mapping[str, Series],
     Ts: float | None,
     where: str,

@@ -28,8 +28,8 @@ def unfold(sheet: Sheet, quality: str = "") -> dict[str, Sheet] | None:
     names = list(sheet.columns)
     columns = long_columns(names)
     if columns is not None and not {"pv", "op"} <= {parse(n).role for n in names}:
-        return _long(sheet, *columns, quality)
-    return _paired(sheet, quality)
+        return _split_by_tag(sheet, *columns, quality)
+    return _split_pairs(sheet, quality)
 
 
 def by_loop(sheet: Sheet) -> dict[str, Sheet]:
@@ -78,7 +78,9 @@ def read_series(
     return t[known & last], x[known & last]
 
 
-def _long(sheet: Sheet, time: str, tags: list[str], value: str, quality: str) -> dict[str, Sheet]:
+def _split_by_tag(
+    sheet: Sheet, time: str, tags: list[str], value: str, quality: str
+) -> dict[str, Sheet]:
     cells = [sheet.columns[name] for name in tags]
     tag_of_row = [str(v).strip() for v in cells[0]]
     if len(tags) > 1 and not {"pv", "op"} <= {parse(n).role for n in set(tag_of_row)}:
@@ -94,7 +96,7 @@ def _long(sheet: Sheet, time: str, tags: list[str], value: str, quality: str) ->
     }
 
 
-def _paired(sheet: Sheet, quality: str) -> dict[str, Sheet] | None:
+def _split_pairs(sheet: Sheet, quality: str) -> dict[str, Sheet] | None:
     """Take apart a table that has a column of times before every signal, as PI DataLink writes
     compressed data.
     """

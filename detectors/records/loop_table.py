@@ -44,10 +44,10 @@ def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
         raise RecordError(
             f"table of loops {path}: it has {has}; [[loop]] tables, one a tag, are needed"
         )
-    return [_checked(row, f"table of loops {path}, loop {i}") for i, row in enumerate(rows, 1)]
+    return [_check_row(row, f"table of loops {path}, loop {i}") for i, row in enumerate(rows, 1)]
 
 
-def _checked(row: dict[str, Any], where: str) -> dict[str, Any]:
+def _check_row(row: dict[str, Any], where: str) -> dict[str, Any]:
     for key, value in row.items():
         if key not in _KEYS:
             raise RecordError(f"{where}: unknown key {key!r}, {nearest(key, _KEYS)}")

@@ -97,7 +97,7 @@ def find_loops(
     names: Sequence[str], chosen: Mapping[str, str], where: str, tag: str | None = None
 ) -> dict[str, dict[str, str]]:
     """Return the loops that columns hold, by tag, each with the column of every signal."""
-    fixed = _chosen(names, chosen, where)
+    fixed = _columns_named(names, chosen, where)
     groups: dict[tuple[str, ...], dict[str, list[str]]] = {}
     for name in names:
         parsed = parse(name)
@@ -110,28 +110,28 @@ def find_loops(
         if loop and "op" not in signals and said["mv"] == ["mv"] and "sv" in said["sp"]:
             signals["op"] = signals.pop("mv")
     if {"pv", "op"} & set(fixed):
-        return {"": _one(names, groups, fixed, where, tag)}
+        return {"": _columns_of_one(names, groups, fixed, where, tag)}
     whole = {loop: signals for loop, signals in groups.items() if {"pv", "op"} <= set(signals)}
     if tag is not None:
-        whole = _tagged(whole, tag)
+        whole = _loops_of_tag(whole, tag)
         if not whole:
             asked = words_of(tag).split()
-            if not any(_within(asked, parse(n).loop) for n in names):
+            if not any(_is_within(asked, parse(n).loop) for n in names):
                 raise _no_loop(names, groups, tag, where)
-            groups = {loop: signals for loop, signals in groups.items() if _within(asked, loop)}
+            groups = {loop: signals for loop, signals in groups.items() if _is_within(asked, loop)}
     if len(whole) > 1:
-        loops = {_tag_of(k, v): _picked(v, {}, where) for k, v in whole.items()}
+        loops = {_tag_of(k, v): _pick_columns(v, {}, where) for k, v in whole.items()}
         if tag is not None:
             raise several_loops(loops, where)
         return loops
     loop, signals = next(iter(whole.items()), (None, {}))
     named = _tag_of(loop, signals) if loop else ""
-    return {named: _one(names, groups, fixed, where, tag, loop)}
+    return {named: _columns_of_one(names, groups, fixed, where, tag, loop)}
 
 
 def is_loop(name: str, tag: str) -> bool:
     """Whether a loop's name, which may be a path, holds the words of a tag."""
-    return _within(words_of(tag).split(), words_of(name).split())
+    return _is_within(words_of(tag).split(), words_of(name).split())
 
 
 def names_loops(names: Sequence[str]) -> bool:
@@ -139,7 +139,7 @@ def names_loops(names: Sequence[str]) -> bool:
     return any(parsed.loop for parsed in map(parse, names) if parsed.role is not None)
 
 
-def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict[str, str]:
+def _columns_named(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict[str, str]:
     """Return the columns that the caller names, checked; the time and quality are others'
     business.
     """
@@ -162,7 +162,7 @@ def _chosen(names: Sequence[str], chosen: Mapping[str, str], where: str) -> dict
     return roles
 
 
-def _picked(
+def _pick_columns(
     signals: Mapping[str, list[str]], fixed: Mapping[str, str], where: str
 ) -> dict[str, str]:
     """Return one column per signal of one loop: of the standard name, else of another."""
@@ -182,7 +182,7 @@ def _picked(
     return {role: roles[role] for role in (*SIGNALS, MODE) if role in roles}
 
 
-def _one(
+def _columns_of_one(
     names: Sequence[str],
     groups: Mapping[tuple[str, ...], dict[str, list[str]]],
     fixed: dict[str, str],
@@ -198,12 +198,12 @@ def _one(
         others = [n for signals in groups.values() for n in signals.get(role, [])]
         if loop:
             # FT101.PV, FV101.OUT and FIC101.SP are one loop; another number is another's
-            others = [n for n in others if not parse(n).loop or _alike(parse(n).loop, loop)]
+            others = [n for n in others if not parse(n).loop or _same_tag(parse(n).loop, loop)]
         if others and role not in mine:
             mine[role] = others
-    roles = _picked(mine, fixed, where)
+    roles = _pick_columns(mine, fixed, where)
     loops = {r: parse(roles[r]).loop for r in ("pv", "op") if r in roles and r not in fixed}
-    if len(loops) == 2 and all(loops.values()) and tag is None and not _alike(*loops.values()):
+    if len(loops) == 2 and all(loops.values()) and tag is None and not _same_tag(*loops.values()):
         raise RecordError(
             f"{where}: {roles['pv']} and {roles['op']} name two loops; which is PV and which OP is"
             " needed",
@@ -306,15 +306,15 @@ def tag_number(loop: Sequence[str]) -> str:
     return next((d for w in reversed(loop) if (d := "".join(filter(str.isdigit, w)))), "")
 
 
-def _alike(one: Sequence[str], other: Sequence[str]) -> bool:
+def _same_tag(one: Sequence[str], other: Sequence[str]) -> bool:
     return tuple(one) == tuple(other) or "" != tag_number(one) == tag_number(other)
 
 
-def _within(tag: Sequence[str], loop: Sequence[str]) -> bool:
+def _is_within(tag: Sequence[str], loop: Sequence[str]) -> bool:
     return f" {' '.join(tag)} " in f" {' '.join(loop)} "
 
 
-def _tagged(
+def _loops_of_tag(
     whole: Mapping[tuple[str, ...], dict[str, list[str]]], tag: str
 ) -> dict[tuple[str, ...], dict[str, list[str]]]:
     """Return the loops of exactly a tag, else those whose path ends with it, else holds it."""
@@ -322,7 +322,7 @@ def _tagged(
     for fits in (
         lambda loop: loop == asked,
         lambda loop: loop[-len(asked) :] == asked,
-        lambda loop: _within(asked, loop),
+        lambda loop: _is_within(asked, loop),
     ):
         if matches := {loop: signals for loop, signals in whole.items() if fits(loop)}:
             return matches

@@ -240,7 +240,7 @@ def _cell(value: object) -> str:
     return value.isoformat(sep=" ") if isinstance(value, datetime) else str(value)
 
 
-def _decoded(path: Path) -> tuple[str, list[str]]:
+def _decode(path: Path) -> tuple[str, list[str]]:
     """Return a file's text by the first encoding that all of it has, and the note on a guess."""
     try:
         data = path.read_bytes()
@@ -279,7 +279,7 @@ def _csv(path: Path, is_head: Callable[[Sequence[str]], bool], counted: bool) ->
     """Read text by the delimiter under which a line names the signals; pandas would guess it
     without a note, and fill up lines that are too short.
     """
-    text, notes = _decoded(path)
+    text, notes = _decode(path)
     lines = text.splitlines()
     first = lines[:_PREAMBLE]
     marks = [d for d in _DELIMITERS if any(d in line for line in first)]
@@ -392,7 +392,7 @@ def _table(
     if any(len(row) != len(names) for row in body):
         # of a column of times per tag, the shorter series have ended
         shorter = "" in names or any(name.endswith(".1") for name in names)
-        body = [_fitted(row, len(names), shorter) for row in body]
+        body = [_fit_row(row, len(names), shorter) for row in body]
     odd = next((i for i, row in enumerate(body) if len(row) != len(names)), None)
     if odd is not None:
         raise RecordError(
@@ -410,7 +410,7 @@ def _table(
     return Sheet(columns, lines, "", notes)
 
 
-def _fitted(row: list[str], size: int, shorter: bool) -> list[str]:
+def _fit_row(row: list[str], size: int, shorter: bool) -> list[str]:
     """Return a row without empty cells beyond its columns, and with those that have ended."""
     extra = row[size:] if not "".join(row[size:]).strip() else []
     row = row[: len(row) - len(extra)]

@@ -42,7 +42,7 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
     joined = scipy.cluster.hierarchy.DisjointSet(name for name, _ in swinging)
     for i, (a, one) in enumerate(swinging):
         for b, other in swinging[:i]:
-            if not joined.connected(a, b) and _together(one, other):
+            if not joined.connected(a, b) and _swing_together(one, other):
                 joined.merge(a, b)
     groups: dict[str, list[str]] = {}
     for name, _ in swinging:
@@ -50,7 +50,7 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
     return sorted((g for g in groups.values() if len(g) > 1), key=lambda g: -len(g))
 
 
-def _together(one: Prepared, other: Prepared) -> bool:
+def _swing_together(one: Prepared, other: Prepared) -> bool:
     periods = np.array([one.oscillation.period_s, other.oscillation.period_s])
     if abs(np.log(periods[0] / periods[1])) > _NEAR:
         return False

@@ -102,7 +102,7 @@ def as_text(
         lines += [
             *([opening(name, record, concluded.get(name, ()))] if record is not None else []),
             f"Methods: {sentence(verdicts)}{beside}.",
-            *_drawn(_table(counted), colour),
+            *_render(_table(counted), colour),
             _COLUMNS,
             *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)]),
         ]
@@ -119,7 +119,7 @@ def as_text(
             lines += [
                 f"Columns: {', '.join(methods)}.",
                 f"{_LEGEND} {_IN_DATA}",
-                *_drawn(_matrix(records), colour),
+                *_render(_matrix(records), colour),
             ]
         else:
             lines.append(f"What each method says: --why, or --csv FILE. {_IN_DATA}")
@@ -228,7 +228,7 @@ def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]
     return table
 
 
-def _drawn(table: Any, colour: bool) -> list[str]:
+def _render(table: Any, colour: bool) -> list[str]:
     from rich.console import Console
 
     out = io.StringIO()

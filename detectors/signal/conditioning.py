@@ -132,12 +132,12 @@ def smooth(
     from scipy.fft import idct
 
     return np.asarray(
-        idct((mirrored_spectrum(x) if waves is None else waves()) * _kept(x.size, shortest))
+        idct((mirrored_spectrum(x) if waves is None else waves()) * _taper(x.size, shortest))
     )
 
 
 @lru_cache(maxsize=16)
-def _kept(n: int, shortest: float) -> np.ndarray:
+def _taper(n: int, shortest: float) -> np.ndarray:
     """Return what smoothing leaves of each term of a mirrored spectrum."""
     ramp = np.clip((np.arange(n) / (2 * n) * shortest - 1.0) * 3.0, 0.0, 1.0)
     return 0.5 + 0.5 * np.cos(np.pi * ramp)

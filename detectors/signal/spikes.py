@@ -25,7 +25,7 @@ def find_spikes(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarra
         return none
     outliers: dict[int, float] = {}
     clean = np.asarray(x, dtype=float).copy()
-    usual = np.abs(clean - _around(clean).mean(axis=0))
+    usual = np.abs(clean - _neighbours(clean).mean(axis=0))
     floor = max(0.5 * unit, _ROUNDING * float(np.abs(x).max()))
     overall = max(1.4826 * median(usual), floor)
     if usual.max() <= _SPIKE * overall:
@@ -101,14 +101,14 @@ def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return how far each sample is off the line through its four neighbours, and how far these
     spread about it.
     """
-    around = _around(x)
+    around = _neighbours(x)
     at = np.array([-2.0, -1.0, 1.0, 2.0])[:, None]
     middle = around.mean(axis=0)
     slope = (at * around).sum(axis=0) / 10.0
     return x - middle, np.ptp(around - middle - slope * at, axis=0)
 
 
-def _around(x: np.ndarray) -> np.ndarray:
+def _neighbours(x: np.ndarray) -> np.ndarray:
     """The four neighbours of every sample, shape (4, n); reflected oddly, a slope goes on straight
     beyond the ends.
     """

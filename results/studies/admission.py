@@ -35,7 +35,7 @@ ALL = "all rules"
 # each rule, and what stands in its place when it is off
 RULES: dict[str, dict[str, Any]] = {
     "what any loop does by itself is no evidence": {
-        "simbench.gap.decide.assess._plain": lambda s, base, candidates: {}
+        "simbench.gap.decide.assess._effects_of_any_loop": lambda s, base, candidates: {}
     },
     "nothing is lacking where no effect is likely and the simulation is near": {
         "simbench.gap.decide.posterior.Posterior.enough": lambda self: self

@@ -158,16 +158,16 @@ def _sources(manifest: Mapping, valves: list[str]) -> Iterator[tuple[str, str]]:
     """Yield what a run used, in words, with the source that its file states."""
     for name, about in manifest["methods"].items():
         if name in registry.every_name():
-            yield f"method {name}", _stated(registry, name)
+            yield f"method {name}", _source_in_file(registry, name)
         elif name != ORACLE:  # of a plug-in the run keeps what its file states
             yield f"method {name}", about.get("source") or "plug-in, file not given"
     for name in valves:
-        source = _stated(VALVES, name)
+        source = _source_in_file(VALVES, name)
         if not source.startswith(_DEFINITION):
             yield f"valve {name}", source
 
 
-def _stated(folder: PluginFolder, name: str) -> str:
+def _source_in_file(folder: PluginFolder, name: str) -> str:
     """Return the source that a plug-in's file states: of a detector the last paragraph that begins
     with it, which is longer than the line that tables show.
     """
@@ -200,9 +200,9 @@ def _mark(entry: _Entry) -> tuple[tuple[str, ...], str, str]:
 
 
 def _text(key: str, kind: str, fields: Mapping[str, str]) -> str:
-    lines = (f"  {name} = {{{_escaped(value)}}}" for name, value in fields.items())
+    lines = (f"  {name} = {{{_escape_latex(value)}}}" for name, value in fields.items())
     return f"@{kind}{{{key},\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _escaped(text: str) -> str:
+def _escape_latex(text: str) -> str:
     return re.sub(r"([&%#_$])", r"\\\1", text)

@@ -153,7 +153,9 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     n = int((~positive).sum())
     if min(m, n) < 2:
         return 1.0
-    change = [a - b for a, b in zip(*(_placements(_ranked(s), positive) for s in (before, now)))]
+    change = [
+        a - b for a, b in zip(*(_placements(_nan_lowest(s), positive) for s in (before, now)))
+    ]
     drop = change[0].mean()
     variance = np.var(change[0], ddof=1) / m + np.var(change[1], ddof=1) / n
     if variance == 0.0:
@@ -202,14 +204,14 @@ def mean_ranks(
     return _Ranking(mean, p, apart)
 
 
-def _ranked(score: ArrayLike) -> np.ndarray:
+def _nan_lowest(score: ArrayLike) -> np.ndarray:
     s = np.asarray(score, dtype=float)
     return np.where(np.isnan(s), -np.inf, s)
 
 
 def _auc_variance(score: ArrayLike, positive: np.ndarray) -> tuple[float, float]:
     places = np.asarray(score)
-    places = places if places.dtype.kind == "i" else dense_ranks(_ranked(score))
+    places = places if places.dtype.kind == "i" else dense_ranks(_nan_lowest(score))
     ups, downs = class_counts(places, positive)
     m = int(ups.sum())
     n = int(downs.sum())

@@ -68,10 +68,10 @@ def list_(
     if what not in kinds:
         raise ParameterError(f"nothing to list under {what!r}: {nearest(what, kinds)}")
     rows = thresholds.rows() if what == "thresholds" else catalogue(what)
-    show(rows if as_json else "\n".join(_listed(rows)), as_json)
+    show(rows if as_json else "\n".join(_lines_of(rows)), as_json)
 
 
-def _listed(rows: list[dict[str, Any]]) -> list[str]:
+def _lines_of(rows: list[dict[str, Any]]) -> list[str]:
     """Return a line per row, of grids under a head and with their AUC."""
     lines = [(r["name"], f"{r['says']} [{r['source']}]") for r in rows]
     if any("told_from_recorded" in r for r in rows):

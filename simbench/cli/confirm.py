@@ -59,7 +59,7 @@ def gain_change(
     not change. Which of them it is like is told by simulations of the loop. Kc is the controller
     gain, OP the controller output.
     """
-    _one_of("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
+    _need_one("confirm gain-change", loop, "--records BEFORE.csv AFTER.csv", records)
     refuse_picture(picture, loop, *(records or ()))
     read: list[LoopRecord] = []
     if loop is None:
@@ -75,7 +75,7 @@ def gain_change(
 
         with naming(loop):
             result = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
-    _confirmed(result, picture, as_json)
+    _show_outcome(result, picture, as_json)
     say_assumed(read, as_json)
 
 
@@ -101,7 +101,7 @@ def travel(
     stick band S (after a reversal), and grades gain, noise, hysteresis and stiction by Table 11.1
     of the book chapter that simbench implements.
     """
-    _one_of("confirm travel", loop, "--record REC.csv", record)
+    _need_one("confirm travel", loop, "--record REC.csv", record)
     refuse_picture(picture, loop, record)
     read: list[LoopRecord] = []
     if loop is None:
@@ -117,16 +117,16 @@ def travel(
 
         with naming(loop):
             result = graded_test(load_loop(loop))
-    _confirmed(result, picture, as_json)
+    _show_outcome(result, picture, as_json)
     say_assumed(read, as_json)
 
 
-def _one_of(verb: str, loop: Path | None, option: str, other: Any) -> None:
+def _need_one(verb: str, loop: Path | None, option: str, other: Any) -> None:
     if (loop is None) == (other is None):
         raise ParameterError(f"{verb} needs either a loop file, or {option}")
 
 
-def _confirmed(result: Any, picture: Path | None, as_json: bool) -> None:
+def _show_outcome(result: Any, picture: Path | None, as_json: bool) -> None:
     if picture is not None:
         from simbench.figures._style import write_picture
 

@@ -72,17 +72,17 @@ def grade(loop: Loop, test: TravelTest | None = None) -> list[_Grade]:
     last = int(np.flatnonzero(test.phase == 0)[-1])
     return [
         _gain(loop, test, rest, last),
-        _graded(
+        _grade(
             NOISE,
             float(_SIGMAS * test.trace.pv[rest // 2 : rest].std()),
             f"{_SIGMAS:g} standard deviations of PV while OP rests",
         ),
-        _graded(
+        _grade(
             HYSTERESIS,
             _hysteresis(loop),
             "separation of full strokes up and down, less the dead-band",
         ),
-        _graded(
+        _grade(
             STICTION_LIMIT,
             test.J,
             f"small steps of {test.increment:g} % until PV moves" if test.J else test.reason,
@@ -126,22 +126,22 @@ class _GradedTest:
         return self.test.plot()
 
 
-def _graded(limit: _Limit, value: float | None, reason: str) -> _Grade:
+def _grade(limit: _Limit, value: float | None, reason: str) -> _Grade:
     acceptable = None if value is None else limit.low <= value <= limit.high
     return _Grade(limit.parameter, value, limit.ideal, limit.practical, acceptable, reason)
 
 
 def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
     if loop.plant.integrating:
-        return _graded(GAIN_LIMIT, None, "an integrating process has no gain at rest")
+        return _grade(GAIN_LIMIT, None, "an integrating process has no gain at rest")
     if test.same_direction is None and test.reversed is None:
-        return _graded(GAIN_LIMIT, None, test.reason)
+        return _grade(GAIN_LIMIT, None, test.reason)
     # the last two levels of the big steps: the valve moved between them, or it moved from rest
     op = test.trace.op
     pv = test.trace.pv
     few = min(6, rest)
     moved = pv[last - few + 1 : last + 1].mean() - pv[rest - few : rest].mean()
-    return _graded(
+    return _grade(
         GAIN_LIMIT, float(abs(moved / (op[last] - op[0]))), "PV over OP across the big steps"
     )
 

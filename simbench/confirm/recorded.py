@@ -182,7 +182,7 @@ def _bands(one: _Readings) -> _Bands:
         for S in sizes for J in jumps[jumps <= _MOST_J * S]
         for side in (-1.0, 1.0) for begun in _BEGUN
     ])  # fmt: skip
-    parts = [_fitted(one, part) for part in np.array_split(valves, len(valves) // _AT_ONCE + 1)]
+    parts = [_fit_valves(one, part) for part in np.array_split(valves, len(valves) // _AT_ONCE + 1)]
     left, lost, sure = (np.concatenate([part[k] for part in parts]) for k in range(3))
     S = valves[:, 0]
     # motion is lost between nothing and S, but for what noise makes of it
@@ -194,16 +194,16 @@ def _bands(one: _Readings) -> _Bands:
     S_of = float(S[kept].min()) / apart, float(S[kept].max()) * apart
     lost_of = float((lost - sure)[kept].min()), float((lost + sure)[kept].max())
     J_of = max(S_of[0] - lost_of[1], 0.0), min(max(S_of[1] - lost_of[0], 0.0), S_of[1])
-    moved = _moved(one.op, valves[best : best + 1])[1][:, 0]
+    moved = _last_moves(one.op, valves[best : best + 1])[1][:, 0]
     return _Bands(S_of, J_of, moved)
 
 
-def _fitted(one: _Readings, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _fit_valves(one: _Readings, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return of valves (p, 4), S, J, last direction and how far OP had gone on, the squares that
     level, gain and lost motion leave of the readings, the lost motion (%), and three of its
     standard errors.
     """
-    at, side = _moved(one.op, valves)
+    at, side = _last_moves(one.op, valves)
     X = np.stack([np.ones_like(at), at - one.op.mean(), side], axis=2)[1:]
     seen = one.seen[1:]
     A = np.einsum("npq,npr->pqr", X, X)
@@ -217,7 +217,7 @@ def _fitted(one: _Readings, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return left, -2.0 * weights[:, 2] / gain, sure
 
 
-def _moved(op: np.ndarray, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _last_moves(op: np.ndarray, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return OP (%) at which each valve last moved, and the direction, in every hold (n, p)."""
     S, J, side, begun = valves.T
     at = op[0] - side * begun * S

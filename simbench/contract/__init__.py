@@ -63,7 +63,7 @@ def check_file(path: str | Path) -> Contract:
     if kind == "grid":
         return check_grid(path)
     rules = CONTRACTS[kind]
-    defined = _defined(path)
+    defined = _top_names(path)
     missing = [name for name in rules.folder.required if name not in defined]
     if missing:
         return Contract(
@@ -96,7 +96,7 @@ def kind_of(path: str | Path) -> str:
     path = Path(path)
     if path.suffix == ".toml":
         return "grid"
-    defined = _defined(path)
+    defined = _top_names(path)
     kind = max(CONTRACTS, key=lambda k: _share(CONTRACTS[k].folder, defined))
     if _share(CONTRACTS[kind].folder, defined) < 0.5:
         needs = "; ".join(f"a {k} {', '.join(r.folder.required)}" for k, r in CONTRACTS.items())
@@ -108,7 +108,7 @@ def _share(folder: PluginFolder, defined: set[str]) -> float:
     return sum(name in defined for name in folder.required) / len(folder.required)
 
 
-def _defined(path: Path) -> set[str]:
+def _top_names(path: Path) -> set[str]:
     """Return the names a Python file defines at its top, without importing it."""
     try:
         tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -56,7 +56,7 @@ def _description(name: str, module: ModuleType) -> Iterator[str]:
             yield f"parameter {key} has no range: {rule.low:g} to {rule.high:g}"
 
 
-def _inside(rule: Number | Choice, share: float) -> float | str:
+def _value_inside(rule: Number | Choice, share: float) -> float | str:
     """Return a value of a parameter, so far into its range."""
     if isinstance(rule, Choice):
         return rule.names[-1]
@@ -74,7 +74,7 @@ def _loop(kind: str, name: str, parameters: dict[str, Any]) -> Loop:
     return Loop.from_table({**_LOOP, kind: {key: name, **parameters, **delay}})
 
 
-def _accepted(kind: str, name: str, module: ModuleType) -> tuple[dict[str, Any], str]:
+def _accepted_parameters(kind: str, name: str, module: ModuleType) -> tuple[dict[str, Any], str]:
     """Return parameters that the part takes (of an effect all, of others those without a default,
     and S and J), and why it refused the last ones where it takes none.
     """
@@ -87,7 +87,7 @@ def _accepted(kind: str, name: str, module: ModuleType) -> tuple[dict[str, Any],
     # one parameter may have to be below the next, or above it
     for first, last in product(_SHARES, repeat=2):
         shares = np.linspace(first, last, len(wanted)).tolist()
-        table = {key: _inside(wanted[key], s) for key, s in zip(wanted, shares, strict=True)}
+        table = {key: _value_inside(wanted[key], s) for key, s in zip(wanted, shares, strict=True)}
         try:
             resolve_loop(_loop(kind, name, table), 1)
             return table, ""
@@ -97,7 +97,7 @@ def _accepted(kind: str, name: str, module: ModuleType) -> tuple[dict[str, Any],
 
 
 def _takes_its_ranges(kind: str, name: str, module: ModuleType) -> Iterator[str]:
-    answer = call_guarded(partial(_accepted, kind, name, module))
+    answer = call_guarded(partial(_accepted_parameters, kind, name, module))
     if faults := answer.unanswered():
         yield from faults
     elif answer.value[1]:
@@ -106,7 +106,7 @@ def _takes_its_ranges(kind: str, name: str, module: ModuleType) -> Iterator[str]
 
 def _runs(kind: str, name: str, module: ModuleType, case: object) -> Iterator[str]:
     """Simulate the same loop twice: the signals are finite and have the same bits."""
-    loop = _loop(kind, name, _accepted(kind, name, module)[0])
+    loop = _loop(kind, name, _accepted_parameters(kind, name, module)[0])
     records = []
     for _ in range(2):
         answer = call_guarded(lambda: simulate(loop, seed=3).record)
@@ -121,7 +121,7 @@ def _runs(kind: str, name: str, module: ModuleType, case: object) -> Iterator[st
 
 def _refuses(kind: str, name: str, module: ModuleType, case: object) -> Iterator[str]:
     """Ask for values beyond each range, and for a parameter that there is not."""
-    table = _accepted(kind, name, module)[0]
+    table = _accepted_parameters(kind, name, module)[0]
     wrong: dict[str, Any] = {"no_such_parameter": 1.0}
     for key, rule in module.PARAMETERS.items():
         if isinstance(rule, Choice):
@@ -147,7 +147,7 @@ def _states_its_band(name: str, module: ModuleType, case: object) -> Iterator[st
                 " for"
             )
         return
-    table = _accepted("valve", name, module)[0]
+    table = _accepted_parameters("valve", name, module)[0]
     answer = call_guarded(lambda: module.mapped_SJ(valve_parameters(module, table, 1.0)))
     value = answer.value
     if answer.faults or not isinstance(value, tuple) or len(value) != 2:

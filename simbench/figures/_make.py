@@ -127,7 +127,7 @@ def make_figures(
             refuse_numbers(name, numbers)
     if not all(_lacking(name, given) for name in wanted):
         remove_stale_temporaries(folder(out))
-    return [_one(name, Path(out), given, numbers) for name in wanted]
+    return [_make_one(name, Path(out), given, numbers) for name in wanted]
 
 
 def figure(
@@ -171,7 +171,7 @@ def figure(
     if lacking := _lacking(name, given):
         raise ParameterError(where_from(Drawn(name, left_out=lacking)))
     refuse_numbers(name, numbers)
-    return _drawn(name, given, numbers)[1]
+    return _draw_figure(name, given, numbers)[1]
 
 
 def refuse_numbers(name: str, numbers: Mapping[str, float]) -> None:
@@ -269,7 +269,7 @@ def _no_records(isdb: Path) -> str:
     return "" if readable else "holds no records"
 
 
-def _one(
+def _make_one(
     name: str,
     target: Path,
     given: Mapping[str, str | Path | None],
@@ -280,7 +280,7 @@ def _one(
     if lacking := _lacking(name, given):
         return Drawn(name, left_out=lacking)
     try:
-        table, picture, told = _drawn(name, given, numbers)
+        table, picture, told = _draw_figure(name, given, numbers)
     except NeedsRecord as error:
         return Drawn(name, left_out=str(error))
     stem = "-".join([name, *(f"{key}-{value:g}" for key, value in (numbers or {}).items())])
@@ -291,7 +291,7 @@ def _one(
     return Drawn(name, files, caption=caption(name, told))
 
 
-def _drawn(
+def _draw_figure(
     name: str, given: Mapping[str, str | Path | None], numbers: Mapping[str, float] | None
 ) -> tuple[pd.DataFrame, Figure, str]:
     """Return a figure's table, its picture, on which the loops' numbers stand, and what was changed

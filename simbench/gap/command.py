@@ -109,8 +109,8 @@ def diagnose_files(
     if wanted.picture is not None:
         picture_kind(wanted.picture)
     loop = None if baseline is None else read_baseline(baseline)
-    read = [_read(path, window, about) for path in records]
-    ordinary = [_read(path, None, about) for path in healthy]
+    read = [_read_window(path, window, about) for path in records]
+    ordinary = [_read_window(path, None, about) for path in healthy]
     stated = loop.loop if isinstance(loop, Partial) else loop
     recorded_tests = [] if stated is None else [read_test(t, stated, **about) for t in tests]
     source = read if len(read) > 1 else read[0]
@@ -143,7 +143,9 @@ def diagnose_files(
                 "test": list(tests),
                 "healthy": list(healthy),
             }
-            write_page(report, wanted.html, _again(report, records, baseline, options), told)
+            write_page(
+                report, wanted.html, _commands_to_repeat(report, records, baseline, options), told
+            )
     return report
 
 
@@ -218,7 +220,9 @@ def effects_known(files: Iterable[str | Path]) -> Iterator[None]:
         yield
 
 
-def _read(path: str | Path, window: tuple[int, int] | None, about: Mapping[str, Any]) -> LoopRecord:
+def _read_window(
+    path: str | Path, window: tuple[int, int] | None, about: Mapping[str, Any]
+) -> LoopRecord:
     record = _cut(read_record(path, automatic=False, **about), window, path)
     if record.op_share:
         raise RecordError(
@@ -271,7 +275,7 @@ def _head(report: GapReport, records: list[str], baseline: str | Path | None) ->
     return "".join(f"# {printable(' '.join(line.split()))}\n" for line in lines) + "\n"
 
 
-def _again(
+def _commands_to_repeat(
     report: GapReport,
     records: Sequence[str | Path],
     baseline: str | Path | None,

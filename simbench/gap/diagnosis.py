@@ -135,7 +135,7 @@ def diagnose(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and"
             f" {paces[-1]:g} s in another"
         )
-    loop = _read(baseline)
+    loop = _read_loop(baseline)
     return diagnose_all(records, loop, tests, jobs, seed, [as_record(one) for one in healthy])
 
 
@@ -206,10 +206,10 @@ def conclude(
     records = _records(record, signals)
     if loop is None and len(records) == 1:
         return judged(records[0])[0]
-    return diagnose_all(records, _read(loop), tests).conclusion
+    return diagnose_all(records, _read_loop(loop), tests).conclusion
 
 
-def _read(loop: Loop | Partial | str | Path | None) -> Loop | Partial | None:
+def _read_loop(loop: Loop | Partial | str | Path | None) -> Loop | Partial | None:
     """Return a loop, read from its file where a path is given."""
     return read_baseline(loop) if isinstance(loop, (str, Path)) else loop
 
@@ -447,7 +447,7 @@ def _beside_simulations(
     if not known and _needs_none(weights, main):
         weights = weights.enough()
         main = runs.shrink([e for e in name_effects(weights, assessment) if e in EFFECTS])
-    if not known and _unexplained(weights, main):
+    if not known and _lacks_unknown(weights, main):
         far = remaining(assessment.situation, main.features)
         block = far[0].block if far else "disturbance"
         weights = weights.far(main.after / (NEAR * main.plant_floor), block)
@@ -472,7 +472,7 @@ def _with_gap(assessment: Assessment, weights: Posterior, runs: ClosedLoops) -> 
     return weights if apart is None else weights.parted(apart)
 
 
-def _unexplained(weights: Posterior, main: Shrinkage) -> bool:
+def _lacks_unknown(weights: Posterior, main: Shrinkage) -> bool:
     """Return whether something unknown is lacking: nothing is likelier than not, and the simulation
     stays far from the record, or the likeliest is friction that is denied.
     """

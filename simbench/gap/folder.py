@@ -66,10 +66,10 @@ class FolderDiagnosis:
         """
         from simbench.gap.report.folder_page import write_folder_page
 
-        said = [self._counted(), *self._nearness(), *self._remains()]
+        said = [self._count_effects(), *self._nearness(), *self._remains()]
         write_folder_page(self.answers, said, self.refused, path)
 
-    def _counted(self) -> str:
+    def _count_effects(self) -> str:
         named = ", ".join(f"{words(effect)} {n}" for effect, n in self.counts().items())
         return f"Records in which each effect was named: {named or 'none was diagnosed'}."
 
@@ -116,7 +116,7 @@ class FolderDiagnosis:
             rows.append((name, words(a["effect"]), a["block"], p, *sizes, near, WORDS[valve]))
         return "\n".join(
             [
-                self._counted(),
+                self._count_effects(),
                 *self._nearness(),
                 *(["", *columns([_HEAD, *rows])] if rows else []),
                 *self._remains(),
@@ -210,9 +210,10 @@ def diagnose_folder(
         places |= dict.fromkeys(found, Path(place))
     shared = None if baseline is None else read_baseline(baseline)
     asked = {
-        name: shared or (None if identify else _beside(places[name], name)) for name in records
+        name: shared or (None if identify else _baseline_beside(places[name], name))
+        for name in records
     }
-    calls = [delayed(_one)(records[name], loop) for name, loop in asked.items()]
+    calls = [delayed(_diagnose_one)(records[name], loop) for name, loop in asked.items()]
     answers = dict(zip(asked, run_parallel(calls, jobs, "diagnosed"), strict=True))
     failed = {name: one.reason for name, one in answers.items() if isinstance(one, Refusal)}
     return FolderDiagnosis(
@@ -221,12 +222,12 @@ def diagnose_folder(
     )
 
 
-def _beside(folder: Path, name: str) -> Loop | Partial | None:
+def _baseline_beside(folder: Path, name: str) -> Loop | Partial | None:
     file = folder / f"{name}.toml"
     return read_baseline(file) if file.is_file() else None
 
 
-def _one(record: LoopRecord, loop: Loop | Partial | None) -> dict[str, Any] | Refusal:
+def _diagnose_one(record: LoopRecord, loop: Loop | Partial | None) -> dict[str, Any] | Refusal:
     """Return the JSON of a diagnosis, or why there is none: the other records are answered."""
     try:
         return diagnose(record, loop).as_json()

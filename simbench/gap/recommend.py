@@ -97,10 +97,10 @@ def plan_of(report: GapReport, limits: Limits) -> PlannedTests:
     probability = {r.effect: r.probability for r in report.ranking}
     with one_thread():
         planned = order.plan(report.behind.found, probability, report.behind.loops, limits)
-    return replace(planned, far=_far(report, probability))
+    return replace(planned, far=_ask_first(report, probability))
 
 
-def _far(report: GapReport, probability: Mapping[str, float]) -> str:
+def _ask_first(report: GapReport, probability: Mapping[str, float]) -> str:
     """Return what is to be known first where no known effect brings the model near the record."""
     gap = report.gap
     if gap.near:

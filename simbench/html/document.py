@@ -125,10 +125,10 @@ def write(
 
 def as_html(parts: Sequence[Part], name: str) -> Markup:
     """Return the parts of a section as HTML; `name` begins the ids of what its pictures hold."""
-    return Markup().join(_drawn(part, f"{name}-{i}") for i, part in enumerate(parts))
+    return Markup().join(_render_part(part, f"{name}-{i}") for i, part in enumerate(parts))
 
 
-def _drawn(part: Part, name: str) -> Markup:
+def _render_part(part: Part, name: str) -> Markup:
     values: dict[str, Any] = dict(vars(part))
     if isinstance(part, Table):
         values = {"table": sortable(part.frame, part.formats, part.long, part.beside)}

@@ -16,14 +16,14 @@ def _environment() -> Environment:
     return Environment(
         loader=PackageLoader("simbench.html", "templates"),
         autoescape=True,
-        finalize=_shown,
+        finalize=_escape_hidden,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
 
 
-def _shown(value: Any) -> Any:
+def _escape_hidden(value: Any) -> Any:
     """Escape what a browser would not show of a text that is not yet a part of a page."""
     plain = isinstance(value, (str, PurePath)) and not isinstance(value, Markup)
     return printable(value, "\n\t") if plain and not str(value).isprintable() else value

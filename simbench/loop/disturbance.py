@@ -210,12 +210,12 @@ def disturbance_signal(
     if part.name not in DISTURBANCES:
         raise UnknownName("disturbance", part.name, PARAMETERS)
     p = resolve(PARAMETERS[part.name], part.parameters, f"disturbance {part.name!r}")
-    draw = _drawn if total <= _KEPT else _drawn.__wrapped__
+    draw = _draw_signal if total <= _KEPT else _draw_signal.__wrapped__
     return _AT[int(p.at)], draw(part.name, p, total, Ts, stream)
 
 
 @lru_cache(maxsize=16)  # a loop, its tails and its twin see the same
-def _drawn(name: str, p: Any, total: int, Ts: float, stream: tuple[int, ...]) -> np.ndarray:
+def _draw_signal(name: str, p: Any, total: int, Ts: float, stream: tuple[int, ...]) -> np.ndarray:
     t = np.arange(total) * Ts - p.start
     signal = np.where(t >= 0, DISTURBANCES[name](t, Ts, p, np.random.default_rng(stream)), 0.0)
     signal.flags.writeable = False

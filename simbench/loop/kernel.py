@@ -157,7 +157,7 @@ def compiled(
     a module of its own whose name carries the hash of every source that takes part: an edited valve
     never meets an old kernel.
     """
-    return _compiled(tuple(sorted(steps.items())), stages, classes)
+    return _compile(tuple(sorted(steps.items())), stages, classes)
 
 
 # what a compiled step may find among the names of its module
@@ -213,7 +213,7 @@ def runs_plainly(step: FunctionType) -> str:
 
 
 @lru_cache(maxsize=256)
-def _compiled(steps, stages, classes):
+def _compile(steps, stages, classes):
     loop = _loop_of(dict(steps))
     text = (
         f"@njit({_UNCALLED})\n{naming(classes)}\n\n@njit({_UNCALLED})\n{valve_chain(len(stages))}\n\n"

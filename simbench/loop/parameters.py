@@ -95,7 +95,7 @@ class Number:
         if type(value) is float and self.low < value < self.high and -LARGEST <= value <= LARGEST:
             return value  # nearly always
         unit = f" ({self.unit})" if self.unit else ""
-        allowed = f"it must be {self._allowed()}{unit}"
+        allowed = f"it must be {self._allowed_range()}{unit}"
         if isinstance(value, bool) or not hasattr(value, "__float__"):
             raise ParameterError(f"{where}: {name} = {value!r} is no number, {allowed}")
         try:
@@ -115,7 +115,7 @@ class Number:
             raise ParameterError(f"{where}: {name} = {number:g} is out of range, {allowed}")
         return number
 
-    def _allowed(self) -> str:
+    def _allowed_range(self) -> str:
         if math.isinf(self.low) and math.isinf(self.high):
             return f"within +-{LARGEST:g}"
         if math.isinf(self.high):

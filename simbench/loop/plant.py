@@ -181,13 +181,15 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
         raise ParameterError(f"plant: Td = {Td} s; a number >= 0 is needed")
     if not (np.isfinite(Ts) and Ts > 0):
         raise ParameterError(f"sampling: Ts = {Ts} s; a number above 0 is needed")
-    return _sampled(tuple(num.tolist()), tuple(den.tolist()), float(Td), float(Ts))
+    return _sample_polynomials(tuple(num.tolist()), tuple(den.tolist()), float(Td), float(Ts))
 
 
 @lru_cache(maxsize=64)  # a loop is run with several seeds, and with and without its loads
-def _sampled(num: tuple[float, ...], den: tuple[float, ...], Td: float, Ts: float) -> SampledPlant:
+def _sample_polynomials(
+    num: tuple[float, ...], den: tuple[float, ...], Td: float, Ts: float
+) -> SampledPlant:
     A, B, C = _state_space(np.array(num), np.array(den))
-    delay, old = _split(Td, Ts)
+    delay, old = _split_dead_time(Td, Ts)
     if len(A) == 1:
         a = float(A[0, 0])
         b = float(B[0])
@@ -201,7 +203,7 @@ def _sampled(num: tuple[float, ...], den: tuple[float, ...], Td: float, Ts: floa
     return SampledPlant(whole, times(late, early), B_new, C, delay)
 
 
-def _split(Td: float, Ts: float) -> tuple[int, float]:
+def _split_dead_time(Td: float, Ts: float) -> tuple[int, float]:
     """Whole samples of dead time, and the length of the older input's part of a sample (s)."""
     delay = math.floor(Td / Ts + 1e-9)
     old = max(Td - delay * Ts, 0.0)
@@ -210,7 +212,7 @@ def _split(Td: float, Ts: float) -> tuple[int, float]:
 
 def whole_delay(Td: float, Ts: float) -> int:
     """Return the whole samples of a dead time."""
-    return _split(Td, Ts)[0]
+    return _split_dead_time(Td, Ts)[0]
 
 
 def _answer(a: float, b: float, h: float) -> float:

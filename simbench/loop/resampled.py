@@ -83,11 +83,11 @@ def _column(values: Any, name: str, where: str) -> np.ndarray:
 def _denominator(law: Any, where: str) -> np.ndarray:
     """Return the denominator of a filter, its first number 1."""
     try:
-        return _checked(tuple(law))
+        return _check_law(tuple(law))
     except (TypeError, ValueError) as error:
         raise ParameterError(f"{where}: filter: {error}") from None
 
 
 @lru_cache(maxsize=16)  # a loop is run with several seeds
-def _checked(law: tuple[float, ...]) -> np.ndarray:
+def _check_law(law: tuple[float, ...]) -> np.ndarray:
     return checked_sampled([1.0], [*law], 0)[1]

@@ -176,7 +176,7 @@ def signals_of(
     moves[0] += kick
     outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
     if outer is not None:
-        return _cascaded(
+        return _run_cascade(
             setup, parts, outer, lags, moves, plain, (w, x, c, tuple(v), s, op, measured, mv)
         )
     make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled
@@ -207,12 +207,12 @@ def as_archived(
     did so.
     """
     return (
-        _kept(op, archive.op_step, archive.op_held),
-        _kept(pv, archive.pv_step, archive.pv_held),
+        _archive_signal(op, archive.op_step, archive.op_held),
+        _archive_signal(pv, archive.pv_step, archive.pv_held),
     )
 
 
-def _kept(x: np.ndarray, step: float, held: tuple[int, ...] | None) -> np.ndarray:
+def _archive_signal(x: np.ndarray, step: float, held: tuple[int, ...] | None) -> np.ndarray:
     """Return a signal in steps, repeating its last value where `held` is 1."""
     if step > 0.0:
         x = step * np.round(x / step)
@@ -222,7 +222,7 @@ def _kept(x: np.ndarray, step: float, held: tuple[int, ...] | None) -> np.ndarra
     return x[np.maximum.accumulate(np.where(rests, 0, np.arange(x.size)))]
 
 
-def _cascaded(
+def _run_cascade(
     setup: Setup,
     parts: Parts,
     outer: Parts,

@@ -60,17 +60,17 @@ def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
         half_cycles(loop), key=lambda h: float(without_last_bits(np.array(h.multiplier)))
     )
     for half in halves:
-        cycle = settled(loop, _rounded(on_half_cycle(loop, half)), half.multiplier)
+        cycle = settled(loop, _round_state(on_half_cycle(loop, half)), half.multiplier)
         if cycle is not None:
             return cycle
     for size in _LOAD_STEPS:
-        cycle = settled(loop, _rounded(after_load_step(loop, size * loop.fs)), None)
+        cycle = settled(loop, _round_state(after_load_step(loop, size * loop.fs)), None)
         if cycle is not None:
             return cycle
     return None
 
 
-def _rounded(state: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple:
+def _round_state(state: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple:
     """Return a state to march from: its last bits would grow to another cycle."""
     return tuple(without_last_bits(part) for part in state)
 

@@ -102,7 +102,7 @@ def _with_moving_samples(
     while 2 ** len(powers) <= 2 * lows[-1] + 4:
         powers.append(powers[-1] @ powers[-1])
     for low in lows.tolist():
-        at, z, Y = _solved(head, T, powers, loop.fs, (low, low + 1))
+        at, z, Y = _solve(head, T, powers, loop.fs, (low, low + 1))
         part = at[0] / (at[0] - at[1])
         state = z[0] + part * (z[1] - z[0])
         n = float(loop.delay + 2 + low + part)
@@ -112,7 +112,7 @@ def _with_moving_samples(
         )
 
 
-def _solved(
+def _solve(
     head, T, powers, fs: float, q: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the residual, z and Y for whole numbers `q` of samples after the head."""
@@ -144,7 +144,7 @@ def _sign_changes(head, T, fs, waits):
     while 2**depth <= 2 * waits[-1] + 4:
         depth += 1
     powers = np.empty((depth, c, c))
-    _copied(T, powers[0])
+    _copy(T, powers[0])
     for i in range(1, depth):
         _product(powers[i - 1], powers[i - 1], powers[i])
     Y = np.empty((c, c + 1))
@@ -172,17 +172,17 @@ def _sign_changes(head, T, fs, waits):
 
 @njit_cached
 def _residual(head, T, powers, fs, q, Y, other, rows):
-    """Return the residual as `_solved` does, to rounding; NaN where there is no cycle of this
+    """Return the residual as `_solve` does, to rounding; NaN where there is no cycle of this
     length.
     """
     c = len(head)
-    _copied(head, Y)
+    _copy(head, Y)
     for bit in range(len(powers)):
         if (q >> bit) & 1 == 1:
             _product(powers[bit], Y, other)
-            _copied(other, Y)
+            _copy(other, Y)
     _product(T, Y, other)
-    _copied(Y, rows)
+    _copy(Y, rows)
     for i in range(c - 1):
         rows[i, i] += 1.0
     for j in range(c + 1):
@@ -213,7 +213,7 @@ def _residual(head, T, powers, fs, q, Y, other, rows):
 
 
 @njit_cached
-def _copied(source, target):
+def _copy(source, target):
     """Fill an array (m, n) with another one."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):

@@ -223,11 +223,11 @@ def trust(
         near = loop_of(report, record)
     except UserError as why:
         return Trust(report.conclusion, _rows(verdicts), 0, str(why), record)
-    scores, sizes = _run(near, record.tag or "the record", names, own, repeats, seed, jobs)
-    return _weighed(report.conclusion, record, verdicts, scores, sizes)
+    scores, sizes = _score_copies(near, record.tag or "the record", names, own, repeats, seed, jobs)
+    return _weigh_answer(report.conclusion, record, verdicts, scores, sizes)
 
 
-def _run(
+def _score_copies(
     near: NearLoop,
     name: str,
     methods: Sequence[str],
@@ -276,7 +276,7 @@ def _smallest(answers: pd.DataFrame) -> dict[str, float | None]:
     return found
 
 
-def _weighed(
+def _weigh_answer(
     conclusion: Conclusion,
     record: LoopRecord,
     verdicts: Sequence[Verdict],
@@ -299,7 +299,7 @@ def _weighed(
         )
     rows = []
     for verdict in verdicts:
-        about = registry.load(verdict.method).METHOD if _known(verdict) else None
+        about = registry.load(verdict.method).METHOD if _is_known(verdict) else None
         left_out = about and (about.role != "stiction" or (about.needs_mv and record.mv is None))
         if verdict.method not in counted.index or left_out:
             rows.append(MethodTrust(verdict))
@@ -314,7 +314,7 @@ def _weighed(
     return Trust(conclusion, _rows(rows), int(counted["n"].max()), "", record, tuple(notes), scores)
 
 
-def _known(verdict: Verdict) -> bool:
+def _is_known(verdict: Verdict) -> bool:
     return verdict.method in registry.every_name()
 
 

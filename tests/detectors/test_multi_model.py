@@ -69,7 +69,7 @@ def test_a_valve_that_rests_has_the_plant_of_the_columns():
 def test_filters_equal_the_plain_kernel_bit_for_bit():
     u, y = np.random.default_rng(7).standard_normal((2, 150))
     plain = np.empty(150)
-    total = horch_isaksson._filtered(u, y, 0.8, 0.3, 0.2, 0.95, plain)
+    total = horch_isaksson._filter_samples(u, y, 0.8, 0.3, 0.2, 0.95, plain)
     standing, likelihood = two_models(u, y, 0.8, 0.3, 0.2)
     assert np.array_equal(standing, plain)
     assert likelihood == total

@@ -44,7 +44,7 @@ def by_columns(pv, q, valve):
 @pytest.mark.parametrize("q", [1, 3])
 def test_errors_are_those_of_plain_least_squares(swinging, q):
     op, _, pv = swinging
-    data = module._prepared(op, pv, q, beside=False)
+    data = module._prepare_averages(op, pv, q, beside=False)
     valves = np.array([[4.0, 1.5, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 0.0]])
     for valve, error, left in zip(valves, data.errors(valves), data.left(valves)):
         moved = valve_position(op, valve[0], valve[1])
@@ -84,7 +84,7 @@ def test_an_error_is_the_same_to_the_bit_wherever_the_valve_stands_among_others(
     swinging, monkeypatch
 ):
     op, _, pv = swinging
-    data = module._prepared(op, pv, 1, beside=False)
+    data = module._prepare_averages(op, pv, 1, beside=False)
     S = np.linspace(0.5, 8.0, 3 * module.LANES + 5)
     valves = np.column_stack([S, 0.4 * S, np.zeros(S.size)])
     whole = data.errors(valves)
@@ -106,7 +106,7 @@ def test_a_position_that_the_past_knows_explains_nothing(swinging, beside):
     """OP of a proportional controller is a sum of PV's past: what is left of it is rounding."""
     _, pv, _ = swinging
     op = 50.0 - 2.0 * np.append(pv[:1], pv[:-1])
-    data = module._prepared(op, pv, 1, beside)
+    data = module._prepare_averages(op, pv, 1, beside)
     follows_op = np.zeros((1, 3))
     assert data.errors(follows_op)[0] == float(data.rest @ data.rest)
     assert np.array_equal(data.left(follows_op)[0], data.rest)
@@ -115,8 +115,8 @@ def test_a_position_that_the_past_knows_explains_nothing(swinging, beside):
 @pytest.mark.parametrize("beside", [False, True])
 def test_products_with_the_past_are_those_of_the_stacked_columns(swinging, beside):
     op, _, pv = swinging
-    data = module._prepared(op, pv, 1, beside)
-    v, n = data._moved(np.array([[4.0, 1.5, 0.0]]))[0], data.rest.size
+    data = module._prepare_averages(op, pv, 1, beside)
+    v, n = data._move_valves(np.array([[4.0, 1.5, 0.0]]))[0], data.rest.size
     first = op.size - n
     back = np.arange(module._LATE + 1)
     came, went = (v[:, end - 1 - back] for end in (first, op.size))

@@ -259,7 +259,7 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
         again = np.argsort(tried, axis=1, kind="stable")[:, :_AGAIN]
         S = S[_ROWS, again]
         J = J[_ROWS, again]
-    ends = _plants(full, _restarted(full, ends), integrating).best(2)
+    ends = _plants(full, _restart(full, ends), integrating).best(2)
     ends = _settle(full, ends, integrating, 0.004).best(1)
     return _settle(full, ends, integrating, 0.001)
 
@@ -300,12 +300,12 @@ class _Ends(NamedTuple):
         )
 
 
-def _combined(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _combine(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile(shares, (2, S.size))
 
 
-_GRID = _combined(_S_SHARES, _J_SHARES)
-_FINE_GRID = _combined(S_FINE, _J_FINE)
+_GRID = _combine(_S_SHARES, _J_SHARES)
+_FINE_GRID = _combine(S_FINE, _J_FINE)
 
 
 def _grid(shares: tuple[np.ndarray, np.ndarray], swing: float) -> tuple[np.ndarray, np.ndarray]:
@@ -343,7 +343,7 @@ def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
     )
 
 
-def _restarted(
+def _restart(
     search: _Search,
     ends: _Ends,
     starts: tuple[float, ...] = (MOVING_UP, *_REST_POSITIONS),
@@ -363,7 +363,7 @@ def _restarted(
 def _settle(search: _Search, ends: _Ends, integrating: bool, least: float) -> _Ends:
     """Improve plants, valves and start states in turn."""
     ends = search.descend(_plants(search, ends, integrating), 4.0 * least, least, 2)
-    rest = _restarted(search, ends, _REST_POSITIONS, 2)
+    rest = _restart(search, ends, _REST_POSITIONS, 2)
     moving = ends.start == MOVING_UP
     return ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
 
@@ -372,7 +372,7 @@ def _ranges(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.nd
     """S, J and whether they fit about as well, a row for each map: for each J of a list, S and the
     plant make up for it.
     """
-    start = _restarted(search, best)
+    start = _restart(search, best)
     # first the valley itself, then one for every J
     ends = _Ends(*(np.repeat(x, 1 + len(_J_PROFILE), axis=1) for x in start))
     ends.J[:, 1:] = np.array(_J_PROFILE) * ends.S[:, 1:]

@@ -64,22 +64,22 @@ def regression(op: np.ndarray, pv: np.ndarray, period: float, beside: bool = Fal
     OP explains by any impulse response. Signals are averaged to some 30 samples a period; what
     counts are errors of one step ahead, each by one nat at most.
     """
-    data = _averaged(op, pv, period, beside)
+    data = _average(op, pv, period, beside)
     if data is None:
         return Regression(0.0, np.empty((0, 3)))
-    found = _searched(data, float(np.ptp(op)))
+    found = _search(data, float(np.ptp(op)))
     best = min(found, key=lambda f: f[1][0])[0][0]
     return Regression(_gain_of(data, best, beside), np.vstack([points for points, _ in found]))
 
 
-def _averaged(op: np.ndarray, pv: np.ndarray, period: float, beside: bool) -> _Data | None:
+def _average(op: np.ndarray, pv: np.ndarray, period: float, beside: bool) -> _Data | None:
     """Return the averages of signals that oscillate with a period (samples), as they are
     regressed.
     """
     q = max(1, round(period / _SAMPLES))
     while q > 1 and op.size // q < _PER_NUMBER * _PAST:
         q -= 1
-    return _prepared(np.array(op, float), np.asarray(pv, float), q, beside)
+    return _prepare_averages(np.array(op, float), np.asarray(pv, float), q, beside)
 
 
 def _gain_of(data: _Data, valve: np.ndarray, beside: bool) -> float:
@@ -112,21 +112,23 @@ class _Data(NamedTuple):
     weights: np.ndarray  # (m, c) of the rows that make orthonormal ones
     basis: np.ndarray  # (m, n) orthonormal: what PV's past spans
     rest: np.ndarray  # (n,) of PV
-    shifted: np.ndarray  # (r, count): what is multiplied with the positions, see `_shifted`
+    shifted: np.ndarray  # (r, count): what is multiplied with the positions, see `_shift_rows`
 
     def errors(self, points: np.ndarray) -> np.ndarray:
         """Return the squared error that each valve (S, J, stops) leaves, at its best dead time."""
         some = LANES * max(1, _ROOM // (LANES * self.pv.size))
         parts = [points[i : i + some] for i in range(0, len(points), some)]
-        return np.concatenate([self._best(*self._moved(part))[0][: len(part)] for part in parts])
+        return np.concatenate(
+            [self._best(*self._move_valves(part))[0][: len(part)] for part in parts]
+        )
 
     def left(self, points: np.ndarray) -> list[np.ndarray]:
         """Return what each valve (S, J, stops) leaves of PV."""
-        v, squares = self._moved(points)
+        v, squares = self._move_valves(points)
         late = self._best(v, squares)[1]
         return [self._without(v[i // LANES, :, i % LANES], late[i]) for i in range(len(points))]
 
-    def _moved(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _move_valves(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions of each valve (S, J, stops) and their sums as `_positions` does."""
         return _positions(self.raw_op, points, self.q, self.pv.size - self.rest.size - 1)
 
@@ -209,7 +211,7 @@ class _Data(NamedTuple):
         return out
 
 
-def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | None:
+def _prepare_averages(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | None:
     """Return the averages as they are regressed; None where there are too few, or PV or OP
     rests.
     """
@@ -224,10 +226,10 @@ def _prepared(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _Data | N
     lags = np.array([*lags, *(u[first - k : n - k] for k in range(1, _LATE + 1) if beside)])
     basis, weights = _orthonormal(lags, 1 + past)
     rest = y[first:] - (basis @ y[first:]) @ basis
-    return _Data(op, q, y, u, lags, past, weights, basis, rest, _shifted(lags, past, rest, n))
+    return _Data(op, q, y, u, lags, past, weights, basis, rest, _shift_rows(lags, past, rest, n))
 
 
-def _shifted(lags: np.ndarray, past: int, rest: np.ndarray, count: int) -> np.ndarray:
+def _shift_rows(lags: np.ndarray, past: int, rest: np.ndarray, count: int) -> np.ndarray:
     """Return rows (r, count) that give with positions all products that are not sums of others: of
     the lags with the latest position, of the latest lag of PV, and of OP, with every earlier one,
     and of the rest of PV with all.
@@ -273,7 +275,7 @@ def _moves_at_all(x: np.ndarray) -> bool:
     return float(x.std()) > _FLAT * float(np.abs(x).max())
 
 
-def _searched(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def _search(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return of each map, Choudhury's and He's, the best different valves (S, J, stops), of a grid
     and points about its best, and their errors.
     """
@@ -330,13 +332,13 @@ def _positions(
     total = rows(count + 1)
     squares = np.empty((blocks, 2, LANES))
     least = _FLAT * np.abs(op - op[0]).max()
-    scaled = compiled(_scaled)
+    scaled = compiled(_scale_positions)
     for block, (moved, sums) in enumerate(zip(v, squares, strict=True)):
         scaled(record, valves, block * LANES, least, first, moved.reshape(-1), total, sums)
     return v, squares
 
 
-def _scaled(record, valves, block, least, first, v, total, sums):
+def _scale_positions(record, valves, block, least, first, v, total, sums):
     """Fill `v` with the averaged positions of a block of valves in standard deviations, 0 where
     that is not above `least`, `total` as `moves` does, and `sums` as `_positions` says.
     """

@@ -155,9 +155,9 @@ def add_to_run(
             _refuse_known(folder, stated, asked, given)
             if not options.get("resume"):
                 shutil.rmtree(work / _ADDED, ignore_errors=True)  # of a call that was killed
-            additions = [_answered(folder, file, of) for file, of in given]
+            additions = [_join_answers(folder, file, of) for file, of in given]
             if add:
-                additions += [_asked(folder, work / _ADDED, asked, jobs, options)]
+                additions += [_ask_methods(folder, work / _ADDED, asked, jobs, options)]
             scores = _join(folder, work / _JOINED, stated, additions, with_reference)
             _exchange(target, work)
         finally:
@@ -251,7 +251,7 @@ def _refuse_known(
             there[name] = str(file)
 
 
-def _asked(
+def _ask_methods(
     folder: Path, place: Path, methods: Sequence[str], jobs: int, options: Mapping[str, Any]
 ) -> _Addition:
     """Ask methods about the loops of a run, in a run of their own."""
@@ -271,7 +271,7 @@ def _asked(
     return _Addition(manifest["methods"], manifest["plugins"], verdicts, told, sources)
 
 
-def _answered(folder: Path, file: Path, answers: Answers) -> _Addition:
+def _join_answers(folder: Path, file: Path, answers: Answers) -> _Addition:
     """Return the answers of a file as those of methods; what they left out is no decision."""
     scenarios = read_table(folder, "scenarios", ["scenario_id", "error"]).to_pylist()
     records = [row["scenario_id"] for row in scenarios if row["error"] is None]

@@ -44,13 +44,13 @@ def check_and_ask_again(
     """Compare a run with a baseline as `check_run` does, and ask its methods once more about a
     share of its records; of the plug-ins' those whose files are given.
     """
-    with _hosted(folder, plugins, seconds) as added:
+    with _host_plugins(folder, plugins, seconds) as added:
         names = _askable(folder, added)
         check = check_run(folder, against, margin, exact, partial(shaken_answers, folder, names))
         return replace(check, problems=(*check.problems, *differing(folder, names)))
 
 
-def _hosted(
+def _host_plugins(
     folder: str | Path, plugins: Iterable[str | Path], seconds: float
 ) -> AbstractContextManager[list[str]]:
     """Host the files of a run's plug-ins; RunError for one that the run did not use."""

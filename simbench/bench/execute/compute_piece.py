@@ -149,7 +149,7 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
             # from what was asked last
             since = time.perf_counter()
             judged = {
-                int(k): _judged(held[k], chosen, ORACLE in methods)
+                int(k): _judge_scenario(held[k], chosen, ORACLE in methods)
                 for k in rng.permutation(len(held))
             }
             judging += time.perf_counter() - since
@@ -232,7 +232,7 @@ def _theory(loop: Loop) -> Theory:
     return predicted, refined, cycle["exists"], cycle["period"], cycle["amplitude"], why
 
 
-def _judged(
+def _judge_scenario(
     it: SimulatedScenario, chosen: Thresholds, oracle: bool
 ) -> tuple[Prepared | None, list[Answer]]:
     """Return the record of a scenario as methods saw it, and what each of them said."""

@@ -49,7 +49,7 @@ def workers(backend: str, address: str | None, jobs: int, hosts: bool = False) -
         yield lambda task, missing: (task(number, groups) for number, groups in missing)
         return
     if backend == "loky" and not hosts and _may_fork():
-        yield partial(_forked, effective_n_jobs(jobs))
+        yield partial(_work_in_copies, effective_n_jobs(jobs))
         return
     with contextlib.ExitStack() as stack:
         stack.enter_context(safe_path())
@@ -78,7 +78,7 @@ def _may_fork() -> bool:
     return sys.platform == "linux" and threading.active_count() == 1
 
 
-def _forked(jobs: int, task: _PieceTask, missing: _Pieces) -> Iterator[Receipt]:
+def _work_in_copies(jobs: int, task: _PieceTask, missing: _Pieces) -> Iterator[Receipt]:
     """Yield the receipts of pieces that copies of this process work: libraries and kernels are
     loaded once, before they are made.
     """

@@ -196,7 +196,7 @@ def run_scored(
             settings = _work_settings(names, asked, files, parts)
             task = _Task(plan, folder, run_key(manifest), settings)
             with _Bar(asked.progress, len(plan)) as bar, _stoppable(), _resumable(folder):
-                receipts = _worked(
+                receipts = _work_pieces(
                     folder, task, run, bar, dict(enumerate(range(*piece) for piece in chunks(plan)))
                 )
                 times = bar.times(time.perf_counter() - began)
@@ -322,7 +322,7 @@ class _Task:
         self._packed = cloudpickle.dumps((grid, folder.absolute(), key, settings))
 
     def __call__(self, number: int, groups: Sequence[int]) -> Receipt:
-        grid, folder, key, settings = _unpacked(self._packed)
+        grid, folder, key, settings = _unpack(self._packed)
         there = pieces.find_receipt(folder, number, key)
         return there or pieces.write_piece(
             folder, compute_piece(grid, number, groups, settings), key
@@ -330,16 +330,16 @@ class _Task:
 
     def load(self, number: int, groups: Sequence[int]) -> None:
         """Load and compile what a piece needs, by working its first group."""
-        grid, _, _, settings = _unpacked(self._packed)
+        grid, _, _, settings = _unpack(self._packed)
         compute_piece(grid, number, groups[:1], settings)
 
 
 @lru_cache(maxsize=2)
-def _unpacked(packed: bytes) -> tuple:
+def _unpack(packed: bytes) -> tuple:
     return pickle.loads(packed)
 
 
-def _worked(
+def _work_pieces(
     folder: Path, task: _Task, run: Runner, bar: _Bar, missing: dict[int, Sequence[int]]
 ) -> list[Receipt]:
     """Return the receipts of some pieces, in order; what a dead worker held is worked again."""
@@ -473,10 +473,10 @@ def about_method(name: str) -> dict[str, Any]:
     method = registry.load(name).METHOD
     about = {key: getattr(method, key) for key in oracle}
     about = {key: list(v) if oracle[key] == [] else v for key, v in about.items()}
-    return about | {"changed": _changed(name, method), "source": method.source}
+    return about | {"changed": _thresholds_of_variant(name, method), "source": method.source}
 
 
-def _changed(name: str, method: Method) -> dict[str, float]:
+def _thresholds_of_variant(name: str, method: Method) -> dict[str, float]:
     """Return the thresholds in which a variant, such as NAME@published, differs from NAME."""
     base = name.partition("@")[0]
     if base == name or base not in registry.names():

@@ -20,11 +20,11 @@ def settled(group: Group) -> list[tuple[Scenario, str | None]]:
     try:
         answers = [(scenario, None) for scenario in settle(group)]
     except (Exception, SystemExit):  # of one of them: the others are settled without it
-        answers = [_settled_alone(group, draft) for draft in group.drafts]
+        answers = [_settle_one(group, draft) for draft in group.drafts]
     return [(scenario, error) for scenario, error in answers if scenario is not None]
 
 
-def _settled_alone(group: Group, draft: Draft) -> tuple[Scenario | None, str | None]:
+def _settle_one(group: Group, draft: Draft) -> tuple[Scenario | None, str | None]:
     """Return one scenario of a group, or its draft with the error."""
     try:
         return settle(replace(group, drafts=(draft,)))[0], None

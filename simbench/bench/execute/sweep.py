@@ -48,19 +48,19 @@ class Sweep:
 
         With `out` the tables stay in that folder, and a sweep that was interrupted goes on there.
         """
-        return self._run(detectors, jobs, out, settings)
+        return self._run_and_join(detectors, jobs, out, settings)
 
     @contextlib.contextmanager
-    def _finished(
+    def _finish_sweep(
         self, detectors: Methods, jobs: int, out: str | Path | None, settings: Mapping[str, Any]
     ) -> Iterator[Path]:
         """Yield the folder in which the sweep was run."""
         names, own = named_methods(detectors)
-        with _kept_in(out) as where:
+        with _folder_of_sweep(out) as where:
             resume = {"resume": out is not None, **settings}
             yield run_grid(self.grid, where, names, jobs, own=own, **resume)
 
-    def _run(
+    def _run_and_join(
         self,
         detectors: Methods,
         jobs: int,
@@ -73,7 +73,7 @@ class Sweep:
         """
         import pandas as pd
 
-        with self._finished(detectors, jobs, out, settings) as folder:
+        with self._finish_sweep(detectors, jobs, out, settings) as folder:
             scenarios, verdicts = (
                 pd.read_parquet(
                     folder / f"{table}.parquet",
@@ -104,7 +104,7 @@ class Sweep:
 
         With `out` the tables stay in that folder, and a sweep that was interrupted goes on there.
         """
-        with self._finished(detectors, jobs, out, settings) as folder:
+        with self._finish_sweep(detectors, jobs, out, settings) as folder:
             return score_run(folder)
 
     def rates(
@@ -119,7 +119,7 @@ class Sweep:
         """
         axes = list(self.grid.content.axes)
         read = {"scenarios": ["cell", "cycled", "tags"], "verdicts": ["method", "verdict", "score"]}
-        frame = self._run(detectors, jobs, out, settings, read)
+        frame = self._run_and_join(detectors, jobs, out, settings, read)
         frame["clear"] = frame.cycled.isin(["yes", "no"])
         frame["cycling"] = frame.cycled == "yes"
         frame["stiction"] = frame.verdict == STICTION
@@ -135,7 +135,7 @@ class Sweep:
 
 
 @contextlib.contextmanager
-def _kept_in(out: str | Path | None) -> Iterator[str | Path]:
+def _folder_of_sweep(out: str | Path | None) -> Iterator[str | Path]:
     """Yield the folder of a sweep: the one that is asked for, or one that is removed again."""
     if out is not None:
         yield out

@@ -126,7 +126,7 @@ def _valve_of(draft: Draft, unit: Mapping[str, float]) -> dict[str, Any]:
     table = draft.loop.to_table()["valve"]
     if "ideal" in (draft.loop.valve.name, draft.valve.name):
         return table
-    more = _scaled(draft.valve, unit)
+    more = _scale_parameters(draft.valve, unit)
     return valve_table(draft.loop.valve.name, table, unit["period"], more)
 
 
@@ -137,16 +137,16 @@ def measure_cycle(twin: Loop) -> Cycle:
     period is that of `first_guess` and the amplitude that of a valve off by a quarter of its band.
     """
     at_rest = {"setpoint": SetPoint(value=twin.pv0), "noise": Noise(), "disturbance": ()}
-    return _measured(twin.model_copy(update=at_rest).model_dump_json())
+    return _measure_twin(twin.model_copy(update=at_rest).model_dump_json())
 
 
 @lru_cache(maxsize=64)  # cells that differ in the disturbance alone share their twin
-def _measured(text: str) -> Cycle:
+def _measure_twin(text: str) -> Cycle:
     twin = Loop.model_validate_json(text)
     guess = period = first_guess(twin)
     try:
         for _ in range(4):
-            loop = _sampled(twin, period / _FIRST, _FIRST * _PERIODS)
+            loop = _with_sampling(twin, period / _FIRST, _FIRST * _PERIODS)
             with np.errstate(all="ignore"):  # candidate cycles that grow without bound
                 start = cycle_start(loop)
             run = simulate(loop, 0, start=start)
@@ -158,7 +158,7 @@ def _measured(text: str) -> Cycle:
             if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
                 return Cycle(period, float(np.std(run.record.pv[_FIRST:])), True)
     except ParameterError:  # no cycle to start on, or none that theory can find
-        if (found := _kicked(twin, guess)) is not None:
+        if (found := _measure_from_kick(twin, guess)) is not None:
             return found
     S, _ = band(twin)
     size = (
@@ -167,7 +167,7 @@ def _measured(text: str) -> Cycle:
     return Cycle(guess, size, False)
 
 
-def _kicked(twin: Loop, period: float) -> Cycle | None:
+def _measure_from_kick(twin: Loop, period: float) -> Cycle | None:
     """Measure the cycle of a loop that theory does not know (own law, cascade) from a run that
     begins away from rest.
     """
@@ -177,7 +177,7 @@ def _kicked(twin: Loop, period: float) -> Cycle | None:
     if twin.outer is None:
         twin = twin.with_("setpoint.steps", [[0.0, twin.pv0 + abs(twin.plant.K) * S]])
     for _ in range(3):
-        loop = _sampled(twin, period / _FIRST, 3 * _FIRST * _PERIODS)
+        loop = _with_sampling(twin, period / _FIRST, 3 * _FIRST * _PERIODS)
         run = simulate(loop, 0, kick=S + J if twin.outer is not None else 0.0)
         moved = motion(run.mv[_FIRST * _PERIODS :], least_swing(loop) / 4)
         if moved.reversals < 3:
@@ -235,7 +235,7 @@ def sampled_ultimate_gain(loop: Loop) -> float:
     return float(1.0 / np.abs(L[at]))
 
 
-def _sampled(loop: Loop, Ts: float, n: int) -> Loop:
+def _with_sampling(loop: Loop, Ts: float, n: int) -> Loop:
     return loop.model_copy(update={"sampling": Sampling(Ts=Ts, n=n)})
 
 
@@ -261,7 +261,7 @@ def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
     """
     own = cycle.period
     per = draft.rules.samples_per_period
-    loop = _settled(draft, twin, cycle, own)
+    loop = _apply_rules(draft, twin, cycle, own)
     # what stands still but for the twin's own valve has the twin's period, but for what the noise
     # does to it
     same = draft.loop.valve.name == twin.valve.name
@@ -278,11 +278,11 @@ def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
         if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:
             break
         own = found.period_s
-        loop = _settled(draft, twin, cycle, own)
+        loop = _apply_rules(draft, twin, cycle, own)
     return loop
 
 
-def _settled(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
+def _apply_rules(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
     """Return a draft's loop for the period of its record."""
     table = draft.loop.to_table()
     rules = draft.rules
@@ -305,7 +305,7 @@ def _settled(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
     table.setdefault("effect", []).extend(
-        {"name": e.name, **_scaled(e, unit)} for e in draft.effects
+        {"name": e.name, **_scale_parameters(e, unit)} for e in draft.effects
     )
     if draft.mv_noise > 0:
         table["noise"]["mv_std"] = significant(draft.mv_noise * unit["S"])
@@ -353,7 +353,7 @@ def valve_table(
     return {"model": name, **table}
 
 
-def _scaled(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
+def _scale_parameters(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
     scale = part.scale
     return {
         k: significant(v * unit[scale[k]])  # type: ignore[operator]

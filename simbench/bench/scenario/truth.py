@@ -64,13 +64,13 @@ def simulate_with_truth(
     for known, its, cycled in _known:
         if known is loop and its == seed and period is None:
             return run, cycled
-    cycled = _cycled(run, loop, seed, period)
+    cycled = _find_cycling(run, loop, seed, period)
     if period is None:
         _known.append((loop, seed, cycled))
     return run, cycled
 
 
-def _cycled(run: Run, loop: Loop, seed: int, period: float | None) -> Cycled:
+def _find_cycling(run: Run, loop: Loop, seed: int, period: float | None) -> Cycled:
     """Say whether a sticky loop cycles."""
     Ts = loop.sampling.Ts
     bar = least_swing(loop)
@@ -80,9 +80,9 @@ def _cycled(run: Run, loop: Loop, seed: int, period: float | None) -> Cycled:
         period = period if math.isfinite(period) else run.record.duration / _TAIL_PERIODS
     found = None
     twin = healthy_twin(loop)
-    for quiet in _quiet_from(loop, period / Ts):
+    for quiet in _quiet_moments(loop, period / Ts):
         tail, moved = _tail(loop, seed, period / Ts, bar, quiet)
-        said = _alone(twin, seed, tail, moved, bar, quiet)
+        said = _goes_on_by_itself(twin, seed, tail, moved, bar, quiet)
         if said == YES:
             return Cycled(YES, moved.period * Ts, moved.swing)
         # what the loop does from the record's end on counts first; earlier ends only make it
@@ -92,9 +92,9 @@ def _cycled(run: Run, loop: Loop, seed: int, period: float | None) -> Cycled:
             found = (_UNCLEAR, found[1])
     assert found is not None
     said, moved = found
-    if said == NO and _moves(run, late, loop, seed, period / Ts, bar):
+    if said == NO and _moves_steadily(run, late, loop, seed, period / Ts, bar):
         said = _UNCLEAR
-    if said == NO and _driven(run) and np.ptp(run.mv[run.record.n // 2 :]) >= bar:
+    if said == NO and _is_driven(run) and np.ptp(run.mv[run.record.n // 2 :]) >= bar:
         said = _ENTRAINED
     return Cycled(said, moved.period * Ts, moved.swing)
 
@@ -121,7 +121,7 @@ def _samples(period: float) -> int:
     return min(max(math.ceil(_TAIL_PERIODS * period), 3 * _TAIL_PERIODS), _MAX_TAIL)
 
 
-def _quiet_from(loop: Loop, period: float) -> list[int]:
+def _quiet_moments(loop: Loop, period: float) -> list[int]:
     # the noise of the loop file and of its effects; without any the four moments are one
     n = loop.sampling.n
     if undisturbed(loop).noise_std == 0:
@@ -144,7 +144,9 @@ def _tail(
         samples = wanted
 
 
-def _alone(twin: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int) -> str:
+def _goes_on_by_itself(
+    twin: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, quiet: int
+) -> str:
     """Say whether the valve goes on moving in one noise-free tail, and by itself: more than its
     healthy twin does.
     """
@@ -158,11 +160,13 @@ def _alone(twin: Loop, seed: int, tail: np.ndarray, moved: Motion, bar: float, q
     return NO
 
 
-def _moves(run: Run, late: Motion, loop: Loop, seed: int, period: float, bar: float) -> bool:
+def _moves_steadily(
+    run: Run, late: Motion, loop: Loop, seed: int, period: float, bar: float
+) -> bool:
     """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the
     noise goes on.
     """
-    if not _driven(run) and _swings(late, bar) and late.lasting >= _LASTING:
+    if not _is_driven(run) and _swings(late, bar) and late.lasting >= _LASTING:
         return True
     if undisturbed(loop).noise_std == 0:
         return False
@@ -174,6 +178,6 @@ def _swings(moved: Motion, bar: float) -> bool:
     return moved.reversals >= MIN_REVERSALS and moved.swing >= bar
 
 
-def _driven(run: Run) -> bool:
+def _is_driven(run: Run) -> bool:
     late = slice(run.record.n // 2, run.record.n)
     return any(np.ptp(signal[late]) > 0 for signal in (run.load_in, run.load_out, run.record.sp))

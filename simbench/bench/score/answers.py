@@ -96,10 +96,10 @@ def home_of(method: str, book: RunArrays) -> str:
     ]
     if book.manifest["grid"] in known:
         return "fitted here"
-    return "siblings" if any(_alike(book, name) >= _MOSTLY for name in known) else "no"
+    return "siblings" if any(_share_within(book, name) >= _MOSTLY for name in known) else "no"
 
 
-def _alike(book: RunArrays, grid: str) -> float:
+def _share_within(book: RunArrays, grid: str) -> float:
     """Return the share of a run's loops that lie within the ranges of a grid of the package, in
     dead time and shape of stiction.
     """

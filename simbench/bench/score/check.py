@@ -131,7 +131,7 @@ def check_books(
             by_chance = _by_other_bits(now, method, truth, shaken)
             sides = _answers(before, j, truth, was_at), _answers(now, i, truth, at)
             for row in _tests(*sides, ~pairs.same[alike]):
-                explained = _explained(row["other"], *by_chance.get(row["what"], (0, 0)))
+                explained = _losses_by_chance(row["other"], *by_chance.get(row["what"], (0, 0)))
                 rows.append({"method": method, "truth": truth, **row, "explained": explained})
         flips.append(_flips(now, i, before, j, pairs))
     of_sizes, untold = compared(now, before, pairs)
@@ -148,7 +148,7 @@ def check_books(
     tests["p"] = each.transform(holm) if basis == "equal" else holm(tests["p"])
     allowed = [row.get("allowed", margin) for row in rows]
     cases = zip(tests.to_dict("records"), size, allowed, strict=True)
-    tests["seen"] = [_seen(row, _LEVEL / k, spared) for row, k, spared in cases]
+    tests["seen"] = [_smallest_seen(row, _LEVEL / k, spared) for row, k, spared in cases]
     beyond = (
         np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"])
         > allowed
@@ -161,12 +161,12 @@ def check_books(
     ]
     unseen = (*_unseen(tests, basis), *untold)
     said = (
-        f"{_basis(now, before, pairs, margin, shaken)}. {_found(tests, basis)}. Benchmark:"
+        f"{_basis(now, before, pairs, margin, shaken)}. {_say_power(tests, basis)}. Benchmark:"
         f" {benchmark_version(now.manifest)}"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     if exact:
-        problems += _changed(now, before, pairs, every)
+        problems += _find_changes(now, before, pairs, every)
     return Check(said, tuple(problems), tests, every, _bits(pairs, before, every), unseen=unseen)
 
 
@@ -206,7 +206,7 @@ def _by_other_bits(
     return found
 
 
-def _explained(loops: int, lost: int, asked: int) -> int:
+def _losses_by_chance(loops: int, lost: int, asked: int) -> int:
     """Return how many answers an unchanged method loses at most on so many loops with other bits,
     in 95 of 100 runs.
     """
@@ -224,7 +224,7 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
         f" {len(now.methods)} methods"
     ]
     itself = check_books(now, now)
-    lines.append(f"{_found(itself.tests, 'equal')}; {_loops_needed(itself)}")
+    lines.append(f"{_say_power(itself.tests, 'equal')}; {_loops_needed(itself)}")
     if there:
         try:
             before = read_book(baseline)
@@ -264,7 +264,9 @@ def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
     return found
 
 
-def _changed(now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFrame) -> Iterator[str]:
+def _find_changes(
+    now: RunArrays, before: RunArrays, pairs: Pairs, flips: pd.DataFrame
+) -> Iterator[str]:
     """Return what an exact comparison does not let pass: changed verdicts and scores of built-in
     methods, and other records.
     """
@@ -318,7 +320,7 @@ def _points(share: float) -> str:
     return f"{100 * share:g} percentage point{'' if share == 0.01 else 's'}"
 
 
-def _seen(row: dict[str, Any], level: float, spared: float) -> float:
+def _smallest_seen(row: dict[str, Any], level: float, spared: float) -> float:
     """Return the smallest drop of a rate beyond what is `spared` that is found with `POWER`, where
     as many answers are won as here; NaN for an AUC and a median error.
     """
@@ -352,7 +354,7 @@ def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
             )
 
 
-def _found(tests: pd.DataFrame, basis: str) -> str:
+def _say_power(tests: pd.DataFrame, basis: str) -> str:
     """Return which losses would have been found, and which must be, in a sentence."""
     seen = tests[tests["truth"] == "cycled"].groupby("what")["seen"]
     ends = {what: sorted({f"{100.0 * x:.1f}" for x in (x.min(), x.max())}) for what, x in seen}
@@ -375,7 +377,7 @@ def _loops_needed(check: Check) -> str:
     return f"for that a method must cover {needed} loops"
 
 
-def _rounded(score: np.ndarray) -> np.ndarray:
+def _round_scores(score: np.ndarray) -> np.ndarray:
     """Return scores with `_SCORE_BITS` bits, so that last bits break no ties between loops."""
     mantissa, exponent = np.frexp(score.astype(np.float32))  # as a baseline keeps them
     return np.ldexp(np.round(mantissa * 2.0**_SCORE_BITS), exponent - _SCORE_BITS)
@@ -389,7 +391,7 @@ def _answers(
     return (
         book.truth[truth][at],
         book.verdict[method][at],
-        _rounded(book.score[method][at]),
+        _round_scores(book.score[method][at]),
         covered,
     )
 

@@ -88,7 +88,7 @@ class Check:
         """Return what fell, by how much, then the rule, the rates that moved and the scenarios that
         flipped: what fits a screen.
         """
-        found = [*map(headline, _told(self.tests)), *self.problems, *self.unseen]
+        found = [*map(headline, _worse_methods(self.tests)), *self.problems, *self.unseen]
         head = f"{self.result}: {found[0] if found else 'no detector became worse'}."
         shown = found[1 : _SCREEN["reasons"]]
         more = len(found) - 1 - len(shown)
@@ -103,16 +103,16 @@ class Check:
     def changes(self) -> list[str]:
         """Return the rates that moved and the scenarios that flipped, the worst first."""
         lines = []
-        moved = _moved(self).drop(columns=["seen", "explained"])
+        moved = _table_of_moves(self).drop(columns=["seen", "explained"])
         if len(moved):
-            lines += ["", *_aligned(moved.head(_SCREEN["rates"]))]
+            lines += ["", *_align_columns(moved.head(_SCREEN["rates"]))]
         if len(self.flips):
             most = _SCREEN["flips"]
             flips = _worst_first(self)
             names = ["scenario_id", "method", "was", "now", "cycled", "disturbance"]
             kept = [name for name in names if name in flips]
             lines += ["", f"{_number(flips)} changed{_cut(self, most)}"]
-            lines += _aligned(flips[kept].head(most))
+            lines += _align_columns(flips[kept].head(most))
             first = str(flips["scenario_id"].iloc[0])
             lines += ["", "To simulate one of them again:", command_again(self, first)]
         return lines
@@ -121,7 +121,7 @@ class Check:
         """Return the same for a pull request's summary."""
         lines = [f"### Detector check: {self.result}", "", self.basis, ""]
         lines += [f"- {r}" for r in self.reasons] + [""] * bool(self.reasons)
-        moved = _moved(self)
+        moved = _table_of_moves(self)
         lines += _table(moved) if len(moved) else ["No rate moved."]
         if len(self.flips):
             shown = _worst_first(self).head(_SHOWN)
@@ -191,12 +191,12 @@ def sentence(row: dict[str, Any]) -> str:
     return f"{row['method']}: {row['what']} {of} {moved}{cases} (p = {row['p']:.2g})"
 
 
-def _moved(check: Check) -> pd.DataFrame:
+def _table_of_moves(check: Check) -> pd.DataFrame:
     tests = check.tests
     same = (tests["before"] == tests["now"]) | tests[["before", "now"]].isna().all(axis=1)
     changed = tests[~same]
     # the rows that the first sentences speak of come first
-    told = {(row["method"], row["truth"], row["what"]) for row in _told(tests)}
+    told = {(row["method"], row["truth"], row["what"]) for row in _worse_methods(tests)}
     keys = zip(changed["method"], changed["truth"], changed["what"], strict=True)
     order = changed.assign(_later=[key not in told for key in keys])
     # what is true of a loop by one truth mostly is by the other, and a detection lost is often a
@@ -223,7 +223,7 @@ def _cut(check: Check, most: int) -> str:
     return f", the first {most}:" if len(check.flips) > most else ":"
 
 
-def _told(tests: pd.DataFrame) -> Iterator[dict[str, Any]]:
+def _worse_methods(tests: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """Yield a row for each method that became worse, of all its answers where these show it."""
     for _, rows in tests[tests["worse"]].groupby("method", sort=False):
         first, *_ = sorted(
@@ -255,7 +255,7 @@ def headline(row: dict[str, Any]) -> str:
     return f"{row['method']} {clause}, before {before:.1f} %{cases} ({row_of})"
 
 
-def _aligned(frame: pd.DataFrame) -> list[str]:
+def _align_columns(frame: pd.DataFrame) -> list[str]:
     """Return a table in columns that fit a terminal."""
 
     def cell(x: Any) -> str:

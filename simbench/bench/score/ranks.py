@@ -58,15 +58,15 @@ def rank_methods(
     together = ((shares[:, None] - shares[None]) ** 2).sum(axis=2) / n
     spreads = np.maximum(together, alone[:, None] + alone[None])
     means = earned.mean(axis=1) if accuracy is None else accuracy
-    better = np.subtract.outer(means, means).T >= _resolved(spreads, loops or n)
+    better = np.subtract.outer(means, means).T >= _least_difference(spreads, loops or n)
     rank = np.ones(m, dtype=int)
     for k in np.argsort(-means, kind="stable"):
         rank[k] = 1 + max(rank[better[k]], default=0)
     spread = float(max(together.max(), 2.0 * alone.max()))
-    return Ranks(rank, float(_resolved(np.array(spread), loops or n)), spread)
+    return Ranks(rank, float(_least_difference(np.array(spread), loops or n)), spread)
 
 
-def _resolved(spread: np.ndarray, loops: int) -> np.ndarray:
+def _least_difference(spread: np.ndarray, loops: int) -> np.ndarray:
     """Return the least difference of means that so many loops resolve."""
     return stats.norm.ppf(0.5 + _LEVEL / 2) * np.sqrt(spread / loops)
 

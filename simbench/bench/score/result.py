@@ -210,9 +210,9 @@ class Scores:
         rows = rows.drop(columns=["_failed", "_unranked", "_few"])
         rows = rows.assign(group=[group_of(row, self.failing) for row in rows.itertuples()])
         alike = rows.duplicated(["kind", "group", "rank"], keep=False)
-        return self._shown(rows.assign(shared=rows["rank"].notna() & alike))
+        return self._of_chosen(rows.assign(shared=rows["rank"].notna() & alike))
 
-    def _shown(self, rows: pd.DataFrame) -> pd.DataFrame:
+    def _of_chosen(self, rows: pd.DataFrame) -> pd.DataFrame:
         """Return the rows of the methods that are chosen."""
         return rows.loc[rows["method"].isin(self.chosen)] if self.chosen and len(rows) else rows
 
@@ -268,7 +268,7 @@ class Scores:
         """Return rows, resolution and what stands beside them as JSON types; NaN and infinity
         become null.
         """
-        table = self._shown(self.table)
+        table = self._of_chosen(self.table)
         resolution = self.resolution
         return {
             "grid": self.manifest["grid"],
@@ -321,7 +321,7 @@ class Scores:
         ParameterError
             For what is no axis of this run, or more than two.
         """
-        return self._shown(along(self._answers(), axis, truth))
+        return self._of_chosen(along(self._answers(), axis, truth))
 
     def resolution_curve(self) -> pd.DataFrame:
         """Return how much of a valve's corner each method needs, on a grid whose echoes of sticky

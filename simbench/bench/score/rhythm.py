@@ -59,12 +59,12 @@ def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
     sizes = np.maximum.reduceat(np.abs(fundamental), before + 1)[:-1]
     return [
         _spread(lengths),
-        _next(lengths),
-        _next(lengths, 2),
+        _correlate_next(lengths),
+        _correlate_next(lengths, 2),
         _spread(sizes),
-        _next(sizes),
+        _correlate_next(sizes),
         centred(means)[1] / std,
-        _next(means),
+        _correlate_next(means),
     ]
 
 
@@ -73,7 +73,7 @@ def _spread(x: np.ndarray) -> float:
     return float(centred(x)[1] / mean) if mean > 0.0 else 0.0
 
 
-def _next(x: np.ndarray, step: int = 1) -> float:
+def _correlate_next(x: np.ndarray, step: int = 1) -> float:
     return _correlation(x[:-step], x[step:])
 
 

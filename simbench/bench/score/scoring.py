@@ -89,7 +89,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     labels = {truth: book.truth[truth] for truth in TRUTHS}
     blocks = list(product(TRUTHS, _PROCESSES, _POPULATIONS))
     cube = counted(answers, process=process, going_on=going_on, **labels)
-    counts = tallied(pd.concat(_chosen(cube, *key) for key in blocks), [*_KEY, "method"])
+    counts = tallied(pd.concat(_counts_of_block(cube, *key) for key in blocks), [*_KEY, "method"])
     rows = []
     standing = {}
     for key in blocks:
@@ -105,11 +105,11 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     by_axis = [*_by_axis(book, answers, sample, undecided)] or [
         {"axis": "", "value": "", **rows[0]}
     ]
-    frames = [_known(rows), _known(by_axis)]
+    frames = [_frame_of_rows(rows), _frame_of_rows(by_axis)]
     other = (
         _disagreement(book),
-        _left_out(book, answers, everyone),
-        _by_cause(book, answers, everyone),
+        _count_left_out(book, answers, everyone),
+        _count_by_cause(book, answers, everyone),
         quantification(book),
     )
     sizes = {"scenarios": int(book.ids.size), OF_OSCILLATING: int((going_on == 1).sum())}
@@ -118,7 +118,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     return Scores(*frames, *other, standing, book.manifest, sizes, failing, undecided, book)
 
 
-def _chosen(cube: pd.DataFrame, truth: str, kind: str, population: str) -> pd.DataFrame:
+def _counts_of_block(cube: pd.DataFrame, truth: str, kind: str, population: str) -> pd.DataFrame:
     """Return the counts of one block of the table, by the label asked for."""
     there = cube["process"].isin(_PROCESSES[kind])
     there &= cube["going_on"].isin(_POPULATIONS[population])
@@ -133,7 +133,7 @@ def _of_each(counts: pd.DataFrame, key: Any, methods: int) -> list[dict[str, Any
     return [dict.fromkeys(counts.columns, 0)] * methods
 
 
-def _known(rows: list[dict[str, Any]]) -> pd.DataFrame:
+def _frame_of_rows(rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return rows as a table, without those of no loop."""
     import pandas as pd
 
@@ -223,7 +223,7 @@ def _orders(
     """
     applies = a.applies[block.use]
     here, positive, groups, folds, blind = block if applies.all() else (x[applies] for x in block)
-    earned = _earned(a.said[here], positive, cost)
+    earned = _earnings(a.said[here], positive, cost)
     ranges = {"cost": _mean_of_groups(1.0 - earned, groups, 0.0, *of_all)}
     score = a.score[here]
     if interval:
@@ -233,7 +233,7 @@ def _orders(
         sure = risk_coverage(score, positive, folds)[1]
         ranges |= {
             "cost_over_no_waveform": _mean_of_groups(
-                _earned(blind, positive, cost) - earned, groups, -1.0
+                _earnings(blind, positive, cost) - earned, groups, -1.0
             ),
             "sensitivity_at_5": found,
             "risk_coverage": _mean_of_groups(sure, groups),
@@ -250,7 +250,7 @@ def _orders(
     return row | dict(zip(("auc", "auc_lo", "auc_hi"), auc(score, positive), strict=True))
 
 
-def _earned(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
+def _earnings(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
     """Return 1 where right, 0 where wrong, and 1 less its cost where nothing was decided."""
     return np.where(said == CODES["no_decision"], 1.0 - cost, said == positive)
 
@@ -296,7 +296,9 @@ def _by_axis(
             yield from _rows(block, sample, each, place, cost, interval=False)
 
 
-def _left_out(book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]) -> pd.DataFrame:
+def _count_left_out(
+    book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]
+) -> pd.DataFrame:
     """Count what every method says of loops that no score against `cycled` holds, and of those it
     does not apply to.
     """
@@ -316,7 +318,9 @@ def _left_out(book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]) -
     return with_names(table, everyone, "role")
 
 
-def _by_cause(book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]) -> pd.DataFrame:
+def _count_by_cause(
+    book: RunArrays, answers: pa.Table, everyone: Sequence[Answers]
+) -> pd.DataFrame:
     """Count how often every method calls loops sticky that the valve does not make cycle, by what
     makes them oscillate.
     """
@@ -378,7 +382,7 @@ def _rank(
         ]
         # a rank compares methods on the same loops
         members = [k for k in mine if n >= RANKED_LOOPS and rows[k]["applicable"] >= _COVERED * n]
-        earned = {k: _earned_on_average(block, everyone[k], cost) for k in mine}
+        earned = {k: _earnings_with_gaps(block, everyone[k], cost) for k in mine}
         means = [1.0 - rows[k]["cost"] for k in members]
         ranks = rank_methods(
             np.reshape([earned[k] for k in members], (len(members), block.use.size)),
@@ -398,11 +402,11 @@ def _rank(
     return (without_mv if without_mv[1] else with_mv)[0]
 
 
-def _earned_on_average(block: _Block, a: Answers, cost: float) -> np.ndarray:
+def _earnings_with_gaps(block: _Block, a: Answers, cost: float) -> np.ndarray:
     """Return what a method earns on each loop of a block: where it does not answer, what it earns
     elsewhere, so that a gap neither helps nor harms it.
     """
-    earned = _earned(a.said[block.use], block.positive, cost)
+    earned = _earnings(a.said[block.use], block.positive, cost)
     applies = a.applies[block.use]
     return np.where(applies, earned, earned[applies].mean() if applies.any() else 0.0)
 

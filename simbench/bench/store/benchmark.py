@@ -134,15 +134,15 @@ def _without_infinity(value: Any) -> Any:
     """Return settings with infinite numbers as the words that TOML has for them: JSON has none."""
     if isinstance(value, float) and math.isinf(value):
         return "inf" if value > 0.0 else "-inf"
-    return _each(value, _without_infinity)
+    return _change_parts(value, _without_infinity)
 
 
 def _with_infinity(value: Any) -> Any:
     """Return settings as they were before `_without_infinity`."""
-    return float(value) if value in ("inf", "-inf") else _each(value, _with_infinity)
+    return float(value) if value in ("inf", "-inf") else _change_parts(value, _with_infinity)
 
 
-def _each(value: Any, change: Callable[[Any], Any]) -> Any:
+def _change_parts(value: Any, change: Callable[[Any], Any]) -> Any:
     if isinstance(value, dict):
         return {key: change(part) for key, part in value.items()}
     return [change(part) for part in value] if isinstance(value, (list, tuple)) else value

@@ -226,7 +226,9 @@ def _difference(key: str, old: Any, new: Any) -> str:
             if come
             else []
         )
-        changes += [_changed(k, old[k], new[k]) for k in old if k in new and old[k] != new[k]]
+        changes += [
+            _describe_change(k, old[k], new[k]) for k in old if k in new and old[k] != new[k]
+        ]
         verb = "differ" if key.endswith("s") else "differs"
         return f"{key} {verb}: {'; '.join(changes[:3])}"
     names = {"grid_hash": "the grid", "code": "the code"}
@@ -242,7 +244,7 @@ def _how_given(plugin: str) -> str:
     return f"its file is needed (--{option} FILE.py); a run's folder keeps it in {SOURCES}/"
 
 
-def _changed(name: str, old: Any, new: Any) -> str:
+def _describe_change(name: str, old: Any, new: Any) -> str:
     """Say what changed of one entry: a nested one is named, not printed."""
     if isinstance(old, dict) and isinstance(new, dict):
         return (

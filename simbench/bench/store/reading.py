@@ -55,7 +55,7 @@ def read_table(
     folder = Path(folder)
     parts = table_parts(folder, kind, read_manifest(folder), columns)
     try:
-        return _joined(part if only is None else part.filter(only) for part in parts)
+        return _concatenate(part if only is None else part.filter(only) for part in parts)
     except pa.ArrowException as error:
         raise RunError(
             f"{folder} is damaged: table {kind} {_first_line(error)}; it is needed as it was"
@@ -63,7 +63,7 @@ def read_table(
         ) from None
 
 
-def _joined(parts: Iterable[pa.Table]) -> pa.Table:
+def _concatenate(parts: Iterable[pa.Table]) -> pa.Table:
     return pa.concat_tables(part.replace_schema_metadata() for part in parts)
 
 
@@ -213,7 +213,7 @@ class RunArrays:
         n = manifest["counts"]["scenarios"]
         own = _own_axes(manifest)
         tags = ["tags"] if own else []
-        scenarios = _joined(_parts_for_arrays(folder, "scenarios", manifest, *tags))
+        scenarios = _concatenate(_parts_for_arrays(folder, "scenarios", manifest, *tags))
         ids = scenarios.column("scenario_id").to_pylist()
         said = []
         start = 0
@@ -291,11 +291,11 @@ def _follow(column: pa.ChunkedArray, names: list[str], repeated: Any, times: int
     """Return whether a column holds names in their order, each of them or all so many times."""
     if not len(column):  # of a piece whose echoes were all left out
         return not len(names) * times
-    values, codes = _coded(column)
+    values, codes = _encode(column)
     return values == names and np.array_equal(codes, repeated(np.arange(len(names)), times))
 
 
-def _coded(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
+def _encode(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
     """Return the different values of a column in the order in which they come, and which of them
     is where, one more than there are for null.
     """
@@ -309,14 +309,14 @@ def _coded(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
 
 def _of_words(column: pa.ChunkedArray) -> np.ndarray:
     """Return the words of a column, "" for null."""
-    names, places = _coded(column)
+    names, places = _encode(column)
     # objects: all rows share a few strings
     return np.array([*names, ""], dtype=object)[places]
 
 
 def _codes(column: pa.ChunkedArray, codes: Mapping[str, int]) -> np.ndarray:
     """Return the codes of a column's words, -1 of others and for null."""
-    names, places = _coded(column)
+    names, places = _encode(column)
     return np.array([*(codes.get(name, -1) for name in names), -1], dtype=np.int8)[places]
 
 

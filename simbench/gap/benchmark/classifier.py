@@ -46,12 +46,12 @@ def tell_apart(simulated: FeatureSample, recorded: FeatureSample, seed: int = 0)
     """Return the AUC with which records are told from simulated ones, units whole, and its 95 %
     interval by drawing units again. A record and the simulations of its loop are of one unit.
     """
-    return _with_interval(_classified(simulated, recorded, seed, _TREES), seed)
+    return _with_interval(_classify(simulated, recorded, seed, _TREES), seed)
 
 
 def auc_of_few(simulated: FeatureSample, recorded: FeatureSample, seed: int = 0) -> float:
     """Return the AUC of `tell_apart` by the few features of a block, without its interval."""
-    told = _classified(simulated, recorded, seed, _FEW_TREES)
+    told = _classify(simulated, recorded, seed, _FEW_TREES)
     return float(_areas(told, told.weight[None])[0])
 
 
@@ -66,7 +66,7 @@ class _Classified(NamedTuple):
     weight: np.ndarray
 
 
-def _classified(
+def _classify(
     simulated: FeatureSample, recorded: FeatureSample, seed: int, trees: int
 ) -> _Classified:
     """Ask a classifier of so many trees about records that it has not learned from."""

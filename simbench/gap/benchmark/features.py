@@ -44,17 +44,17 @@ def describe(record: LoopRecord) -> dict[tuple[str, str], float]:
     op = np.asarray(record.op, float)
     pv = np.asarray(record.pv, float)
     sp = np.full(record.n, pv.mean()) if record.sp is None else np.asarray(record.sp, float)
-    fits = _explained(op, pv)
+    fits = _explained_share(op, pv)
     pace = _median_frequency(op - op.mean())
     found = {
-        **_named("length", _length(op, pace)),
-        **_named("samples per period", _pace(sp - pv, pace)),
-        **_named("noise", _noise(sp - pv, fits)),
-        **_named("lattice", _lattice(op, pv)),
-        **_named("set point", _set_point(sp, pv)),
-        **_named("load", _load(sp - pv, pv, fits)),
-        **_named("controller", _controller(op, sp - pv, pace)),
-        **_named("valve", _valve(op, pv, pace)),
+        **_name_features("length", _length(op, pace)),
+        **_name_features("samples per period", _pace(sp - pv, pace)),
+        **_name_features("noise", _noise(sp - pv, fits)),
+        **_name_features("lattice", _lattice(op, pv)),
+        **_name_features("set point", _set_point(sp, pv)),
+        **_name_features("load", _load(sp - pv, pv, fits)),
+        **_name_features("controller", _controller(op, sp - pv, pace)),
+        **_name_features("valve", _valve(op, pv, pace)),
     }
     return {name: value if np.isfinite(value) else 0.0 for name, value in found.items()}
 
@@ -65,7 +65,7 @@ def samples_per_period(record: LoopRecord) -> float:
     return 1.0 / _median_frequency(op - op.mean())
 
 
-def _named(block: str, values: dict[str, Any]) -> dict[tuple[str, str], float]:
+def _name_features(block: str, values: dict[str, Any]) -> dict[tuple[str, str], float]:
     return {(block, name): float(value) for name, value in values.items()}
 
 
@@ -150,7 +150,7 @@ def _load(error: np.ndarray, pv: np.ndarray, fits: np.ndarray) -> dict[str, floa
     }
 
 
-def _explained(op: np.ndarray, pv: np.ndarray) -> np.ndarray:
+def _explained_share(op: np.ndarray, pv: np.ndarray) -> np.ndarray:
     """Return what of PV, about its mean, a regression on delayed and lagged OP explains."""
     u = op - op.mean()
     n = op.size
@@ -173,8 +173,8 @@ def _controller(op: np.ndarray, error: np.ndarray, pace: float) -> dict[str, flo
     moves = np.diff(op)[1:]
     change = np.diff(error)
     pi = np.column_stack([change[1:], error[2:], np.ones(op.size - 2)])
-    law, left = _regressed(pi, moves)
-    _, less = _regressed(np.column_stack([pi, np.diff(change)]), moves)
+    law, left = _regress(pi, moves)
+    _, less = _regress(np.column_stack([pi, np.diff(change)]), moves)
     gain = abs(law[0])
     ends = (op == op.max()) | (op == op.min())
     return {
@@ -186,7 +186,7 @@ def _controller(op: np.ndarray, error: np.ndarray, pace: float) -> dict[str, flo
     }
 
 
-def _regressed(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
+def _regress(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
     """Return a least-squares fit, and the share of the variance that it leaves."""
     fit = np.linalg.lstsq(X, y, rcond=None)[0]
     return fit, float(np.var(y - X @ fit) / (np.var(y) + _SMALLEST**2))

@@ -180,7 +180,7 @@ class Search:
     def asked(self, several: Sequence[tuple[Chosen, ...]]) -> list[TriedAddition]:
         """Return how well the loops with some nuisances can be told from the records."""
         calls = [
-            delayed(_told)(self.drawn, chosen, self.lent, self.recorded, self.seed)
+            delayed(_tell_apart)(self.drawn, chosen, self.lent, self.recorded, self.seed)
             for chosen in several
         ]
         return run_parallel(calls, self.jobs, "nuisances")
@@ -227,7 +227,7 @@ def _best_of_blocks(helpful: Sequence[TriedAddition]) -> list[TriedAddition]:
     return list(best.values())
 
 
-def _told(
+def _tell_apart(
     drawn: Sequence[DrawnLoop],
     chosen: tuple[Chosen, ...],
     lent: Sequence[LoopRecord],

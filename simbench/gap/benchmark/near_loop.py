@@ -81,11 +81,11 @@ def loop_of(report: GapReport, record: LoopRecord) -> NearLoop:
         far = describe_gap(gap.after, gap.plant_floor)
         raise RecordError(f"no loop is near the record: the nearest is {far}")
     S = max(WORTH_REPAIRING, NARROWEST * op_range(np.asarray(situation.op)))
-    loop = _sound(runs.corrected(effects))
+    loop = _without_friction(runs.corrected(effects))
     return NearLoop(record_hash(record), loop, float(S), bool(effects))
 
 
-def _sound(loop: Loop) -> Loop:
+def _without_friction(loop: Loop) -> Loop:
     """Return a loop without the effects of a valve that sticks, and without the push that set it
     moving.
     """

@@ -47,15 +47,15 @@ def regress_law(op: np.ndarray, error: np.ndarray) -> Arx | None:
     """Return how changes of OP follow from their past and from the error; None where nothing that
     is stable fits.
     """
-    return _best(_tried(np.diff(op, prepend=op[0]), error, _LAW, first=0))
+    return _best(_stable_models(np.diff(op, prepend=op[0]), error, _LAW, first=0))
 
 
 def regress_plant(position: np.ndarray, pv: np.ndarray) -> Arx | None:
     """Return how PV follows from its past and from a valve's position; of models with an integrator
     `past` holds it.
     """
-    found = [_best(_tried(pv, position, _PLANT, first=1))]
-    slope = _best(_tried(np.diff(pv, prepend=pv[0]), position, _VESSEL, first=1))
+    found = [_best(_stable_models(pv, position, _PLANT, first=1))]
+    slope = _best(_stable_models(np.diff(pv, prepend=pv[0]), position, _VESSEL, first=1))
     if slope is not None:
         past = -np.convolve(slope.den, [1.0, -1.0])[1:]
         found.append(Arx(past, slope.driven, 1, slope.constant, slope.left, slope.bic))
@@ -65,7 +65,7 @@ def regress_plant(position: np.ndarray, pv: np.ndarray) -> Arx | None:
 def regress_noise(noise: np.ndarray) -> Arx:
     """Return how a signal follows from its own past."""
     orders = [(order, 0) for order in range(9)]
-    found = _best(_tried(noise, np.zeros(noise.size), orders, first=1))
+    found = _best(_stable_models(noise, np.zeros(noise.size), orders, first=1))
     if found is None:
         left = noise[_MOST:] - noise[_MOST:].mean()
         found = Arx(np.zeros(0), np.zeros(0), 1, float(noise[_MOST:].mean()), left, np.inf)
@@ -94,7 +94,7 @@ def _numerator(A: np.ndarray, B: np.ndarray, C: np.ndarray, den: np.ndarray) -> 
     return np.convolve(response, den)[: den.size]
 
 
-def _tried(
+def _stable_models(
     y: np.ndarray, x: np.ndarray, orders: Iterable[tuple[int, int]], first: int
 ) -> Iterator[Arx]:
     """Yield the models of all orders that are stable; all are fitted to the same samples."""

@@ -32,7 +32,7 @@ def gap_as_given(situation: Situation, loop: Loop, seed: int = 0) -> float | Non
     runs = []
     rng = np.random.default_rng([seed, _STREAM])
     for i in range(_RUNS):
-        one = run_with_seeds(_drawn(loop, rng), seed + i, 1)
+        one = run_with_seeds(_draw_plant(loop, rng), seed + i, 1)
         if one is not None:
             op, pv = as_archived(situation, one[0].op, one[0].pv)
             runs.append(list(features(op, pv, situation.sp).values()))
@@ -45,7 +45,7 @@ def gap_as_given(situation: Situation, loop: Loop, seed: int = 0) -> float | Non
     return away / max(floor_of(simulated, spread), 1e-9)
 
 
-def _drawn(loop: Loop, rng: np.random.Generator) -> Loop:
+def _draw_plant(loop: Loop, rng: np.random.Generator) -> Loop:
     """Return a loop with another plant of those that its baseline may mean."""
     gain, slow, late = (1.0 + NOMINAL * rng.uniform(-1.0, 1.0, 3)).tolist()
     p = loop.plant

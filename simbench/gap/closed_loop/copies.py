@@ -71,17 +71,19 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
     kick = max((kick_of(effect) for effect in effects), default=0.0)
     for effect in effects:
         position = through_valve(position, s.baseline, s.record.Ts, effect)
-    tables: list[tuple[str, _Left]] = [("first order", _as_stated(fitted.plant, position, pv, s))]
+    tables: list[tuple[str, _Left]] = [
+        ("first order", _leave_by_plant(fitted.plant, position, pv, s))
+    ]
     plant_shown = regress_plant(position, pv)
     if plant_shown is not None:
-        tables.append((AS_SHOWN, _as_shown(plant_shown, s, s.record.Ts)))
-    around = _around(s, fitted, effects).replace(controller=controller_of(law, s.record.Ts))
+        tables.append((AS_SHOWN, _leave_by_regression(plant_shown, s, s.record.Ts)))
+    around = _surroundings(s, fitted, effects).replace(controller=controller_of(law, s.record.Ts))
     of_op = {"op": (law.left + law.constant).tolist()}
-    for copy in _drawn_again(s, s.record.Ts, tables, around, of_op):
+    for copy in _redraw_loads(s, s.record.Ts, tables, around, of_op):
         yield copy._replace(loop=moved(copy.loop, kick))
 
 
-def _drawn_again(
+def _redraw_loads(
     s: Situation,
     Ts: float,
     tables: Sequence[tuple[str, _Left]],
@@ -148,10 +150,10 @@ def _with_shown_load(s: Situation, loop: Loop, plant_too: bool) -> Iterator[Copy
     op = s.op[:end]
     pv = s.record.pv[:end]
     position = through_valve(op, loop, Ts)
-    tables: list[tuple[str, _Left]] = [(AS_STATED, _as_stated(loop.plant, position, pv, s))]
+    tables: list[tuple[str, _Left]] = [(AS_STATED, _leave_by_plant(loop.plant, position, pv, s))]
     if plant_too and (plant := regress_plant(position, pv)) is not None:
-        tables.append((AS_SHOWN, _as_shown(plant, s, Ts)))
-    yield from _drawn_again(s, Ts, tables, loop.replace(noise=Noise()), {})
+        tables.append((AS_SHOWN, _leave_by_regression(plant, s, Ts)))
+    yield from _redraw_loads(s, Ts, tables, loop.replace(noise=Noise()), {})
 
 
 def _in_travel(s: Situation) -> Situation:
@@ -184,7 +186,7 @@ def _repeats(x: np.ndarray) -> tuple[int, ...] | None:
     return (0, *same.astype(int).tolist()) if same.any() else None
 
 
-def _around(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> Loop:
+def _surroundings(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> Loop:
     """Return a loop with the set point, the sampling and the valve of the fitted one, the effects
     on the valve and the limits of OP; its plant and controller are to be replaced.
     """
@@ -211,7 +213,7 @@ def controller_of(law: Arx, Ts: float) -> dict[str, Any]:
     return {"type": "tf", "num": num.tolist(), "den": den.tolist(), "dt": Ts}
 
 
-def _as_shown(plant: Arx, s: Situation, Ts: float) -> _Left:
+def _leave_by_regression(plant: Arx, s: Situation, Ts: float) -> _Left:
     """Return the table of a plant that was regressed, OP at which it rests on the first set point,
     its residuals with what is left of that, and the filter they pass.
     """
@@ -226,13 +228,13 @@ def _as_shown(plant: Arx, s: Situation, Ts: float) -> _Left:
     }
     rest = float(den.sum()) * float(s.sp[0])
     gain = float(num.sum())
-    op0 = _within((rest - plant.constant) / gain if gain else np.nan, s)
+    op0 = _resting_op((rest - plant.constant) / gain if gain else np.nan, s)
     return table, op0, plant.left + plant.constant - (rest - gain * op0), den.tolist()
 
 
-def _as_stated(plant: Plant, position: np.ndarray, pv: np.ndarray, s: Situation) -> _Left:
-    """Return as `_as_shown` does what a given plant leaves: noise on PV that follows from its own
-    past.
+def _leave_by_plant(plant: Plant, position: np.ndarray, pv: np.ndarray, s: Situation) -> _Left:
+    """Return as `_leave_by_regression` does what a given plant leaves: noise on PV that follows
+    from its own past.
     """
     num, den = in_samples(plant, s.record.Ts)
     about = float(np.mean(position))
@@ -242,13 +244,13 @@ def _as_stated(plant: Plant, position: np.ndarray, pv: np.ndarray, s: Situation)
         gain = float(num.sum() / den.sum())
         moved = np.asarray(lfilter(num, den, position - about)) + gain * about
         noise = regress_noise(np.diff(pv, prepend=pv[0]) - moved)
-        op0 = _within(-noise.constant / noise.den.sum() / gain, s)
+        op0 = _resting_op(-noise.constant / noise.den.sum() / gain, s)
         left = noise.left + noise.constant + noise.den.sum() * gain * op0
         law = np.convolve(noise.den, [1.0, -1.0])
     else:
         noise = regress_noise(pv - np.asarray(lfilter(num, den, position - about)))
         level = noise.constant / float(noise.den.sum())  # PV at the mean position
-        op0 = _within(about + (float(s.sp[0]) - level) / plant.K, s)
+        op0 = _resting_op(about + (float(s.sp[0]) - level) / plant.K, s)
         off = level + plant.K * (op0 - about) - float(s.sp[0])
         left = noise.left + off * float(noise.den.sum())
         law = noise.den
@@ -256,7 +258,7 @@ def _as_stated(plant: Plant, position: np.ndarray, pv: np.ndarray, s: Situation)
     return table, op0, left, law.tolist() if law.size > 1 else None
 
 
-def _within(op0: float, s: Situation) -> float:
+def _resting_op(op0: float, s: Situation) -> float:
     """Return OP at rest; its mean on record where that lies outside of its travel."""
     return float(op0) if WITHIN[0] <= op0 <= WITHIN[1] else float(np.clip(s.op.mean(), *WITHIN))
 

@@ -58,7 +58,7 @@ class IdentifiedLoops(ClosedLoops):
         kept = "The archive repeats samples as the record's does."
         return [*described(near.copy.loop), f"The load is {load}.", *([kept] * near.held)]
 
-    def _copied(self, effects: Sequence[str]) -> Runs:
+    def _run_copy(self, effects: Sequence[str]) -> Runs:
         """Return the runs of the copy with some effects."""
         runs = simulate_runs(self.fitted.situation, self.corrected(effects), self.seed)
         if runs is None:
@@ -71,10 +71,10 @@ class IdentifiedLoops(ClosedLoops):
         """
         key = tuple(e for e in effects if is_friction(e))
         if () not in self.arms:
-            bare = self._copied([])
+            bare = self._run_copy([])
             self.arms[()] = bare, bare, bare
         if key not in self.arms:
-            self.arms[key] = *self.arms[()][:2], self._copied(key)
+            self.arms[key] = *self.arms[()][:2], self._run_copy(key)
         return self.arms[key]
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:

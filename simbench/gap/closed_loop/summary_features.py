@@ -89,17 +89,17 @@ def seed_spread(sims: np.ndarray, least: np.ndarray) -> np.ndarray:
 
 def floor_of(sims: np.ndarray, spread: np.ndarray) -> float:
     """Return the mean distance of each seed from the others: what chance alone gives."""
-    return float(_apart(sims, spread).mean())
+    return float(_spread_of_runs(sims, spread).mean())
 
 
 def chance_of(sims: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """Return by how much each seed's distance from the others is off the floor: what another record
     of the loop might do.
     """
-    alone = _apart(sims, spread).mean(axis=1)
+    alone = _spread_of_runs(sims, spread).mean(axis=1)
     return alone - alone.mean()
 
 
-def _apart(sims: np.ndarray, spread: np.ndarray) -> np.ndarray:
+def _spread_of_runs(sims: np.ndarray, spread: np.ndarray) -> np.ndarray:
     others = (sims.sum(axis=0) - sims) / (len(sims) - 1)
     return np.minimum(np.abs(sims - others) / spread, CAP)

@@ -266,7 +266,7 @@ class _Examination:
                 law,
                 foreign="OP stands still where the law would move it: the controller skips scans",
             )
-        return self._known(law) if self.exact else self._hidden(law)
+        return self._find_known_law(law) if self.exact else self._find_hidden_law(law)
 
     def _fit(self) -> None:
         """Fit the law, past a gap of the error and a lattice of OP: is nothing but it between error
@@ -329,19 +329,19 @@ class _Examination:
         self.plain = not coarse and gap == 0.0
         self.exact = fit.residual < self.tolerance and not self.collapsed
 
-    def _known(self, law: Law) -> Law:
+    def _find_known_law(self, law: Law) -> Law:
         """Return the law that explains OP: the baseline's or another tuning, and which PV it was
         shown.
         """
         fit = self.fit
         sp = self.sp
         if self.plain:
-            law = replace(law, recovered_pv=self._seen(fit.a, fit.b))
+            law = replace(law, recovered_pv=self._recover_change(fit.a, fit.b))
         # a baseline that explains OP as well is the simpler truth
         if (fit.base < self.tolerance and self.coarse) or fit.base < 1.5 * fit.residual:
             law = replace(law, Kc=self.Kc, Ti=self.Ti or np.inf)
         else:
-            law = self._tuned(law, fit.a, fit.b)
+            law = self._law_of_tuning(law, fit.a, fit.b)
         if fit.strays.size >= 3 and sp is not None:
             moved = np.flatnonzero(np.diff(sp) != 0.0) + 1
             near_sp = np.isin(fit.strays, np.concatenate([moved, moved + 1]))
@@ -350,7 +350,7 @@ class _Examination:
                 law = replace(law, foreign=foreign)
         return law
 
-    def _hidden(self, law: Law) -> Law:
+    def _find_hidden_law(self, law: Law) -> Law:
         """Return a law that the recorded PV does not show: another controller, or another PV than
         the archive's.
         """
@@ -387,7 +387,7 @@ class _Examination:
             if hidden.base > 1.5 * hidden.misfit and np.isfinite(hidden.a):
                 a = hidden.a
                 b = hidden.b
-        candidate = self._seen(a, b)
+        candidate = self._recover_change(a, b)
         if candidate is None:
             return law
         off = pv - candidate
@@ -397,7 +397,7 @@ class _Examination:
             kept = float(np.std(off[exact])) < faithful
         if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
             law = replace(law, recovered_pv=candidate, residual=self.fit.base)
-        return self._tuned(law, a, b) if kept and a != Kc + Ki else law
+        return self._law_of_tuning(law, a, b) if kept and a != Kc + Ki else law
 
     def _behind_a_mean(self, law: Law) -> Law | None:
         """Return the law, under the baseline's tuning or another, whose PV the archive took the
@@ -422,7 +422,7 @@ class _Examination:
             tunings.append((hidden.a, hidden.b))
         tries = []
         for i, (a, b) in enumerate(tunings):
-            seen = self._seen(a, b) if np.isfinite(a) else None
+            seen = self._recover_change(a, b) if np.isfinite(a) else None
             if seen is not None:
                 # a baseline that explains the archive as well is the simpler truth
                 price = 1.0 if i < stated else 1.5
@@ -432,19 +432,19 @@ class _Examination:
             return None
         law = replace(law, residual=self.fit.base, recovered_pv=seen, averaged=True)
         if i >= stated:
-            return self._tuned(law, *tunings[i])
+            return self._law_of_tuning(law, *tunings[i])
         return replace(law, Kc=Kc, Ti=self.Ti or np.inf)
 
     def _error_at(self, runs: np.ndarray) -> np.ndarray:
         """Return the error of a controller that knows of no samples but its `runs`."""
         return self.acts.error(self.op[runs], self.pv[runs], self.level[runs])
 
-    def _seen(self, a: float, b: float) -> np.ndarray | None:
+    def _recover_change(self, a: float, b: float) -> np.ndarray | None:
         pv = recover_pv(self.op, self.e, self.pv, self.inside, a, b, self.Ti is None)
         change = None if pv is None else self.acts.unshaped(pv - self.pv)
         return None if change is None else self.pv + change
 
-    def _tuned(self, law: Law, a: float, b: float) -> Law:
+    def _law_of_tuning(self, law: Law, a: float, b: float) -> Law:
         """Return the law with the tuning of dOP = a e_k + b e_{k-1}."""
         Kc, Ti = self._nearest_form(a, b)
         return replace(law, Kc=Kc, Ti=Ti, tuning=find_retuning(Kc, Ti, self.Kc, self.Ti or np.inf))

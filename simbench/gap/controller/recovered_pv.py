@@ -75,7 +75,7 @@ def rest_of_mean(pv: np.ndarray, seen: np.ndarray) -> float:
     """
     weights = _weights(pv, seen)
     one = abs(float(weights.sum()) - 1.0) < _SUM and float(weights.min()) > _LEAST_WEIGHT
-    left = pv - pv.mean() - _around(seen - seen.mean()) @ weights
+    left = pv - pv.mean() - _shift_columns(seen - seen.mean()) @ weights
     rest = about_zero(left[2:-2]) / (float(np.std(np.diff(pv))) or 1.0)
     return rest if one and rest < _BLURRED else np.inf
 
@@ -85,15 +85,15 @@ def mean_like(pv: np.ndarray, seen: np.ndarray, other: np.ndarray) -> np.ndarray
     saw nearest to the archive's PV.
     """
     weights = _weights(pv, seen)
-    return _around(other) @ (weights / weights.sum())
+    return _shift_columns(other) @ (weights / weights.sum())
 
 
-def _around(x: np.ndarray, over: tuple[int, ...] = MEAN_OVER) -> np.ndarray:
+def _shift_columns(x: np.ndarray, over: tuple[int, ...] = MEAN_OVER) -> np.ndarray:
     return np.column_stack([np.roll(x, shift) for shift in over])
 
 
 def _weights(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    return solve_least_squares(_around(seen - seen.mean())[2:-2], (pv - pv.mean())[2:-2])
+    return solve_least_squares(_shift_columns(seen - seen.mean())[2:-2], (pv - pv.mean())[2:-2])
 
 
 def hidden_law(
@@ -117,7 +117,7 @@ def hidden_law(
 
     def channels(forget: float) -> np.ndarray:
         of_op, of_start = (lfilter([1.0], [1.0, -forget], x) for x in (drive, unit))
-        return np.column_stack([_around(of_op, over), of_start])[exact]
+        return np.column_stack([_shift_columns(of_op, over), of_start])[exact]
 
     def misfit(log_wait: float) -> float:
         X = channels(expit(log_wait))

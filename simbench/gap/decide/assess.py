@@ -2,7 +2,7 @@
 best model leaves.
 
 The steps stand in `assess`: fit every effect (`_fitted`), read the rows off (`_rows`), choose one
-effect or two (`_chosen`), and test what the best model does not explain (`tests_of`).
+effect or two (`_choose_effects`), and test what the best model does not explain (`tests_of`).
 """
 
 from __future__ import annotations
@@ -123,18 +123,18 @@ def assess(
         refuse_other_plant(situation)
     maps, mv_strays = valve_maps(situation, tests)
     engine, bare, maps = _model(situation, tests, maps)
-    s = _known(situation, tests, engine, bool(maps))
+    s = _add_proven(situation, tests, engine, bool(maps))
     base = bare
     candidates = fit_candidates(engine, base, possible_effects(s, bool(maps)))
-    sizes = _plain(s, base, candidates)
-    plain, candidates = _parted(candidates, sizes)
+    sizes = _effects_of_any_loop(s, base, candidates)
+    plain, candidates = _split_candidates(candidates, sizes)
     load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
     if load is not None and load.log_likelihood_gain > 0.0:
         # what an ordinary load does by itself is in every model
         base = load.fit
         candidates = fit_beside_load(engine, load, candidates)
-        more = _plain(s, base, candidates)
-        beside, candidates = _parted(candidates, more)
+        more = _effects_of_any_loop(s, base, candidates)
+        beside, candidates = _split_candidates(candidates, more)
         plain = plain | beside
         sizes = sizes | more
     every = candidates | plain
@@ -142,7 +142,7 @@ def assess(
     parameters |= {**s.proven, **{e: p for e, (_, p) in maps.items()}}
     rows = _rows(s, candidates, maps, parameters)
     rows += lab_rows(tests, base, rows)
-    chosen, final, on_top = _chosen(s, rows, engine, base, candidates, friction)
+    chosen, final, on_top = _choose_effects(s, rows, engine, base, candidates, friction)
     if len(chosen) == 2 and chosen[1] in candidates:
         parameters[chosen[1]] = recogniser(chosen[1]).numbers(final, s)
     # the limits are those of one record, and what a plant of higher order does not explain adds up
@@ -200,7 +200,9 @@ def _engine(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> Engine:
     return Engine(by_stem(s, s.data, s.op, s.record.Ts, s.record.mv, maps), load_memory(s))
 
 
-def _known(s: Situation, tests: Sequence[ModelledTest], engine: Engine, by_mv: bool) -> Situation:
+def _add_proven(
+    s: Situation, tests: Sequence[ModelledTest], engine: Engine, by_mv: bool
+) -> Situation:
     """Return the situation with the engine's data, and all that law or samples show in record or
     tests.
     """
@@ -209,7 +211,9 @@ def _known(s: Situation, tests: Sequence[ModelledTest], engine: Engine, by_mv: b
     return replace(s, data=engine.data, proven=known)
 
 
-def _plain(s: Situation, base: Fit, candidates: Mapping[str, Candidate]) -> dict[str, float]:
+def _effects_of_any_loop(
+    s: Situation, base: Fit, candidates: Mapping[str, Candidate]
+) -> dict[str, float]:
     """Return the effects that show what any loop does by itself over a base, each with how far (%)
     that load moves; 0 where it is no load, or the baseline states it.
     """
@@ -224,7 +228,7 @@ def _plain(s: Situation, base: Fit, candidates: Mapping[str, Candidate]) -> dict
     return out
 
 
-def _parted(
+def _split_candidates(
     candidates: Mapping[str, Candidate], names: Collection[str]
 ) -> tuple[dict[str, Candidate], dict[str, Candidate]]:
     """Return the candidates of some names, and the others."""
@@ -270,7 +274,7 @@ def _ordinary(
     return out
 
 
-def _chosen(
+def _choose_effects(
     s: Situation,
     rows: Sequence[Evidence],
     engine: Engine,
@@ -299,7 +303,7 @@ def _chosen(
     final = candidates[first].fit if first in candidates else base
     if first in candidates:
         fits = fit_candidates(engine, final, [e for e in others if e in candidates])
-        plain = _plain(s, final, fits)
+        plain = _effects_of_any_loop(s, final, fits)
         others = [e for e in others if e not in plain]
     on_top = {e: float(fits[e].log_likelihood_gain) if e in fits else nats[e] for e in others}
     more = [e for e in on_top if on_top[e] > SECOND_NATS]

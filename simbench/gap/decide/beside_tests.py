@@ -50,7 +50,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
             # a sound valve, too, and no band is needed for what it does
             search.healthy -= overshoots[0]
         maps = {
-            e: _wide(e, by_mv(search), least)
+            e: _drop_narrow(e, by_mv(search), least)
             for e in EFFECTS
             if (by_mv := recogniser(e).by_mv) is not None
         }
@@ -67,7 +67,7 @@ def valve_maps(s: Situation, tests: Sequence[ModelledTest]) -> tuple[Maps, bool]
     return total, bool(powers[0] > powers[1:].max())
 
 
-def _wide(effect: str, found: MapFit, least: float) -> MapFit:
+def _drop_narrow(effect: str, found: MapFit, least: float) -> MapFit:
     """Return a map without its evidence where its band (%) is none: narrower than MV tells."""
     band = recogniser(effect).band
     gain, p = found

@@ -58,7 +58,7 @@ def _jumping(engine: Engine, base: Fit) -> Fit:
             trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *places)))
             start = {"load_jump": height, **best.theta, "load": _LEFT * best.theta["load"]}
             # the base had bent its plant around the jumps
-            one = _pruned(
+            one = _prune_jumps(
                 engine,
                 engine.fit(trial, engine.fit(trial, start, search=SMOOTH, steps=8).theta, steps=4),
             )
@@ -71,7 +71,7 @@ def _jumping(engine: Engine, base: Fit) -> Fit:
         best = better
 
 
-def _pruned(engine: Engine, fit: Fit) -> Fit:
+def _prune_jumps(engine: Engine, fit: Fit) -> Fit:
     """Return the fit without jumps that are not worth their own price, once the others are
     there.
     """

@@ -106,7 +106,7 @@ def _spikes(
         sizes = sizes[strong]
         plain = only.size >= 2 and samples.step == 0.0
         # an archive lost some samples, which were bridged, of OP as well
-        if plain and np.all(_bridged(pv, samples.digits)[only]):
+        if plain and np.all(_find_bridged(pv, samples.digits)[only]):
             return None, seen, ""
         if plain and not stands_out(pv, only, sizes):
             # or drops the samples least missed
@@ -118,7 +118,7 @@ def _spikes(
             heights = sizes
             place = "record"
             plant_pv = seen
-    elif spikes.size >= 3 and seen is None and not _answered(s, spikes, heights):
+    elif spikes.size >= 3 and seen is None and not _op_answers_spikes(s, spikes, heights):
         place = "record"
     if spikes.size < 3 or thinned:
         return None, plant_pv, mismatch
@@ -127,12 +127,12 @@ def _spikes(
     return (spikes.size / pv.size, float(np.mean(np.abs(heights))), place), plant_pv, mismatch
 
 
-def _bridged(pv: np.ndarray, digits: float) -> np.ndarray:
+def _find_bridged(pv: np.ndarray, digits: float) -> np.ndarray:
     """Return the samples (n,) on straight lines, and those beside them."""
     return np.convolve(on_line(pv, digits), np.ones(3), "same") > 0.0
 
 
-def _answered(s: Seen, spikes: np.ndarray, heights: np.ndarray) -> bool:
+def _op_answers_spikes(s: Seen, spikes: np.ndarray, heights: np.ndarray) -> bool:
     """Return whether OP jumps with the spikes of PV as the controller gain requires."""
     du = np.append(np.diff(s.record.op), 0.0)[np.clip(spikes - 1 + s.law.late, 0, s.record.n - 1)]
     asked = -s.law.Kc * heights

@@ -25,12 +25,12 @@ def pv_late(record: LoopRecord, op: np.ndarray, controller: Controller) -> int:
         return 0
     most = min(_MOST, int(_SHIFTED * record.n))
     moved = float(np.var(np.diff(op))) or 1.0
-    left = np.array([_unexplained(record, op, controller, late) for late in range(most)]) / moved
+    left = np.array([_variance_left(record, op, controller, late) for late in range(most)]) / moved
     late = int(np.argmin(left))
     return late if late and left[late] < min(_LEFT, _SHARE * left[0]) else 0
 
 
-def _unexplained(record: LoopRecord, op: np.ndarray, c: Controller, late: int) -> float:
+def _variance_left(record: LoopRecord, op: np.ndarray, c: Controller, late: int) -> float:
     """Return the variance of what the law leaves of OP's changes, were PV stamped so many samples
     late.
     """

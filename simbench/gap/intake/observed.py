@@ -70,7 +70,7 @@ def before_sensor(
     return before_filter(y, tau), resolution * float(np.hypot(1.0, keep)) / (1.0 - keep)
 
 
-def _stated(baseline: Loop, kind: str, at: str) -> list[dict[str, Any]]:
+def _stated_loads(baseline: Loop, kind: str, at: str) -> list[dict[str, Any]]:
     """Return the loads of a kind that the baseline states at the plant's input or output."""
     loads = [part.parameters for part in baseline.disturbance if part.name == kind]
     return [p for p in loads if p.get("at", "input") == at]
@@ -191,16 +191,16 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
     sines = [
         (p["period"] / r.Ts, p["amplitude"] * (on_pv(p["period"]) if at == "input" else 1.0))
         for at in ("input", "output")
-        for p in _stated(baseline, "sine", at)
+        for p in _stated_loads(baseline, "sine", at)
     ]
-    steps = [p["amplitude"] for p in _stated(baseline, "steps", "input")]
+    steps = [p["amplitude"] for p in _stated_loads(baseline, "steps", "input")]
     drifts = [
         p["amplitude"] * min(r.duration / p["period"], 1.0)
-        for p in _stated(baseline, "ramp", "input")
+        for p in _stated_loads(baseline, "ramp", "input")
     ] + [
         # a walk ends within two of its standard deviations
         2.0 * p["amplitude"] * np.sqrt(r.duration / p["period"])
-        for p in _stated(baseline, "random_walk", "input")
+        for p in _stated_loads(baseline, "random_walk", "input")
     ]
     loads = {
         # levels between -amplitude and amplitude lie up to two of them apart, of which one part is

@@ -45,8 +45,8 @@ def refuse_other_plant(s: Situation) -> None:
     control = s.baseline.controller
     if (
         law.tuning is None
-        or not _apart(law.tuning[0])
-        or (control.Ti and not _apart(law.tuning[1]))
+        or not _is_another(law.tuning[0])
+        or (control.Ti and not _is_another(law.tuning[1]))
     ):
         return
     free, other = fit_plant(data.u, data.y, False, data.resolution, float(np.sign(law.Kc)))
@@ -57,13 +57,13 @@ def refuse_other_plant(s: Situation) -> None:
     wait = other.theta["Td"]
     pace = lag + wait
     known = data.T + data.Td
-    if data.T > 0 and not (_apart(gain / data.K) and _apart(pace / known)):
+    if data.T > 0 and not (_is_another(gain / data.K) and _is_another(pace / known)):
         return
     # an integrating plant has a slope and a dead time; one that settles late in the record may well
     # be one
     if data.T == 0 and not (
         lag < data.n / 30
-        and (_apart(gain / lag / data.K) or _apart((wait + 1.0) / (data.Td + 1.0)))
+        and (_is_another(gain / lag / data.K) or _is_another((wait + 1.0) / (data.Td + 1.0)))
     ):
         return
     to_beat = max(other.loglik, free.base().loglik) - size_penalty(data.n, 3.0) - OTHER_LOOP
@@ -91,5 +91,5 @@ def _bends_plant(effect: str) -> bool:
     return is_friction(effect) or block_of(effect) == "process"
 
 
-def _apart(ratio: float) -> bool:
+def _is_another(ratio: float) -> bool:
     return not 1.0 / PLANT_APART < ratio < PLANT_APART

@@ -162,12 +162,12 @@ def _loop(
             " log of another pace is declared by Ts of [sampling] in the test's settings"
         )
     return baseline.replace(
-        controller=_retuned(baseline.controller, control),
+        controller=_retune(baseline.controller, control),
         sampling=Sampling(Ts=record.Ts, n=record.n),
     )
 
 
-def _retuned(controller: Controller, settings: Mapping[str, Any]) -> Controller:
+def _retune(controller: Controller, settings: Mapping[str, Any]) -> Controller:
     """Return the controller with the Kc and Ti of a test: stated, or as ratios of its own."""
     stated = controller.model_dump(exclude_none=True)
     tuning = {}

@@ -271,7 +271,7 @@ class Engine:
         wanted = [m for m in search or spec.names if m in spec.names]
         names = tuple(m for m in wanted if m != "T" or self.data.T > 0)
         theta = {m: start[m] for m in spec.names if m in start or m in names}
-        logs, box, unpack = self._searched(spec, names, theta)
+        logs, box, unpack = self._search_space(spec, names, theta)
         box[:, 1] = np.maximum(box[:, 0], box[:, 1])
         x = np.array([theta.get(m, 0.0) for m in names])
         x[logs] = np.log(np.maximum(x[logs], 1e-300))
@@ -308,7 +308,7 @@ class Engine:
                 break
         return _fit(spec, unpack(x), now)
 
-    def _searched(
+    def _search_space(
         self, spec: Spec, names: tuple[str, ...], theta: Mapping[str, float]
     ) -> tuple[np.ndarray, np.ndarray, Callable[[np.ndarray], dict[str, float]]]:
         """Return which parameters are searched by their logarithm (p,), their bounds (p, 2), and
@@ -390,13 +390,13 @@ class Engine:
         """Return the log-likelihood, without the priors, of many valve maps with all else held; a
         fine grid costs little.
         """
-        gy, gg, level = self._scanned(spec, theta, kind, points)
+        gy, gg, level = self._scan_maps(spec, theta, kind, points)
         low, high = self._gains(spec)
         seen = gg > 1e-12
         K = np.where(seen, np.clip(gy / np.where(seen, gg, 1.0), low, high), 0.0)
         return K * gy - 0.5 * K * K * gg - level
 
-    def _scanned(
+    def _scan_maps(
         self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """Return, of many valve maps, the plant's answer times PV and times itself, whitened, and

@@ -127,7 +127,7 @@ class JointEngine(Engine):
         level = 0.0
         for i, engine in enumerate(self.engines):
             scale = 1.0 / self.parts[i].pace if self.data.T == 0.0 else 1.0
-            one = engine._scanned(*self.one_of(i, spec, theta), kind, points)
+            one = engine._scan_maps(*self.one_of(i, spec, theta), kind, points)
             gy = gy + scale * one[0]
             gg = gg + scale**2 * one[1]
             level = level + one[2]

@@ -57,7 +57,7 @@ def write_page(
         Section("remaining", "What remains", _remaining(report)),
         Section("which", "Which effect", _which(report)),
         Section("shrinkage", "How far the gap shrinks", _shrinkage(report)),
-        Section("next", "What is open, and what to do next", _open(report)),
+        Section("next", "What is open, and what to do next", _list_undetected(report)),
         Section(
             "reproduce",
             "How to reproduce",
@@ -84,7 +84,7 @@ def _answer(report: GapReport) -> list[Part]:
         value, lo, hi = (round(100 * s[k]) for k in ("value", "lo", "hi"))
         removed = f"of the gap above the floor is removed (90 % interval {lo} to {hi} %)"
         tiles.append((f"{value} %", removed))
-    named = [_named(report, e) for e in report.effects if e["effect"] in report.named]
+    named = [_describe_effect(report, e) for e in report.effects if e["effect"] in report.named]
     return [
         *texts([report.answer(), report.nearness()], "strong"),
         *texts([" ".join(report.identified())] if report.identified() else []),
@@ -95,7 +95,7 @@ def _answer(report: GapReport) -> list[Part]:
     ]
 
 
-def _named(report: GapReport, e: Mapping[str, Any]) -> str:
+def _describe_effect(report: GapReport, e: Mapping[str, Any]) -> str:
     """Return what an effect that the report names is, and with which parameters it was fitted."""
     name = e["effect"]
     fitted = numbers(name, e["parameters"], "", report.op_unit)
@@ -200,7 +200,7 @@ def _shrinkage(report: GapReport) -> list[Part]:
     ]
 
 
-def _open(report: GapReport) -> list[Part]:
+def _list_undetected(report: GapReport) -> list[Part]:
     columns = ["effect", "block", "smallest size", "unit"]
     sizes = report.behind.detectable.items()
     rows = [

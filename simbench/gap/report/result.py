@@ -288,9 +288,9 @@ class GapReport:
         if self.effect == NONE:
             late = any(note.startswith("clock:") for note in self.notes)
             once = ", once PV, which is stamped late, is moved back" if late else ""
-            return f"{_hedged('no unmodelled effect is needed', p)} ({p:.2f}){once}."
+            return f"{_hedge('no unmodelled effect is needed', p)} ({p:.2f}){once}."
         if self.effect == UNKNOWN:
-            said = _hedged("no known effect explains what is missing", p)
+            said = _hedge("no known effect explains what is missing", p)
             said += f" ({p:.2f}; block: {self.block})"
             shown = self.behind.shown
             return said + ("." if shown is None else f": {shown_words(shown, self.block)}.")
@@ -448,7 +448,7 @@ class GapReport:
         return [f"Next test, {one['test']}: {one['says']}."]
 
 
-def _hedged(said: str, p: float) -> str:
+def _hedge(said: str, p: float) -> str:
     """Return a sentence without its stop as one that is likely, or as the likeliest of many."""
     if p > LIKELIER:
         return said[0].upper() + said[1:]

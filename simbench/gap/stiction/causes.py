@@ -132,7 +132,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
         cause = Cause(STEPPED, 0.8, (f"{sent}: a threshold in the controller or what sends OP",))
         return Causes(cause, (cause,))
     if isinstance(loops, Refusal):
-        return _open(loops.reason, ())
+        return _leave_open(loops.reason, ())
     if not claimed and (found := loops.positioner) is not None:
         why = (
             f"MV overshoots OP as a valve or positioner of second order does, without friction"
@@ -150,7 +150,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
         line = keeps > KEPT_OPEN and keeps > regularity.of_tuning(loops)
         swung = [
             _tuning(known, swing, line, keeps),
-            _outside(loops, line and keeps > regularity.of_friction(loops), keeps, periods),
+            _blame_outside(loops, line and keeps > regularity.of_friction(loops), keeps, periods),
         ]
     else:
         why = "the loop does not swing"
@@ -176,13 +176,13 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
         return Causes(sticking, tuple(weighed))
     if loops.probability > LIKELIER:
         why = "friction is more probable than not, but not enough to be claimed"
-        return _open(f"{why}, which leaves every other cause open", tuple(weighed))
+        return _leave_open(f"{why}, which leaves every other cause open", tuple(weighed))
     if first.confidence < NAMED_FROM or first is sticking:
-        return _open("no cause has enough evidence", tuple(weighed))
+        return _leave_open("no cause has enough evidence", tuple(weighed))
     return Causes(first, tuple(weighed))
 
 
-def _open(why: str, weighed: tuple[Cause, ...]) -> Causes:
+def _leave_open(why: str, weighed: tuple[Cause, ...]) -> Causes:
     return Causes(Cause(NOT_TOLD, 0.0, (), (why,)), weighed)
 
 
@@ -231,7 +231,7 @@ def _sure_of_tuning(known: Margins) -> float:
     return float(np.interp(known.sensitivity, (TIGHT_OPEN, TIGHT_SURE), (0.5, 0.95)))
 
 
-def _outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) -> Cause:
+def _blame_outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) -> Cause:
     kept = f"over {periods:.0f} periods the phase coherence of the oscillation is {keeps:.2f}: "
     if keeps < KEPT_OPEN:
         return Cause(FROM_OUTSIDE, 0.1, (), (f"{kept}no periodic disturbance is seen",))

@@ -154,11 +154,11 @@ def friction(record: LoopRecord, known: Partial | None = None) -> Friction:
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         if record.mv is None:
-            return _asked(_weighed(record, known))
+            return _ask_what_shows(_weigh_friction(record, known))
         return _with_mv(record, known)
 
 
-def _asked(weighed: Friction) -> Friction:
+def _ask_what_shows(weighed: Friction) -> Friction:
     """Return what was weighed, with what would have shown where it speaks against friction."""
     if probability(log_odds(weighed.evidence)) >= DENIED_BELOW:
         return weighed
@@ -169,7 +169,7 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     """Return what a record with MV shows of friction: MV counts as far as it is the position of the
     valve, and OP and PV alone where it is not.
     """
-    alone = _asked(_weighed(replace(record, mv=None), known))
+    alone = _ask_what_shows(_weigh_friction(replace(record, mv=None), known))
     percent = in_percent(record)[0]
     op = np.asarray(percent.op)
     mv = np.asarray(record.mv, dtype=float)
@@ -200,7 +200,9 @@ def _worth(alone: Friction, mv: np.ndarray) -> tuple[float, float]:
     views = alone.views or (alone.assessment,)
     if views[0].situation.record.n != mv.size:
         return 0.0, 0.0
-    sound, sticky = (max((_priced(v, e) for v in views), key=np.sum) for e in (None, FRICTION))
+    sound, sticky = (
+        max((_price_samples(v, e) for v in views), key=np.sum) for e in (None, FRICTION)
+    )
     return worth(views, sound, sticky, mv)
 
 
@@ -214,7 +216,7 @@ def _in_scale(
     mv = np.asarray(record.mv, dtype=float)
     scale, nats = scale_of(MapSearch(op, mv, record.Ts, op), fitted)
     try:
-        by_mv = _weighed(record, known)
+        by_mv = _weigh_friction(record, known)
     except RecordError:
         if nats <= MV_SCALE_NATS:
             raise
@@ -222,8 +224,8 @@ def _in_scale(
         rows = nats_of_rows(by_mv.assessment.rows)
         valve = max((n for e, n in rows.items() if block_of(e) == "valve"), default=0.0)
         if nats <= max(valve, 0.0) + MV_SCALE_NATS:
-            return _asked(by_mv), Scale()
-    return _asked(_weighed(replace(record, mv=scale.undone(mv)), known)), scale
+            return _ask_what_shows(by_mv), Scale()
+    return _ask_what_shows(_weigh_friction(replace(record, mv=scale.undone(mv)), known)), scale
 
 
 def as_believed(record: LoopRecord) -> tuple[LoopRecord, tuple[str, ...]]:
@@ -257,14 +259,14 @@ def stands(record: LoopRecord) -> bool:
     try:
         refuse_unweighable(part)
         with one_thread():
-            return not any(answers(view, mv[here]) for view in _identified(part))
+            return not any(answers(view, mv[here]) for view in _assess_both_kinds(part))
     except NoAnswer:
         return True
     except UserError:
         return False  # whether PV follows OP cannot be told
 
 
-def _weighed(record: LoopRecord, known: Partial | None) -> Friction:
+def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
     """Return what a record shows of friction, before it is asked what would have shown."""
     where = f"record {record.tag!r}" if record.tag else "record"
     record = in_percent(record)[0]
@@ -279,11 +281,11 @@ def _weighed(record: LoopRecord, known: Partial | None) -> Friction:
             raise RecordError(
                 f"{where} unfit: {count} of {record.n} samples of PV were measured; {what}"
             )
-        return _seen_in(_identified(record))
+        return _likeliest_view(_assess_both_kinds(record))
     whole, given, _ = complete_baseline(record, known)
     s = check(record, whole, trusted=False, tuned="controller" in given)
     # MV is compared with OP by the whole diagnosis alone
-    return _seen_in([_few(s)]) if record.mv is None else _seen_in_mv(assess(s))
+    return _likeliest_view([_few(s)]) if record.mv is None else _seen_in_mv(assess(s))
 
 
 def refuse_unweighable(record: LoopRecord) -> None:
@@ -325,7 +327,7 @@ def _decade(x: np.ndarray) -> float:
     return 10.0 ** float(np.round(np.log10(np.ptp(x))))
 
 
-def _identified(record: LoopRecord) -> list[Assessment]:
+def _assess_both_kinds(record: LoopRecord) -> list[Assessment]:
     """Return the assessments of a record with the loops of both kinds that can be identified from
     it.
     """
@@ -356,12 +358,12 @@ def _few(s: Situation) -> Assessment:
     return Assessment(s, base, fitted, used | s.proven, [], base)
 
 
-def _seen_in(views: Sequence[Assessment]) -> Friction:
+def _likeliest_view(views: Sequence[Assessment]) -> Friction:
     """Return the likeliest of some assessments of one record, of the kind that is known, and what
     they show together: what the best fit with friction explains beyond the best without, sample by
     sample.
     """
-    nats = [{e: _priced(v, e) for e in (None, FRICTION)} for v in views]
+    nats = [{e: _price_samples(v, e) for e in (None, FRICTION)} for v in views]
     # the view in which each is likeliest
     at = {e: int(np.argmax([n[e].sum() for n in nats])) for e in nats[0]}
     none, sticky = (nats[at[e]][e] for e in (None, FRICTION))
@@ -378,10 +380,10 @@ def _seen_in(views: Sequence[Assessment]) -> Friction:
         regressed.pace,
     )
     order = (views[first], *(v for v in views if v is not views[first]))
-    return Friction(views[first], evidence, order, unclaimed=_unclaimed(likeliest, gain))
+    return Friction(views[first], evidence, order, unclaimed=_why_unclaimed(likeliest, gain))
 
 
-def _unclaimed(likeliest: Assessment, gain: float) -> str:
+def _why_unclaimed(likeliest: Assessment, gain: float) -> str:
     """Return why friction that may explain PV in a regression is not claimed, given what it gains
     (nats) in a model of the loop; "" where nothing speaks against a claim.
     """
@@ -413,7 +415,7 @@ def _is(view: Assessment, process: str | None) -> bool:
     return process is None or view.situation.integrating == (process == "integrating")
 
 
-def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
+def _price_samples(assessment: Assessment, effect: str | None) -> np.ndarray:
     """Return the log-likelihood of each sample with an effect, or with none, and its share of the
     price of the numbers fitted.
     """
@@ -424,7 +426,7 @@ def _priced(assessment: Assessment, effect: str | None) -> np.ndarray:
     if effect is not None:
         one = assessment.candidates.get(effect)
         if one is None:
-            return _priced(assessment, None) + _NOTHING / (s.data.n - SKIP)
+            return _price_samples(assessment, None) + _NOTHING / (s.data.n - SKIP)
         fit = one.fit
         price = price + one.fit.loglik - base.loglik - one.log_likelihood_gain
     return nats_of(fit, price)

@@ -122,7 +122,7 @@ def scale_of(search: MapSearch, fitted: tuple[float, float] | None) -> tuple[Sca
     valves = [(0.0, 0.0), *(() if fitted is None else (fitted,)), *near[:, :2]]
     # where MV stands when the record begins is another number than in its part
     begun = np.array([(S, J, S * b) for S, J in valves for b in (*_STARTS, *_NEARER)])
-    left, gain, offset = min(_scaled(op, mv, x) for x in _lowest(op, mv, begun, _KEPT))
+    left, gain, offset = min(_scale_to_mv(op, mv, x) for x in _lowest(op, mv, begun, _KEPT))
     level = 0.5 * op.size * np.log(left + search.fine)
     nats = search.healthy - level - size_penalty(op.size, _NUMBERS)
     middle = offset + (gain - 1.0) * float(op.mean())
@@ -132,15 +132,15 @@ def scale_of(search: MapSearch, fitted: tuple[float, float] | None) -> tuple[Sca
 
 def _lowest(op: np.ndarray, mv: np.ndarray, starts: np.ndarray, kept: int) -> np.ndarray:
     """Return the valves (kept, 3) that leave least of MV near the best of some (p, 3)."""
-    levels = np.array([_scaled(op, mv, x)[0] for x in starts])
+    levels = np.array([_scale_to_mv(op, mv, x)[0] for x in starts])
     followed = [
-        scipy.optimize.minimize(lambda x: _scaled(op, mv, x)[0], start, method="Nelder-Mead")
+        scipy.optimize.minimize(lambda x: _scale_to_mv(op, mv, x)[0], start, method="Nelder-Mead")
         for start in starts[np.argsort(levels)[:kept]]
     ]
     return np.array([one.x for one in followed])
 
 
-def _scaled(op: np.ndarray, mv: np.ndarray, valve: np.ndarray) -> tuple[float, float, float]:
+def _scale_to_mv(op: np.ndarray, mv: np.ndarray, valve: np.ndarray) -> tuple[float, float, float]:
     """Return the mean square that gain and offset of a valve (S, J, start) leave of MV, and both;
     MV may be logged between two samples.
     """
@@ -159,7 +159,7 @@ def worth(
     and through a sticking one, given the log-likelihoods of each sample with these; `views` are the
     assessments of the record without MV.
     """
-    by_mv = max((_given(view, mv) for view in views), key=np.sum)
+    by_mv = max((_log_likelihood(view, mv) for view in views), key=np.sum)
     if _says_op(views[0].situation.op, mv):
         # noise and digits of MV are no reason to doubt it
         by_mv = max(by_mv, sound, key=np.sum)
@@ -172,7 +172,7 @@ def _says_op(op: np.ndarray, mv: np.ndarray) -> bool:
     return float(np.std(left)) <= max(_AS_OP * noise_of(mv), _LITTLE * float(np.std(mv)))
 
 
-def _given(view: Assessment, mv: np.ndarray) -> np.ndarray:
+def _log_likelihood(view: Assessment, mv: np.ndarray) -> np.ndarray:
     """Return the log-likelihood of each sample of PV given MV, plant, load and noise fitted."""
     s = view.situation
     data = replace(s.data, u=np.ascontiguousarray(mv, dtype=float))
@@ -192,7 +192,7 @@ def answers(view: Assessment, mv: np.ndarray) -> bool:
     s = view.situation
     moved = abs(view.base.K) * float(np.std(s.data.u))
     of_pv = float(np.std(s.data.y))
-    gain = friction_nats(nats_of(view.base, 0.0), _given(view, mv))
+    gain = friction_nats(nats_of(view.base, 0.0), _log_likelihood(view, mv))
     return not s.integrating and moved > MV_FOLLOWED * of_pv and gain > LEAST_NATS
 
 

@@ -87,7 +87,7 @@ def visible(view: Assessment) -> Visible:
             f"{pace:.2g} samples per period are too few to rule friction out",
             f"record OP and PV every {swing.period_s / _PACE:.2g} s or faster",
         )
-    if not swing.sustained and not _integrates(_sound(view), s.record.duration):
+    if not swing.sustained and not _integrates(_without_friction(view), s.record.duration):
         return Visible(
             math.inf,
             "friction cannot be ruled out: no integral action moves OP until a valve that sticks"
@@ -102,7 +102,7 @@ def visible_in(view: Assessment) -> Visible:
     if seen.open or view.situation.record.mv is not None:
         return seen
     asked = largest_asked(view.situation.op)
-    loop = _sound(view)
+    loop = _without_friction(view)
     smallest = math.inf
     for k in range(_MOST_SIZES):
         S = asked * _FINER**-k
@@ -123,7 +123,7 @@ def _by_mv(s: Situation) -> Visible:
     return Visible(math.inf, why)
 
 
-def _sound(view: Assessment) -> Loop:
+def _without_friction(view: Assessment) -> Loop:
     """Return the loop that was fitted to a record, without friction."""
     return ClosedLoops(view, 0).loop([e for e in view.situation.proven if e != FRICTION])
 
@@ -146,13 +146,13 @@ def _shows(view: Assessment, loop: Loop, S: float) -> bool:
     """Return whether stiction of a size is called in three quarters of simulations."""
     called = 0
     for seed in range(_SEEDS):
-        called += _called(view, loop, S, seed)
+        called += _is_called(view, loop, S, seed)
         if called == CALLED or seed + 1 - called > _SEEDS - CALLED:
             break
     return called == CALLED
 
 
-def _called(view: Assessment, loop: Loop, S: float, seed: int) -> bool:
+def _is_called(view: Assessment, loop: Loop, S: float, seed: int) -> bool:
     """Return whether stiction of a size, put into a loop, is called in one simulation of it."""
     s = view.situation
     try:

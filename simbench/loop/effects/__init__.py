@@ -132,13 +132,13 @@ class Vocabulary(Mapping[str, Effect]):
     @cached_property
     def _all(self) -> dict[str, Effect]:
         names = self._only or [*ORDER, *(name for name in PLUGINS.names() if name not in ORDER)]
-        return {name: _described(PLUGINS.load(name)) for name in names}
+        return {name: _describe(PLUGINS.load(name)) for name in names}
 
 
 EFFECTS = Vocabulary()
 
 
-def _described(module: ModuleType) -> Effect:
+def _describe(module: ModuleType) -> Effect:
     first = (module.__doc__ or "").strip().partition("\n\n")[0]
     # "Dead-band: backlash between OP and MV." says what the effect is behind its name
     says = " ".join(first.partition(": ")[2].split()).rstrip(".")

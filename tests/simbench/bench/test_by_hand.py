@@ -155,9 +155,9 @@ def test_the_least_swing_is_half_the_jump_or_a_twentieth_of_the_band(S, J, least
 
 
 def test_noise_goes_off_at_the_end_and_up_to_three_quarters_of_a_period_before():
-    assert truth._quiet_from(loop(), 40.0) == [400]
-    assert truth._quiet_from(loop(noise={"std": 0.1}), 40.0) == [400, 390, 380, 370]
-    assert truth._quiet_from(loop(noise={"std": 0.1}), 1000.0) == [400, 150, 0]
+    assert truth._quiet_moments(loop(), 40.0) == [400]
+    assert truth._quiet_moments(loop(noise={"std": 0.1}), 40.0) == [400, 390, 380, 370]
+    assert truth._quiet_moments(loop(noise={"std": 0.1}), 1000.0) == [400, 150, 0]
 
 
 @pytest.mark.parametrize(
@@ -176,7 +176,7 @@ def test_a_valve_that_turned_seldom_and_still_moves_is_unclear(reversals, late, 
     tail = np.zeros(90)
     tail[-15:] = late
     moved = SimpleNamespace(reversals=reversals, swing=5.0, lasting=1.0)
-    assert truth._alone(loop(), 0, tail, moved, 1.0, 0) == expected
+    assert truth._goes_on_by_itself(loop(), 0, tail, moved, 1.0, 0) == expected
 
 
 def test_numbers_of_a_cell_have_three_digits():

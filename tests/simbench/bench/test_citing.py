@@ -69,7 +69,7 @@ def test_publications_are_read_from_the_words_of_a_source(source, found):
 @pytest.mark.parametrize("folder", [methods, VALVES], ids=["methods", "valves"])
 def test_every_source_of_the_package_names_a_publication_a_standard_or_a_definition(folder):
     for name in folder.every_name():
-        source = citing._stated(folder, name)
+        source = citing._source_in_file(folder, name)
         assert entries_in(source) or re.match("definition|IEC |GB/T ", source), name
 
 
@@ -119,7 +119,7 @@ def test_a_grid_of_ones_own_is_cited_by_whom_it_states(tmp_path):
 def test_every_article_of_the_package_has_a_title():
     for folder in (methods, VALVES):
         for name in folder.every_name():
-            for kind, fields in entries_in(citing._stated(folder, name)):
+            for kind, fields in entries_in(citing._source_in_file(folder, name)):
                 if kind == "article":
                     assert citing._with_details(fields).get("title"), (name, fields)
 

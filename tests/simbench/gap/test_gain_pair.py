@@ -102,7 +102,7 @@ def test_the_period_and_its_shift_carry_intervals_that_hold_the_truth(monkeypatc
     """Cycles of 90 s and 150 s on the average, each of its own length: the interval of the mean is
     that of the draw.
     """
-    monkeypatch.setattr(gain_pair, "_compared", lambda records, phases, ratio: ("stiction", ""))
+    monkeypatch.setattr(gain_pair, "_compare", lambda records, phases, ratio: ("stiction", ""))
     rng = np.random.default_rng(5)
     covered = 0
     for _ in range(40):

@@ -18,7 +18,7 @@ from simbench.theory import table_check
 from simbench.theory.basin import kick_min, starts_cycle
 from simbench.theory.cycle import after_load_step, at_rest, exact_cycle
 from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
-from simbench.theory.half_cycle import _move, _product, _residual, _solved, half_cycles, standing
+from simbench.theory.half_cycle import _move, _product, _residual, _solve, half_cycles, standing
 from simbench.theory.march import reversals
 from simbench.theory.predict import as_text
 from simbench.theory.sampled import mapped_valve, nearest_map, sampled_loop, ultimate_gain
@@ -200,7 +200,7 @@ def test_the_residual_of_a_half_cycle_is_that_of_the_whole_arrays(loop, q):
     head = np.random.default_rng(3).normal(size=(c, c + 1))
     room = np.empty((3, c, c + 1))
     residual = _residual.py_func(head, T, np.array(powers), made.fs, q, *room)
-    assert residual == pytest.approx(_solved(head, T, powers, made.fs, np.array([q]))[0][0])
+    assert residual == pytest.approx(_solve(head, T, powers, made.fs, np.array([q]))[0][0])
 
 
 def test_half_cycles_that_are_kept_are_sorted_and_stable_where_deviations_die(loop):

@@ -103,12 +103,12 @@ def _of_loops(scores: Any, truth: str, population: str, loops: str) -> str:
 def write(path: str | Path, numbers: pd.DataFrame, text: pd.DataFrame, about: str) -> None:
     """Write a table: CSV has the numbers, the other kinds the text with what it is about."""
     kind = table_kind(path)
-    content = csv_text(numbers) if kind == ".csv" else _formatted(kind, text, about)
+    content = csv_text(numbers) if kind == ".csv" else _format_table(kind, text, about)
     with whole_file(path) as f:
         f.write(content)
 
 
-def _formatted(kind: str, text: pd.DataFrame, about: str) -> str:
+def _format_table(kind: str, text: pd.DataFrame, about: str) -> str:
     groups = list(text["Group"]) if "Group" in text else [""] * len(text)
     text = text.drop(columns="Group", errors="ignore")
     wide = text.shape[1]

@@ -52,13 +52,13 @@ def resolution_curve(book: RunArrays) -> pd.DataFrame:
     ends = ends.rename(columns=lambda c: c.replace("called", "called_siblings"))
     rows = rows[(rows["place"] < cuts.size) & (rows["n"] > 0)].merge(ends, on="method")
     rows["cut"] = cuts[rows["place"]]
-    rows = rows.join(_told_apart(rows), on="method")
+    rows = rows.join(_differences(rows), on="method")
     rows = with_names(rows, everyone, "home")
     best_first = rows.sort_values([_TOLD, "cut"], ascending=[False, True], kind="stable")
     return best_first.reset_index(drop=True).loc[:, list(_COLUMNS)]
 
 
-def _told_apart(rows: pd.DataFrame) -> pd.DataFrame:
+def _differences(rows: pd.DataFrame) -> pd.DataFrame:
     """Return by how much more often each method calls sticky loops sticky than their echoes, the
     mean over the cuts, with its 95 % interval.
     """

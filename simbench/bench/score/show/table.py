@@ -63,13 +63,13 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     if rows.empty:
         return [*title, *_sentences(scores, truth, where)]
     first = rows.iloc[0]
-    title += _wrapped(
+    title += _wrap(
         f"{first.n} loops have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]}"
         f" (truth {truth!r})."
     )
     tail = [
-        *_wrapped(_LEGEND.format(undecided=scores.undecided)),
-        *(_wrapped(_REFERENCES) if whole else []),
+        *_wrap(_LEGEND.format(undecided=scores.undecided)),
+        *(_wrap(_REFERENCES) if whole else []),
         *_sentences(scores, truth, where, whole),
     ]
     room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 2
@@ -96,9 +96,9 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         _details(scores, truth),
         _left_out(scores),
         _dead_band(scores),
-        _quantified(scores),
-        ["labels that disagree", *_plain(scores.disagreement)],
-        _wrapped(where),
+        _pair_S_and_J(scores),
+        ["labels that disagree", *_align_frame(scores.disagreement)],
+        _wrap(where),
     )
     return [*lines, *(line for section in sections if section for line in ("", *section))]
 
@@ -115,7 +115,7 @@ def along_lines(rates: pd.DataFrame, axes: Sequence[str], grid: str) -> list[str
         counts = (str(r[axes[0]]), r["method"], str(r["n"]))
         lines.append((*counts, *shares, _rate(r["no_decision"], few)))
     about = f"grid {grid}, all loops with a label; -: fewer than {LEAST} loops, or no such loop"
-    return [*_wrapped(about), *columns(lines)]
+    return [*_wrap(about), *columns(lines)]
 
 
 def two_way_lines(
@@ -124,9 +124,9 @@ def two_way_lines(
     """Return some shares of each method over two axes, the first down and the second across."""
     down, across = axes
     more = "" if len(shares) > 1 else "; --method ID: sensitivity and false positives of one, too"
-    lines = _wrapped(
-        f"grid {grid}: {_listed(shares)} and number of loops, {down} down and {across} across; in"
-        f" brackets: fewer than {LEAST} loops{more}"
+    lines = _wrap(
+        f"grid {grid}: {_list_in_words(shares)} and number of loops, {down} down and {across}"
+        f" across; in brackets: fewer than {LEAST} loops{more}"
     )
     values = list(dict.fromkeys(rates[across]))
     for method, of in rates.groupby("method", sort=False):
@@ -140,10 +140,10 @@ def two_way_lines(
     return lines
 
 
-def _listed(shares: Sequence[str]) -> str:
+def _list_in_words(shares: Sequence[str]) -> str:
     """Return the names of shares in words.
 
-    >>> _listed(["accuracy", "sensitivity", "false_positives"])
+    >>> _list_in_words(["accuracy", "sensitivity", "false_positives"])
     'accuracy, sensitivity, false positives'
     """
     return ", ".join(name.replace("_", " ") for name in shares)
@@ -168,14 +168,14 @@ def _title(scores: Any, whole: bool) -> list[str]:
         f"grid {m['grid']} ({m['grid_hash']}), {counts['scenarios']} scenarios, seed"
         f" {m.get('seed')}{benchmark_text(m)}"
     )
-    lines = _wrapped(about)
+    lines = _wrap(about)
     if unlike := m.get(UNLIKE):
-        lines += _wrapped(
+        lines += _wrap(
             f"{unlike} records have other last bits than those of the shipped verdicts, as on"
             " another processor."
         )
     if SAMPLED in counts:
-        lines += _wrapped(
+        lines += _wrap(
             "Rates and costs are of all loops. Their scatter, areas under curves, sensitivity at 5"
             f" % and classifier no_waveform rest on {counts[SAMPLED]} scenarios, drawn at random."
         )
@@ -187,12 +187,12 @@ def _title(scores: Any, whole: bool) -> list[str]:
     said = ", ".join(
         f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear")
     )
-    lines += _wrapped(
+    lines += _wrap(
         f"{counts[OF_OSCILLATING]} loops oscillate. Of all loops, the valve makes the loop cycle:"
         f" {said}."
     )
     if left_out := unmatched(m):
-        lines += _wrapped(
+        lines += _wrap(
             f"{left_out} {'echo was' if left_out == 1 else 'echoes were'} left out, as the sticky"
             " sibling does not cycle."
         )
@@ -218,7 +218,7 @@ def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list
         )
         resolved = f"A difference of {_rate(standing.resolution)} is resolved between any two."
         said.append(ranks * whole + resolved)
-    return [line for sentence in (*said, where) for line in _wrapped(sentence)]
+    return [line for sentence in (*said, where) for line in _wrap(sentence)]
 
 
 def _rivals(rows: pd.DataFrame) -> int:
@@ -333,7 +333,7 @@ def _still(scores: Any, truth: str) -> list[str]:
 def _causes(scores: Any) -> list[str]:
     """Return false positives by what makes a loop oscillate whose valve does not."""
     rows = scores.by_cause
-    names = _marked(scores)
+    names = _mark_methods(scores)
     rows = rows[rows.role != ROLE_YARDSTICK] if len(rows) else rows
     causes = list(dict.fromkeys(rows.cause)) if len(rows) else []
     lines = [("method", *causes)]
@@ -342,7 +342,7 @@ def _causes(scores: Any) -> list[str]:
         lines.append((names.get(method, method), *(known.get(c, "") for c in causes)))
     of_each = "; ".join(f"{c} {rows[rows.cause == c].n.max()}" for c in causes)
     title = f"false positives by cause, loops that the valve does not make cycle ({of_each})"
-    return [*_wrapped(title), *columns(lines)] if causes else []
+    return [*_wrap(title), *columns(lines)] if causes else []
 
 
 def _resolved_corners(scores: Any) -> list[str]:
@@ -350,7 +350,7 @@ def _resolved_corners(scores: Any) -> list[str]:
     which of their sticky siblings.
     """
     rows = scores.resolution_curve()
-    names = _marked(scores)
+    names = _mark_methods(scores)
     if rows.empty:
         return []
     cuts = sorted(rows["cut"].unique())
@@ -362,7 +362,7 @@ def _resolved_corners(scores: Any) -> list[str]:
         apart = f"{one.told_apart:.2f} ({one.told_apart_lo:.2f} to {one.told_apart_hi:.2f})"
         shares = (known.get(cut, "") for cut in cuts)
         lines.append((names.get(method, method), *shares, sticky, apart))
-    title = _wrapped(
+    title = _wrap(
         "resolution: share of echoes called sticky, over the multiple of the cycle's frequency"
         " above which nothing of the valve's error is left; of their sticky siblings; and the"
         " difference, its mean over these, with a 95 % interval"
@@ -435,10 +435,10 @@ def _details(scores: Any, truth: str) -> list[str]:
         "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; risk: area"
         " under the risk-coverage curve; of all: accuracy, not-applicable counted as wrong"
     )
-    return [title, *columns(lines), *_wrapped(legend)]
+    return [title, *columns(lines), *_wrap(legend)]
 
 
-def _marked(scores: Any) -> dict[str, str]:
+def _mark_methods(scores: Any) -> dict[str, str]:
     """Return the names of the methods that are scored, with their marks; of loops left out alone
     there are others.
     """
@@ -447,7 +447,7 @@ def _marked(scores: Any) -> dict[str, str]:
 
 def _left_out(scores: Any) -> list[str]:
     rows = scores.left_out
-    names = _marked(scores)
+    names = _mark_methods(scores)
     rows = rows[(rows.role != ROLE_YARDSTICK) & (rows.n > 0)] if len(rows) else rows
     lines = [("method", "loops", "n", "stiction", "no stiction", "no decision")]
     for r in rows.itertuples():
@@ -473,15 +473,13 @@ def _dead_band(scores: Any) -> list[str]:
         for r in rows.itertuples()
         if not math.isnan(r.sensitivity)
     )
-    return _wrapped(
-        f"sensitivity on dead-band alone ({int(rows.positives.max())} cycling): {found}"
-    )
+    return _wrap(f"sensitivity on dead-band alone ({int(rows.positives.max())} cycling): {found}")
 
 
-def _quantified(scores: Any) -> list[str]:
+def _pair_S_and_J(scores: Any) -> list[str]:
     """Return S and J side by side, one row for a method on a family of valves."""
     t = scores.quantification
-    names = _marked(scores)
+    names = _mark_methods(scores)
     lines = [
         (
             "method",
@@ -492,7 +490,7 @@ def _quantified(scores: Any) -> list[str]:
     for key, rows in t[t.n >= LEAST].groupby(["method", "family"], sort=False):
         method, family = tuple(key)  # type: ignore[arg-type]
         found = {
-            r.parameter: (str(r.n), *map(_short, (r.median_error, r.coverage, r.width)))
+            r.parameter: (str(r.n), *map(_three_digits, (r.median_error, r.coverage, r.width)))
             for r in rows.itertuples()
         }
         lines.append(
@@ -510,7 +508,7 @@ def _quantified(scores: Any) -> list[str]:
         " valve's S; held: share of the intervals that hold the truth, nominally nine in ten; -"
         " where a method states no level."
     )
-    return [*_wrapped(text), *columns(lines)]
+    return [*_wrap(text), *columns(lines)]
 
 
 def _rate(x: float, few: bool = False) -> str:
@@ -527,15 +525,15 @@ def _interval(value: float, lo: float, hi: float, few: bool = False) -> str:
     return "-" if few or math.isnan(value) else f"{_rate(value)} {_rate(lo)}-{_rate(hi)}"
 
 
-def _short(x: float) -> str:
+def _three_digits(x: float) -> str:
     return "-" if math.isnan(x) else f"{x:.3f}"
 
 
-def _wrapped(text: str) -> list[str]:
+def _wrap(text: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH)
 
 
-def _plain(frame: pd.DataFrame) -> list[str]:
+def _align_frame(frame: pd.DataFrame) -> list[str]:
     return columns(
         [tuple(frame.columns), *(tuple(map(str, row)) for row in frame.itertuples(index=False))]
     )

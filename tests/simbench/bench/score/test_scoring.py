@@ -409,12 +409,12 @@ def test_an_axis_of_many_values_has_a_row_for_each(book):
 
 
 def test_the_classifiers_without_waveform_are_trained_once_for_the_same_loops(book):
-    folds._boosted.cache_clear()
+    folds._boost.cache_clear()
     runs = [book(np.tile([1, 0], 100), np.tile([1, 0], 100)) for _ in range(2)]
     tables, learned = [], []
     for run in runs:
         tables.append(score_book(run).table)
-        learned.append(folds._boosted.cache_info().misses)
+        learned.append(folds._boost.cache_info().misses)
     assert learned[0] == learned[1] > 0
     pd.testing.assert_frame_equal(*tables)
 

@@ -5,7 +5,7 @@ none.
 import numpy as np
 import pytest
 
-from simbench.gap.decide.beside_tests import _wide, least_band
+from simbench.gap.decide.beside_tests import _drop_narrow, least_band
 
 RNG = np.random.default_rng(1)
 WAVE = 50.0 + 5.0 * np.sin(np.arange(2000.0) / 40.0)
@@ -20,6 +20,6 @@ def test_digits_and_noise_set_the_least_band():
 
 def test_a_narrower_band_has_no_evidence_and_other_maps_keep_theirs():
     found = (90.0, {"S": 0.2, "J": 0.1})
-    assert _wide("stiction", found, 0.3) == (0.0, {"S": 0.2, "J": 0.1})
-    assert _wide("stiction", found, 0.1) == found
-    assert _wide("valve_lag", (90.0, {"tau": 0.1}), 0.3)[0] == 90.0
+    assert _drop_narrow("stiction", found, 0.3) == (0.0, {"S": 0.2, "J": 0.1})
+    assert _drop_narrow("stiction", found, 0.1) == found
+    assert _drop_narrow("valve_lag", (90.0, {"tau": 0.1}), 0.3)[0] == 90.0

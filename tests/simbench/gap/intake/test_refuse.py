@@ -10,7 +10,7 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.pi_law import Law
 from simbench.gap.intake import other_loop
-from simbench.gap.intake.archive import _answered, stands_out
+from simbench.gap.intake.archive import _op_answers_spikes, stands_out
 from simbench.gap.intake.observed import moves_of
 from simbench.gap.intake.refuse import (
     moving_slope,
@@ -267,4 +267,4 @@ def test_the_controller_answers_a_spike_it_saw(share, seen, late):
     for k, h in zip(places, heights):
         op[k + late] = -0.7 * share * h
     it = SimpleNamespace(record=SimpleNamespace(op=op, n=200), law=replace(LAW, Kc=0.7, late=late))
-    assert _answered(it, places, heights) == seen
+    assert _op_answers_spikes(it, places, heights) == seen

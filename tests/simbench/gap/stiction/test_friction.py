@@ -79,7 +79,7 @@ def as_made_up(monkeypatch):
 @pytest.mark.usefixtures("as_made_up")
 def test_friction_counts_what_it_explains_sample_by_sample_less_its_price():
     better = NOTHING + 0.1
-    weighed = module._seen_in([view(NOTHING, better)])
+    weighed = module._likeliest_view([view(NOTHING, better)])
     assert weighed.evidence.gain == pytest.approx(0.1 * NOTHING.size - 4.0)
     assert weighed.evidence.share == pytest.approx(4.0 / 19.6, rel=0.01)
 
@@ -89,14 +89,14 @@ def test_friction_counts_what_it_explains_sample_by_sample_less_its_price():
 def test_no_sample_is_worth_more_than_a_nat(sign):
     one = NOTHING.copy()
     one[100:103] += sign * 50.0
-    weighed = module._seen_in([view(NOTHING, one, price=0.0)])
+    weighed = module._likeliest_view([view(NOTHING, one, price=0.0)])
     assert weighed.evidence.gain == pytest.approx(3.0 * sign)
 
 
 @pytest.mark.usefixtures("as_made_up")
 def test_friction_must_explain_more_than_the_better_kind_of_plant_without_it():
     levelled, bent = view(NOTHING, NOTHING + 0.1, integrating=True), view(NOTHING + 0.08, NOTHING)
-    weighed = module._seen_in([levelled, bent])
+    weighed = module._likeliest_view([levelled, bent])
     price = size_penalty(400, 1.0)
     assert weighed.evidence.gain == pytest.approx(0.02 * NOTHING.size - 4.0 + price)
     assert weighed.assessment is levelled
@@ -112,7 +112,7 @@ def drifting(rise, digits=6):
     )
     one = view(NOTHING, NOTHING + 0.5)
     one.situation.op = one.situation.data.u = op
-    return module._unclaimed(one, 100.0)
+    return module._why_unclaimed(one, 100.0)
 
 
 @pytest.mark.parametrize(("rise", "digits"), [(20, 6), (3.9, 6), (20, 0)])
@@ -124,15 +124,15 @@ def test_a_band_that_op_passed_both_ways_is():
     op = 50.0 + 4.0 * np.sin(np.arange(400) / 9.0)
     one = view(NOTHING, NOTHING + 0.5)
     one.situation.op = op
-    assert module._unclaimed(one, 100.0) == ""
-    assert "no model of the loop" in module._unclaimed(one, 0.0)
+    assert module._why_unclaimed(one, 100.0) == ""
+    assert "no model of the loop" in module._why_unclaimed(one, 0.0)
 
 
 @pytest.mark.usefixtures("as_made_up")
 def test_what_a_regression_alone_finds_is_not_claimed(monkeypatch):
     loud = Regressed(500.0, np.empty((0, 3)), 10.0, 0.0)
     monkeypatch.setattr(module, "friction_regressed", lambda op, pv: loud)
-    weighed = module._seen_in([view(NOTHING, NOTHING - 0.001)])
+    weighed = module._likeliest_view([view(NOTHING, NOTHING - 0.001)])
     assert 0.5 < weighed.probability <= CLAIMED_FROM
     assert verdict(weighed.probability) == NO_DECISION
 
@@ -182,7 +182,7 @@ def test_what_the_past_explains_needs_no_friction():
 
 def test_a_plant_is_fitted_as_both_kinds_and_shown_as_the_known_one():
     record = replace(random_case(5, (FRICTION,)).record, process=None).window(0, 300)
-    kinds = [v.situation.integrating for v in module._identified(record)]
+    kinds = [v.situation.integrating for v in module._assess_both_kinds(record)]
     assert kinds == [False, True]
     both = friction(record)
     assert both.evidence == friction(replace(record, process="integrating")).evidence
