@@ -21,8 +21,9 @@ from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.io import read_folder, read_labels, read_records
+from simbench.detectors.records.io import read_folder, read_records
 from simbench.detectors.records.isdb import read_loops
+from simbench.detectors.records.labels import read_labels
 from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.events import event_numbers
 from simbench.detectors.report.report import Report, choose_methods, score_units

@@ -125,7 +125,7 @@ def detect(
         text = report.as_text(why=why, colour=sys.stdout.isatty())
         _print_text(text.removeprefix("".join(printed)).removeprefix("\n"))
     if labels is not None and report.conclusions:
-        from simbench.detectors.records.io import read_labels
+        from simbench.detectors.records.labels import read_labels
         from simbench.gap.stiction.by_loop import as_lines
 
         print("\n".join(["", *as_lines(report.conclusions, read_labels(labels))]))

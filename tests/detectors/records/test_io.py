@@ -10,7 +10,8 @@ import pytest
 from scipy.io import savemat
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.io import read_folder, read_labels, read_record
+from simbench.detectors.records.io import read_folder, read_record
+from simbench.detectors.records.labels import read_labels
 
 REAL = Path(__file__).parents[3] / ".." / "shared" / "data" / "real"
 needs_real = pytest.mark.skipif(not REAL.is_dir(), reason=f"real records are not here ({REAL})")

@@ -1,0 +1,215 @@
+"""One loop of an opened table as a `LoopRecord`, with a note on all that was done to it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from simbench.detectors.errors import ParameterError, RecordError, nearest
+from simbench.detectors.record import (
+    MOST_OUTSIDE,
+    LoopRecord,
+)
+from simbench.detectors.records.archive import (
+    HELD_VALUES,
+    STRAIGHT_LINES,
+    base_step,
+    hold,
+)
+from simbench.detectors.records.clock import CALENDAR
+from simbench.detectors.records.gaps import SHORTEST, fill_gaps
+from simbench.detectors.records.historian import (
+    op_span,
+    open_span,
+)
+from simbench.detectors.records.mode import AUTO, CAS, MAN
+from simbench.detectors.records.opened import OpenedTable, with_ranges
+from simbench.detectors.records.roles import (
+    MODE,
+    find_time,
+    no_column,
+    parse,
+    unit,
+)
+from simbench.detectors.records.side_by_side import (
+    is_on_change,
+    known_samples,
+    read_long,
+    read_wide,
+)
+from simbench.detectors.records.tables import (
+    BLANK,
+    example_of_columns,
+)
+from simbench.detectors.signal.holds import runs_of
+
+# first letter of a controller's tag, as in FIC101, LC-4, 12PIC10201 or TICA7: what it measures
+_KIND_OF = {
+    "F": "flow",
+    "L": "level",
+    "P": "pressure",
+    "T": "temperature",
+    "A": "analyser",
+}
+_LETTERS = re.compile(r"(?<![A-Za-z])([FLPTA])I?C[A-Z]?[ _-]?\d", re.ASCII)
+# sampling periods (s) at which nobody records a loop for its control, by what it controls: a
+# historian's minute, doubled, for fast loops, a quarter of an hour for any
+_SLOWEST = {"flow": 120.0, "pressure": 120.0}
+_SLOWEST_OF_ANY = 900.0
+
+
+def make_record(
+    table: OpenedTable, roles: dict[str, str], chosen: Mapping[str, str], about: dict[str, Any]
+) -> LoopRecord:
+    """Return the record of one loop of a table, with the notes on all that was done to it."""
+    sheet = table.sheet
+    where = table.where
+    automatic = about.pop("automatic", True)
+    Ts = about.pop("Ts", None)
+    how = about.pop("resample", None)
+    if how not in (None, HELD_VALUES, STRAIGHT_LINES):
+        raise ParameterError(
+            f"resample {how!r}: {nearest(str(how), (HELD_VALUES, STRAIGHT_LINES))}"
+        )
+    if Ts is not None and not 0 < Ts < np.inf:
+        raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
+    for role in ("pv", "op"):
+        if role not in roles:
+            names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
+            numbered = {n: sheet.columns[n] for n in names if n.isdigit() and n in sheet.columns}
+            if numbered:
+                sentence = f"{where}: {len(numbered)} columns have no names; which of them, counted"
+                raise RecordError(
+                    f"{sentence} from 1, is which is needed", _option_naming(numbered, names)
+                )
+            raise with_ranges(no_column(role, roles, names, where), table)
+    other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen)]
+    sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if parse(n).word != r]
+    read = read_wide if table.parts is None else read_long
+    t, signals, modes, given = read(table, roles, chosen, Ts, how)
+    if t.size < SHORTEST:
+        raise RecordError(f"{where}: {t.size} samples; at least {SHORTEST} are needed")
+    named = table.units.get(roles["op"]) or unit(roles["op"])
+    span = op_span(named, about.get("op_span"), signals["op"], where, sheet.notes)
+    about |= {} if span is None else {"op_span": span}
+    held = None if modes is None else _mode_held(modes, roles[MODE], sheet.notes)
+    meta: dict[str, Any] = {}
+    began = float(t[0])
+    recorded = t
+    if held is not None and automatic:
+        t, signals, meta["automatic"] = _automatic(t, signals, held, sheet.notes)
+        began = float(t[0])
+    series = {r: known_samples(t, x) for r, x in signals.items() if np.isfinite(x).any()}
+    if given is None and is_on_change(t, series):
+        t, signals, Ts, notes = hold(series, base_step(t), where)
+        late = [r for r, x in signals.items() if not np.isfinite(x).all()]
+        notes += [f"archive: {r.upper()} begins later than OP and PV and is left out" for r in late]
+        signals = {r: x for r, x in signals.items() if r not in late}
+    else:
+        Ts = float(np.median(np.diff(t))) if given is None else float(given)
+        t, signals, notes = fill_gaps(t, signals, Ts, where)
+    begins = float(t[0]) + (0.0 if t[0] >= began else began)
+    if began > CALENDAR:  # events are shared by records of the same time only
+        meta["start"] = begins
+    if given is None and Ts >= _SLOWEST.get(str(about.get("kind")), _SLOWEST_OF_ANY):
+        notes = [*notes, _odd_pace(Ts)]
+    about["meta"] = {**meta, **about.get("meta", {})}
+    if about.get("kind") is None:
+        notes = [*notes, *_kind_by_tag(str(about.get("tag", "")))]
+    record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
+    if not automatic:
+        rows = np.rint((recorded - begins) / Ts).astype(int)
+        record = replace(record, meta={"rows": rows, **record.meta})
+    if held is not None and not automatic and (held == MAN).any():
+        times = begins + (np.arange(record.n) + 0.5) * Ts
+        manual = held[np.searchsorted(recorded, times) - 1] == MAN
+        record = replace(record, meta={"manual": manual, **record.meta})
+    return replace(
+        record, notes=(*record.notes, *open_span(record, where), *_check_span(record, where))
+    )
+
+
+def _odd_pace(Ts: float) -> str:
+    return (
+        f"time: Ts = {Ts:g} s is slower than such loops are recorded; if the times count"
+        f" milliseconds, add --ts {Ts / 1000.0:g}"
+    )
+
+
+def _kind_by_tag(tag: str) -> list[str]:
+    """Return a note on the kind of loop that the letters of a tag propose (ISA-5.1): FIC101 is a
+    flow loop.
+    """
+    found = _LETTERS.search(tag)
+    if found is None:
+        return []
+    kind = _KIND_OF[found[1]]
+    return [f"kind: the letters of tag {tag} propose {kind}; --kind {kind} states it"]
+
+
+def _mode_held(modes: np.ndarray, name: str, notes: list[str]) -> np.ndarray | None:
+    """Return every sample's mode, None where no word of it is understood: a historian stores a mode
+    when it changes.
+    """
+    known = np.flatnonzero(modes != "")
+    if not known.size:
+        notes.append(f"mode: {name!r} is not understood and counts for nothing")
+        return None
+    return modes[np.maximum.accumulate(np.where(modes != "", np.arange(modes.size), known[0]))]
+
+
+def _option_naming(numbered: Mapping[str, Any], names: Sequence[str]) -> str:
+    """Return the option that says which columns without a name are signals, and which is the time
+    where no other column is.
+    """
+    cure = example_of_columns(numbered)
+    timed = find_time([n for n in names if n not in numbered], {}, "") is not None
+    return re.sub(r"t=\d+,", "", cure) if timed else cure
+
+
+def _automatic(t: np.ndarray, signals: dict[str, np.ndarray], held: np.ndarray, notes: list[str]):
+    """Return the longest stretch in automatic or cascade, and say what share of the record either
+    is.
+    """
+    share = {m: float(np.mean(held == m)) for m in (AUTO, CAS, MAN)}
+    shares = ", ".join(f"{m} {s:.0%}" for m, s in share.items() if s > 0)
+    runs = runs_of(held != MAN)
+    lengths = runs[:, 1] - runs[:, 0]
+    if share[MAN] == 0.0:
+        notes.append(f"mode: {shares} of {held.size} samples")
+        return t, signals, 1.0
+    if lengths.max(initial=0) < 3:
+        notes.append(
+            f"mode: {shares}: the controller is never in automatic, which says nothing about cycles"
+        )
+        return t, signals, 0.0
+    a, b = map(int, runs[np.argmax(lengths)])
+    part = (
+        f"judged samples {a} to {b - 1} of {held.size} ({(b - a) / held.size:.0%}), the longest"
+        " stretch in automatic"
+    )
+    notes.append(f"mode: {shares}; {part}")
+    return t[a:b], {role: x[a:b] for role, x in signals.items()}, 1.0 - share[MAN]
+
+
+def _check_span(record: LoopRecord, where: str) -> list[str]:
+    """Refuse a span that is another signal's; note how many samples of a signal lie outside its
+    span.
+    """
+    notes = []
+    for name in ("op", "pv"):
+        lo, hi = getattr(record, f"{name}_span") or (0.0, 0.0)
+        sentence = f"{name.upper()} lies outside {name}_span {lo:g} to {hi:g} in"
+        if (share := record.outside(name)) > MOST_OUTSIDE:
+            x = getattr(record, name)
+            needed = (
+                f"it is {x.min():.4g} to {x.max():.4g}; the values that mean 0 and 100 % are needed"
+            )
+            raise RecordError(f"{where}: {sentence} {share:.0%} of the samples, {needed}")
+        if share := record.outside(name, 0.0):
+            notes.append(f"span: {sentence} {share:.1%} of the samples")
+    return notes
