@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from functools import cache, lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -253,16 +253,15 @@ def _announce() -> None:
     from numba.core import event
 
     if parent_process() is None and sys.__stderr__ is not None:
-        event.register("numba:compile", _watch())
+        event.register("numba:compile", _watch(sys.__stderr__))
 
 
-def _watch() -> Any:
+def _watch(shown_on: TextIO) -> Any:
     """Return a listener that tells, after a second of silence, that kernels are compiled, and at a
-    terminal how many are.
+    terminal how many are; `shown_on` is the true stderr, whatever a plug-in's output is redirected
+    to.
     """
     from numba.core.event import Listener
-
-    shown_on = sys.__stderr__  # whatever a plug-in's output is redirected to
 
     class Watch(Listener):
         def __init__(self):

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from simbench.scenarios.errors import SpecError, suggestion
-from simbench.scenarios.spec import Loop, Value, content_hash
+from simbench.scenarios.plant import Value
+from simbench.scenarios.spec import Loop
+from simbench.scenarios.toml import content_hash
 
 SETTINGS = {
     "process": "foptd or integrating",

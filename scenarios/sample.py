@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import Grid, Group, Member
-from simbench.scenarios.spec import content_hash
+from simbench.scenarios.grid import Grid, Group
+from simbench.scenarios.grid_file import Member
+from simbench.scenarios.toml import content_hash
 
 
 class _Stratum(NamedTuple):

@@ -17,8 +17,10 @@ import numpy as np
 
 from simbench.scenarios.cell import Draft, Rules
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import Grid, Group, packaged_grid
-from simbench.scenarios.spec import Loop, content_hash
+from simbench.scenarios.grid import Grid, Group
+from simbench.scenarios.load_grid import packaged_grid
+from simbench.scenarios.spec import Loop
+from simbench.scenarios.toml import content_hash
 
 COLUMNS = ("group", "scenario_id", "seed", "loop", "tags")  # of the table, a row per scenario
 

@@ -27,7 +27,8 @@ def catalogue(what: str) -> list[dict[str, Any]]:
     ['choudhury']
     """
     if what == "grids":
-        from simbench.scenarios.grid import grid_names, load_grid
+        from simbench.scenarios.load_grid import load_grid
+        from simbench.scenarios.packaged import grid_names
 
         return [_grid_row(load_grid(name)) for name in grid_names()]
     folder = {"detectors": methods, "valves": VALVES, "effects": PLUGINS, "figures": FIGURES}[what]

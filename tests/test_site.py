@@ -21,7 +21,7 @@ from simbench.detectors.plugins.registry import methods
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 from simbench.scenarios.cell import SETTINGS
-from simbench.scenarios.grid import GridFile
+from simbench.scenarios.grid_file import GridFile
 from simbench.scenarios.spec import Loop
 
 ROOT = Path(__file__).parents[1]

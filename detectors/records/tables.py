@@ -380,7 +380,9 @@ def _table(
             " its columns are needed first, or which column, counted from 1, is which"
         )
         whole = [row for row in rows[start:] if len(row) == len(head)]
-        columns = {str(k): cells for k, cells in enumerate(zip(*whole, strict=True), 1)}
+        columns: Columns = {
+            str(k): list(cells) for k, cells in enumerate(zip(*whole, strict=True), 1)
+        }
         raise RecordError(sentence, example_of_columns(columns))
     names = _of_loops(_distinct([name.strip() for name in head]), above)
     body = rows[start + 1 :]

@@ -28,7 +28,9 @@ from simbench.bench.score.no_waveform import (
 from simbench.bench.score.rhythm import RHYTHM, rhythm_features
 from simbench.bench.statistics import auc
 from simbench.detectors.prepared import prepare
-from simbench.scenarios.grid import Grid, grid_names, load_grid
+from simbench.scenarios.grid import Grid
+from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.packaged import grid_names
 from simbench.usage import exit_code
 
 BALANCE = (0.45, 0.55)  # share of cycling loops

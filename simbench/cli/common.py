@@ -270,7 +270,7 @@ MethodIds = Annotated[
 
 def grid_completion(incomplete: str) -> list[str]:
     """Return the grids that begin so."""
-    from simbench.scenarios.grid import grid_names
+    from simbench.scenarios.packaged import grid_names
 
     return [name for name in grid_names() if name.startswith(incomplete)]
 

@@ -15,7 +15,8 @@ from simbench.confirm.phase import Phase, measure, ratio_error
 from simbench.detectors.errors import UserError
 from simbench.loop.resolve import friction, resolve_loop
 from simbench.loop.run import run_setup
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 
 _SEEDS = 8  # simulations of each loop
 _TRANSIENT = 3  # of a run one part in so many is cut off at its beginning

@@ -13,7 +13,8 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.loop import sensor
 from simbench.loop.setup import Setup, control_start, parts_of, plant_start
-from simbench.scenarios.spec import MAX_SAMPLES, Loop
+from simbench.scenarios.parts import MAX_SAMPLES
+from simbench.scenarios.spec import Loop
 
 
 def lengthen_loop(loop: Loop, samples: int) -> Loop:

@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from simbench.figures._loops import choudhury, pi_loop
 from simbench.figures._style import styled, table
 from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 from simbench.theory.sampled import phase_crossings
 from simbench.theory.table_check import check_table_11_3
 from simbench.theory.tables import DEAD_BAND, STICK_SLIP, TABLE_11_3

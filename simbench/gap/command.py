@@ -24,7 +24,7 @@ from simbench.gap.recommend import limits_of, plan_of
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.scenarios.columns import in_a_file
-from simbench.scenarios.spec import toml_of
+from simbench.scenarios.toml import toml_of
 
 if TYPE_CHECKING:
     from simbench.gap.benchmark.result import GridGap

@@ -16,7 +16,8 @@ from simbench.gap.planning.menu import Limits
 from simbench.gap.planning.order import PlannedTests
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import UNKNOWN
-from simbench.scenarios.spec import checked, read_toml
+from simbench.scenarios.toml import read_toml
+from simbench.scenarios.toml_table import checked
 
 if TYPE_CHECKING:
     from simbench.detectors.sources import RecordSignals, Source

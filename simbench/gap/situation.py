@@ -15,7 +15,8 @@ from simbench.gap.likelihood.model import REDDEST, Data
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.resolve import undisturbed
 from simbench.loop.response import stages_response
-from simbench.scenarios.spec import Loop, Part, Sampling
+from simbench.scenarios.parts import Part, Sampling
+from simbench.scenarios.spec import Loop
 
 # longest correlation time of an ordinary load, in time scales of the loop; a slower one drifts
 _LOAD_MEMORY = 4.0

@@ -18,7 +18,8 @@ from simbench.loop.elementary import elementwise
 from simbench.loop.parameters import Choice, Number, resolve
 from simbench.loop.run import Start, run_setup
 from simbench.loop.setup import plain_setup
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 
 _AT = ("input", "output", "op")
 _PLACE = Choice(

@@ -25,7 +25,8 @@ from simbench.loop.response import stages_response
 from simbench.loop.run import signals_of
 from simbench.loop.setup import Setup, stages_of
 from simbench.scenarios.cell import ECHOES
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 
 NAME = "echo"
 SHAPES = {

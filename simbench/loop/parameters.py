@@ -15,7 +15,7 @@ from typing import Any
 from simbench.detectors.errors import ParameterError, UnknownName, nearest
 from simbench.detectors.plugins.registry import PluginFolder
 from simbench.detectors.record import LARGEST
-from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES
+from simbench.scenarios.plant import CONTROLLER_TYPES, PLANT_TYPES
 
 VALVES = PluginFolder(
     "valve",

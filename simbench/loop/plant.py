@@ -20,8 +20,8 @@ from simbench.loop.elementary import (
     quadratic_roots,
     times,
 )
+from simbench.scenarios.plant import Plant
 from simbench.scenarios.polynomials import checked_polynomials
-from simbench.scenarios.spec import Plant
 
 # Plants of first and second order, by far the most common, keep their state in registers; all
 # others in an array.

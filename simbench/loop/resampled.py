@@ -25,8 +25,8 @@ from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.filters import lfilter
 from simbench.loop.parameters import Number, resolve
 from simbench.scenarios.columns import RESIDUALS
+from simbench.scenarios.parts import Part
 from simbench.scenarios.polynomials import checked_sampled
-from simbench.scenarios.spec import Part
 
 RESAMPLED = "resampled"
 NUMBERS = {

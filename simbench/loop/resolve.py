@@ -16,7 +16,8 @@ from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import resolve
 from simbench.loop.setup import LoopParts, Setup, bands_of, look_up_parts, plain_setup
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 
 # Independent random streams of one run: changing one part's numbers leaves the others' alone; the
 # noise has stream 0.

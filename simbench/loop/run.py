@@ -22,7 +22,7 @@ from simbench.loop.setup import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from simbench.scenarios.spec import Archiving
+    from simbench.scenarios.parts import Archiving
 
 
 @dataclass(frozen=True)

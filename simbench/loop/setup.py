@@ -23,8 +23,10 @@ from simbench.loop.parameters import (
 )
 from simbench.loop.sampled import law as sampled_law
 from simbench.loop.sampled import plant as sampled_plant
+from simbench.scenarios.parts import Outer, Part
+from simbench.scenarios.plant import CONTROLLER_TYPES, PLANT_TYPES
 from simbench.scenarios.polynomials import checked_polynomials
-from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, Outer, Part
+from simbench.scenarios.spec import Loop
 
 # random streams of their own
 _NOISE = 0

@@ -9,7 +9,8 @@ import pytest
 
 from results.studies.freeze import frozen
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import grid_names, load_grid, packaged_grid
+from simbench.scenarios.load_grid import load_grid, packaged_grid
+from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.settled import SettledGrid, settled_grid, table_file, table_of
 
 MOST_BYTES = 6_000_000  # of all tables in the wheel

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.spec import Loop, Scenario, content_hash
+from simbench.scenarios.spec import Loop, Scenario
+from simbench.scenarios.toml import content_hash
 
 TABLE = {
     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},

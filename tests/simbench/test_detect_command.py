@@ -21,7 +21,7 @@ from simbench import cli, detection
 from simbench.detectors import faults
 from simbench.gap.stiction.conclusion import judged
 from simbench.notebook import Loop
-from simbench.scenarios.spec import Controller
+from simbench.scenarios.plant import Controller
 
 FAST = ["--method", "horch,he,kano_a,procedure"]
 

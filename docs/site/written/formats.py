@@ -17,9 +17,10 @@ from simbench.loop import echo, resampled
 from simbench.loop.disturbance import PARAMETERS as LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
-from simbench.scenarios import cell, grid, grid_check, spec
+from simbench.scenarios import cell, grid_check, grid_file, spec, toml_table
+from simbench.scenarios.parts import Part
 
-GRIDS = Path(grid.__file__).parent / "grids"
+GRIDS = Path(grid_file.__file__).parent / "grids"
 WORD = {float: "number", int: "whole number", str: "text", bool: "true or false", dict: "table"}
 SIGN = {Ge: ">=", Gt: ">", Le: "<=", Lt: "<"}
 EXAMPLE = Path(__file__).parents[2] / "example" / "loop.toml"
@@ -41,7 +42,7 @@ def loop_page() -> str:
     ]
     for name, field in spec.Loop.model_fields.items():
         for model in (field.annotation, *typing.get_args(field.annotation)):
-            if isinstance(model, type) and issubclass(model, BaseModel) and model is not spec.Part:
+            if isinstance(model, type) and issubclass(model, BaseModel) and model is not Part:
                 lines += _section(f"[{name}]", model)
     for title, key, parts in (
         ("Further plants", "type", {n: PLANT_PLUGINS.load(n) for n in PLANT_PLUGINS.names()}),
@@ -76,10 +77,16 @@ def loop_page() -> str:
 
 def grid_page() -> str:
     """Return the page on grid files."""
-    lines = [*heading("Grid file"), plain(grid.GridFile.__doc__), "", *_fields(grid.GridFile)]
+    lines = [
+        *heading("Grid file"),
+        plain(grid_file.GridFile.__doc__),
+        "",
+        *_fields(grid_file.GridFile),
+    ]
     for title, model in (
-        ("[disturbances.NAME]", grid.Disturbance), ("[valves.NAME] and [effects.NAME]", grid.More),
-        ("[[block]]", grid.Block), ("[[block.member]]", grid.Member),
+        ("[disturbances.NAME]", grid_file.Disturbance),
+        ("[valves.NAME] and [effects.NAME]", grid_file.More),
+        ("[[block]]", grid_file.Block), ("[[block.member]]", grid_file.Member),
     ):  # fmt: skip
         lines += _section(title, model)
     lines += [
@@ -165,7 +172,7 @@ def _bound(limit: Any) -> str:
     for kind, sign in SIGN.items():
         if isinstance(limit, kind):
             value = float(getattr(limit, kind.__name__.lower()))
-            return "" if abs(value) >= spec.LARGEST_NUMBER else f"{sign} {value:g}"
+            return "" if abs(value) >= toml_table.LARGEST_NUMBER else f"{sign} {value:g}"
     return ""
 
 
@@ -185,7 +192,7 @@ def _parameters(rules: Mapping[str, Number | Choice]) -> list[str]:
                 )
             )
             continue
-        least, most = (abs(x) < spec.LARGEST_NUMBER for x in (rule.low, rule.high))
+        least, most = (abs(x) < toml_table.LARGEST_NUMBER for x in (rule.low, rule.high))
         low = f"{'>' if rule.positive else '>='} {rule.low:g}" if least else ""
         limits = ", ".join(x for x in (low, f"<= {rule.high:g}" if most else "") if x)
         default = (

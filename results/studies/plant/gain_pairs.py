@@ -23,7 +23,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.gain_pair import gain_change_recorded
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
-from simbench.scenarios.spec import Part
+from simbench.scenarios.parts import Part
 
 SIMULATORS = ("own", "refinery", GRID)
 RATIO = 0.6

@@ -23,7 +23,7 @@ from simbench.files import remove_stale_temporaries
 from simbench.gap.command import diagnose_files
 from simbench.gap.planning.menu import Trial
 from simbench.progress import Progress
-from simbench.scenarios.spec import read_toml
+from simbench.scenarios.toml import read_toml
 
 # of a record, its baseline and tests: the answer in JSON types and the test that it asks for
 _Diagnose = Callable[[Path, Path, Sequence[str]], tuple[dict[str, Any], Trial | None]]

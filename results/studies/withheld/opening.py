@@ -23,7 +23,7 @@ from simbench.detectors.errors import ParameterError
 from simbench.files import folder as make_folder
 from simbench.files import write_table
 from simbench.progress import Progress
-from simbench.scenarios.spec import read_toml
+from simbench.scenarios.toml import read_toml
 
 
 def open_(

@@ -16,8 +16,9 @@ from simbench.loop.disturbance import PARAMETERS as OF_LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 from simbench.scenarios.errors import suggestion
-from simbench.scenarios.grid import Grid, More
+from simbench.scenarios.grid import Grid
 from simbench.scenarios.grid_check import say
+from simbench.scenarios.grid_file import More
 
 MOST_SCENARIOS = 1_000_000  # of one run
 # measured on the chapter's grid: a scenario without detectors, a fast and a slow method (s of one

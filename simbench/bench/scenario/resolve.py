@@ -23,7 +23,8 @@ from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.scenarios.cell import Draft, Echo, Scaled, overridden
 from simbench.scenarios.grid import Group
-from simbench.scenarios.spec import Loop, Noise, Part, Sampling, Scenario, SetPoint
+from simbench.scenarios.parts import Noise, Part, Sampling, SetPoint
+from simbench.scenarios.spec import Loop, Scenario
 from simbench.theory.cycle import cycle_start
 from simbench.theory.sampled import phase_crossings, sampled_loop, ultimate_gain
 

@@ -16,7 +16,8 @@ from simbench.loop.motion import least_swing as least_swing_of
 from simbench.loop.resolve import friction, undisturbed
 from simbench.loop.run import Run
 from simbench.loop.simulate import valve_tail
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 
 _TAIL_PERIODS = 20
 _LASTING = 0.8  # last third of the tail over the first

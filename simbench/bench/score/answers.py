@@ -11,7 +11,8 @@ from simbench.bench.score.names import CONSTANTS, NO_WAVEFORM, ROLE_YARDSTICK, W
 from simbench.bench.score.no_waveform import no_waveform
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.bench.store.tables import CELL_S_OVER_2J
-from simbench.scenarios.grid import grid_names, packaged_grid
+from simbench.scenarios.load_grid import packaged_grid
+from simbench.scenarios.packaged import grid_names
 
 # of a healthy loop the cell's place on the axis, so that false positives have one
 _AXIS_OF_CELL = {"S_over_2J": CELL_S_OVER_2J}

@@ -16,10 +16,12 @@ from simbench.bench.store.folder import RunError, refuse_unfinished
 from simbench.bench.store.manifest import MANIFEST, read_manifest
 from simbench.bench.store.reading import read_table, without_loops
 from simbench.detectors.records.io import RECORD_FILES
-from simbench.scenarios.grid import Grid, GridFile, grid_names
+from simbench.scenarios.grid import Grid
+from simbench.scenarios.grid_file import GridFile
+from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.settled import COLUMNS, SettledGrid, settled_grid, table_of
-from simbench.scenarios.spec import content_hash
+from simbench.scenarios.toml import content_hash
 
 BENCHMARK = "benchmark"
 # key of a manifest: whose loops were taken as they stand; a run that settled its own has none
@@ -33,7 +35,11 @@ _FILES = (
     "valve/maps.py",
     "bench/statistics.py",
     "detectors/signal/oscillation.py",
+    "scenarios/parts.py",
+    "scenarios/plant.py",
     "scenarios/spec.py",
+    "scenarios/toml_table.py",
+    "scenarios/toml.py",
     "scenarios/polynomials.py",
 )
 # they print, compare or transport, and decide no truth and no score

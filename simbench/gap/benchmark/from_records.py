@@ -29,9 +29,12 @@ from simbench.gap.benchmark.near_loop import NearLoop, near_loop
 from simbench.loop import echo
 from simbench.parallel import run_parallel
 from simbench.scenarios.cell import ECHOES, loop_axes
-from simbench.scenarios.grid import Block, GridFile, grid_names
+from simbench.scenarios.grid_file import Block, GridFile
+from simbench.scenarios.packaged import grid_names
+from simbench.scenarios.parts import Part
 from simbench.scenarios.settled import SettledGrid, table_of
-from simbench.scenarios.spec import Loop, Part, Scenario, content_hash
+from simbench.scenarios.spec import Loop, Scenario
+from simbench.scenarios.toml import content_hash
 
 VERSION = 1
 # S of the cells, in what would show in the record, and J in S

@@ -18,8 +18,10 @@ import numpy as np
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.lattice import read_lattice
 from simbench.gap.benchmark.features import samples_per_period
-from simbench.scenarios.grid import draw
-from simbench.scenarios.spec import Loop, Part, read_toml
+from simbench.scenarios.grid_file import draw
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
+from simbench.scenarios.toml import read_toml
 
 STRENGTHS = (0.3, 1.0, 3.0)  # factors on the sizes
 # samples of a loop whose length or sampling is a record's

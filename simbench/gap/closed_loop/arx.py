@@ -13,7 +13,7 @@ import numpy as np
 
 from simbench.gap.controller.regression import solve_least_squares
 from simbench.loop import plant as plants
-from simbench.scenarios.spec import Plant
+from simbench.scenarios.plant import Plant
 
 # orders that are tried: of OP's past changes and past errors, of PV's past and of MV's
 _LAW = tuple(product((0, 1, 2, 4), (1, 2, 4, 8)))

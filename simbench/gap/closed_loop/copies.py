@@ -27,7 +27,9 @@ from simbench.gap.closed_loop.level import WITHIN, kick_of, moved
 from simbench.gap.situation import Situation, through_valve
 from simbench.loop.effects import block_of
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.spec import Archiving, Loop, Noise, Part, Plant
+from simbench.scenarios.parts import Archiving, Noise, Part
+from simbench.scenarios.plant import Plant
+from simbench.scenarios.spec import Loop
 
 # samples of a piece: a third of the period of the swing, so that no cycle hides in one, within
 # these; and as many as a load needs that moves seldom

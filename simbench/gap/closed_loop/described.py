@@ -9,7 +9,8 @@ import numpy as np
 from simbench.gap.closed_loop.arx import in_samples
 from simbench.gap.closed_loop.copies import AS_SHOWN, Copy
 from simbench.loop import plant as plants
-from simbench.scenarios.spec import Controller, Loop, Plant
+from simbench.scenarios.plant import Controller, Plant
+from simbench.scenarios.spec import Loop
 from simbench.theory.sampled import phase_crossings
 
 # frequencies at which a controller is compared with PID: from a wave as long as so many samples to

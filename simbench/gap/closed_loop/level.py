@@ -13,7 +13,8 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.situation import Situation
 from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 
 RUNS = (
     8  # of each loop, each under a load of its own: what a mean over them misses is a third of it

@@ -25,7 +25,9 @@ from simbench.gap.likelihood.model import (
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS
 from simbench.loop.plant import first_order_like, stretched
-from simbench.scenarios.spec import Loop, OperatingPoint, Part, Plant, Sampling, SetPoint
+from simbench.scenarios.parts import OperatingPoint, Part, Sampling, SetPoint
+from simbench.scenarios.plant import Plant
+from simbench.scenarios.spec import Loop
 
 # correlation of the noise from sample to sample, below which it is as good as white
 _COLOURED = 0.15

@@ -5,7 +5,8 @@ not.
 from __future__ import annotations
 
 from simbench.detectors.errors import ParameterError
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 
 

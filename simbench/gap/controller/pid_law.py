@@ -12,7 +12,7 @@ import numpy as np
 from simbench.detectors.signal.filters import lfilter
 from simbench.gap.controller.regression import FORMS, about_zero, solve_by_majority
 from simbench.loop.controller import PID, pid_numbers
-from simbench.scenarios.spec import Controller
+from simbench.scenarios.plant import Controller
 
 _OTHER_TI = 1e-3  # |ln ratio| of Ti from which another one explains more than the digits do
 _LAST_BITS = 1e-9  # % of OP

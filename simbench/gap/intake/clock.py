@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from simbench.detectors.record import LoopRecord
-from simbench.scenarios.spec import Controller
+from simbench.scenarios.plant import Controller
 
 _MOST = 60  # samples by which PV may be stamped late
 # of the variance of OP's changes, that the law may leave on the right clock, and of what it leaves

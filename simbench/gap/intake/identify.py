@@ -18,7 +18,9 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.sensor.samples import inspect_samples
 from simbench.loop.effects import EFFECTS
-from simbench.scenarios.spec import Controller, Loop, Noise, Plant, Sampling
+from simbench.scenarios.parts import Noise, Sampling
+from simbench.scenarios.plant import Controller, Plant
+from simbench.scenarios.spec import Loop
 
 _BAND = min(
     (e for e in EFFECTS if recogniser(e).band is not None), key=lambda e: len(EFFECTS[e].parameters)

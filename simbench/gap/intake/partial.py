@@ -12,7 +12,9 @@ from simbench.gap.candidates import meaningful
 from simbench.gap.intake.identify import identify
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.spec import CONTROLLER_TYPES, PLANT_TYPES, Loop, read_loop
+from simbench.scenarios.plant import CONTROLLER_TYPES, PLANT_TYPES
+from simbench.scenarios.spec import Loop
+from simbench.scenarios.toml import read_loop
 
 _NEEDED = ("plant", "controller", "sampling")
 

@@ -16,7 +16,10 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.detectors.records.tables import read_sheet
 from simbench.detectors.signal.holds import still
-from simbench.scenarios.spec import Controller, Loop, Sampling, read_toml
+from simbench.scenarios.parts import Sampling
+from simbench.scenarios.plant import Controller
+from simbench.scenarios.spec import Loop
+from simbench.scenarios.toml import read_toml
 
 TEST_IDS = ("mv", "sp_steps", "kc_half", "bump", "stairs", "still", "raw", "fast", "lab")
 _TABLES = {

@@ -19,7 +19,9 @@ from simbench.gap.intake.recorded_test import FEWEST
 from simbench.gap.situation import Situation
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
-from simbench.scenarios.spec import Loop, Real, Sampling, SetPoint
+from simbench.scenarios.parts import Sampling, SetPoint
+from simbench.scenarios.spec import Loop
+from simbench.scenarios.toml_table import Real
 
 LEAD = 120  # samples in automatic before an operator takes over
 _MOST = 1500  # samples of a test; longer ones tell little more, only later

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from simbench.scenarios.spec import Loop, Part, SetPoint
+from simbench.scenarios.parts import Part, SetPoint
+from simbench.scenarios.spec import Loop
 
 FRICTION = "stiction"
 

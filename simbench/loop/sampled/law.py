@@ -10,7 +10,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from simbench.scenarios.spec import Controller
+from simbench.scenarios.plant import Controller
 
 SampledLaw = namedtuple("SampledLaw", "num den sign Kc op0 pv0 lo hi")
 

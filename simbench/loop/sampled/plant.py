@@ -12,7 +12,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from simbench.scenarios.spec import Plant
+from simbench.scenarios.plant import Plant
 
 # Ljung (1999), System Identification, section 4.2: A(z) y(t) = B(z) u(t)
 SampledTransfer = namedtuple("SampledTransfer", "num den Td op0 pv0")

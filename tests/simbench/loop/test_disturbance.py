@@ -6,7 +6,7 @@ from scipy.signal import welch
 
 from simbench.loop import disturbance
 from simbench.loop.disturbance import DISTURBANCES, disturbance_signal
-from simbench.scenarios.spec import Part
+from simbench.scenarios.parts import Part
 
 
 def coloured(n=200_000, Ts=1.0, seed=0, **parameters):

@@ -15,8 +15,9 @@ from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import load_grid
-from simbench.scenarios.spec import Loop, Part, load_loop
+from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop, load_loop
 
 OP = [0.1, -0.3, 0.2, 0.4, -0.5, 0.1, 0.0]
 PV = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]

@@ -12,7 +12,8 @@ from simbench.gap.closed_loop.loop_from_fit import _noise, fixed_loop, load_part
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Moves, Spec
 from simbench.loop.disturbance import disturbance_signal
-from simbench.scenarios.spec import Loop, Part
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import Loop
 
 
 def simulated(parts, n, seed):

@@ -13,7 +13,7 @@ from simbench.gap.decide.evidence import LAB, PV, Evidence
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.model import Data
-from simbench.scenarios.spec import Part
+from simbench.scenarios.parts import Part
 
 by_lab = recogniser("drift").by_lab
 TIME = np.linspace(0.0, 1000.0, 40)

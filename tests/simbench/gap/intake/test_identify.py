@@ -13,7 +13,8 @@ from simbench.gap.effects import recogniser
 from simbench.gap.intake.identify import fit_plant, identify
 from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Controller, Loop, Plant
+from simbench.scenarios.plant import Controller, Plant
+from simbench.scenarios.spec import Loop
 
 STEPS = [[2.0 * k, 50.0 + (-1) ** i * 4.0] for i, k in enumerate(range(100, 1200, 150))]
 TABLE = {

@@ -8,7 +8,8 @@ import pytest
 from simbench.detectors.errors import Refusal
 from simbench.gap.planning.menu import LEAD, Limits, size_test
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.spec import Loop, checked
+from simbench.scenarios.spec import Loop
+from simbench.scenarios.toml_table import checked
 
 LOOP = Loop.from_table({
     "plant": {"type": "foptd", "K": 2.0, "T": 10.0, "Td": 2.0},

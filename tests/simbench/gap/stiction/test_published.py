@@ -12,7 +12,8 @@ from simbench.gap import conclude, diagnose
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.conclusion import judged
 from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Part, load_loop
+from simbench.scenarios.parts import Part
+from simbench.scenarios.spec import load_loop
 
 PUBLISHED = Path(__file__).parents[3] / "data" / "published"
 

@@ -1,0 +1,162 @@
+"""A table of a file as a frozen object, and one sentence for all that is wrong with it."""
+
+from __future__ import annotations
+
+from datetime import date, time
+from typing import Annotated, Any, Self, TypeVar
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+)
+
+from simbench.scenarios.errors import SpecError, suggestion
+
+_MOST_CLAUSES = 12  # complaints in one sentence
+LARGEST_NUMBER = 1e60  # beyond it a record's statistics leave the range of double numbers
+M = TypeVar("M", bound=BaseModel)
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, (bool, str)):  # which would be read as 1.0, or as the number it spells
+        raise ValueError("a number is needed")
+    return value
+
+
+Real = Annotated[float, BeforeValidator(_number)]
+Whole = Annotated[int, BeforeValidator(_number)]
+Finite = Annotated[Real, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
+Flag = Annotated[Whole, Field(ge=0, le=1)]
+NonNegative = Annotated[Real, Field(ge=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
+
+
+class TomlTable(BaseModel):
+    """A table of a loop or grid file, of which every number is checked when it is read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="constants")
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the table with some of its fields changed; every rule of it is checked again.
+
+        Parameters
+        ----------
+        **changes
+            New values by field, as a loop file has them or as the objects that they become.
+
+        Returns
+        -------
+        table of the same class
+            A new one; this one stays as it is.
+
+        Raises
+        ------
+        SpecError
+            As `Loop.from_table`.
+        """
+        return checked(type(self), {**self._kept(), **changes}, type(self).__name__.lower())
+
+    def _kept(self) -> dict[str, Any]:
+        """Return the fields that are set, without what follows from others."""
+        return self.model_dump(exclude_none=True)
+
+
+# The key that names the plug-in in each table of a loop file.
+NAME_KEY = {"valve": "model", "disturbance": "type", "effect": "name"}
+
+
+def checked(model: type[M], table: dict[str, Any], where: str) -> M:
+    """Validate a table against a model; all complaints become one sentence."""
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        raise SpecError(f"{where}: {_sentences(model, error.errors(), table)}") from None
+    except RecursionError:
+        raise SpecError(
+            f"{where}: its values are nested too deeply; some ten levels are allowed"
+        ) from None
+
+
+def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
+    """One clause per key; where several forms are allowed, each complains of the same key."""
+    by_key: dict[tuple, list[Any]] = {}
+    for error in errors:
+        by_key.setdefault(_key(error["loc"], table, error["type"] == "missing"), []).append(error)
+    clauses = []
+    for key, found in by_key.items():
+        if len(found) == 1:
+            clauses.append(_sentence(model, found[0]))
+        else:
+            value = table
+            for step in key:
+                value = value[step]
+            clauses.append(
+                f"{'.'.join(map(str, key))} = {shorten(value)}; a number, [lo, hi] or names are"
+                " needed"
+            )
+    return "; ".join(clauses[:_MOST_CLAUSES]) + (
+        "; and more" if len(clauses) > _MOST_CLAUSES else ""
+    )
+
+
+def _key(loc: tuple, table: Any, missing: bool) -> tuple:
+    """The part of an error's place that stands in the table; what follows names the form that did
+    not fit.
+    """
+    key = []
+    for step in loc:
+        try:
+            table = table[step]
+        except (KeyError, IndexError, TypeError):
+            # a key that is missing is a place of its own
+            return (*key, step) if missing and isinstance(table, dict) else tuple(key)
+        key.append(step)
+    return tuple(key)
+
+
+def _sentence(model: type[BaseModel], error: Any) -> str:
+    path = [p for p in error["loc"] if isinstance(p, (str, int))]
+    if path[1:] and path[-1] == "name":  # the file's own word for it
+        path[-1] = NAME_KEY.get(str(path[0]), "name")
+    place = ".".join(str(p) for p in path)
+    kind = error["type"]
+    value = error.get("input")
+    if kind == "extra_forbidden":
+        return f"unknown key {place!r}: {suggestion(str(path[-1]), _fields(model, path[:-1]))}"
+    if kind == "missing":
+        return f"{'key' if len(path) > 1 else 'section'} {place!r} is missing, which is needed"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    if kind == "value_error" and message == "a number is needed":
+        return f"{place} = {shorten(value)}; {message}"
+    if kind == "value_error":
+        return f"[{place}] {message}" if place else message
+    if kind == "literal_error":
+        allowed = [
+            w.strip(" '") for w in str(error["ctx"]["expected"]).replace(" or ", ",").split(",")
+        ]
+        return f"{place} = {shorten(value)} is unknown; {suggestion(str(value), allowed)}"
+    return f"{place} = {shorten(value)}; {message[0].lower()}{message[1:]}"
+
+
+def shorten(value: Any) -> str:
+    """Return a value as a sentence quotes it, at most 60 characters."""
+    try:
+        text = value.isoformat() if isinstance(value, (date, time)) else repr(value)
+    except (ValueError, RecursionError):  # more digits than Python writes, tables within tables
+        return "a value too long to show"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _fields(model: type[BaseModel], path: list[Any]) -> list[str]:
+    for step in path:
+        field = model.model_fields.get(str(step))
+        if (
+            field is not None
+            and isinstance(field.annotation, type)
+            and issubclass(field.annotation, BaseModel)
+        ):
+            model = field.annotation
+    return list(model.model_fields)
