@@ -21,7 +21,8 @@ from simbench.detectors.judge import judge, refuse_wrong_forms
 from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.io import read_folder, read_records
+from simbench.detectors.records.folder import read_folder
+from simbench.detectors.records.io import read_records
 from simbench.detectors.records.isdb import read_loops
 from simbench.detectors.records.labels import read_labels
 from simbench.detectors.repaired import repair_record

@@ -4,6 +4,9 @@ many samples are missing.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
 from simbench.detectors.errors import RecordError
@@ -17,103 +20,168 @@ _WORTH = 0.5
 _FURTHEST = 1e12
 SHORTEST = 3  # samples of a record
 _EVEN = "--resample linear"
+_WITH_HOLES = ("sp", "mv")  # signals that may have holes: a record can do without them
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
 
 
+@dataclass(frozen=True)
+class _Placed:
+    """Samples counted in sampling periods: the place of each on the grid, how many places there
+    are, which samples have both OP and PV, and where local time jumps by an hour.
+    """
+
+    place: np.ndarray
+    size: int
+    known: np.ndarray
+    steps: np.ndarray  # s, from each sample to the next
+    jumps: np.ndarray
+
+    def has(self, x: np.ndarray, lo: int, hi: int) -> np.ndarray:
+        """Return which samples of a signal are known and lie from place lo to hi."""
+        return np.isfinite(x) & (self.place >= lo) & (self.place <= hi)
+
+
 def fill_gaps(
-    t: np.ndarray,
-    signals: dict[str, np.ndarray | None],
-    Ts: float,
-    where: str,
-):
+    t: np.ndarray, signals: Mapping[str, np.ndarray], Ts: float, where: str
+) -> tuple[np.ndarray, dict[str, np.ndarray], list[str]]:
     """Put the samples on an even grid, bridge short holes, keep the longest segment without a long
     one.
     """
-    dt = np.diff(t)
-    if not (longest := float(dt.max(initial=0.0))) < _FURTHEST * Ts:
-        needed = f"less than {_FURTHEST:g} of them is needed"
-        raise RecordError(
-            f"{where}: a time step of {longest:g} s among steps of {Ts:g} s; {needed}"
-        )
-    if np.any(np.abs(dt - Ts) > JITTER * Ts):
-        place = np.concatenate([[0], np.cumsum(np.maximum(np.rint(dt / Ts), 1).astype(int))])
-    else:
-        place = np.arange(t.size)
-    size = int(place[-1]) + 1
-    known = np.isfinite(signals["op"]) & np.isfinite(signals["pv"])
-    missing = size - int(known.sum())
-    lo, hi = _longest(place[known]) if known.any() else (0, 0)
-    jumps = hour_lost(t, Ts)
-    summer = (
-        f"local time jumps by an hour after sample {jumps[0]}, as it does when summer time begins"
-        if jumps.size
-        else ""
-    )
-    if missing > MOST_MISSING * size:
-        sentence = (
-            f"{where}: {missing} of {size} samples are missing; at most {MOST_MISSING:.0%} may be"
-        )
-        # counting the samples in place of reading the clock is right only where no sample is
-        # missing
-        even = np.all(np.delete(np.abs(dt - Ts), jumps) <= JITTER * Ts)
-        if jumps.size and even and known.all():
-            counted = f"so that {missing} of {size} samples seem to be missing"
-            raise RecordError(f"{where}: {summer}, {counted}", f"--ts {Ts:g}")
-        # rows at uneven times can be put on an even grid; one long hole cannot be filled
-        often = known.all() and np.mean(np.abs(dt - Ts) > JITTER * Ts) > MOST_MISSING
-        raise RecordError(sentence, _EVEN if often else "")
-    used = known
-    for name in ("sp", "mv"):
-        x = signals.get(name)
-        both = used if x is None else used & np.isfinite(x)
-        if both.any():
-            low, high = _longest(place[both])
-            if high - low + 1 >= _WORTH * (hi - lo + 1):
-                used = both
-                lo = low
-                hi = high
+    placed = _place(t, signals, Ts, where)
+    _refuse_holes(placed, Ts, where)
+    lo, hi = _choose_stretch(placed, signals)
     grid = np.arange(lo, hi + 1)
-    out: dict[str, np.ndarray | None] = {}
-    notes = []
+    filled: dict[str, np.ndarray] = {}
+    notes: list[str] = []
     for name, x in signals.items():
-        here = np.isfinite(x) & (place >= lo) & (place <= hi)
-        holes = np.diff(np.concatenate([[lo - 1], place[here], [hi + 1]]))
-        if name in ("sp", "mv") and (not here.any() or holes.max() > BRIDGED + 1):
+        here = placed.has(x, lo, hi)
+        if name in _WITH_HOLES and not _bridges(placed.place[here], lo, hi):
             if here.any():
                 notes.append(
                     f"gaps: {name.upper()} has holes of more than {BRIDGED} samples and is left out"
                 )
-            out[name] = None
             continue
-        if name in ("sp", "mv") and here.sum() < grid.size:
+        missing = grid.size - int(here.sum())
+        if name in _WITH_HOLES and missing:
             notes.append(
-                f"gaps: {grid.size - int(here.sum())} of {grid.size} samples of {name.upper()}"
-                " missing, bridged"
+                f"gaps: {missing} of {grid.size} samples of {name.upper()} missing, bridged"
             )
-        if name == "sp":  # a set point holds its value until it is changed
-            out[name] = x[here][np.maximum(np.searchsorted(place[here], grid, side="right") - 1, 0)]
-        else:
-            out[name] = np.interp(grid, place[here], x[here])
-    bridged = grid.size - int(known[(place >= lo) & (place <= hi)].sum())
-    uneven = int(np.sum(np.abs(dt - np.rint(dt / Ts) * Ts) > JITTER * Ts))
-    if bridged:
-        notes.insert(
-            0, f"gaps: {bridged} of {grid.size} samples missing, bridged by straight lines"
+        filled[name] = _fill(name, x[here], placed.place[here], grid)
+    return grid * Ts, filled, [*_note_stretch(placed, lo, hi), *notes, *_note_clock(placed, Ts)]
+
+
+def _place(t: np.ndarray, signals: Mapping[str, np.ndarray], Ts: float, where: str) -> _Placed:
+    """Count samples in sampling periods from the first one."""
+    steps = np.diff(t)
+    longest = float(steps.max(initial=0.0))
+    if not longest < _FURTHEST * Ts:
+        needed = f"less than {_FURTHEST:g} of them is needed"
+        raise RecordError(
+            f"{where}: a time step of {longest:g} s among steps of {Ts:g} s; {needed}"
         )
-    if grid.size < size:
+    place = np.arange(t.size)
+    if np.any(np.abs(steps - Ts) > JITTER * Ts):
+        whole = np.maximum(np.rint(steps / Ts), 1).astype(int)
+        place = np.concatenate([[0], np.cumsum(whole)])
+    known = np.isfinite(signals["op"]) & np.isfinite(signals["pv"])
+    return _Placed(place, int(place[-1]) + 1, known, steps, hour_lost(t, Ts))
+
+
+def _refuse_holes(placed: _Placed, Ts: float, where: str) -> None:
+    """Refuse a record of which too much is missing, and name the option that helps."""
+    missing = placed.size - int(placed.known.sum())
+    if missing <= MOST_MISSING * placed.size:
+        return
+    off = np.abs(placed.steps - Ts)
+    jumps = placed.jumps
+    # counting the samples in place of reading the clock is right only where no sample is missing
+    even = np.all(np.delete(off, jumps) <= JITTER * Ts)
+    if jumps.size and even and placed.known.all():
+        counted = f"so that {missing} of {placed.size} samples seem to be missing"
+        raise RecordError(f"{where}: {_summer_time(jumps)}, {counted}", f"--ts {Ts:g}")
+    # rows at uneven times can be put on an even grid; one long hole cannot be filled
+    often = placed.known.all() and np.mean(off > JITTER * Ts) > MOST_MISSING
+    raise RecordError(
+        f"{where}: {missing} of {placed.size} samples are missing; at most {MOST_MISSING:.0%} may"
+        " be",
+        _EVEN if often else "",
+    )
+
+
+def _choose_stretch(placed: _Placed, signals: Mapping[str, np.ndarray]) -> tuple[int, int]:
+    """Return first and last place of the longest part without a long hole in OP and PV, and in SP
+    and MV where that costs no more than half of it.
+    """
+    used = placed.known
+    lo, hi = _longest(placed.place[used]) if used.any() else (0, 0)
+    whole = hi - lo + 1
+    for name in _WITH_HOLES:
+        if name not in signals:
+            continue
+        both = used & np.isfinite(signals[name])
+        if not both.any():
+            continue
+        low, high = _longest(placed.place[both])
+        if high - low + 1 >= _WORTH * whole:
+            used = both
+            lo = low
+            hi = high
+            whole = hi - lo + 1
+    return lo, hi
+
+
+def _bridges(places: np.ndarray, lo: int, hi: int) -> bool:
+    """Return whether the known places leave no hole from lo to hi that is too long to bridge."""
+    holes = np.diff(np.concatenate([[lo - 1], places, [hi + 1]]))
+    return places.size > 0 and bool(holes.max() <= BRIDGED + 1)
+
+
+def _fill(name: str, x: np.ndarray, places: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Return a signal at every place of the grid: a set point holds its value until it is changed,
+    others are bridged by straight lines.
+    """
+    if name == "sp":
+        return x[np.maximum(np.searchsorted(places, grid, side="right") - 1, 0)]
+    return np.interp(grid, places, x)
+
+
+def _note_stretch(placed: _Placed, lo: int, hi: int) -> list[str]:
+    """Return notes on which part of the record was kept, and on what was bridged in it."""
+    notes = []
+    length = hi - lo + 1
+    if length < placed.size:
         part = f"the longest part without a hole of more than {BRIDGED}"
-        notes.insert(
-            0, f"gaps: judged samples {lo} to {hi} of {size} ({grid.size / size:.0%}), {part}"
-        )
-    if jumps.size:
-        notes.append(f"time: {summer}; --ts {Ts:g} counts the samples in place of the clock")
-    if uneven:
         notes.append(
-            f"gaps: {uneven} of {dt.size} time steps differ from Ts = {Ts:g} s by more than"
-            f" {JITTER:.0%}"
-            + (f"; {_EVEN} puts them on an even grid" if uneven > MOST_MISSING * dt.size else "")
+            f"gaps: judged samples {lo} to {hi} of {placed.size} ({length / placed.size:.0%}),"
+            f" {part}"
         )
-    return grid * Ts, out, tuple(notes)
+    kept = (placed.place >= lo) & (placed.place <= hi)
+    if bridged := length - int(placed.known[kept].sum()):
+        notes.append(f"gaps: {bridged} of {length} samples missing, bridged by straight lines")
+    return notes
+
+
+def _note_clock(placed: _Placed, Ts: float) -> list[str]:
+    """Return notes on times that are uneven, or jump by an hour."""
+    notes = []
+    if placed.jumps.size:
+        summer = _summer_time(placed.jumps)
+        notes.append(f"time: {summer}; --ts {Ts:g} counts the samples in place of the clock")
+    steps = placed.steps
+    uneven = int(np.sum(np.abs(steps - np.rint(steps / Ts) * Ts) > JITTER * Ts))
+    if uneven:
+        often = uneven > MOST_MISSING * steps.size
+        notes.append(
+            f"gaps: {uneven} of {steps.size} time steps differ from Ts = {Ts:g} s by more than"
+            f" {JITTER:.0%}" + (f"; {_EVEN} puts them on an even grid" if often else "")
+        )
+    return notes
+
+
+def _summer_time(jumps: np.ndarray) -> str:
+    return (
+        f"local time jumps by an hour after sample {jumps[0]}, as it does when summer time begins"
+    )
 
 
 def _longest(places: np.ndarray) -> tuple[int, int]:

@@ -4,14 +4,12 @@ one clear sentence.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from simbench.detectors.errors import ParameterError, RecordError, printable
-from simbench.detectors.faults import sentence_of
+from simbench.detectors.errors import RecordError, printable
 from simbench.detectors.record import (
     LoopRecord,
 )
@@ -22,7 +20,6 @@ from simbench.detectors.records.historian import (
 from simbench.detectors.records.long_table import unfold
 from simbench.detectors.records.loop_table import read_loop_table
 from simbench.detectors.records.one_loop import make_record
-from simbench.detectors.records.one_signal import join, signal_files
 from simbench.detectors.records.opened import OpenedTable, join_dates, open_tables, with_ranges
 from simbench.detectors.records.roles import (
     NONE,
@@ -35,8 +32,6 @@ from simbench.detectors.records.tables import (
     Sheet,
     columns_of,
 )
-
-RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 
 
 def read_record(
@@ -180,88 +175,6 @@ def _only_loop(loops: tuple[dict[str, LoopRecord], dict[str, RecordError]]) -> L
     if refused:
         raise next(iter(refused.values()))
     return next(iter(records.values()))
-
-
-def read_folder(
-    path: str | Path,
-    names: Iterable[str] | None = None,
-    each: Mapping[str, Mapping[str, Any]] | None = None,
-    loops: str | Path | None = None,
-    tag: str | None = None,
-    **about: Any,
-) -> tuple[dict[str, LoopRecord], dict[str, str]]:
-    """Read every loop of a folder, of a file with several, or of an ISDB .mat file."""
-    path = Path(path)
-    given = {k: v for k, v in about.items() if v is not None}
-    if path.suffix.lower() == ".mat":
-        from simbench.detectors.records.isdb import read_loops
-
-        sources = {name: (path, name) for name in read_loops(path)}
-    elif path.is_dir():
-        # a tag given for many files picks a loop that their columns name, and names none
-        files = [f for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES]
-        # files of one signal each are read with that of their loop's PV
-        joined = {loop.files[0]: loop for loop in signal_files(files) if join(loop.files[0])}
-        read_with = {f for loop in joined.values() for f in loop.files[1:]}
-        files = [f for f in files if f not in read_with]
-        titles = [joined[f].tag if f in joined else f.stem for f in files]
-        sources = {name: (f, None) for name, f in zip(_names(files, titles), files, strict=True)}
-    elif path.is_file():
-        sources = {printable(path.stem): (path, tag)}
-    else:
-        raise RecordError(f"folder {path} does not exist")
-    wanted = None if names is None else set(names)
-    records: dict[str, LoopRecord] = {}
-    refused: dict[str, str] = {}
-    for name, (file, file_tag) in sources.items():
-        asked = (
-            wanted is None
-            or loops is not None
-            or any(w == name or w.startswith(f"{name} ") for w in wanted)
-        )
-        if not asked and len(sources) > 1:
-            continue
-        try:
-            loaded, not_read = read_records(
-                file, tag=file_tag, loops=loops, **{**(each or {}).get(name, {}), **given}
-            )
-        except ParameterError:  # an option that is wrong of every file
-            raise
-        except Exception as error:
-            loaded = {}
-            not_read = {printable(file.stem): printable(sentence_of(error))}
-        several = len(loaded) + len(not_read) > 1
-        for into, what in ((records, loaded), (refused, not_read)):
-            for label, value in what.items():
-                key = (
-                    name
-                    if not several and loops is None
-                    else label
-                    if path.is_file() or loops
-                    else f"{name} {label}"
-                )
-                into[key if key not in into else f"{name} {label}"] = value  # pyright: ignore[reportArgumentType]
-    if wanted is not None:
-        records = {n: r for n, r in records.items() if n in wanted}
-    if tag is not None and path.is_dir():
-        records = {n: r for n, r in records.items() if is_loop(r.tag, tag)}
-        refused = refused if records else {"": f"no column of loop {tag!r} in any file"}
-    if not records:
-        first = next(iter(refused.values()), "it holds no .csv, .parquet, .xlsx or .mat file")
-        raise RecordError(f"{path}: no loop record found ({first})")
-    return records, refused
-
-
-def _names(files: Sequence[Path], titles: Sequence[str]) -> list[str]:
-    """Return a name for each file: its title where no other has it, else with its ending, and
-    numbered where two look alike even with it.
-    """
-    alike = Counter(map(printable, titles))
-    names: list[str] = []
-    for f, title in zip(files, titles, strict=True):
-        name = printable(title if alike[printable(title)] == 1 else f.name)
-        names.append(name if name not in names else f"{name} ({len(names)})")
-    return names
 
 
 def _merge_stated(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,18 @@ _SLOWEST = {"flow": 120.0, "pressure": 120.0}
 _SLOWEST_OF_ANY = 900.0
 
 
+@dataclass(frozen=True)
+class _EvenSignals:
+    """Signals on an even grid: the time of the first sample (s), the sampling period (s), the
+    signals by role, and notes on what was bridged, held or left out.
+    """
+
+    begins: float
+    Ts: float
+    signals: dict[str, np.ndarray]
+    notes: list[str]
+
+
 def make_record(
     table: OpenedTable, roles: dict[str, str], chosen: Mapping[str, str], about: dict[str, Any]
 ) -> LoopRecord:
@@ -71,38 +83,72 @@ def make_record(
     automatic = about.pop("automatic", True)
     Ts = about.pop("Ts", None)
     how = about.pop("resample", None)
-    if how not in (None, HELD_VALUES, STRAIGHT_LINES):
-        raise ParameterError(
-            f"resample {how!r}: {nearest(str(how), (HELD_VALUES, STRAIGHT_LINES))}"
-        )
-    if Ts is not None and not 0 < Ts < np.inf:
-        raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
-    for role in ("pv", "op"):
-        if role not in roles:
-            names = [n for n in table.parts or sheet.columns if not n.startswith(BLANK)]
-            numbered = {n: sheet.columns[n] for n in names if n.isdigit() and n in sheet.columns}
-            if numbered:
-                sentence = f"{where}: {len(numbered)} columns have no names; which of them, counted"
-                raise RecordError(
-                    f"{sentence} from 1, is which is needed", _option_naming(numbered, names)
-                )
-            raise with_ranges(no_column(role, roles, names, where), table)
+    _refuse_options(Ts, how, where)
+    _refuse_missing_signal(table, roles)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen)]
     sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if parse(n).word != r]
     read = read_wide if table.parts is None else read_long
-    t, signals, modes, given = read(table, roles, chosen, Ts, how)
-    if t.size < SHORTEST:
-        raise RecordError(f"{where}: {t.size} samples; at least {SHORTEST} are needed")
+    recorded, signals, modes, given = read(table, roles, chosen, Ts, how)
+    if recorded.size < SHORTEST:
+        raise RecordError(f"{where}: {recorded.size} samples; at least {SHORTEST} are needed")
     named = table.units.get(roles["op"]) or unit(roles["op"])
     span = op_span(named, about.get("op_span"), signals["op"], where, sheet.notes)
-    about |= {} if span is None else {"op_span": span}
+    if span is not None:
+        about["op_span"] = span
     held = None if modes is None else _mode_held(modes, roles[MODE], sheet.notes)
     meta: dict[str, Any] = {}
-    began = float(t[0])
-    recorded = t
+    t = recorded
     if held is not None and automatic:
         t, signals, meta["automatic"] = _automatic(t, signals, held, sheet.notes)
-        began = float(t[0])
+    even = _put_on_even_grid(t, signals, given, where)
+    notes = [*sheet.notes, *even.notes]
+    if t[0] > CALENDAR:  # events are shared by records of the same time only
+        meta["start"] = even.begins
+    if given is None and even.Ts >= _SLOWEST.get(str(about.get("kind")), _SLOWEST_OF_ANY):
+        notes.append(_odd_pace(even.Ts))
+    if about.get("kind") is None:
+        notes += _kind_by_tag(str(about.get("tag", "")))
+    if not automatic:
+        meta = {**_rows_of(recorded, held, even), **meta}
+    about["meta"] = {**meta, **about.get("meta", {})}
+    record = LoopRecord(Ts=even.Ts, notes=tuple(notes), **even.signals, **about)
+    notes += [*open_span(record, where), *_check_span(record, where)]
+    return replace(record, notes=tuple(notes))
+
+
+def _refuse_options(Ts: float | None, how: str | None, where: str) -> None:
+    """Refuse a sampling period or a way of resampling that does not exist."""
+    known = (HELD_VALUES, STRAIGHT_LINES)
+    if how is not None and how not in known:
+        raise ParameterError(f"resample {how!r}: {nearest(str(how), known)}")
+    if Ts is not None and not 0 < Ts < np.inf:
+        raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
+
+
+def _refuse_missing_signal(table: OpenedTable, roles: Mapping[str, str]) -> None:
+    """Refuse a loop without PV or OP, and ask which column it is."""
+    columns = table.sheet.columns
+    role = next((r for r in ("pv", "op") if r not in roles), None)
+    if role is None:
+        return
+    names = [n for n in table.parts or columns if not n.startswith(BLANK)]
+    numbered = {n: columns[n] for n in names if n.isdigit() and n in columns}
+    if numbered:
+        raise RecordError(
+            f"{table.where}: {len(numbered)} columns have no names; which of them, counted from 1,"
+            " is which is needed",
+            _option_naming(numbered, names),
+        )
+    raise with_ranges(no_column(role, dict(roles), names, table.where), table)
+
+
+def _put_on_even_grid(
+    t: np.ndarray, signals: dict[str, np.ndarray], given: float | None, where: str
+) -> _EvenSignals:
+    """Return signals at even times: values of an archive of changes hold until the next, short
+    holes are bridged, and long ones cut the record.
+    """
+    began = float(t[0])
     series = {r: known_samples(t, x) for r, x in signals.items() if np.isfinite(x).any()}
     if given is None and is_on_change(t, series):
         t, signals, Ts, notes = hold(series, base_step(t), where)
@@ -112,25 +158,21 @@ def make_record(
     else:
         Ts = float(np.median(np.diff(t))) if given is None else float(given)
         t, signals, notes = fill_gaps(t, signals, Ts, where)
-    begins = float(t[0]) + (0.0 if t[0] >= began else began)
-    if began > CALENDAR:  # events are shared by records of the same time only
-        meta["start"] = begins
-    if given is None and Ts >= _SLOWEST.get(str(about.get("kind")), _SLOWEST_OF_ANY):
-        notes = [*notes, _odd_pace(Ts)]
-    about["meta"] = {**meta, **about.get("meta", {})}
-    if about.get("kind") is None:
-        notes = [*notes, *_kind_by_tag(str(about.get("tag", "")))]
-    record = LoopRecord(Ts=Ts, notes=(*sheet.notes, *notes), **signals, **about)
-    if not automatic:
-        rows = np.rint((recorded - begins) / Ts).astype(int)
-        record = replace(record, meta={"rows": rows, **record.meta})
-    if held is not None and not automatic and (held == MAN).any():
-        times = begins + (np.arange(record.n) + 0.5) * Ts
-        manual = held[np.searchsorted(recorded, times) - 1] == MAN
-        record = replace(record, meta={"manual": manual, **record.meta})
-    return replace(
-        record, notes=(*record.notes, *open_span(record, where), *_check_span(record, where))
-    )
+    # some times count from the record's begin, some are those of the file
+    begins = float(t[0]) if t[0] >= began else float(t[0]) + began
+    return _EvenSignals(begins, Ts, signals, list(notes))
+
+
+def _rows_of(recorded: np.ndarray, held: np.ndarray | None, even: _EvenSignals) -> dict[str, Any]:
+    """Return of a record that is kept whole the sample of each row, and where its controller was in
+    manual.
+    """
+    rows = np.rint((recorded - even.begins) / even.Ts).astype(int)
+    if held is None or not (held == MAN).any():
+        return {"rows": rows}
+    times = even.begins + (np.arange(even.signals["pv"].size) + 0.5) * even.Ts
+    manual = held[np.searchsorted(recorded, times) - 1] == MAN
+    return {"manual": manual, "rows": rows}
 
 
 def _odd_pace(Ts: float) -> str:

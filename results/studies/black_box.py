@@ -19,7 +19,7 @@ from joblib import delayed
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.io import read_folder
+from simbench.detectors.records.folder import read_folder
 from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.report import columns
 from simbench.gap.closed_loop.copies import archived, copies

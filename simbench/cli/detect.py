@@ -180,7 +180,8 @@ def diagnose(
 
 
 def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
-    from simbench.detectors.records.io import read_folder, read_record
+    from simbench.detectors.records.folder import read_folder
+    from simbench.detectors.records.io import read_record
     from simbench.trust.trust import trust
 
     records = read_folder(path, **about)[0] if path.is_dir() else {"": read_record(path, **about)}

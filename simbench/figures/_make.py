@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.errors import ParameterError, RecordError, UnknownName
-from simbench.detectors.records.io import RECORD_FILES
+from simbench.detectors.records.folder import RECORD_FILES
 from simbench.figures._loops import Loops, numbers_line
 from simbench.figures._records import NeedsRecord
 from simbench.files import folder, remove_stale_temporaries, write_table

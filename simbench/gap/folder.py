@@ -14,7 +14,7 @@ from joblib import delayed
 from simbench.detectors.errors import Refusal, UserError
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.io import read_folder
+from simbench.detectors.records.folder import read_folder
 from simbench.detectors.report.report import columns
 from simbench.gap.closed_loop.gap import within_reach
 from simbench.gap.closed_loop.remaining import Remaining

@@ -23,7 +23,7 @@ from simbench.bench.scenario.truth import YES, simulate_with_truth
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, Refusal, UserError
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.io import read_folder
+from simbench.detectors.records.folder import read_folder
 from simbench.files import whole_file
 from simbench.gap.benchmark.near_loop import NearLoop, near_loop
 from simbench.loop import echo

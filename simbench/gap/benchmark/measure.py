@@ -15,7 +15,7 @@ from simbench.bench.execute.run import RunOptions, read_plan
 from simbench.bench.statistics import Estimate
 from simbench.detectors.errors import ParameterError, RecordError, nearest
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.io import read_folder
+from simbench.detectors.records.folder import read_folder
 from simbench.detectors.report.report import choose_methods
 from simbench.gap.benchmark.classifier import FeatureSample, auc_of_few, tell_apart
 from simbench.gap.benchmark.draw import (

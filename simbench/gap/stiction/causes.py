@@ -118,68 +118,98 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
     """Weigh the causes of one loop's motion; `loops` are those that may have made the record, or
     why none can be identified.
     """
-    flags = prepared.flags
-    swing = prepared.oscillation
     claimed = not isinstance(loops, Refusal) and loops.probability > CLAIMED_FROM
-    for flag, name in _CAUSE_OF_FLAG.items():
-        if flag in flags and not claimed:
-            cause = Cause(name, 0.9 if name != NOT_TOLD else 0.0, (flags[flag].evidence,))
-            return Causes(cause, (cause,))
-    step = least_step(np.asarray(prepared.record.op))
-    if step is not None and not claimed:
-        unit = "%" if prepared.record.op_percent is not None else "of its unit"
-        sent = f"OP moves in steps of at least {step:.3g} {unit} and rests in between"
-        cause = Cause(STEPPED, 0.8, (f"{sent}: a threshold in the controller or what sends OP",))
-        return Causes(cause, (cause,))
+    plain = None if claimed else _see_in_samples(prepared)
+    if plain is not None:
+        return Causes(plain, (plain,))
     if isinstance(loops, Refusal):
         return _leave_open(loops.reason, ())
-    if not claimed and (found := loops.positioner) is not None:
-        why = (
-            f"MV overshoots OP as a valve or positioner of second order does, without friction"
-            f" (damping {found['damping']:.2g}, {found['tau']:.2g} s)"
-        )
-        cause = Cause(POSITIONER, 0.9, (why,))
-        return Causes(cause, (cause,))
+    overshoots = None if claimed else _positioner(loops)
+    if overshoots is not None:
+        return Causes(overshoots, (overshoots,))
+    swing = prepared.oscillation
+    tuning, outside = _weigh_oscillation(prepared, loops)
+    sticking = _stiction(loops, prepared.record.S_unit)
+    sensor = _sensor(prepared, loops)
+    nothing = _nothing(loops, swing, tuning)
+    weighed = sorted((sticking, tuning, outside, sensor, nothing), key=lambda c: -c.confidence)
+    return _name_cause(loops, sticking, tuple(weighed))
+
+
+def _see_in_samples(prepared: Prepared) -> Cause | None:
+    """Return the cause that single samples show without any model: a flag of the record's quality,
+    or an OP that moves in steps; None where they show none.
+    """
+    for flag, name in _CAUSE_OF_FLAG.items():
+        if flag in prepared.flags:
+            sure = 0.0 if name == NOT_TOLD else 0.9
+            return Cause(name, sure, (prepared.flags[flag].evidence,))
+    step = least_step(np.asarray(prepared.record.op))
+    if step is None:
+        return None
+    unit = "%" if prepared.record.op_percent is not None else "of its unit"
+    sent = f"OP moves in steps of at least {step:.3g} {unit} and rests in between"
+    return Cause(STEPPED, 0.8, (f"{sent}: a threshold in the controller or what sends OP",))
+
+
+def _positioner(loops: CandidateLoops) -> Cause | None:
+    """Return the positioner as the cause where MV overshoots OP without friction."""
+    found = loops.positioner
+    if found is None:
+        return None
+    why = (
+        "MV overshoots OP as a valve or positioner of second order does, without friction"
+        f" (damping {found['damping']:.2g}, {found['tau']:.2g} s)"
+    )
+    return Cause(POSITIONER, 0.9, (why,))
+
+
+def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause, Cause]:
+    """Return tuning and an external oscillation, each as a cause: by how regular the oscillation
+    is, where there are periods enough to tell, and else by why it cannot be told.
+    """
+    swing = prepared.oscillation
     sticks = loops.sticky is not None and loops.probability > LIKELIER
     known = margins(loops.sticky if sticks else loops.healthy[0])
-    periods = loops.record.duration / swing.period_s if swing.sustained else 0.0
-    pace = swing.period_s / loops.record.Ts if swing.sustained else 0.0
-    if periods >= FEWEST_PERIODS and pace >= FEWEST_PER_PERIOD:
-        keeps = coherence(loops.record.pv, swing.period_s / loops.record.Ts)
-        # what keeps its phase no better than friction, or a tight loop, would tells nothing
-        line = keeps > KEPT_OPEN and keeps > regularity.of_tuning(loops)
-        swung = [
-            _tuning(known, swing, line, keeps),
-            _blame_outside(loops, line and keeps > regularity.of_friction(loops), keeps, periods),
-        ]
-    else:
-        why = "the loop does not swing"
-        open_to = 0.0
-        if swing.sustained:
-            few = (
-                f"{periods:.0f} periods"
-                if pace >= FEWEST_PER_PERIOD
-                else f"{pace:.2g} samples each"
-            )
-            why = f"{few} are too few to tell a line of the load from a resonance"
-            open_to = 0.3
-        swung = [Cause(name, open_to, (), (why,)) for name in (TIGHT, FROM_OUTSIDE)]
-        if (rings := _ringing(known, prepared)) is not None:
-            swung[0] = rings
-    weighed = [_stiction(loops, prepared.record.S_unit), *swung, _sensor(prepared, loops)]
-    weighed.append(_nothing(loops, swing, swung[0]))
-    weighed.sort(key=lambda c: -c.confidence)
-    first = weighed[0]
+    if not swing.sustained:
+        return _without_line(known, prepared, "the loop does not swing", 0.0)
+    periods = loops.record.duration / swing.period_s
+    pace = swing.period_s / loops.record.Ts
+    if periods < FEWEST_PERIODS or pace < FEWEST_PER_PERIOD:
+        many = pace >= FEWEST_PER_PERIOD
+        few = f"{periods:.0f} periods" if many else f"{pace:.2g} samples each"
+        why = f"{few} are too few to tell a line of the load from a resonance"
+        return _without_line(known, prepared, why, 0.3)
+    keeps = coherence(loops.record.pv, pace)
+    # what keeps its phase no better than friction, or a tight loop, would tells nothing
+    line = keeps > KEPT_OPEN and keeps > regularity.of_tuning(loops)
+    beyond_friction = line and keeps > regularity.of_friction(loops)
+    return (
+        _tuning(known, swing, line, keeps),
+        _blame_outside(loops, beyond_friction, keeps, periods),
+    )
+
+
+def _without_line(
+    known: Margins | None, prepared: Prepared, why: str, open_to: float
+) -> tuple[Cause, Cause]:
+    """Return tuning and an external oscillation where no line of the load can be seen."""
+    tuning = _ringing(known, prepared) or Cause(TIGHT, open_to, (), (why,))
+    return tuning, Cause(FROM_OUTSIDE, open_to, (), (why,))
+
+
+def _name_cause(loops: CandidateLoops, sticking: Cause, weighed: tuple[Cause, ...]) -> Causes:
+    """Return the cause that the evidence names, of those weighed, likeliest first."""
     # friction of this valve is a separate cause, whatever else oscillates with it
-    sticking = next(c for c in weighed if c.name == STICKING)
-    if claimed:
-        return Causes(sticking, tuple(weighed))
+    if loops.probability > CLAIMED_FROM:
+        return Causes(sticking, weighed)
     if loops.probability > LIKELIER:
         why = "friction is more probable than not, but not enough to be claimed"
-        return _leave_open(f"{why}, which leaves every other cause open", tuple(weighed))
+        return _leave_open(f"{why}, which leaves every other cause open", weighed)
+    first = weighed[0]
     if first.confidence < NAMED_FROM or first is sticking:
-        return _leave_open("no cause has enough evidence", tuple(weighed))
-    return Causes(first, tuple(weighed))
+        return _leave_open("no cause has enough evidence", weighed)
+    return Causes(first, weighed)
 
 
 def _leave_open(why: str, weighed: tuple[Cause, ...]) -> Causes:

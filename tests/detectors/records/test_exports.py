@@ -18,7 +18,8 @@ from pyarrow import parquet
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records import tables
 from simbench.detectors.records.archive import base_step, stored_on_change
-from simbench.detectors.records.io import read_folder, read_record, read_records
+from simbench.detectors.records.folder import read_folder
+from simbench.detectors.records.io import read_record, read_records
 from simbench.detectors.records.roles import column_pairs
 from simbench.usage import add_options
 

@@ -10,7 +10,8 @@ import pytest
 from scipy.io import savemat
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.io import read_folder, read_record
+from simbench.detectors.records.folder import read_folder
+from simbench.detectors.records.io import read_record
 from simbench.detectors.records.labels import read_labels
 
 REAL = Path(__file__).parents[3] / ".." / "shared" / "data" / "real"

@@ -5,7 +5,8 @@ import pytest
 
 from simbench.detection import judge_files
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.io import read_folder, read_record
+from simbench.detectors.records.folder import read_folder
+from simbench.detectors.records.io import read_record
 from simbench.detectors.records.one_signal import signal_files
 
 N = 300
