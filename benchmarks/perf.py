@@ -13,9 +13,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from c_loop import build
 
 from simbench.loop import controller, kernel, sensor
+from simbench.loop.linear import parts_of, plant_start
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import valve_response
-from simbench.loop.setup import parts_of, plant_start
 from simbench.scenarios.spec import Loop
 
 N = 5000

@@ -11,16 +11,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.dialects import entries, words
+from simbench.detectors.records.quality_column import BAD, GOOD, MARKS
 from simbench.detectors.records.roles import (
-    QUALITY_OF,
     ends_with,
-    is_quality,
     is_time,
     parse,
     plain,
-    quality_of,
     unit,
     words_of,
 )
@@ -38,35 +35,6 @@ _NO_VALUE = set(
     not available, error, failed, #value!, #ref!, #div/0!, no value, off-scan, undefined, invalid
 """)
 )
-_GOOD, _BAD, _UNSURE = (set(words(what)) for what in ("good", "bad", "unsure"))
-# where a historian writes several, these have one meaning
-_FIXED_MEANING = ("opcquality", "qstatus", "qlevel")
-# the number of a bad sample in a column of yes and no, or of a share, by the last word of its name
-_FLAGS = {"validity": 0, "confidence": 0, "good": 0, "qlevel": 0, "bad": 1}
-_SPANS = {
-    "ma": ("mA", 4.0, 20.0),
-    "m%": ("m%", 0.0, 1e5),
-    "‰": ("‰", 0.0, 1e3),
-}  # that a unit of OP fixes
-_OTHER_SPANS = set(entries("v, volt, bar, mbar, kpa, psi, psig, mm, deg, rpm, hz, counts"))
-_SHARE_OVER = 1.1  # what an output that is a share of 1 may read, 10 % over its range
-_CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
-_LIKELY_SPANS = {
-    "v": "1 5",
-    "volt": "1 5",
-    "bar": "0.2 1",
-    "mbar": "200 1000",
-    "kpa": "20 100",
-    "psi": "3 15",
-    "psig": "3 15",
-}
-_COUNTS = (
-    (1023.0, "0 1023"),
-    (4095.0, "0 4095"),
-    (27648.0, "0 27648"),
-    (32767.0, "0 32767"),
-    (65535.0, "0 65535"),
-)
 _SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)
 _POINT = re.compile(r"[+-]?(\d+|\d{1,3}(,\d{3})+)?(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousands
@@ -75,9 +43,7 @@ _WITH_UNIT = re.compile(
     r"([+-]?\d[\d.,' ]*?)\s*((?!e[+-]?\d+$)(?:%|[^\W\d_]|°)[^\s]{0,7})", re.IGNORECASE
 )
 _QUALITY_FIRST = re.compile(r"(?:q|qual|quality)[ _.-](pv|op|sp|mv)")
-# a historian's mark after a value: 119.9 ?, 119.9 (Q), 119.9*, 119.9 [Bad], 119.9 Q
-_MARKS = _GOOD | _BAD | _UNSURE
-_MARK = rf"(?:[A-Z]|{'|'.join(map(re.escape, sorted(_MARKS)))})"
+_MARK = rf"(?:[A-Z]|{'|'.join(map(re.escape, sorted(MARKS)))})"
 _MARKED = re.compile(
     rf"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)(?:\s*(\?|\*|[(\[](?:\?|{_MARK})[)\]])|\s+({_MARK}))",
     re.IGNORECASE,
@@ -155,7 +121,7 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     sheet.columns = {_name_quality(i, n, c): c for i, (n, c) in enumerate(sheet.columns.items())}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
-        if name == time or not written or not _numeric(written[1]) or plain(written[2]) in _MARKS:
+        if name == time or not written or not _numeric(written[1]) or plain(written[2]) in MARKS:
             continue
         mark = written[2]
         cells = [str(c).strip() for c in column]
@@ -176,7 +142,7 @@ def _name_quality(place: int, name: str, cells: Sequence[object]) -> str:
     if not of_signal and not name.startswith(BLANK):
         return name
     said = {plain(cell) for cell in cells} - {""}
-    if not said or not said <= _MARKS:
+    if not said or not said <= MARKS:
         return name
     return f"{of_signal[1]}.quality" if of_signal else f"Status.{place}"
 
@@ -187,59 +153,6 @@ def _is_text(sheet: Sheet) -> bool:
 
 def _time_name(sheet: Sheet, chosen: Mapping[str, str]) -> str:
     return chosen.get("t") or next((n for n in sheet.columns if is_time(n)), "")
-
-
-def op_span(
-    unit_of_op: str, known: object, op: np.ndarray, where: str, notes: list[str]
-) -> tuple[float, float] | None:
-    """Return the span that OP's unit fixes; % is 0..100 by itself, 4..20 mA is a standard, others
-    must be given.
-    """
-    if known is not None:
-        return None
-    if unit_of_op in _SPANS:
-        name, lo, hi = _SPANS[unit_of_op]
-        notes.append(f"unit: OP is in {name}, {lo:g} to {hi:g} {name} taken as 0 to 100 %")
-        return lo, hi
-    if unit_of_op in _OTHER_SPANS:
-        sentence = (
-            f"{where}: OP is in {unit_of_op!r}; which values mean 0 and 100 % is needed (op_span)"
-        )
-        counts = next(
-            (span for top, span in _COUNTS if unit_of_op == "counts" and np.nanmax(op) <= top),
-            "0 100",
-        )
-        raise RecordError(sentence, f"--op-span {_LIKELY_SPANS.get(unit_of_op, counts)}")
-    return None
-
-
-def open_span(record: LoopRecord, where: str) -> list[str]:
-    """Return the notes on an OP of unknown unit; a share of 1 is asked for, as %
-    is 100 times as large.
-    """
-    if record.op_span is not None:
-        return []
-    lo = float(record.op.min())
-    hi = float(record.op.max())
-    runs = f"unit: OP runs from {lo:.4g} to {hi:.4g}"
-    if record.op_share:
-        sentence = (
-            f"{where}: OP runs from {lo:.4g} to {hi:.4g}, a share of 1 or %; which values mean 0"
-            " and 100 % is needed"
-        )
-        raise RecordError(sentence, "--op-span 0 1")
-    if record.op_percent is None:
-        # the range of the record is not that of the valve, and is never proposed
-        counts = next((span for top, span in _COUNTS if hi <= top and lo >= 0), "")
-        cure = f"if it is counts of a converter, add --op-span {counts}"
-        unknown = "which values mean 0 and 100 % of travel is not known (--op-span LO HI states it)"
-        return [f"{runs}, which is no %: S and J are in OP units; {cure if counts else unknown}"]
-    other = "in mA, sizes are 6.25 times as large: add --op-span 4 20"
-    if lo < hi <= _SHARE_OVER:
-        other = "a share of 1, sizes are 100 times as large: add --op-span 0 1"
-    elif not _CURRENT[0] <= lo < hi <= _CURRENT[1]:
-        return []
-    return [f"{runs}, taken as %; if it is {other}"]
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
@@ -256,9 +169,9 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
             continue
         bare, marks = zip(*map(_split_cell, cells), strict=True) if len(cells) else ((), ())
         _refuse_thousands(bare, name, where)
-        texts[name] = ["" if m in _BAD else text for text, m in zip(bare, marks, strict=True)]
-        bad = sum(m in _BAD for m in marks)
-        doubted = sum(m != "" and m not in _GOOD | _BAD for m in marks)
+        texts[name] = ["" if m in BAD else text for text, m in zip(bare, marks, strict=True)]
+        bad = sum(m in BAD for m in marks)
+        doubted = sum(m != "" and m not in GOOD | BAD for m in marks)
         for count, what in (
             (doubted, "that carry a mark of doubt are kept"),
             (bad, "marked as bad count as missing"),
@@ -307,65 +220,6 @@ def _plain_numbers(sheet: Sheet, names: Sequence[str]) -> dict[str, np.ndarray] 
             return None
         out[name] = _without_sentinels(x, name, sheet)
     return out
-
-
-def apply_quality(
-    sheet: Sheet,
-    roles: Mapping[str, str],
-    signals: Mapping[str, np.ndarray],
-    where: str,
-    chosen: Mapping[str, str],
-) -> None:
-    """Blank the samples that a quality column calls bad; of several about one signal, by the one of
-    known meaning.
-    """
-    asked = chosen.get(QUALITY_OF, "")
-    if asked.lower() == "none":
-        return
-    names = [n for n in sheet.columns if n not in roles.values()]
-    names = [n for n in names if (n == asked if asked else is_quality(n))]
-    known = [n for n in names if _last_word(n) in _FIXED_MEANING]
-    for name in names:
-        mine = [role for role in signals if _is_about(name, roles[role], role, sheet, roles)]
-        if name not in known and any(
-            _is_about(other, roles[role], role, sheet, roles) for other in known for role in mine
-        ):
-            continue
-        judged = _find_bad(sheet.columns[name], name, where) if mine else None
-        if judged is None:
-            what = [f"column {name!r} is not understood and counts for nothing"] if mine else []
-        else:
-            bad, unsure = judged
-            for role in mine if bad.any() else ():
-                signals[role][bad] = np.nan
-            counts = ((int(bad.sum()), "bad count as missing"), (unsure, "uncertain are kept"))
-            what = [f"{n} samples that {name!r} calls {which}" for n, which in counts if n]
-        sheet.notes += [f"quality: {sentence}" for sentence in what]
-
-
-def _is_about(name: str, column: str, role: str, sheet: Sheet, roles: Mapping[str, str]) -> bool:
-    """Whether a quality speaks of a signal: it stands next to its column where several have one
-    name, or names its column, its loop or the signal, or nothing.
-    """
-    names = list(sheet.columns)
-    alike = [n for n in names if is_quality(n) and _strip_number(n) == _strip_number(name)]
-    if len(alike) > 1:
-        side = -1 if names[names.index(alike[0]) - 1] in roles.values() else 1
-        return names[(names.index(name) + side) % len(names)] == column
-    whose = quality_of(name) or []
-    named = parse(".".join(whose))
-    mine = parse(column)
-    if named.role:
-        return named.role == role and named.loop in ((), mine.loop)
-    return not whose or tuple(whose) == mine.loop
-
-
-def _strip_number(name: str) -> str:
-    return re.sub(r"\.\d+$", "", name)
-
-
-def _last_word(name: str) -> str:
-    return plain(_strip_number(name)).replace("_", " ").split()[-1]
 
 
 def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
@@ -495,47 +349,3 @@ def _without_sentinels(x: np.ndarray, name: str, sheet: Sheet) -> np.ndarray:
             )
             return np.where(x == sentinel, np.nan, x)
     return x
-
-
-def _find_bad(cells: Sequence[object], name: str, where: str) -> tuple[np.ndarray, int] | None:
-    """Return which samples are bad and how many unsure, by the codes of OPC, by words or by a flag;
-    None where the column speaks of no quality.
-    """
-    texts = ["" if c is None or c != c else plain(c) for c in cells]
-    means = {t: _word(t) for t in set(texts)}
-    said = {m for t, m in means.items() if t}
-    last = _last_word(name)
-    numbers = {m for m in said if isinstance(m, int)}
-    if said and said == numbers:
-        codes = np.array([192 if t == "" else means[t] for t in texts], dtype=int)
-        most = max(numbers)
-        if last in _FLAGS and (most <= 1 or last in ("validity", "confidence")):
-            return codes == _FLAGS[last], 0
-        if most < 192 and most != 128:  # which PCS 7 writes for good
-            raise RecordError(
-                f"{where}: quality {name!r} holds {min(numbers)}; 0 to 255 with 192 as good is"
-                " known, or words",
-                "--columns quality=none",
-            )
-        codes &= 255  # OPC UA and historians keep more above the lowest byte
-        return codes < 64, int(((codes >= 64) & (codes < 192)).sum())
-    odd = sorted(t for t, m in means.items() if t and m not in _MARKS)
-    if odd and len(odd) < len(said):
-        sentence = f"{where}: quality {name!r} says {odd[0]!r}; known: good, bad, uncertain"
-        raise RecordError(sentence, "--columns quality=none")
-    if odd:
-        return None
-    # a flag named Bad is true where the sample is bad
-    flagged = _GOOD if last == "bad" else _BAD
-    bad = np.array([means[t] in flagged for t in texts], dtype=bool)
-    return bad, sum(means[t] in _UNSURE for t in texts)
-
-
-def _word(text: str) -> str | int:
-    """Return the code in a cell of quality, or its first word: "Good, Non-specific", "192
-    (Good)".
-    """
-    code = re.match(r"\d+(?=(\.0)?(\s*[(\[].*)?$)", text)
-    if code:
-        return int(code[0])
-    return re.split(r"[\s,;:(\[_-]", text, maxsplit=1)[0]

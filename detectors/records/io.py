@@ -13,10 +13,7 @@ from simbench.detectors.errors import RecordError, printable
 from simbench.detectors.record import (
     LoopRecord,
 )
-from simbench.detectors.records.historian import (
-    take_rows,
-    take_units,
-)
+from simbench.detectors.records.historian import take_rows, take_units
 from simbench.detectors.records.long_table import unfold
 from simbench.detectors.records.loop_table import read_loop_table
 from simbench.detectors.records.one_loop import make_record

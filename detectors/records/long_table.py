@@ -12,8 +12,9 @@ import numpy as np
 from simbench.detectors.records.clock import seconds
 from simbench.detectors.records.dialects import words
 from simbench.detectors.records.gaps import SHORTEST
-from simbench.detectors.records.historian import apply_quality, long_columns, read_numbers
+from simbench.detectors.records.historian import long_columns, read_numbers
 from simbench.detectors.records.mode import mode
+from simbench.detectors.records.quality_column import apply_quality
 from simbench.detectors.records.roles import ends_with, is_quality, is_time, parse, words_of
 from simbench.detectors.records.tables import BLANK, Sheet
 

@@ -10,11 +10,7 @@ from typing import Any
 
 from simbench.detectors.errors import RecordError, nearest
 from simbench.detectors.records.dialects import entries, words
-from simbench.detectors.records.historian import (
-    is_head,
-    take_rows,
-    take_units,
-)
+from simbench.detectors.records.historian import is_head, take_rows, take_units
 from simbench.detectors.records.long_table import by_loop, unfold
 from simbench.detectors.records.one_signal import join
 from simbench.detectors.records.roles import (

@@ -21,13 +21,11 @@ from simbench.detectors.records.archive import (
 from simbench.detectors.records.clock import seconds
 from simbench.detectors.records.dialects import words
 from simbench.detectors.records.gaps import BRIDGED, JITTER, MOST_MISSING, SHORTEST
-from simbench.detectors.records.historian import (
-    apply_quality,
-    read_numbers,
-)
+from simbench.detectors.records.historian import read_numbers
 from simbench.detectors.records.long_table import is_stamped, read_series
 from simbench.detectors.records.mode import mode
 from simbench.detectors.records.opened import OpenedTable
+from simbench.detectors.records.quality_column import apply_quality
 from simbench.detectors.records.roles import (
     MODE,
     SIGNALS,

@@ -30,7 +30,7 @@ logging.getLogger("matplotlib").setLevel(logging.ERROR)
 _NEW_OBJECTS = 20_000
 
 # each registers its verbs, in the order of the help
-from simbench.cli import simulate, detect, trust, bench, confirm, gap, catalogue  # isort: skip  # noqa: F401
+from simbench.cli import simulate, detect, trust, run, bench, confirm, gap, catalogue  # isort: skip  # noqa: F401
 from simbench.cli.common import app
 from simbench.usage import exit_code
 

@@ -22,6 +22,7 @@ from simbench.cli.help import GroupedCommand
 from simbench.detectors.errors import ParameterError, masked, printable
 
 if TYPE_CHECKING:
+    from simbench.bench.execute.failures import Failures
     from simbench.detectors.record import LoopRecord
 
 _COLUMNS = 100  # of a terminal, beyond which a sentence goes on in the next line
@@ -376,3 +377,33 @@ def wrap_lines(text: str) -> str:
             break_on_hyphens=False,
         )
     return "\n".join(lines)
+
+
+AllowFailed = Annotated[
+    float,
+    Option(
+        metavar="SHARE",
+        min=0.0,
+        max=1.0,
+        help=(
+            "Allow this share of scenarios, or of a method's records, to fail; above it the method"
+            " is not ranked, and the exit code is 1."
+        ),
+    ),
+]
+
+
+def where_more_is(folder: Path, full: bool) -> str:
+    """Return the line that says where the columns are explained and what shows more."""
+    page = f"simbench score {folder} --report FILE.html"
+    return (
+        f"Columns: simbench score --help; {'' if full else 'every table: --full; '}a page: {page}"
+    )
+
+
+def end_by_failures(failed: Failures, allowed: float) -> None:
+    """Report what failed, and end with 1 where it is more than allowed."""
+    if str(failed):
+        print(f"failed: {failed}", file=sys.stderr)
+    if failed.above(allowed):
+        raise typer.Exit(1)

@@ -12,7 +12,8 @@ import numpy as np
 
 from simbench.detectors.errors import ParameterError
 from simbench.loop import sensor
-from simbench.loop.setup import Setup, control_start, parts_of, plant_start
+from simbench.loop.linear import control_start, parts_of, plant_start
+from simbench.loop.setup import Setup
 from simbench.scenarios.parts import MAX_SAMPLES
 from simbench.scenarios.spec import Loop
 

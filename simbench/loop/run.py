@@ -9,15 +9,8 @@ import numpy as np
 
 from simbench.detectors.record import LoopRecord
 from simbench.loop import kernel, sensor
-from simbench.loop.setup import (
-    MV_NOISE,
-    Parts,
-    Setup,
-    control_start,
-    in_series,
-    parts_of,
-    plant_start,
-)
+from simbench.loop.linear import Parts, control_start, in_series, parts_of, plant_start
+from simbench.loop.setup import MV_NOISE, Setup
 
 if TYPE_CHECKING:
     import pandas as pd

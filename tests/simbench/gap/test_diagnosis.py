@@ -10,12 +10,13 @@ import pytest
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
-from simbench.gap import diagnosis
+from simbench.gap import diagnosis, reporting
 from simbench.gap.closed_loop.gap import Compared, Shrinkage
 from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.evidence import PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.posterior import Posterior
-from simbench.gap.diagnosis import diagnose, name_effects, report
+from simbench.gap.diagnosis import diagnose
+from simbench.gap.reporting import name_effects, report
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pool_log_odds, probability
 from simbench.gap.stiction.visible import Visible
@@ -135,15 +136,15 @@ def stubs(monkeypatch):
         seen.update(probability=probability, loops=loops, **more)
         return SimpleNamespace(tests=(), next_test={"test": "bump", "says": "bump it"}, why="")
 
-    monkeypatch.setattr(diagnosis, "plan", plan)
+    monkeypatch.setattr(reporting, "plan", plan)
     monkeypatch.setattr(
-        diagnosis, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")}
+        reporting, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")}
     )
-    monkeypatch.setattr(diagnosis, "load_memory", lambda s: 60.0)
+    monkeypatch.setattr(reporting, "load_memory", lambda s: 60.0)
     shown = Visible(2.0)
-    monkeypatch.setattr(diagnosis, "visible_in", lambda view: shown)
-    monkeypatch.setattr(diagnosis.resolve, "friction", lambda loop: [])
-    monkeypatch.setattr(diagnosis, "find_look_alikes", lambda e, s, p: (e, str(p)))
+    monkeypatch.setattr(reporting, "visible_in", lambda view: shown)
+    monkeypatch.setattr(reporting.resolve, "friction", lambda loop: [])
+    monkeypatch.setattr(reporting, "find_look_alikes", lambda e, s, p: (e, str(p)))
     return seen
 
 

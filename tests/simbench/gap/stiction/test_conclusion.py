@@ -34,7 +34,7 @@ from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 
-DIAGNOSIS = import_module("simbench.gap.diagnosis")
+REPORTING = import_module("simbench.gap.reporting")
 MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
@@ -234,7 +234,7 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
 
 def test_with_a_loop_file_a_record_in_which_no_friction_would_show_denies_none(monkeypatch):
     why = "no size of stiction that was tried would have shown"
-    monkeypatch.setattr(DIAGNOSIS, "visible_in", lambda view: Visible(np.inf, why))
+    monkeypatch.setattr(REPORTING, "visible_in", lambda view: Visible(np.inf, why))
     record = simulate(load_loop(EXAMPLE), 3).record.without_mv()
     report = diagnose(record, load_loop(EXAMPLE))
     c, shares = report.conclusion, {r.effect: r.probability for r in report.ranking}

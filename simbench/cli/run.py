@@ -1,0 +1,296 @@
+"""The verb that simulates a grid and asks every method."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+from typer import Exit, Option
+
+from simbench.cli.common import (
+    Address,
+    AllowFailed,
+    Backend,
+    ControllerPlugin,
+    EffectPlugin,
+    Full,
+    GridName,
+    Jobs,
+    Json,
+    Limit,
+    PlantPlugin,
+    Plugin,
+    Resume,
+    ValvePlugin,
+    app,
+    end_by_failures,
+    examples,
+    number,
+    pairs,
+    reads,
+    say,
+    show,
+    where_more_is,
+)
+from simbench.detectors.errors import ParameterError
+
+
+@app.command(
+    epilog=examples(
+        "run smoke -o runs/smoke",
+        "run chapter -o runs/chapter -j 2 --method fast,oracle --resume",
+        "run my_baseline -o run --plugin mine.py --method mine",
+        "run --again runs/theirs/manifest.json -o runs/ours",
+        "run runs/chapter --add --plugin mine.py --method mine",
+        "run runs/chapter --answers theirs.csv",
+        "run records -o runs/ours -j 2",
+    )
+)
+@reads
+def run(
+    grid: GridName = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", help="Write the run to this folder [runs/GRID].")
+    ] = None,
+    jobs: Jobs = 1,
+    method: Annotated[
+        list[str] | None,
+        Option(
+            metavar="ID",
+            help=(
+                "Apply these methods: ids, or the groups fast, full and oracle; may be repeated "
+                "[fast, oracle]. The oracle answers the label. The slow method likelihood is in no "
+                "group; it must be named."
+            ),
+        ),
+    ] = None,
+    plugin: Plugin = None,
+    valve_plugin: ValvePlugin = None,
+    effect_plugin: EffectPlugin = None,
+    plant_plugin: PlantPlugin = None,
+    controller_plugin: ControllerPlugin = None,
+    time_limit: Limit = 60.0,
+    backend: Backend = "loky",
+    address: Address = None,
+    resume: Resume = False,
+    n: Annotated[
+        int | None,
+        Option(
+            "--n",
+            min=1,
+            help="Draw this many scenarios at random from the grid, which may be of any size; the"
+            " seed of the grid decides which [all].",
+        ),
+    ] = None,
+    sets: Annotated[
+        list[str] | None,
+        Option(
+            "--set",
+            metavar="K=V",
+            help="Change a setting of the grid, for example seed=7; may be repeated.",
+        ),
+    ] = None,
+    axis: Annotated[
+        list[str] | None,
+        Option(
+            metavar="K=a,b,c", help="Replace the values of an axis of the grid; may be repeated."
+        ),
+    ] = None,
+    allow_failed: AllowFailed = 0.0,
+    fresh_seeds: Annotated[
+        bool, Option("--fresh-seeds", help="Draw a new seed instead of using the grid's.")
+    ] = False,
+    with_reference: Annotated[
+        bool,
+        Option(
+            "--with-reference",
+            help="Add the methods whose verdicts on this grid are shipped with simbench to the"
+            " ranking, without asking them again; shipped are those of chapter, ci, families,"
+            " plant, recorded and table-11-3.",
+        ),
+    ] = False,
+    again: Annotated[
+        Path | None,
+        Option(
+            metavar="MANIFEST",
+            help="Take grid, methods and settings from this manifest of a finished run, in place of"
+            " GRID; give the files of its plug-ins.",
+        ),
+    ] = None,
+    add: Annotated[
+        bool,
+        Option(
+            "--add",
+            help="Add the methods of --method and --plugin to the finished run in the folder GRID:"
+            " they are asked about its loops. With -o the result is another run.",
+        ),
+    ] = False,
+    answers: Annotated[
+        list[Path] | None,
+        Option(
+            metavar="FILE.csv",
+            help="Add the answers in this file, of a program in any language, to the finished run"
+            " in the folder GRID: columns method, record (as `simbench simulate GRID` names it),"
+            " verdict, and if wanted score, S and J; may be repeated.",
+        ),
+    ] = None,
+    full: Full = False,
+    as_json: Json = False,
+    *,
+    about: dict,
+) -> None:
+    """Simulate a grid of scenarios, judge every record by the chosen methods, and score.
+
+    GRID may be the folder of a run or a baseline: its loops are simulated again, under their ids;
+    with --add or --answers, methods are added to that run.
+
+    GRID may be a record, or a folder of records: of each the loop that copies it is simulated with
+    a sound valve and with friction of several sizes, under fresh loads. That ranks the methods on
+    loops like these. A record to which no loop is near is left out and named.
+
+    `simbench score` prints the same table again; its help explains the columns.
+    """
+    from simbench.bench.execute.failures import read_failures
+    from simbench.bench.execute.run import run_scored
+    from simbench.bench.scenario.oracle import ORACLE
+    from simbench.bench.score.scoring import score_run
+    from simbench.bench.store.benchmark import is_records
+
+    if about and not (grid is not None and is_records(grid)):
+        option, value = next(iter(about.items()))
+        raise ParameterError(
+            f"--{option.lower().replace('_', '-')} {value} says how records are read; GRID is"
+            f" {grid}: a record, or a folder of records, is needed"
+        )
+    axes = {
+        k: [number(v) for v in str(values).split(",")]
+        for k, values in pairs(axis or [], "--axis", text=True).items()
+    }
+    deciding: dict[str, Any] = {
+        "n": n,
+        "sets": pairs(sets or [], "--set"),
+        "axes": axes,
+        "fresh_seeds": fresh_seeds,
+        "with_reference": with_reference,
+    }
+    working: dict[str, Any] = {
+        "plugins": plugin or [],
+        "valve_plugins": valve_plugin or [],
+        "effect_plugins": effect_plugin or [],
+        "plant_plugins": plant_plugin or [],
+        "controller_plugins": controller_plugin or [],
+        "backend": backend,
+        "address": address,
+        "resume": resume,
+        "time_limit": time_limit,
+    }
+    told = {}
+    with _interruptible():
+        if add or answers:
+            from simbench.bench.execute.add import add_to_run
+
+            _refuse_beside_add(grid, again, deciding)
+            folder, scores, told["added"] = add_to_run(
+                str(grid),
+                method or [],
+                out,
+                jobs,
+                add=add,
+                answers=answers or [],
+                with_reference=with_reference,
+                **working,
+            )
+        elif again is not None:
+            from simbench.bench.execute.repeat import run_again
+
+            _refuse_beside_again(grid, method, deciding)
+            folder, scores, told["again"] = run_again(again, out, jobs, **working)
+        elif grid is None:
+            raise ParameterError(
+                "GRID is missing: name a grid (`simbench list grids`), or give --again MANIFEST"
+            )
+        else:
+            out = out or Path("runs") / Path(grid).stem
+            plan: Any = grid
+            if is_records(grid):
+                from simbench.gap.benchmark.from_records import plan_of_records
+
+                made = plan_of_records(grid, out, deciding, resume=resume, jobs=jobs, **about)
+                say(made.as_text(), aside=True)
+                plan = made.grid
+                deciding = {"n": n}
+            folder, scores = run_scored(
+                plan, out, tuple(method or ["fast", ORACLE]), jobs, **deciding, **working
+            )
+    if scores is None or allow_failed:
+        scores = score_run(folder, allow_failed=allow_failed)
+    failed = read_failures(folder)
+    if as_json:
+        about = {"run": str(folder), "failed": failed.as_json()}
+        show({**about, **told, **scores.as_json()}, as_json)
+    else:
+        lines = [scores.as_text(full=full, where=where_more_is(folder, full)), f"run: {folder}"]
+        lines += [text if key == "added" else f"again: {text}" for key, text in told.items()]
+        show("\n".join(lines), as_json)
+    end_by_failures(failed, allow_failed)
+
+
+def _refuse_beside_add(grid: str | None, again: Path | None, deciding: dict[str, Any]) -> None:
+    """Refuse what decides the loops of a run, where methods are added to a finished one."""
+    from simbench.bench.store.benchmark import is_stored
+
+    if grid is None or not is_stored(grid):
+        raise ParameterError(
+            f"--add and --answers add methods to a finished run; GRID is {grid}: the folder of a"
+            " run is needed"
+        )
+    given = ["--again"] * (again is not None)
+    given += [
+        option
+        for key, option in _DECIDING.items()
+        if key != "with_reference" and deciding[key] not in (None, False, {})
+    ]
+    if given:
+        raise ParameterError(
+            f"--add and --answers take the loops of {grid} as they stand; leave out"
+            f" {', '.join(given)}"
+        )
+
+
+def _refuse_beside_again(
+    grid: str | None, method: list[str] | None, deciding: dict[str, Any]
+) -> None:
+    """Refuse what the manifest of --again decides."""
+    given = [f"GRID {grid}"] * (grid is not None) + ["--method"] * bool(method)
+    given += [option for key, option in _DECIDING.items() if deciding[key] not in (None, False, {})]
+    if given:
+        raise ParameterError(
+            f"--again takes grid, methods and settings from the manifest; leave out"
+            f" {', '.join(given)}"
+        )
+
+
+_DECIDING = {
+    "n": "--n",
+    "sets": "--set",
+    "axes": "--axis",
+    "fresh_seeds": "--fresh-seeds",
+    "with_reference": "--with-reference",
+}
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """End with exit code 130 and how to resume: the command-line library turns Ctrl-C into a bare
+    exit code.
+    """
+    from simbench.bench.execute.run import Interrupted
+
+    try:
+        yield
+    except Interrupted as stop:
+        print(stop, file=sys.stderr)
+        raise Exit(130) from None

@@ -1,0 +1,249 @@
+"""The report of a diagnosis: the effect named, and how the gap shrinks once it is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from simbench.detectors.errors import Refusal
+from simbench.detectors.prepared import Prepared
+from simbench.gap.candidates import find_look_alikes, smallest_detectable
+from simbench.gap.closed_loop.gap import Shrinkage, within_reach
+from simbench.gap.closed_loop.remaining import Remaining, remaining
+from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.decide.assess import NOISE_EFFECT, Assessment
+from simbench.gap.decide.evidence import known_by
+from simbench.gap.decide.posterior import Posterior
+from simbench.gap.effects import is_friction
+from simbench.gap.planning.order import plan
+from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
+from simbench.gap.situation import load_memory
+from simbench.gap.stiction.candidate_loops import CandidateLoops
+from simbench.gap.stiction.conclusion import (
+    at_rest,
+    from_posterior,
+    from_record,
+    without,
+)
+from simbench.gap.stiction.friction import stands
+from simbench.gap.stiction.visible import visible_in
+from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
+from simbench.loop import resolve
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+
+
+def name_effects(weights: Posterior, assessment: Assessment) -> list[str]:
+    """Return the answer: the most probable, and the other effect that was chosen with it."""
+    first = weights.first
+    chosen = assessment.chosen
+    return [first, *(e for e in chosen if first in chosen and e != first)]
+
+
+def report(
+    assessment: Assessment,
+    weights: Posterior,
+    runs: ClosedLoops,
+    loops: CandidateLoops | Refusal | None = None,
+) -> GapReport:
+    """Turn evidence and simulations into the answer."""
+    s = assessment.situation
+    weights = _with_gap(assessment, weights, runs)
+    shown = None
+    stated = s.trusted and bool(resolve.friction(s.baseline))
+    if s.trusted and loops is None and not stated and weights.friction < DENIED_BELOW:
+        shown = visible_in(assessment)
+        if shown.open:
+            weights = weights.with_friction(DENIED_BELOW)
+    weights, main, left = _beside_simulations(assessment, weights, runs)
+    unseen = not assessment.valve_seen or assessment.mv_unexplained
+    if s.trusted and (stated or (weights.first == UNKNOWN and unseen)):
+        # what is not known may be friction, where no MV shows the valve, and a valve whose friction
+        # is stated is not sound
+        weights = weights.with_friction(max(weights.friction, DENIED_BELOW))
+    otherwise = None
+    if s.trusted and weights.first == UNKNOWN:
+        otherwise = runs.as_shown(weights.block(UNKNOWN))
+    if otherwise is not None:
+        main = otherwise[1]
+        left = remaining(s, main.features)
+    named = name_effects(weights, assessment)
+    lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
+    planned = plan(assessment, weights.probability, runs, most=1)
+    if stands(s.record):
+        conclusion = at_rest(s.record)
+    elif isinstance(loops, Refusal) and s.trusted:
+        conclusion = without(loops.reason, named)
+    elif loops is None:
+        advice = planned.next_test
+        test = None if advice is None else f"{advice['test']}: {advice['says']}"
+        conclusion = from_posterior(weights, named, assessment, shown, test)
+    else:
+        conclusion = from_record(Prepared(replace(s.record, mv=None)), loops)[0]
+    return GapReport(
+        block=weights.block(named[0]),
+        effect=named[0],
+        effects=tuple(lines[e].as_answer() for e in named),
+        group=lines[named[0]].group,
+        ranking=tuple(lines.values()),
+        gap=Gap(
+            main.before,
+            main.recalibrated,
+            main.after,
+            main.floor,
+            main.resolvable,
+            main.plant_floor,
+        ),
+        shrinkage=_shrinkage(main, named, otherwise is not None),
+        remaining=left,
+        blocks=weights.shares,
+        next_test=planned.next_test,
+        notes=tuple(_notes(assessment, lines, named, main, planned.why)),
+        conclusion=replace(conclusion, notes=s.record.notes),
+        # of friction the conclusion says what would have shown
+        behind=DiagnosisDetails(
+            assessment,
+            runs,
+            main,
+            smallest_detectable(s, assessment.base, load_memory(s)),
+            next(iter(planned.tests), None),
+            None if otherwise is None else otherwise[0],
+        ),
+        op_unit=s.record.S_unit,
+    )
+
+
+def _beside_simulations(
+    assessment: Assessment, weights: Posterior, runs: ClosedLoops
+) -> tuple[Posterior, Shrinkage, tuple[Remaining, ...]]:
+    """Return the posterior beside simulations with its answer, what they close, and what remains.
+
+    An effect that is likelier than not, or that law or samples show, is named however far they are.
+    """
+    named = name_effects(weights, assessment)
+    main = runs.shrink([e for e in named if e in EFFECTS])
+    known = known_by(assessment.rows)
+    if not known and _needs_none(weights, main):
+        weights = weights.enough()
+        main = runs.shrink([e for e in name_effects(weights, assessment) if e in EFFECTS])
+    if not known and _lacks_unknown(weights, main):
+        far = remaining(assessment.situation, main.features)
+        block = far[0].block if far else "disturbance"
+        weights = weights.far(main.after / (NEAR * main.plant_floor), block)
+        main = runs.shrink([])
+    return weights, main, remaining(assessment.situation, main.features)
+
+
+def _needs_none(weights: Posterior, main: Shrinkage) -> bool:
+    """Return whether the simulation without an effect is near the record, and no effect has a
+    probability of which less is denied.
+    """
+    first = weights.first
+    unlikely = first in EFFECTS and weights.probability[first] < DENIED_BELOW
+    return unlikely and within_reach(main.before, main.plant_floor)
+
+
+def _with_gap(assessment: Assessment, weights: Posterior, runs: ClosedLoops) -> Posterior:
+    """Return the posterior in which the distance from a baseline that was given tells whether
+    anything unknown is lacking.
+    """
+    apart = runs.gap_as_given(assessment.load) if assessment.situation.trusted else None
+    return weights if apart is None else weights.parted(apart)
+
+
+def _lacks_unknown(weights: Posterior, main: Shrinkage) -> bool:
+    """Return whether something unknown is lacking: nothing is likelier than not, and the simulation
+    stays far from the record, or the likeliest is friction that is denied.
+    """
+    first = weights.first
+    if first == UNKNOWN or (first != NONE and weights.probability[first] > LIKELIER):
+        return False
+    denied = is_friction(first) and weights.friction < DENIED_BELOW
+    return denied or not within_reach(main.after, main.plant_floor)
+
+
+def _ranking(
+    assessment: Assessment,
+    weights: Posterior,
+    runs: ClosedLoops,
+    main: Shrinkage,
+    named: Sequence[str],
+) -> list[Ranked]:
+    """Return every answer, the most probable first; the gap before and after of those that were
+    simulated.
+    """
+    effects = [e for e in named if e in EFFECTS]
+    ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
+    sizes = {NONE: (main.before, main.before)}
+    if named[0] == UNKNOWN and main.after < min(main.before, main.recalibrated):
+        sizes[UNKNOWN] = main.before, main.after
+    if len(effects) == 1:
+        sizes[effects[0]] = main.before, main.after
+    for e, _ in ranking[:3]:
+        if e in assessment.parameters and [e] != effects:
+            rival = runs.rival([e], effects)
+            if rival is not None:
+                sizes[e] = rival.before, rival.after
+    what = {e: "noise" if e == NOISE_EFFECT else "load" for e in assessment.ordinary}
+    most: dict[str, float] = {}
+    for e, size in assessment.ordinary.items():
+        most[what[e]] = max(size, most.get(what[e], 0.0))
+    return [
+        Ranked(
+            e,
+            weights.block(e),
+            float(p),
+            *sizes.get(e, (None, None)),
+            assessment.parameters.get(e, {}),
+            _group(e, assessment),
+            most if e == NONE else {},
+        )
+        for e, p in ranking
+    ]
+
+
+def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
+    """Return the answers that the record cannot tell from one, itself among them: effects that are
+    alike, and none where an effect is no larger than it may be by itself.
+    """
+    if answer == NONE:
+        return NONE, *assessment.ordinary
+    if answer == UNKNOWN:
+        return (UNKNOWN,)
+    same = find_look_alikes(answer, assessment.situation, assessment.parameters.get(answer))
+    return (*same, NONE) if answer in assessment.ordinary else same
+
+
+def _shrinkage(main: Shrinkage, named: Sequence[str], shown: bool) -> dict[str, float] | None:
+    """Return the share of the gap that the named effects close, or (`shown`) a part of the
+    loop as the record shows it; None where none is claimed.
+    """
+    if main.value is None or not (shown or named[0] in EFFECTS):
+        return None
+    return {"value": main.value, "lo": main.lo, "hi": main.hi}
+
+
+def _notes(
+    assessment: Assessment,
+    lines: Mapping[str, Ranked],
+    named: Sequence[str],
+    main: Shrinkage,
+    no_test: str,
+) -> list[str]:
+    """Return what else a reader must know, a sentence each."""
+    s = assessment.situation
+    notes = [*s.notes, *(f"{block}: {why}" for block, why in assessment.unexplained.items())]
+    if named[0] == NONE and (note := lines[NONE].ordinary_note()):
+        notes.insert(0, note)
+    if no_test:
+        notes.append(f"next test: none, {no_test}")
+    if not main.resolvable and within_reach(main.after, main.plant_floor):
+        notes.append(
+            f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"
+            " shrinkage is claimed"
+        )
+    if s.trusted and resolve.friction(s.baseline):
+        notes.append(
+            "the loop file's valve has friction: the probability of stiction is that of more"
+            " friction than it states"
+        )
+    return notes
