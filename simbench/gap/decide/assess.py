@@ -29,7 +29,7 @@ from simbench.gap.decide.beside_tests import (
     valve_maps,
 )
 from simbench.gap.decide.evidence import LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
-from simbench.gap.effects import NOT_IN_PLANT, Recogniser, is_friction, recogniser
+from simbench.gap.effects import NOT_IN_PLANT, Parameters, Recogniser, is_friction, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -124,51 +124,78 @@ def assess(
     maps, mv_strays = valve_maps(situation, tests)
     engine, bare, maps = _model(situation, tests, maps)
     s = _add_proven(situation, tests, engine, bool(maps))
-    base = bare
-    candidates = fit_candidates(engine, base, possible_effects(s, bool(maps)))
-    sizes = _effects_of_any_loop(s, base, candidates)
-    plain, candidates = _split_candidates(candidates, sizes)
-    load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
-    if load is not None and load.log_likelihood_gain > 0.0:
-        # what an ordinary load does by itself is in every model
-        base = load.fit
-        candidates = fit_beside_load(engine, load, candidates)
-        more = _effects_of_any_loop(s, base, candidates)
-        beside, candidates = _split_candidates(candidates, more)
-        plain = plain | beside
-        sizes = sizes | more
-    every = candidates | plain
-    parameters = {e: recogniser(e).numbers(c.fit, s) for e, c in every.items() if c.used}
-    parameters |= {**s.proven, **{e: p for e, (_, p) in maps.items()}}
-    rows = _rows(s, candidates, maps, parameters)
-    rows += lab_rows(tests, base, rows)
-    chosen, final, on_top = _choose_effects(s, rows, engine, base, candidates, friction)
-    if len(chosen) == 2 and chosen[1] in candidates:
+    fits = _fit_effects(s, engine, bare, bool(maps))
+    parameters = _numbers_of_effects(s, fits, maps)
+    rows = _rows(s, fits.candidates, maps, parameters)
+    rows += lab_rows(tests, fits.base, rows)
+    chosen, final, on_top = _choose_effects(s, rows, engine, fits.base, fits.candidates, friction)
+    if len(chosen) == 2 and chosen[1] in fits.candidates:
         parameters[chosen[1]] = recogniser(chosen[1]).numbers(final, s)
-    # the limits are those of one record, and what a plant of higher order does not explain adds up
-    # over several
-    left = {name: value / (1 + len(tests)) for name, value in tests_of(engine, final).items()}
-    fits = (base, final, *(c.fit for c in every.values()))
-    alone = {id(f): engine.main(f) for f in fits}
+    every = fits.candidates | fits.plain
+    base_alone = engine.main(fits.base)
+    final_alone = engine.main(final)
     # jumps of the load take up those of PV, and what a mismatch leaves looks like some
     loaded = any(block_of(e) == "disturbance" for e in chosen)
-    left["shifts"] = shifts(engine, alone[id(base if loaded else final)])
+    # the limits are those of one record, and what a plant of higher order does not explain adds up
+    # over several
+    left = {name: x / (1 + len(tests)) for name, x in tests_of(engine, final).items()}
+    left["shifts"] = shifts(engine, base_alone if loaded else final_alone)
     return Assessment(
         situation=replace(s, data=situation.data),
-        base=alone[id(base)],
-        candidates={e: replace(c, fit=alone[id(c.fit)]) for e, c in every.items()},
+        base=base_alone,
+        candidates={e: replace(c, fit=engine.main(c.fit)) for e, c in every.items()},
         parameters=parameters,
         chosen=chosen,
-        final=alone[id(final)],
+        final=final_alone,
         rows=tuple(rows),
         on_top=on_top,
         tests=left,
         mv_unexplained=mv_strays,
         valve_seen=bool(maps),
         friction=friction,
-        load=() if base is bare or load is None else (load.effect,),
-        ordinary=_ordinary(s, engine.main(bare), plain, sizes),
+        load=() if fits.load is None else (fits.load.effect,),
+        ordinary=_ordinary(s, engine.main(bare), fits.plain, fits.sizes),
     )
+
+
+@dataclass(frozen=True)
+class _EffectFits:
+    """Every effect fitted over `base`, which holds the `load` that the record shows as any loop may
+    show one.
+
+    `candidates` are the effects whose evidence counts, `plain` those that any loop shows by itself,
+    with the size (%) of each in `sizes`.
+    """
+
+    base: Fit
+    candidates: dict[str, Candidate]
+    plain: dict[str, Candidate]
+    sizes: dict[str, float]
+    load: Candidate | None
+
+
+def _fit_effects(s: Situation, engine: Engine, bare: Fit, by_mv: bool) -> _EffectFits:
+    """Fit every possible effect: beside an ordinary load, where one explains the record better than
+    none.
+    """
+    candidates = fit_candidates(engine, bare, possible_effects(s, by_mv))
+    sizes = _effects_of_any_loop(s, bare, candidates)
+    plain, candidates = _split_candidates(candidates, sizes)
+    load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
+    if load is None or load.log_likelihood_gain <= 0.0:
+        return _EffectFits(bare, candidates, plain, sizes, None)
+    # what an ordinary load does by itself is in every model
+    candidates = fit_beside_load(engine, load, candidates)
+    more = _effects_of_any_loop(s, load.fit, candidates)
+    beside, candidates = _split_candidates(candidates, more)
+    return _EffectFits(load.fit, candidates, plain | beside, sizes | more, load)
+
+
+def _numbers_of_effects(s: Situation, fits: _EffectFits, maps: Maps) -> dict[str, Parameters]:
+    """Return the parameters of every effect that PV, MV, the law or samples show."""
+    every = fits.candidates | fits.plain
+    numbers = {e: recogniser(e).numbers(c.fit, s) for e, c in every.items() if c.used}
+    return numbers | {**s.proven, **{e: p for e, (_, p) in maps.items()}}
 
 
 def _model(s: Situation, tests: Sequence[ModelledTest], maps: Maps) -> tuple[Engine, Fit, Maps]:
