@@ -1,0 +1,66 @@
+"""A number that a page quotes from results is that of its file."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from results.studies import numbers
+from simbench.detectors.errors import ParameterError
+
+ROOT = Path(__file__).parents[1]
+
+
+def copy_of(tmp_path, page, result="of 234 loops: right 194, wrong 20\n"):
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "causes.txt").write_text(result)
+    (tmp_path / "docs" / "numbers.toml").write_text(
+        '[causes]\nfile = "causes.txt"\n'
+        "pattern = 'right (?P<right>\\d+), wrong (?P<wrong>\\d+)'\n"
+    )
+    (tmp_path / "README.md").write_text(page)
+    return tmp_path
+
+
+def test_every_marked_number_is_that_of_its_file():
+    assert numbers.differing() == {}, "run `python -m results.studies.numbers`"
+
+
+def test_no_number_is_listed_that_no_page_quotes():
+    text = "".join(path.read_text(encoding="utf-8") for path in numbers.pages())
+    quoted = {name.partition(".")[0] for name in re.findall(r"<!--([a-z_]+\.[a-z_0-9]+)-->", text)}
+    listed = {name.partition(".")[0] for name in numbers.known_numbers()}
+    assert listed == quoted
+
+
+def test_a_changed_result_without_a_changed_page_is_seen(tmp_path):
+    root = copy_of(tmp_path, "190<!--causes.right--> right, 20<!--causes.wrong--> wrong\n")
+    assert numbers.differing(root) == {root / "README.md": ["causes.right is 194, not 190"]}
+    filled = numbers.fill("190<!--causes.right-->", numbers.known_numbers(root), "page")
+    assert filled == "194<!--causes.right-->"
+
+
+@pytest.mark.parametrize(
+    ("number", "like", "said"),
+    [
+        ("0.969", "0.97", "0.97"),
+        ("0.45", ".45", ".45"),
+        ("-0.007", "-.01", "-.01"),
+        ("21.0", "2", "21"),
+    ],
+)
+def test_a_number_is_written_as_the_page_writes_it(number, like, said):
+    assert numbers.as_written(number, like) == said
+
+
+def test_marks_that_mean_nothing_are_refused(tmp_path):
+    root = copy_of(tmp_path, "")
+    known = numbers.known_numbers(root)
+    with pytest.raises(ParameterError, match=r"'causes\.late' is not in docs/numbers\.toml"):
+        numbers.fill("1<!--causes.late-->", known, "page")
+    with pytest.raises(ParameterError, match="a mark stands behind no number"):
+        numbers.fill("many<!--causes.right-->", known, "page")
+    (root / "results" / "causes.txt").write_text("nothing\n")
+    with pytest.raises(ParameterError, match="has no line like"):
+        numbers.known_numbers(root)
