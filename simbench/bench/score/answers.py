@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simbench.bench.score.names import CONSTANTS, NO_WAVEFORM, ROLE_YARDSTICK, WITH_RHYTHM
-from simbench.bench.score.no_waveform import no_waveform
+from simbench.bench.score.no_waveform import is_told, no_waveform
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.bench.store.tables import CELL_S_OVER_2J
 from simbench.scenarios.load_grid import packaged_grid
@@ -134,8 +134,11 @@ def failing_methods(book: RunArrays, allowed: float) -> dict[str, int]:
 
 def reference_answers(book: RunArrays) -> list[Answers]:
     """Return what classifiers answer of an oscillating loop from everything but its waveform,
-    learned on other groups: `no_waveform`, and `rhythm`.
+    learned on other groups: `no_waveform`, and `rhythm`; nothing where a run was stored without
+    what they see, as shipped verdicts are.
     """
+    if not is_told(book):
+        return []
     nothing = np.zeros(book.ids.size)
     rows = []
     for name in (NO_WAVEFORM, WITH_RHYTHM):

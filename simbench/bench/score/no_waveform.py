@@ -104,6 +104,11 @@ def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
     }
 
 
+def is_told(book: RunArrays) -> bool:
+    """Return whether a run was stored with what its records tell without their waveform."""
+    return bool(book.design.any())  # every record has a length
+
+
 def no_waveform(book: RunArrays, rhythm: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the probability of a cycle and the verdict (1 stiction) of a classifier on `FEATURES`,
     with `rhythm` on `RHYTHM` as well, for every scenario, and which scenarios it knows.

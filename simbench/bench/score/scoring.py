@@ -17,7 +17,7 @@ from simbench.bench.score.answers import (
     failing_methods,
     reference_answers,
 )
-from simbench.bench.score.folds import folds_of, found_at, risk_coverage
+from simbench.bench.score.folds import folds_of, found_at, risk_coverage, sample_of
 from simbench.bench.score.names import (
     ALL,
     OF_NOT_OSCILLATING,
@@ -60,6 +60,7 @@ _COUNTED = [
     *("n", "n_all", "positives", "applicable"),
     *(f"{rate}{end}" for rate in RATES for end in ("", "_lo", "_hi")),
 ]
+_UNKNOWN = -1  # in place of the code of an answer that is not known
 _COVERED = 0.9  # of a block's loops: a method that answers fewer has no rank there
 
 
@@ -82,7 +83,9 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     failing = failing_methods(book, allow_failed)
     everyone = [*answers_of(book), *reference]
     answers = long_table(everyone)
-    sample = _Sample.of(book, everyone, reference[0])
+    # what the classifier says is not known where a run was stored without what it sees
+    blind = reference[0].said if reference else np.full(book.ids.size, _UNKNOWN)
+    sample = _Sample.of(book, everyone, blind)
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
     # 0 does not oscillate, 1 does, 2 is not ranked
     going_on = np.where(book.apart, 2, book.oscillating)
@@ -152,14 +155,14 @@ class _Sample(NamedTuple):
     blind: np.ndarray
 
     @classmethod
-    def of(cls, book: RunArrays, everyone: Sequence[Answers], blind: Answers) -> _Sample:
-        some = np.flatnonzero(blind.applies)
+    def of(cls, book: RunArrays, everyone: Sequence[Answers], blind: np.ndarray) -> _Sample:
+        some = np.sort(sample_of(book.groups))
         # the order of the scores is all that counts, and found once
         answers = [
             a._replace(score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH})
             for a in everyone
         ]
-        return cls(some, book.groups[some], answers, blind.said[some])
+        return cls(some, book.groups[some], answers, blind[some])
 
     def block(self, chosen: np.ndarray, label: np.ndarray) -> _Block:
         """Return the chosen loops of a run that have a label."""
@@ -251,8 +254,11 @@ def _orders(
 
 
 def _earnings(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
-    """Return 1 where right, 0 where wrong, and 1 less its cost where nothing was decided."""
-    return np.where(said == CODES["no_decision"], 1.0 - cost, said == positive)
+    """Return 1 where right, 0 where wrong, 1 less its cost where nothing was decided, and NaN where
+    it is not known what was said.
+    """
+    earned = np.where(said == CODES["no_decision"], 1.0 - cost, said == positive)
+    return np.where(said == _UNKNOWN, math.nan, earned)
 
 
 def _mean_of_groups(

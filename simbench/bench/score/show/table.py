@@ -48,6 +48,10 @@ _LEGEND = (
     "Cost: an error 1, no decision {undecided:g}; ranges: 95 % intervals; * fitted here, + on loops"
     " like these."
 )
+_NO_REFERENCES = (
+    "Rows no_waveform and rhythm need the records, which are not stored here: `simbench run` of the"
+    " grid has them."
+)
 _REFERENCES = (
     "no_waveform: a classifier that sees period, amplitude and noise, but no waveform; rhythm: and"
     " how regular the cycles are."
@@ -69,11 +73,18 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     )
     tail = [
         *_wrap(_LEGEND.format(undecided=scores.undecided)),
-        *(_wrap(_REFERENCES) if whole else []),
+        *_references(rows, whole),
         *_sentences(scores, truth, where, whole),
     ]
     room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 2
     return [*title, "", *_ranking(rows, scores, room), *tail]
+
+
+def _references(rows: pd.DataFrame, whole: bool) -> list[str]:
+    """Return what the reference rows are; where a run was stored without what they see, that."""
+    if NO_WAVEFORM not in rows.method.tolist():
+        return _wrap(_NO_REFERENCES)
+    return _wrap(_REFERENCES) if whole else []
 
 
 def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
@@ -373,6 +384,7 @@ def _resolved_corners(scores: Any) -> list[str]:
 def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     rows = scores.rows(truth)
     rows = rows[(rows.kind < 2) & (rows.applicable >= LEAST)]
+    rows = rows[rows.cost_over_no_waveform.notna()]
     lines = [("method", "n", "cost over no_waveform", "95 %", "less than no_waveform")]
     for r in rows.itertuples():
         lo = r.cost_over_no_waveform_lo

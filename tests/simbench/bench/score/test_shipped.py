@@ -182,3 +182,10 @@ def test_the_command_prints_verdicts_and_states_a_new_version_where_a_share_agre
     assert study.main(["smoke", "--again", "0.1"]) == 0
     assert "0 answers or labels differ" in capsys.readouterr().out
     assert read_manifest(folder)["benchmark"] == given["benchmark"]
+
+
+def test_rows_that_need_the_records_are_left_out_of_what_is_shipped_without_them():
+    scores = score_run(shipped.FOLDER / "chapter")
+    assert not {"no_waveform", "rhythm"} & set(scores.table.method)
+    assert scores.table.cost_over_no_waveform.isna().all()
+    assert "Rows no_waveform and rhythm need the records" in " ".join(scores.as_text().split())
