@@ -1,5 +1,5 @@
 """Print results again: `python -m results.studies.remake [FILE ...]` runs the commands that
-results/README.md lists.
+results/README.md lists; `--stale` names the results that are older than their code.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from results.studies.stale import list_stale
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.usage import exit_code
 
@@ -34,12 +35,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m results.studies.remake", description=__doc__)
     parser.add_argument("files", metavar="FILE", nargs="*", help="As the table names them [all].")
     parser.add_argument("--list", action="store_true", help="Only say what would be run.")
+    parser.add_argument(
+        "--stale",
+        action="store_true",
+        help="Only name the results whose code changed since they were printed.",
+    )
     chosen = parser.parse_args(arguments)
     for name in chosen.files:
         if name not in table:
             raise ParameterError(
                 f"no row of results/README.md is called {name!r}: {nearest(name, table)}"
             )
+    if chosen.stale:
+        rows = {name: table[name] for name in chosen.files or table}
+        print("\n".join(map(str, list_stale(ROOT, rows))) or "no result is older than its code")
+        return 0
     failed = []
     # what this interpreter's environment offers comes first
     environment = {
