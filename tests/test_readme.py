@@ -159,6 +159,10 @@ def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_
             run = subprocess.run(what, cwd=tmp_path, env=path, capture_output=True, text=True)
             assert run.returncode == 0, (what, run.stderr)
             done.append(what)
+            if "gap diagnose" in what[-1]:
+                named = re.search(r"here `(stiction \([^`]+)`", README)
+                assert named is not None
+                assert f"The simulation lacks {named[1]}." in run.stdout
     assert len(done) >= 12
     written = {
         "verdict.html",

@@ -200,7 +200,9 @@ def fill_bars(axes: Axes, values: Mapping[str, float], colours: Sequence[str]) -
     places = np.arange(len(values))[::-1]
     bars = axes.barh(places, values.values(), color=colours, height=0.62, tick_label=list(values))
     axes.tick_params(axis="y", length=0)
-    axes.bar_label(bars, fmt="%.2f", padding=4, fontsize=8)
+    # on white, so that the line of the plant floor does not strike a number through
+    ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+    axes.bar_label(bars, fmt="%.2f", padding=4, fontsize=8, bbox=ground)
 
 
 def _signal(trace: LoopRecord, name: str) -> np.ndarray:
