@@ -54,6 +54,16 @@ def test_the_same_order_correlates_and_the_reverse_does_not():
     assert correlations["a", "a"]["spearman"] > 0.7
 
 
+def test_the_interval_of_a_correlation_holds_its_value_and_narrows_with_more_loops():
+    def width(n):
+        homes = {"a": home(1, n=n), "b": home(2, n=n)}
+        row = next(row for row in order(homes, list(QUALITY)) if row["first"] != row["second"])
+        assert -1.0 < row["lo"] <= row["spearman"] <= row["hi"] <= 1.0
+        return row["hi"] - row["lo"]
+
+    assert width(800) <= width(60)
+
+
 def test_slow_methods_are_asked_about_the_first_loops_alone(tmp_path, monkeypatch):
     assert "likelihood" in slow(methods())
     assert not {"he", "horch", "procedure"} & set(slow(methods()))
