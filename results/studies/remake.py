@@ -29,6 +29,23 @@ def listed(text: str) -> dict[str, list[str]]:
     }
 
 
+def _remake(name: str, commands: list[str], environment: dict[str, str], only_say: bool) -> bool:
+    """Run the commands of one row and return whether all went well; a file that a failing command
+    left empty is what it was before.
+    """
+    place = ROOT / "results" / name
+    before = place.read_bytes() if place.is_file() else b""
+    for command in commands:
+        print(f"{name}: {command}", flush=True)
+        if only_say:
+            continue
+        if subprocess.run(["bash", "-ec", command], cwd=ROOT, env=environment).returncode:
+            if before and place.stat().st_size == 0:
+                place.write_bytes(before)
+            return False
+    return True
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the commands of the chosen rows, or of all; 1 when one fails, which is named."""
     table = listed((ROOT / "results" / "README.md").read_text(encoding="utf-8"))
@@ -57,14 +74,8 @@ def main(arguments: list[str] | None = None) -> int:
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
     for name in chosen.files or table:
-        for command in table[name]:
-            print(f"{name}: {command}", flush=True)
-            if (
-                not chosen.list
-                and subprocess.run(["bash", "-ec", command], cwd=ROOT, env=environment).returncode
-            ):
-                failed.append(name)
-                break
+        if not _remake(name, table[name], environment, chosen.list):
+            failed.append(name)
     if failed:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0

@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 from results.studies.plant.stiction_probability import PLANTS
 from results.studies.withheld.files import write_item
 from results.studies.worlds import load_world
-from simbench.detectors.errors import UserError
+from simbench.detectors.errors import Refusal, UserError
 from simbench.detectors.judge import judge
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
@@ -226,7 +226,7 @@ def judged(loops: dict[str, tuple[str, LoopRecord, Loop | None]]):
     prepared = {name: Prepared(record) for name, (_, record, _) in loops.items()}
     candidates = identified(loops)
     events = shared_oscillations(prepared)
-    causes = {n: find_causes(prepared[n], candidates[n] or "no loop") for n in loops}
+    causes = {n: find_causes(prepared[n], candidates[n] or Refusal("no loop")) for n in loops}
     return causes, events, candidates
 
 

@@ -62,3 +62,12 @@ def test_a_failing_command_is_named_and_ends_its_row(tmp_path, monkeypatch, capf
 def test_an_unknown_row_is_answered_with_the_nearest(capsys):
     assert exit_code(lambda: remake.main(["gat.txt"])) == 2
     assert "gate.txt" in capsys.readouterr().err
+
+
+def test_a_failing_command_leaves_the_file_that_was_there(tmp_path, monkeypatch):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "README.md").write_text("| `a.txt` | `false > results/a.txt` |\n")
+    (tmp_path / "results" / "a.txt").write_text("kept\n")
+    monkeypatch.setattr(remake, "ROOT", tmp_path)
+    assert remake.main([]) == 1
+    assert (tmp_path / "results" / "a.txt").read_text() == "kept\n"
