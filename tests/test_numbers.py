@@ -64,3 +64,25 @@ def test_marks_that_mean_nothing_are_refused(tmp_path):
     (root / "results" / "causes.txt").write_text("nothing\n")
     with pytest.raises(ParameterError, match="has no line like"):
         numbers.known_numbers(root)
+
+
+# settings, limits and formulas of pages, and the figures that other tests compare with their files
+TYPED = 64
+
+
+def typed_numbers():
+    """Return the numbers without a mark in paragraphs and rows that name a file of results."""
+    found = []
+    for path in numbers.pages():
+        for part in re.split(r"\n\s*\n|\n(?=[|\-*] )", path.read_text(encoding="utf-8")):
+            if not re.search(r"\b[a-z_]+\.(?:txt|json)\b|results/withheld", part):
+                continue
+            rest = re.sub(r"\S+<!--.*?-->", "", part)
+            # code, links, remarks in brackets, years
+            rest = re.sub(r"`[^`]*`|\[[^\]]*\]\([^)]*\)|\([^)]*\)", "", rest)
+            found += re.findall(r"(?<![\w.#/-])(?:\d*\.\d+|\d{2,})(?![\w/-])", rest)
+    return found
+
+
+def test_hardly_a_number_of_results_is_typed():
+    assert len(typed_numbers()) <= TYPED, typed_numbers()
