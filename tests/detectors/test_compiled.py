@@ -11,7 +11,8 @@ import sys
 import numpy as np
 import pytest
 
-from simbench.detectors.compiled import _FIRST_USE, LANES, compiled, lanes, njit_cached, rows
+from simbench.detectors.compiled import LANES, compiled, lanes, njit_cached, rows
+from simbench.detectors.first_use import _FIRST_USE
 
 HELPER = "from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n"
 KERNEL = "from helper import scaled\ndef kernel(x):\n    return scaled(x) + 1.0\n"
@@ -146,7 +147,7 @@ def test_who_waits_at_a_terminal_is_told_at_the_first_use(filled, tmp_path):
     for _ in range(2):
         controller, terminal = pty.openpty()
         environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-        at_once = "import simbench.detectors.compiled as c\nc.SILENCE = 0.0\n"
+        at_once = "import simbench.detectors.first_use as c\nc.SILENCE = 0.0\n"
         words = [sys.executable, "-c", at_once + RUN]
         subprocess.run(
             words, cwd=filled, env=environment, stdout=subprocess.PIPE, stderr=terminal, check=True
@@ -167,7 +168,7 @@ def test_who_waits_at_a_terminal_is_told_at_the_first_use(filled, tmp_path):
 def test_who_reads_a_log_is_told_after_a_second_and_not_before(filled, tmp_path):
     told = []
     for silence in ("0.0", "60.0"):
-        code = f"import simbench.detectors.compiled as c\nc.SILENCE = {silence}\n{RUN}"
+        code = f"import simbench.detectors.first_use as c\nc.SILENCE = {silence}\n{RUN}"
         environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / silence)}
         done = subprocess.run(
             [sys.executable, "-c", code],

@@ -15,7 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
-from simbench.bench.execute.run import RunOptions, read_plan
+from simbench.bench.execute.run import read_plan
+from simbench.bench.execute.run_options import RunOptions
 from simbench.bench.execute.settle_group import settled
 from simbench.detectors.errors import ParameterError, Refusal
 from simbench.detectors.record import LoopRecord

@@ -9,16 +9,12 @@ the methods, refuse what cannot run, describe the run in its manifest, compute a
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import inspect
 import pickle
 import secrets
 import signal
-import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
@@ -26,19 +22,19 @@ from typing import Any, cast
 import cloudpickle
 
 from simbench.bench.execute import pieces
+from simbench.bench.execute.about_run import describe_run, digests_of
 from simbench.bench.execute.compute_piece import PieceSettings, Receipt, compute_piece
 from simbench.bench.execute.distribute import BACKENDS, Runner, workers
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
+from simbench.bench.execute.run_options import RunOptions
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
-from simbench.bench.score.shipped import REFERENCE, shipped
-from simbench.bench.store.benchmark import grid_settings, is_stored, stored_grid
-from simbench.bench.store.folder import RunError, file_digest, write_file
-from simbench.bench.store.manifest import SOURCES, describe, refuse_unlike, run_key
-from simbench.detectors.errors import UserError, masked, nearest, printable
+from simbench.bench.score.shipped import shipped
+from simbench.bench.store.benchmark import is_stored, stored_grid
+from simbench.bench.store.folder import RunError, write_file
+from simbench.bench.store.manifest import SOURCES, refuse_unlike, run_key
+from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.judge import refuse_wrong_forms
-from simbench.detectors.method import Method
-from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import as_plugin
@@ -57,61 +53,6 @@ LIVES = 3  # how often dead workers are replaced before the run gives up
 
 class Interrupted(KeyboardInterrupt):
     """A run stopped by Ctrl-C or SIGTERM; its text names how to resume."""
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How a grid is run, in addition to which methods judge it and where the tables go.
-
-    Attributes
-    ----------
-    plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins : iterable of Path
-        Files of detectors and of parts of loops that do not belong to the package.
-    time_limit : float
-        Seconds that a detector of a file may take for one record.
-    own : mapping of str to detector
-        Detectors of the caller, by name.
-    backend : {"loky", "dask", "ray"}
-        Library that distributes the pieces; `address` is the URL of a running scheduler.
-    resume : bool
-        Continue where an earlier run in the same folder stopped.
-    sets, axes : mapping, optional
-        Changed settings of the grid, and other values of its axes.
-    fresh_seeds : bool
-        Draw the grid's seed instead of using the one in its file.
-    keep : int
-        Number of records that are stored with the run.
-    progress : bool, optional
-        Show progress on stderr; None shows it on a terminal.
-    with_reference : bool
-        Score the run with the verdicts on this grid that are shipped with the package; it must be
-        the whole grid as the package has it.
-    n : int, optional
-        Number of scenarios that are drawn at random from the grid, which may be of any size; the
-        seed decides which. None simulates the whole grid.
-    like : mapping, optional
-        Manifest of a run that this one repeats; another grid, method or plug-in is refused before
-        anything is simulated.
-    """
-
-    plugins: Iterable[str | Path] = ()
-    backend: str = "loky"
-    address: str | None = None
-    resume: bool = False
-    sets: Mapping[str, Any] | None = None
-    axes: Mapping[str, Sequence[Any]] | None = None
-    keep: int = 0
-    progress: bool | None = None
-    n: int | None = None
-    time_limit: float = SECONDS
-    valve_plugins: Iterable[str | Path] = ()
-    effect_plugins: Iterable[str | Path] = ()
-    plant_plugins: Iterable[str | Path] = ()
-    controller_plugins: Iterable[str | Path] = ()
-    fresh_seeds: bool = False
-    own: Mapping[str, Any] | None = None
-    with_reference: bool = False
-    like: Mapping[str, Any] | None = None
 
 
 def run_grid(
@@ -174,7 +115,7 @@ def run_scored(
     plan = read_plan(grid, asked)
     files, parts = _plugin_files(asked)
     # read before any plug-in runs, as one may move the file it is in
-    digests = _digests(("", files), *zip(KINDS_OF_PART, parts))
+    digests = digests_of(("", files), *zip(KINDS_OF_PART, parts))
     sources = {Path(f).name: Path(f).read_bytes() for f in _all_there(files, *parts)}
     adopted = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
     with (
@@ -184,7 +125,7 @@ def run_scored(
     ):
         names = choose_with_oracle(methods, added)
         _refuse_wrong_run(plan, names, asked)
-        manifest = _describe_run(plan, names, asked, digests)
+        manifest = describe_run(plan, names, asked, digests)
         if asked.like is not None:
             refuse_unlike(asked.like, manifest)
         folder = local_path(Path("runs") / plan.name if out is None else out)
@@ -277,26 +218,6 @@ def _refuse_wrong_run(plan: Grid, names: Sequence[str], asked: RunOptions) -> No
     refuse_wrong_forms(names)
     refuse_too_large(size_of(plan, *_budgets(names)), plan.name)
     refuse_wrong_parts(plan)
-
-
-def _describe_run(
-    plan: Grid, names: Sequence[str], asked: RunOptions, digests: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return the manifest: everything that decides the numbers of the run."""
-    sources = {
-        f"own {name}": _source_digest(detector) for name, detector in (asked.own or {}).items()
-    }
-    return describe(
-        {
-            **grid_settings(plan),
-            "scenarios": len(plan),
-            "methods": {n: about_method(n) for n in names},
-            "plugins": {**digests, **sources},
-            "command": printable(masked(" ".join(sys.argv))),
-            **({"points": plan.points} if isinstance(plan, Sample) else {}),
-            **({REFERENCE: True} if asked.with_reference else {}),
-        }
-    )
 
 
 def _work_settings(
@@ -428,60 +349,6 @@ def _all_there(*kinds: Sequence[str]) -> Iterator[str]:
     return (f for files in kinds for f in files if Path(f).is_file())
 
 
-def _digests(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
-    """Return each file's digest; one that is not there is refused by name when it is hosted."""
-    return {
-        f"{kind}{Path(f).stem}": file_digest(Path(f))
-        for kind, files in kinds
-        for f in files
-        if Path(f).is_file()
-    }
-
-
-def _source_digest(detector: Any) -> str:
-    """Return a digest of a caller's detector: of its source, and of its parameters where it has
-    any.
-    """
-    parameters = (
-        detector.get_params(deep=False)
-        if hasattr(detector, "get_params")
-        else getattr(detector, "__dict__", {})
-    )
-    try:
-        source = inspect.getsource(detector if inspect.isfunction(detector) else type(detector))
-    except (OSError, TypeError):  # typed into a shell
-        source = repr(getattr(getattr(detector, "__code__", None), "co_code", detector))
-    return hashlib.sha256(f"{source}{parameters}".encode()).hexdigest()
-
-
 def _budgets(names: Sequence[str]) -> tuple[int, int]:
     slow = sum(n != ORACLE and registry.load(n).METHOD.budget == "full" for n in names)
     return len(names) - slow, slow
-
-
-def about_method(name: str) -> dict[str, Any]:
-    """Return what a run's manifest keeps of a method."""
-    oracle: dict[str, Any] = {
-        "front_end": False,
-        "needs_mv": False,
-        "role": ORACLE,
-        "budget": "full",
-        "fitted_on": [],
-        "stated": [],
-        "division": "reference",
-    }
-    if name == ORACLE:
-        return oracle
-    method = registry.load(name).METHOD
-    about = {key: getattr(method, key) for key in oracle}
-    about = {key: list(v) if oracle[key] == [] else v for key, v in about.items()}
-    return about | {"changed": _thresholds_of_variant(name, method), "source": method.source}
-
-
-def _thresholds_of_variant(name: str, method: Method) -> dict[str, float]:
-    """Return the thresholds in which a variant, such as NAME@published, differs from NAME."""
-    base = name.partition("@")[0]
-    if base == name or base not in registry.names():
-        return {}
-    before = registry.load(base).METHOD.defaults()
-    return {k: v for k, v in method.defaults().items() if before.get(k) != v}

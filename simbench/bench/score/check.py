@@ -12,10 +12,18 @@ import pandas as pd
 from scipy import stats
 
 from simbench.bench.score.baseline import write_baseline
+from simbench.bench.score.check_power import (
+    COUNTED,
+    LEVEL,
+    loops_needed,
+    points,
+    say_power,
+    smallest_seen,
+    unseen_losses,
+)
 from simbench.bench.score.check_result import Check, sentence
 from simbench.bench.score.names import ALL
 from simbench.bench.score.pairing import Paired, Pairs, pair
-from simbench.bench.score.power import loops_for, smallest_loss_found
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, holm
 from simbench.bench.store.benchmark import benchmark_version, refuse_other_benchmark
@@ -23,35 +31,13 @@ from simbench.bench.store.folder import NoRun
 from simbench.bench.store.manifest import own_methods
 from simbench.bench.store.reading import CODES, RunArrays, RunError, read_book
 from simbench.detectors.errors import UserError
-from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
-_LEVEL = 0.05
 MARGIN = 0.01  # of a rate: what falls by less is no regression, however sure the fall is
-# a loss, of all the loops that a method covers, that must be found with `POWER`: where all records
-# equal the baseline's bit for bit, and where some do not; where it is not, the check cannot tell
-_REACH = {"equal": 0.02, "other bits": 0.05}
 _CHECKED_TRUTHS = ("sticky", "cycled")
 _SCORE_BITS = 14  # of a score that count: 4 digits
 # relative change of a score that an exact comparison lets pass: iterative fits
 _SCORE_CHANGE = 1e-3
 _EXPLAINED = 0.95  # share of runs with other last bits that lose no more than is explained
-# what is counted: among positives or negatives, which answers are good; "no decision" is neither
-# right nor wrong
-_COUNTED = {
-    "right": (None, ()),
-    "detection": (True, (STICTION,)),
-    "rejection": (False, (NO_STICTION,)),
-    "no miss": (True, (STICTION, NO_DECISION)),
-    "no false alarm": (False, (NO_STICTION, NO_DECISION)),
-}
-# what a loss of each is called
-_LOST = {
-    "right": "right answers",
-    "detection": "detections",
-    "rejection": "denials",
-    "no miss": "misses",
-    "no false alarm": "false alarms",
-}
 
 
 class Shaken(NamedTuple):
@@ -83,7 +69,7 @@ def check_run(
     have other bits than the baseline's, as another processor simulates a chaotic loop otherwise;
     `shake` then says what methods answer where the last bits are others, and a method is worse only
     if it lost more answers than that explains. Only loops that a method covers count. Where answers
-    are lost, and a loss that matters (`_REACH`) would not have been found, the check cannot tell.
+    are lost, and a loss that matters (`REACH`) would not have been found, the check cannot tell.
     With `exact`, for runs of one machine, every changed verdict of a built-in method fails as well,
     and so do records that are not the baseline's.
     """
@@ -148,20 +134,20 @@ def check_books(
     tests["p"] = each.transform(holm) if basis == "equal" else holm(tests["p"])
     allowed = [row.get("allowed", margin) for row in rows]
     cases = zip(tests.to_dict("records"), size, allowed, strict=True)
-    tests["seen"] = [_smallest_seen(row, _LEVEL / k, spared) for row, k, spared in cases]
+    tests["seen"] = [smallest_seen(row, LEVEL / k, spared) for row, k, spared in cases]
     beyond = (
         np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"])
         > allowed
     )
     unexplained = ~(tests["lost"] <= tests["explained"].fillna(0.0))
-    tests["worse"] = (tests["p"] < _LEVEL) & beyond & unexplained
+    tests["worse"] = (tests["p"] < LEVEL) & beyond & unexplained
     moved = tests[beyond & ~tests["worse"] & tests["what"].isin((MEDIAN_ERROR, COVERAGE))]
     untold += [
         f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
     ]
-    unseen = (*_unseen(tests, basis), *untold)
+    unseen = (*unseen_losses(tests, basis), *untold)
     said = (
-        f"{_basis(now, before, pairs, margin, shaken)}. {_say_power(tests, basis)}. Benchmark:"
+        f"{_basis(now, before, pairs, margin, shaken)}. {say_power(tests, basis)}. Benchmark:"
         f" {benchmark_version(now.manifest)}"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
@@ -224,7 +210,7 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
         f" {len(now.methods)} methods"
     ]
     itself = check_books(now, now)
-    lines.append(f"{_say_power(itself.tests, 'equal')}; {_loops_needed(itself)}")
+    lines.append(f"{say_power(itself.tests, 'equal')}; {loops_needed(itself)}")
     if there:
         try:
             before = read_book(baseline)
@@ -291,7 +277,7 @@ def _find_changes(
 def _basis(
     now: RunArrays, before: RunArrays, pairs: Pairs, margin: float, shaken: Shaken | None
 ) -> str:
-    tests = f"a rate may fall by {_points(margin)} (exact paired tests with Holm's correction)"
+    tests = f"a rate may fall by {points(margin)} (exact paired tests with Holm's correction)"
     differ = int((~pairs.same).sum())
     if not differ:
         return (
@@ -313,68 +299,6 @@ def _basis(
     own = own_methods(now.manifest) & set(before.methods) - set(shaken.verdict)
     unasked = f"; {', '.join(sorted(own))} not asked: --plugin FILE" if own else ""
     return f"{why}; {about}{unasked}. Rule: {tests}, and more answers are lost than that"
-
-
-def _points(share: float) -> str:
-    """Return a share in percentage points."""
-    return f"{100 * share:g} percentage point{'' if share == 0.01 else 's'}"
-
-
-def _smallest_seen(row: dict[str, Any], level: float, spared: float) -> float:
-    """Return the smallest drop of a rate beyond what is `spared` that is found with `POWER`, where
-    as many answers are won as here; NaN for an AUC and a median error.
-    """
-    if row["what"] in ("AUC", MEDIAN_ERROR) or row["n"] == 0:
-        return float("nan")
-    explained = 0.0 if pd.isna(row["explained"]) else row["explained"]
-    least = max(int(spared * row["n"]), int(explained - row["won"]))
-    return smallest_loss_found(row["n"], level, int(row["won"]), least)
-
-
-def _unseen(tests: pd.DataFrame, basis: str) -> Iterator[str]:
-    """Name the methods that lost answers of which nobody could have found a loss that matters: too
-    few loops that they cover, or too many answers that changed both ways.
-    """
-    rates = tests[tests["what"].isin(_COUNTED) & ~tests["worse"]]
-    of_all = rates[rates["what"] == "right"].set_index(["method", "truth"])["n"]
-    for method, rows in rates[rates["lost"] > rates["explained"]].groupby("method", sort=False):
-        if tests.loc[tests["method"] == method, "worse"].any():
-            continue
-        loops = np.array([of_all[method, truth] for truth in rows["truth"]])
-        share = rows["seen"].fillna(1.0).to_numpy() * rows["n"].to_numpy() / np.maximum(loops, 1)
-        worst = int(np.argmax(share))
-        row = rows.iloc[worst]
-        wanted = _REACH[basis] * loops[worst] / max(rows.iloc[worst]["n"], 1)
-        if not share[worst] <= _REACH[basis]:
-            yield (
-                f"{method}: cannot tell on the {loops[worst]} loops that it covers: of"
-                f" {_LOST[row['what']]} ({row['truth']}) {row['lost']:.0f} were lost and"
-                f" {row['won']:.0f} won, and only a loss of {_points(round(row['seen'], 3))} would"
-                f" have been found; {_points(round(min(wanted, 1.0), 3))} are asked for"
-            )
-
-
-def _say_power(tests: pd.DataFrame, basis: str) -> str:
-    """Return which losses would have been found, and which must be, in a sentence."""
-    seen = tests[tests["truth"] == "cycled"].groupby("what")["seen"]
-    ends = {what: sorted({f"{100.0 * x:.1f}" for x in (x.min(), x.max())}) for what, x in seen}
-    smallest = " and ".join(
-        f"{' to '.join(ends[what])} of {_LOST[what]}" for what in ("detection", "no false alarm")
-    )
-    return (
-        f"In 8 of 10 such runs a loss of {smallest} would be found (percentage points, by method);"
-        f" where answers are lost, one of {_points(_REACH[basis])} of all must be, else the check"
-        " cannot tell"
-    )
-
-
-def _loops_needed(check: Check) -> str:
-    """Return how many loops a method must cover for a loss that matters to be found, in a
-    clause.
-    """
-    tests = check.tests.groupby("method").size().max()
-    needed = loops_for(_REACH["equal"], _LEVEL / tests)
-    return f"for that a method must cover {needed} loops"
 
 
 def _round_scores(score: np.ndarray) -> np.ndarray:
@@ -399,7 +323,7 @@ def _answers(
 def _good(positive: np.ndarray, said: np.ndarray) -> dict[str, np.ndarray]:
     """Return for each kind of answer that is counted whether it was given, loop by loop."""
     found = {}
-    for what, (among, good) in _COUNTED.items():
+    for what, (among, good) in COUNTED.items():
         if among is None:
             found[what] = said == positive
         else:
@@ -418,7 +342,7 @@ def _tests(before: tuple, now: tuple, other: np.ndarray) -> Iterator[dict[str, A
     other = other[used]
     old = _good(positive, said_a)
     new = _good(positive, said_b)
-    for what, (among, _) in _COUNTED.items():
+    for what, (among, _) in COUNTED.items():
         a = old[what]
         b = new[what]
         paired = Paired.of(a, b)

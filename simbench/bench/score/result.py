@@ -16,7 +16,8 @@ from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, group_of, k
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.show import picture
 from simbench.bench.score.show.resolution_curve import resolution_curve
-from simbench.bench.score.show.table import full_text, headline
+from simbench.bench.score.show.table import headline
+from simbench.bench.score.show.whole_table import full_text
 from simbench.bench.score.tally import RATES
 from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import unmatched

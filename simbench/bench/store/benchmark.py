@@ -48,6 +48,7 @@ _LEFT_OUT = (
     "asked",
     "baseline",
     "check",
+    "check_power",
     "check_result",
     "compare",
     "pairing",
@@ -59,6 +60,7 @@ _LEFT_OUT = (
     "several_seeds",
     "shipped",
     "table",
+    "whole_table",
 )
 
 

@@ -11,7 +11,8 @@ from typing import Any
 
 from joblib import delayed
 
-from simbench.bench.execute.run import RunOptions, read_plan
+from simbench.bench.execute.run import read_plan
+from simbench.bench.execute.run_options import RunOptions
 from simbench.bench.statistics import Estimate
 from simbench.detectors.errors import ParameterError, RecordError, nearest
 from simbench.detectors.record import LoopRecord

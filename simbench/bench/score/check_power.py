@@ -1,0 +1,98 @@
+"""What a comparison of two runs would have found, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from simbench.bench.score.check_result import Check
+from simbench.bench.score.power import loops_for, smallest_loss_found
+from simbench.bench.score.quantification import MEDIAN_ERROR
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+
+LEVEL = 0.05
+# what is counted: among positives or negatives, which answers are good; "no decision" is neither
+# right nor wrong
+COUNTED = {
+    "right": (None, ()),
+    "detection": (True, (STICTION,)),
+    "rejection": (False, (NO_STICTION,)),
+    "no miss": (True, (STICTION, NO_DECISION)),
+    "no false alarm": (False, (NO_STICTION, NO_DECISION)),
+}
+# a loss, of all the loops that a method covers, that must be found with `POWER`: where all records
+# equal the baseline's bit for bit, and where some do not; where it is not, the check cannot tell
+REACH = {"equal": 0.02, "other bits": 0.05}
+# what a loss of each is called
+LOST = {
+    "right": "right answers",
+    "detection": "detections",
+    "rejection": "denials",
+    "no miss": "misses",
+    "no false alarm": "false alarms",
+}
+
+
+def points(share: float) -> str:
+    """Return a share in percentage points."""
+    return f"{100 * share:g} percentage point{'' if share == 0.01 else 's'}"
+
+
+def smallest_seen(row: dict[str, Any], level: float, spared: float) -> float:
+    """Return the smallest drop of a rate beyond what is `spared` that is found with `POWER`, where
+    as many answers are won as here; NaN for an AUC and a median error.
+    """
+    if row["what"] in ("AUC", MEDIAN_ERROR) or row["n"] == 0:
+        return float("nan")
+    explained = 0.0 if pd.isna(row["explained"]) else row["explained"]
+    least = max(int(spared * row["n"]), int(explained - row["won"]))
+    return smallest_loss_found(row["n"], level, int(row["won"]), least)
+
+
+def unseen_losses(tests: pd.DataFrame, basis: str) -> Iterator[str]:
+    """Name the methods that lost answers of which nobody could have found a loss that matters: too
+    few loops that they cover, or too many answers that changed both ways.
+    """
+    rates = tests[tests["what"].isin(COUNTED) & ~tests["worse"]]
+    of_all = rates[rates["what"] == "right"].set_index(["method", "truth"])["n"]
+    for method, rows in rates[rates["lost"] > rates["explained"]].groupby("method", sort=False):
+        if tests.loc[tests["method"] == method, "worse"].any():
+            continue
+        loops = np.array([of_all[method, truth] for truth in rows["truth"]])
+        share = rows["seen"].fillna(1.0).to_numpy() * rows["n"].to_numpy() / np.maximum(loops, 1)
+        worst = int(np.argmax(share))
+        row = rows.iloc[worst]
+        wanted = REACH[basis] * loops[worst] / max(rows.iloc[worst]["n"], 1)
+        if not share[worst] <= REACH[basis]:
+            yield (
+                f"{method}: cannot tell on the {loops[worst]} loops that it covers: of"
+                f" {LOST[row['what']]} ({row['truth']}) {row['lost']:.0f} were lost and"
+                f" {row['won']:.0f} won, and only a loss of {points(round(row['seen'], 3))} would"
+                f" have been found; {points(round(min(wanted, 1.0), 3))} are asked for"
+            )
+
+
+def say_power(tests: pd.DataFrame, basis: str) -> str:
+    """Return which losses would have been found, and which must be, in a sentence."""
+    seen = tests[tests["truth"] == "cycled"].groupby("what")["seen"]
+    ends = {what: sorted({f"{100.0 * x:.1f}" for x in (x.min(), x.max())}) for what, x in seen}
+    smallest = " and ".join(
+        f"{' to '.join(ends[what])} of {LOST[what]}" for what in ("detection", "no false alarm")
+    )
+    return (
+        f"In 8 of 10 such runs a loss of {smallest} would be found (percentage points, by method);"
+        f" where answers are lost, one of {points(REACH[basis])} of all must be, else the check"
+        " cannot tell"
+    )
+
+
+def loops_needed(check: Check) -> str:
+    """Return how many loops a method must cover for a loss that matters to be found, in a
+    clause.
+    """
+    tests = check.tests.groupby("method").size().max()
+    needed = loops_for(REACH["equal"], LEVEL / tests)
+    return f"for that a method must cover {needed} loops"
