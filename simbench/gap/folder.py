@@ -20,7 +20,7 @@ from simbench.gap.closed_loop.gap import within_reach
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import Partial, read_baseline
-from simbench.gap.report.result import words
+from simbench.gap.report.ranked import words
 from simbench.gap.stiction.conclusion import WORDS
 from simbench.gap.thresholds import NEAR
 from simbench.parallel import run_parallel

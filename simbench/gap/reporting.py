@@ -16,7 +16,8 @@ from simbench.gap.decide.evidence import known_by
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.planning.order import plan
-from simbench.gap.report.result import DiagnosisDetails, Gap, GapReport, Ranked
+from simbench.gap.report.ranked import Gap, Ranked
+from simbench.gap.report.result import DiagnosisDetails, GapReport
 from simbench.gap.situation import load_memory
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import (

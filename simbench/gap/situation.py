@@ -10,7 +10,7 @@ import numpy as np
 
 from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.law import Law
 from simbench.gap.likelihood.model import REDDEST, Data
 from simbench.gap.sensor.samples import Samples
 from simbench.loop.resolve import undisturbed

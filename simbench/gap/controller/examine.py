@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.controller.law import Law
+from simbench.gap.controller.pi_law import examine_law
 from simbench.gap.controller.pid_law import Stated
 from simbench.scenarios.spec import Loop
 

@@ -10,7 +10,8 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.spikes import cleaned
 from simbench.gap.candidates import fit_candidates
-from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.controller.law import Law
+from simbench.gap.controller.pi_law import examine_law
 from simbench.gap.controller.pid_law import Stated
 from simbench.gap.effects import recogniser
 from simbench.gap.intake.observed import op_in_percent

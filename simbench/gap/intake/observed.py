@@ -15,7 +15,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.holds import holds, runs_of
 from simbench.detectors.signal.lattice import lattice, root_lattice, written_unit
 from simbench.gap.controller.examine import examine_controller
-from simbench.gap.controller.pi_law import LAW_ROWS, Law
+from simbench.gap.controller.law import Law
+from simbench.gap.controller.pi_law import LAW_ROWS
 from simbench.gap.likelihood.model import Data, before_filter
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Seen, coloured_on_pv, through_valve

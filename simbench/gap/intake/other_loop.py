@@ -8,7 +8,7 @@ import numpy as np
 
 from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import fit_candidates, possible_effects
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.law import Law
 from simbench.gap.controller.regression import EXACT
 from simbench.gap.effects import is_friction
 from simbench.gap.intake.identify import fit_plant

@@ -9,7 +9,7 @@ import numpy as np
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.holds import still
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.law import Law
 from simbench.gap.intake.recorded_test import SAME_TS
 
 _FEWEST = 100  # samples; below this the spread of every statistic swallows the gap

@@ -10,7 +10,7 @@ import numpy as np
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.law import Law
 from simbench.scenarios.spec import Loop
 
 _CLOSE = 2e-3  # of what the loop file's set point spans, within which both agree

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._style import BLUE, GREY, label, panel, styled
-from simbench.gap.report.result import words
+from simbench.gap.report.ranked import words
 from simbench.gap.stiction.conclusion import WORDS
 from simbench.html.document import Pictures, Points, Section, Table, texts, two_digits, write
 

@@ -12,7 +12,8 @@ from typing import Any
 import pandas as pd
 
 from simbench.gap.report import pictures
-from simbench.gap.report.result import GapReport, numbers, words
+from simbench.gap.report.ranked import numbers, words
+from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import compared, end_of, gap_sizes
 from simbench.gap.situation import Situation
 from simbench.html.document import (

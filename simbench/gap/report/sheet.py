@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from simbench.figures._style import label, styled
 from simbench.gap.report.pictures import fill_gap, fill_ranking, fill_traces
-from simbench.gap.report.result import LEAST_SHOWN, GapReport, words
+from simbench.gap.report.ranked import LEAST_SHOWN, words
+from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import compared, end_of, gap_sizes
 
 _SAMPLES = 400  # of the record's end: a few periods of most loops

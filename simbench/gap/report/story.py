@@ -10,7 +10,8 @@ import pandas as pd
 
 from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.report.pictures import draw_shaded
-from simbench.gap.report.result import LEAST_SHOWN, GapReport, words
+from simbench.gap.report.ranked import LEAST_SHOWN, words
+from simbench.gap.report.result import GapReport
 from simbench.html.document import Part, Pictures, Points, Table, Text
 
 

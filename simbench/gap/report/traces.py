@@ -7,7 +7,8 @@ from __future__ import annotations
 from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.level import run_with_seeds
-from simbench.gap.report.result import GapReport, Ranked
+from simbench.gap.report.ranked import Ranked
+from simbench.gap.report.result import GapReport
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, UNKNOWN
 

@@ -19,7 +19,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.files import write_record
 from simbench.gap import command
-from simbench.gap.report.result import Gap
+from simbench.gap.report.ranked import Gap
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, load_loop

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.law import Law
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.model import Data
 from simbench.gap.situation import Archive, Situation, load_memory, through_valve

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from recorded import LOADED, recorded
 
-from simbench.gap.controller.pi_law import Law, examine_law
+from simbench.gap.controller.law import Law
+from simbench.gap.controller.pi_law import examine_law
 from simbench.gap.controller.pid_law import Stated
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.law import Law
 from simbench.gap.intake.archive import (
     _spikes,
     find_archive,

@@ -8,7 +8,7 @@ import pytest
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
-from simbench.gap.controller.pi_law import Law
+from simbench.gap.controller.law import Law
 from simbench.gap.intake import other_loop
 from simbench.gap.intake.archive import _op_answers_spikes, stands_out
 from simbench.gap.intake.observed import moves_of

@@ -4,7 +4,8 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 from simbench.gap.closed_loop.remaining import Remaining
-from simbench.gap.report.result import Gap, GapReport, Ranked, numbers, words
+from simbench.gap.report.ranked import Gap, Ranked, numbers, words
+from simbench.gap.report.result import GapReport
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.notebook import Loop
 from simbench.scenarios import spec

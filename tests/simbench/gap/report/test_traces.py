@@ -7,7 +7,7 @@ import pytest
 
 from simbench.detectors.errors import RecordError
 from simbench.gap.closed_loop import level
-from simbench.gap.report.result import Ranked
+from simbench.gap.report.ranked import Ranked
 from simbench.gap.report.traces import (
     FIXED,
     RECORD,

@@ -1,0 +1,97 @@
+"""A line of the ranking and the gap of a diagnosis, and the words for effects and numbers."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from simbench.gap.closed_loop.gap import within_reach
+from simbench.loop.effects import EFFECTS, NONE
+
+PERCENT = "% of travel"  # unit of S and J where OP is a percentage
+LEAST_SHOWN = 0.005  # probability from which an explanation is shown: what does not round to 0 %
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One line of the ranking; `group` are the answers that this record cannot tell from it, itself
+    among them, and `ordinary` of `none` the load (% of travel) and the noise (factor of the stated
+    one) that are more than the baseline states and may be ordinary.
+    """
+
+    effect: str
+    block: str
+    probability: float
+    gap_before: float | None
+    gap_after: float | None
+    parameters: dict[str, float | str]
+    group: tuple[str, ...] = ()
+    ordinary: dict[str, float] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the line in JSON types; `ordinary` is a key only where there is something."""
+        line = asdict(self) | {"group": list(self.group)}
+        return line if self.ordinary else {k: v for k, v in line.items() if k != "ordinary"}
+
+    def as_answer(self) -> dict[str, Any]:
+        """Return the line as an effect of the answer."""
+        kept = ("block", "effect", "parameters", "probability")
+        answer = {key: getattr(self, key) for key in kept}
+        return answer | ({"ordinary": self.ordinary} if self.ordinary else {})
+
+    def ordinary_note(self) -> str:
+        """Return in words what is more than the baseline states; "" for nothing."""
+        said = {
+            "load": "a load that moves by {:.2g} % of travel, which the loop file does not state",
+            "noise": "{:.2g} times the noise that the loop file states",
+        }
+        more = " and ".join(said[what].format(size) for what, size in self.ordinary.items())
+        names = " or ".join(words(e) for e in self.group if e != NONE)
+        return more and (
+            f"ordinary or an effect: the record has {more}; records of healthy operation"
+            f" (--healthy) tell whether that is ordinary or {names}"
+        )
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Mean distance of the held-out part's features from the simulation's, in seed-to-seed standard
+    deviations; `plant_floor` is `floor` times how much less the record repeats itself, set-point
+    moves apart, than a simulation does.
+    """
+
+    before: float
+    recalibrated: float
+    after: float
+    floor: float
+    resolvable: bool
+    plant_floor: float
+
+    @property
+    def near(self) -> bool:
+        """Whether the simulation is near the record, with the answer in it."""
+        return within_reach(self.after, self.plant_floor)
+
+
+def words(effect: str) -> str:
+    """Return an id as words."""
+    return effect.replace("_", " ")
+
+
+def numbers(
+    effect: str, parameters: dict[str, float | str], begin: str = ", ", op_unit: str = PERCENT
+) -> str:
+    """Return parameters as `S = 2.1, J = 0.4 % of travel`: neighbours of one unit show it once.
+
+    `op_unit` takes the place of % where OP of the record is no percentage.
+    """
+    known = EFFECTS[effect].parameters if effect in EFFECTS else {}
+    units = [getattr(known.get(k), "unit", "") for k in parameters]
+    if op_unit != PERCENT:
+        units = [re.sub(f"^({PERCENT}|%)", op_unit, unit) for unit in units]
+    parts = []
+    for (k, v), unit, after in zip(parameters.items(), units, [*units[1:], ""]):
+        value = f"{v:.3g}" if isinstance(v, (int, float)) else v
+        parts.append(f"{k} = {value}" + (f" {unit}" if unit not in ("", "-", after) else ""))
+    return begin + ", ".join(parts) if parts else ""
