@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from simbench.bench.execute import run
 from simbench.detectors.errors import UserError
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from tests.simbench.boundary.disk import FAULTS, Disk
 
 METHODS = ["horch_histogram"]

@@ -23,7 +23,7 @@ from simbench.bench.store import tables
 from simbench.detectors import prepared
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.report.report import choose_methods
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 from simbench.scenarios.settled import SettledGrid, settled_grid
 
 GRID = "chapter"

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import Grid, Group
+from simbench.scenarios.expansion import Grid, Group
 from simbench.scenarios.grid_file import Member
 from simbench.scenarios.toml import content_hash
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from simbench.scenarios.cell import Draft, Rules
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import Grid, Group
-from simbench.scenarios.load_grid import packaged_grid
+from simbench.scenarios.expansion import Grid, Group
+from simbench.scenarios.grid import packaged_grid
 from simbench.scenarios.spec import Loop
 from simbench.scenarios.toml import content_hash
 

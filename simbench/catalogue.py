@@ -12,7 +12,7 @@ from simbench.loop.effects import PLUGINS
 from simbench.loop.parameters import VALVES
 
 if TYPE_CHECKING:
-    from simbench.scenarios.grid import Grid
+    from simbench.scenarios.expansion import Grid
 
 FIGURES = PluginFolder("figure", "simbench.figures", "simbench.figures", ("SOURCE", "data", "draw"))
 LISTED_KINDS = ("detectors", "valves", "grids", "effects", "figures")
@@ -27,7 +27,7 @@ def catalogue(what: str) -> list[dict[str, Any]]:
     ['choudhury']
     """
     if what == "grids":
-        from simbench.scenarios.load_grid import load_grid
+        from simbench.scenarios.grid import load_grid
         from simbench.scenarios.packaged import grid_names
 
         return [_grid_row(load_grid(name)) for name in grid_names()]

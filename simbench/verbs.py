@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from simbench.detectors.sources import Source
     from simbench.gap.stiction.causes import Causes
     from simbench.gap.stiction.conclusion import Conclusion
-    from simbench.scenarios.grid import Grid
+    from simbench.scenarios.expansion import Grid
 
 
 class _Settings(TypedDict, total=False):
@@ -278,7 +278,7 @@ def run(
     from simbench.bench.execute.run import run_grid
     from simbench.bench.execute.sweep import Sweep
     from simbench.bench.store.benchmark import is_records
-    from simbench.scenarios.grid import Grid
+    from simbench.scenarios.expansion import Grid
 
     names, own = named_methods(methods)
     grid = grid.grid if isinstance(grid, Sweep) else grid

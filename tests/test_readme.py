@@ -19,7 +19,7 @@ import yaml
 
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop
 
 ROOT = Path(__file__).parents[1]

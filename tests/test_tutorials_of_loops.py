@@ -11,7 +11,7 @@ import pytest
 
 import simbench as sb
 from simbench.cli import main
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 PAGES = Path(__file__).parents[1] / "docs" / "site" / "tutorials"
 CELL = re.compile(r"```\{code-cell\} ipython3\n(.*?)```", re.DOTALL)

@@ -22,6 +22,7 @@ from simbench.detectors.records.archive import (
 )
 from simbench.detectors.records.clock import CALENDAR
 from simbench.detectors.records.gaps import SHORTEST, fill_gaps
+from simbench.detectors.records.historian import op_span, open_span
 from simbench.detectors.records.mode import AUTO, CAS, MAN
 from simbench.detectors.records.opened import OpenedTable, with_ranges
 from simbench.detectors.records.roles import (
@@ -37,7 +38,6 @@ from simbench.detectors.records.side_by_side import (
     read_long,
     read_wide,
 )
-from simbench.detectors.records.spans import op_span, open_span
 from simbench.detectors.records.tables import (
     BLANK,
     example_of_columns,

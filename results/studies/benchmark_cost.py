@@ -24,7 +24,7 @@ from simbench.bench.execute.run import Interrupted, run_grid
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.reading import read_table
 from simbench.files import whole_file
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 # every repeat has the same cells, so that time per scenario can be compared between sizes

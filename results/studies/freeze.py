@@ -17,7 +17,7 @@ from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError
 from simbench.files import whole_file
 from simbench.progress import Progress
-from simbench.scenarios.load_grid import packaged_grid
+from simbench.scenarios.grid import packaged_grid
 from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.settled import table_file, table_of
 from simbench.usage import exit_code

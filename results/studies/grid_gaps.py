@@ -29,7 +29,7 @@ from simbench.gap.benchmark.draw import draw_loops, sample_of, with_nuisances
 from simbench.gap.benchmark.from_records import grid_from_records
 from simbench.gap.benchmark.nuisances import ADDITIONS
 from simbench.parallel import run_parallel
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.settled import settled_grid
 from simbench.usage import exit_code

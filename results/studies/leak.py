@@ -28,8 +28,8 @@ from simbench.bench.score.no_waveform import (
 from simbench.bench.score.rhythm import RHYTHM, rhythm_features
 from simbench.bench.statistics import auc
 from simbench.detectors.prepared import prepare
-from simbench.scenarios.grid import Grid
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.expansion import Grid
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.packaged import grid_names
 from simbench.usage import exit_code
 

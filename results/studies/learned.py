@@ -26,7 +26,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import table
 from simbench.detectors.signal.conditioning import means
 from simbench.detectors.verdict import NO_DECISION, STICTION
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from simbench.detectors.evidence import EVIDENCE, IndexWeight
 from simbench.detectors.judge import judge_one
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.prepared import Prepared, prepare
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 PENALTY = 1 / 3  # on squared weights, in loops: a weight needs support from many

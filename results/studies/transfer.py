@@ -41,7 +41,7 @@ from simbench.detectors.signal.oscillation import detrend, find_oscillation
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.files import folder, write_table
 from simbench.progress import Progress
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 GRIDS, BLIND, REAL = ("chapter", "plant"), ("own", "refinery"), "real"

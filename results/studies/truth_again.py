@@ -11,7 +11,7 @@ from simbench.bench.execute.settle_group import settled
 from simbench.bench.scenario.truth import MIN_REVERSALS, YES, least_swing, simulate_with_truth
 from simbench.loop.motion import motion
 from simbench.loop.simulate import valve_tail
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
 
 MOST_PERIODS, MOST_SAMPLES = 60, 40_000  # of the motion without noise; a label looks at 20 periods

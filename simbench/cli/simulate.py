@@ -128,7 +128,7 @@ def simulate(
     from simbench.loop.part_files import added_parts, naming_parts
     from simbench.loop.several_seeds import simulate_seeds
     from simbench.loop.simulate import simulate as simulate_loop
-    from simbench.scenarios.load_grid import is_grid
+    from simbench.scenarios.grid import is_grid
 
     if (source is None) == (from_run is None):
         raise ParameterError(

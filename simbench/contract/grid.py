@@ -13,8 +13,8 @@ from simbench.detectors.contract.watch import call_guarded
 from simbench.detectors.errors import UserError
 from simbench.loop.resolve import resolve_loop
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import Grid, Group
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.expansion import Grid, Group
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.toml import read_toml
 
 # groups that are settled by simulating their twin; one of every block at least

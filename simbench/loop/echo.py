@@ -19,12 +19,11 @@ from simbench.detectors.errors import ParameterError, UserError
 from simbench.detectors.signal.autocorrelation import fast_size
 from simbench.detectors.signal.filters import lfilter
 from simbench.loop.elementary import elementwise
-from simbench.loop.look_up import stages_of
 from simbench.loop.motion import MIN_REVERSALS, least_swing, motion
 from simbench.loop.parameters import VALVES, Choice, Number, resolve
 from simbench.loop.response import stages_response
 from simbench.loop.run import signals_of
-from simbench.loop.setup import Setup
+from simbench.loop.setup import Setup, stages_of
 from simbench.scenarios.cell import ECHOES
 from simbench.scenarios.parts import Part
 from simbench.scenarios.spec import Loop

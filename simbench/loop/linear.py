@@ -12,8 +12,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError
 from simbench.loop import controller, plant, sensor
 from simbench.loop.elementary import dot, times
-from simbench.loop.look_up import linear_plant
-from simbench.loop.setup import Setup
+from simbench.loop.setup import Setup, linear_plant
 
 
 @dataclass(frozen=True)

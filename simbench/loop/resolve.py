@@ -14,9 +14,8 @@ import numpy as np
 from simbench.loop import echo, resampled
 from simbench.loop.disturbance import disturbance_signal
 from simbench.loop.effects import PLUGINS
-from simbench.loop.look_up import LoopParts, look_up_parts
 from simbench.loop.parameters import resolve
-from simbench.loop.setup import Setup, bands_of, plain_setup
+from simbench.loop.setup import LoopParts, Setup, bands_of, look_up_parts, plain_setup
 from simbench.scenarios.parts import Part
 from simbench.scenarios.spec import Loop
 

@@ -8,7 +8,7 @@ import pytest
 from simbench.bench.execute.run import run_grid
 from simbench.bench.store.reading import RunArrays
 from simbench.bench.store.tables import WORD_COLUMNS
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 
 SMALL = {
     "title": "small",

@@ -16,7 +16,7 @@ from simbench.detectors.judge import judge
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import Verdict
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 # What another transmitter, archive or sign convention would have sent: value = gain x + offset.
 PV_MAPS = {

@@ -12,7 +12,7 @@ from simbench.detectors.methods.arx_stiction import METHOD, detect
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.loop.simulate import simulate
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 
 @pytest.mark.parametrize("plant", [DELAYED, LEVEL], ids=["self-regulating", "level"])

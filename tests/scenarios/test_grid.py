@@ -9,15 +9,15 @@ import pytest
 
 from simbench.scenarios.cell import SETTINGS, loop_axes, ultimate_gain
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import chunks
-from simbench.scenarios.grid_file import GridFile
-from simbench.scenarios.load_grid import (
+from simbench.scenarios.expansion import chunks
+from simbench.scenarios.grid import (
     SMALLEST_BLOCK,
     SMALLEST_LOOP,
     load_grid,
     make_grid,
     packaged_grid,
 )
+from simbench.scenarios.grid_file import GridFile
 from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.spec import Loop
 

@@ -10,9 +10,9 @@ from collections import Counter
 import pytest
 
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import chunks
+from simbench.scenarios.expansion import chunks
+from simbench.scenarios.grid import load_grid, make_grid
 from simbench.scenarios.grid_check import MOST_CELLS
-from simbench.scenarios.load_grid import load_grid, make_grid
 from simbench.scenarios.sample import Sample
 
 AXES = {f"controller.{key}": [round(1 + 0.01 * k, 2) for k in range(100)] for key in ("Kc", "Ti")}

@@ -9,7 +9,7 @@ import pytest
 
 from results.studies.freeze import frozen
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.load_grid import load_grid, packaged_grid
+from simbench.scenarios.grid import load_grid, packaged_grid
 from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.settled import SettledGrid, settled_grid, table_file, table_of
 

@@ -23,7 +23,7 @@ from simbench.detectors.verdict import NO_STICTION, STICTION
 from simbench.files import folder
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop
 from simbench.usage import exit_code
 

@@ -29,8 +29,8 @@ from simbench.detectors.verdict import STICTION
 from simbench.gap.diagnosis import conclude
 from simbench.gap.stiction.probability import verdict
 from simbench.gap.thresholds import LIKELIER
-from simbench.scenarios.grid import Grid
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.expansion import Grid
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.packaged import grid_names
 from simbench.usage import exit_code
 

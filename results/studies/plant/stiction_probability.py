@@ -41,7 +41,7 @@ from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop
 from simbench.usage import exit_code
 

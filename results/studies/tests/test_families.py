@@ -6,7 +6,7 @@ import pytest
 
 from results.studies.families import main, read
 from simbench.bench.execute.run import run_grid
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 
 def test_every_family_is_in_the_same_cells():

@@ -10,7 +10,7 @@ from results.studies.grid_gaps import KNOWN, halves, known_difference, main
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.benchmark import nuisances
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.packaged import grid_names
 
 PRINTED = Path("results/grid_gaps.txt").read_text(encoding="utf-8")

@@ -21,7 +21,7 @@ from simbench.detectors.judge import judge
 from simbench.detectors.prepared import prepare
 from simbench.detectors.signal.half_cycles import HALF_CYCLE_POINTS
 from simbench.loop.simulate import simulate
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 COUNT, HALVES = 40, 4
 FEW = 8  # records of the test of every change

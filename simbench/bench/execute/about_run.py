@@ -18,7 +18,7 @@ from simbench.bench.store.manifest import describe
 from simbench.detectors.errors import masked, printable
 from simbench.detectors.method import Method
 from simbench.detectors.plugins.registry import methods as registry
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 from simbench.scenarios.sample import Sample
 
 

@@ -34,7 +34,7 @@ from simbench.detectors.sources import as_plugin
 from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.loop.part_files import add_parts, error_text
 from simbench.loop.run import Run
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 from simbench.scenarios.spec import Loop, Scenario
 from simbench.theory.tables import truth_columns
 

@@ -16,7 +16,7 @@ from simbench.loop.disturbance import PARAMETERS as OF_LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
 from simbench.scenarios.errors import suggestion
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 from simbench.scenarios.grid_check import say
 from simbench.scenarios.grid_file import More
 

@@ -25,7 +25,7 @@ from simbench.files import refuse_taken, whole_file
 from simbench.loop.part_files import error_text
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 from simbench.scenarios.spec import Scenario
 
 _RECORDS = "records.parquet"

@@ -40,9 +40,9 @@ from simbench.detectors.report.report import choose_methods
 from simbench.detectors.sources import as_plugin
 from simbench.files import local_path
 from simbench.loop.part_files import added_parts
-from simbench.scenarios.grid import Grid, chunks
+from simbench.scenarios.expansion import Grid, chunks
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.grid_check import MOST_CELLS, MOST_DRAWN_FROM
-from simbench.scenarios.load_grid import load_grid
 from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.settled import SettledGrid, settled_grid

@@ -8,7 +8,7 @@ from simbench.bench.scenario.resolve import resolve, settle
 from simbench.loop.part_files import error_text, naming_parts
 from simbench.loop.resolve import resolve_loop
 from simbench.scenarios.cell import Draft
-from simbench.scenarios.grid import Group
+from simbench.scenarios.expansion import Group
 from simbench.scenarios.spec import Scenario
 
 

@@ -17,8 +17,8 @@ from simbench.bench.score.scoring import score_run
 from simbench.bench.score.tally import share_frame
 from simbench.detectors.sources import Methods, named_methods
 from simbench.detectors.verdict import NO_DECISION, STICTION
-from simbench.scenarios.grid import Grid
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.expansion import Grid
+from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop, load_loop
 
 if TYPE_CHECKING:

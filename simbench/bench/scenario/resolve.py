@@ -22,7 +22,7 @@ from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.setup import plain_setup
 from simbench.loop.simulate import simulate
 from simbench.scenarios.cell import Draft, Echo, Scaled, overridden
-from simbench.scenarios.grid import Group
+from simbench.scenarios.expansion import Group
 from simbench.scenarios.parts import Noise, Part, Sampling, SetPoint
 from simbench.scenarios.spec import Loop, Scenario
 from simbench.theory.cycle import cycle_start

@@ -11,7 +11,7 @@ from simbench.bench.score.names import CONSTANTS, NO_WAVEFORM, ROLE_YARDSTICK, W
 from simbench.bench.score.no_waveform import is_told, no_waveform
 from simbench.bench.store.reading import CODES, RunArrays
 from simbench.bench.store.tables import CELL_S_OVER_2J
-from simbench.scenarios.load_grid import packaged_grid
+from simbench.scenarios.grid import packaged_grid
 from simbench.scenarios.packaged import grid_names
 
 # of a healthy loop the cell's place on the axis, so that false positives have one

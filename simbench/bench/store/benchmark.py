@@ -16,7 +16,7 @@ from simbench.bench.store.folder import RunError, refuse_unfinished
 from simbench.bench.store.manifest import MANIFEST, read_manifest
 from simbench.bench.store.reading import read_table, without_loops
 from simbench.detectors.records.folder import RECORD_FILES
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 from simbench.scenarios.grid_file import GridFile
 from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.sample import Sample

@@ -23,7 +23,7 @@ from simbench.gap.benchmark.nuisances import ADDITIONS, Source
 from simbench.gap.benchmark.result import MethodAccuracy
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 from simbench.scenarios.spec import Loop
 
 

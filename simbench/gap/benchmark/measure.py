@@ -31,7 +31,7 @@ from simbench.gap.benchmark.features import BLOCKS
 from simbench.gap.benchmark.nuisances import ADDITIONS, STRENGTHS
 from simbench.gap.benchmark.result import GridGap, MethodAccuracy, TriedAddition
 from simbench.parallel import run_parallel
-from simbench.scenarios.grid import Grid
+from simbench.scenarios.expansion import Grid
 
 LOOPS = 130  # drawn from the grid where no other number is asked for
 _FEWEST = 10  # records, and loops that a nuisance leaves, for a classifier

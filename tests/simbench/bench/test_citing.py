@@ -17,7 +17,7 @@ from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
 from simbench.loop.parameters import VALVES
 from simbench.scenarios import grid as grids
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 ROOT = Path(__file__).parents[3]
 

@@ -20,7 +20,7 @@ from simbench.bench.execute import pieces as pieces_module
 from simbench.bench.execute import run as run_module
 from simbench.bench.execute.run import Interrupted, run_grid
 from simbench.detectors.errors import UserError
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from tests.simbench.boundary.conftest import names_in
 from tests.simbench.boundary.disk import FAULTS, Disk, Killed
 

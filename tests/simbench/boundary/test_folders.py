@@ -18,7 +18,7 @@ from simbench.bench.score.check import check_run, update_baseline
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.folder import RunError
 from simbench.bench.store.reading import read_table
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from tests.simbench.boundary.conftest import asked, check_sentence, refused, sampled
 
 SMALL = {

@@ -14,7 +14,7 @@ import pytest
 from simbench.bench.execute import compute_piece as piece
 from simbench.bench.execute.failures import read_failures
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 from tests.simbench.boundary.conftest import (
     answer_to,
     names_in,

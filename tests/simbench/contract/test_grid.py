@@ -8,7 +8,7 @@ import pytest
 
 import simbench.scenarios as scenarios
 from simbench.contract.grid import check_grid
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 # a grid whose loops stand in a table alone draws none
 GRIDS = [

@@ -15,7 +15,7 @@ from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop
 
 KC, TI = 0.8, 10.0

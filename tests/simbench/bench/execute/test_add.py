@@ -20,7 +20,7 @@ from simbench.bench.store.manifest import read_manifest
 from simbench.cli import main
 from simbench.detectors.errors import UserError
 from simbench.detectors.verdict import Verdict
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 
 @pytest.fixture(scope="module")

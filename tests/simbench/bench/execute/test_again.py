@@ -15,7 +15,7 @@ from simbench.bench.score.baseline import write_baseline
 from simbench.bench.store.manifest import read_manifest
 from simbench.detectors.methods import he
 from simbench.loop.simulate import simulate
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop
 
 

@@ -14,7 +14,7 @@ from killing import kill_when_it_stops, stops
 from results.studies.benchmark_cost import same_tables
 from simbench.bench.execute.run import run_grid
 from simbench.bench.store.folder import RunError
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 
 pytestmark = pytest.mark.slow  # processes of dask are started and killed
 distributed = pytest.importorskip("distributed")

@@ -13,7 +13,7 @@ from bench_fixtures import SMALL
 
 from simbench.bench.execute.run import run_grid
 from simbench.bench.store.reading import read_table
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 
 METHODS = ["he", "horch"]
 HERE = """
@@ -22,7 +22,7 @@ sys.path.insert(0, COMMON)
 from bench_fixtures import SMALL
 import simbench.bench.execute.run as room
 from simbench.bench.execute.run import Interrupted
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 
 whole, first, mark = room.compute_piece, os.getpid(), pathlib.Path(PLACE) / "mark"
 

@@ -8,7 +8,7 @@ import pytest
 from simbench.bench.execute.grid_check import MOST_SCENARIOS, GridSize, refuse_too_large, size_of
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.store.manifest import RunError
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 
 
 def test_the_estimated_size_is_that_of_the_cells(small):
@@ -46,7 +46,7 @@ def test_every_method_adds_its_rows_and_a_slow_one_its_time(small):
 
 def test_the_estimated_time_is_that_of_a_run_within_a_factor(small):
     # the chapter with the fast methods takes about two minutes of one core, and some ten MB
-    from simbench.scenarios.load_grid import load_grid
+    from simbench.scenarios.grid import load_grid
 
     chapter = size_of(load_grid("chapter"), 12, 0)
     assert 40 < chapter.seconds < 400

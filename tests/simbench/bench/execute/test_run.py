@@ -34,7 +34,7 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.judge import judge
 from simbench.files import HOST, FileError
 from simbench.loop.simulate import simulate
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 
 METHODS = ["he", "yamashita"]
 
@@ -182,7 +182,7 @@ def child(tmp_path, jobs, file, sigint="default_int_handler"):
         import signal
         import sys
         from simbench.bench.execute.run import Interrupted, run_grid
-        from simbench.scenarios.load_grid import make_grid
+        from simbench.scenarios.grid import make_grid
         sys.path.insert(0, {str(Path(__file__).parents[3] / "common")!r})
         from bench_fixtures import SMALL
         if __name__ == "__main__":

@@ -14,7 +14,7 @@ from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check import check_run
 from simbench.bench.store.benchmark import grid_of
 from simbench.bench.store.manifest import RunError, read_manifest
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 
 def settles_nothing(monkeypatch):

@@ -7,7 +7,7 @@ from labels import cycled, friction_band, refined, table_11_3
 from simbench.bench.execute.compute_piece import _theory as theory
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 
 
 def scenarios(grid, groups):

@@ -15,7 +15,7 @@ from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.load_grid import load_grid, make_grid
+from simbench.scenarios.grid import load_grid, make_grid
 
 PAGE = Path(__file__).parents[4] / "docs" / "plant_grid.md"
 DEAD_BANDS = ("deadband", "coulomb_viscous", "hysteresis")

@@ -24,7 +24,7 @@ from simbench.bench.scenario.resolve import (
 )
 from simbench.detectors.prepared import prepare
 from simbench.loop.simulate import simulate
-from simbench.scenarios.load_grid import load_grid
+from simbench.scenarios.grid import load_grid
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.spec import Loop
 

@@ -23,7 +23,7 @@ from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.html.document import as_html
 from simbench.report import summary
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.load_grid import make_grid
+from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(

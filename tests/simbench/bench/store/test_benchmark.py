@@ -15,7 +15,7 @@ from simbench.bench.store.benchmark import benchmark_of, grid_of
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.cli import app
 from simbench.detectors.errors import UserError
-from simbench.scenarios.load_grid import load_grid, make_grid
+from simbench.scenarios.grid import load_grid, make_grid
 
 AXES = {"disturbance": ["none"], "S_over_2J": [0.5]}
 
