@@ -70,8 +70,11 @@ class RunData:
 
     @cached_property
     def abstentions(self) -> pd.DataFrame:
-        """Verdicts "no decision" of methods that did not fail: method, reason."""
+        """Verdicts "no decision" of methods that did not fail: method, reason; none of a run that
+        was stored without reasons.
+        """
         undecided = (pc.field("verdict") == NO_DECISION) & pc.field("error").is_null()
+        undecided &= pc.field("reason").is_valid()
         table = read_table(
             self.folder, "verdicts", ["method", "reason", "verdict", "error"], undecided
         )

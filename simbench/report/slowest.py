@@ -12,6 +12,8 @@ TITLE = "Slowest detectors"
 def section(run: RunData) -> list[Part]:
     """List time per record and share of the whole, and the ten slowest single records."""
     ms = run.times
+    if ms.isna().all(axis=None):
+        return [Text("The times of these verdicts were not stored.")]
     cost = pd.DataFrame(
         {
             "method": ms.columns,

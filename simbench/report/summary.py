@@ -4,8 +4,9 @@ import math
 
 import pandas as pd
 
-from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
+from simbench.bench.score.names import ALL, NO_WAVEFORM, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.show.picture import sides
+from simbench.bench.score.show.table import NO_REFERENCES
 from simbench.html.document import Part, Pictures, Table, Text, Tiles, texts
 from simbench.html.table import percent
 from simbench.report.data import RunData
@@ -108,7 +109,8 @@ def section(run: RunData) -> list[Part]:
             parts += [Text(told, "heading"), _readable(some, place)]
         if place == places[0][1]:
             parts.append(Tiles(tiles))
-    return [*parts, Text("What the columns mean", "heading"), *texts(_SAYS)]
+    lacking = [] if NO_WAVEFORM in set(ranking["method"]) else [NO_REFERENCES]
+    return [*parts, Text("What the columns mean", "heading"), *texts([*_SAYS, *lacking])]
 
 
 def _readable(ranking: pd.DataFrame, place: tuple[str, str, str]) -> Table:

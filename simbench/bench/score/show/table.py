@@ -46,7 +46,7 @@ _LEGEND = (
     "Cost: an error 1, no decision {undecided:g}; ranges: 95 % intervals; * fitted here, + on loops"
     " like these."
 )
-_NO_REFERENCES = (
+NO_REFERENCES = (
     "Rows no_waveform and rhythm need the records, which are not stored here: `simbench run` of the"
     " grid has them."
 )
@@ -81,7 +81,7 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
 def _references(rows: pd.DataFrame, whole: bool) -> list[str]:
     """Return what the reference rows are; where a run was stored without what they see, that."""
     if NO_WAVEFORM not in rows.method.tolist():
-        return wrap(_NO_REFERENCES)
+        return wrap(NO_REFERENCES)
     return wrap(_REFERENCES) if whole else []
 
 

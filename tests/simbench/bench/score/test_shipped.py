@@ -189,3 +189,12 @@ def test_rows_that_need_the_records_are_left_out_of_what_is_shipped_without_them
     assert not {"no_waveform", "rhythm"} & set(scores.table.method)
     assert scores.table.cost_over_no_waveform.isna().all()
     assert "Rows no_waveform and rhythm need the records" in " ".join(scores.as_text().split())
+
+
+def test_the_page_of_shipped_verdicts_says_what_is_not_stored(tmp_path, capsys):
+    page = tmp_path / "page.html"
+    run = str(shipped.FOLDER / "table-11-3")
+    assert main(["score", run, "--report", str(page)]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "Rows no_waveform and rhythm need the records" in text
+    assert "The times of these verdicts were not stored." in text
