@@ -2,6 +2,7 @@
 
 import io
 import re
+import sys
 from html import escape
 
 import matplotlib
@@ -10,13 +11,17 @@ from matplotlib.figure import Figure
 
 
 def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
-    """Return a figure as an <svg> element for an HTML page."""
+    """Return a figure as an <svg> element for an HTML page, for which alone it was drawn: pyplot
+    keeps it no longer.
+    """
     figure.patch.set_alpha(0.0)
     for axes in figure.axes:
         axes.patch.set_alpha(0.0)
     buffer = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
+    if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
+        pyplot.close(figure)
     text = re.sub(r"\s+", " ", buffer.getvalue()).replace("> <", "><")
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text)
