@@ -52,8 +52,8 @@ def _watch(shown_on: TextIO) -> Any:
                 self.thread.start()
 
         def on_end(self, event):
-            self.running = self.running - 1
-            self.done = self.done + 1
+            self.running -= 1
+            self.done += 1
             self.ended = time.monotonic()
 
         def say(self):

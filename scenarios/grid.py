@@ -7,11 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from simbench.scenarios.cell import (
-    RATIOS,
-    SETTINGS,
-    Rules,
-)
+from simbench.scenarios.cell import RATIOS, SETTINGS, Rules
 from simbench.scenarios.columns import with_columns
 from simbench.scenarios.errors import SpecError, suggestion
 from simbench.scenarios.expansion import Grid

@@ -8,10 +8,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_serializer, model_validator
 
-from simbench.scenarios.cell import (
-    SETTINGS,
-    Scaled,
-)
+from simbench.scenarios.cell import SETTINGS, Scaled
 from simbench.scenarios.errors import suggestion
 from simbench.scenarios.plant import Value
 from simbench.scenarios.spec import Loop

@@ -7,12 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from simbench.scenarios.plant import CONTROLLER_TYPES, PLANT_TYPES, Controller, Plant, Value
 from simbench.scenarios.toml_table import (

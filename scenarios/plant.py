@@ -6,10 +6,7 @@ import math
 from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import (
-    model_serializer,
-    model_validator,
-)
+from pydantic import model_serializer, model_validator
 
 from simbench.scenarios.polynomials import checked_polynomials, checked_sampled, integrates
 from simbench.scenarios.toml_table import Finite, NonNegative, Positive, TomlTable

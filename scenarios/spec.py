@@ -10,10 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import (
-    Field,
-    model_validator,
-)
+from pydantic import Field, model_validator
 
 from simbench.scenarios.columns import with_columns
 from simbench.scenarios.errors import SpecError, suggestion

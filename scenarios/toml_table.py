@@ -5,13 +5,7 @@ from __future__ import annotations
 from datetime import date, time
 from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-)
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from simbench.scenarios.errors import SpecError, suggestion
 

@@ -12,12 +12,7 @@ from simbench.detectors.procedure import Diagnosis
 from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repair_record
-from simbench.detectors.sources import (
-    Methods,
-    RecordSignals,
-    as_record,
-    named_methods,
-)
+from simbench.detectors.sources import Methods, RecordSignals, as_record, named_methods
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
 

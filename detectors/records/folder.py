@@ -9,14 +9,10 @@ from typing import Any, TypeVar
 
 from simbench.detectors.errors import ParameterError, RecordError, printable
 from simbench.detectors.faults import sentence_of
-from simbench.detectors.record import (
-    LoopRecord,
-)
+from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_records
 from simbench.detectors.records.one_signal import join, signal_files
-from simbench.detectors.records.roles import (
-    is_loop,
-)
+from simbench.detectors.records.roles import is_loop
 
 T = TypeVar("T")
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder

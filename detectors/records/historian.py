@@ -14,14 +14,7 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.quality_column import BAD, GOOD, MARKS
-from simbench.detectors.records.roles import (
-    ends_with,
-    is_time,
-    parse,
-    plain,
-    unit,
-    words_of,
-)
+from simbench.detectors.records.roles import ends_with, is_time, parse, plain, unit, words_of
 from simbench.detectors.records.tables import BLANK, Sheet
 
 _NEEDED = "a number, or nothing for unknown, is needed"

@@ -10,25 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from simbench.detectors.errors import RecordError, printable
-from simbench.detectors.record import (
-    LoopRecord,
-)
+from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.historian import take_rows, take_units
 from simbench.detectors.records.long_table import unfold
 from simbench.detectors.records.loop_table import read_loop_table
 from simbench.detectors.records.one_loop import make_record
 from simbench.detectors.records.opened import OpenedTable, join_dates, open_tables, with_ranges
-from simbench.detectors.records.roles import (
-    NONE,
-    find_loops,
-    is_loop,
-    names_loops,
-    several_loops,
-)
-from simbench.detectors.records.tables import (
-    Sheet,
-    columns_of,
-)
+from simbench.detectors.records.roles import NONE, find_loops, is_loop, names_loops, several_loops
+from simbench.detectors.records.tables import Sheet, columns_of
 
 
 def read_record(

@@ -6,16 +6,9 @@ import re
 from pathlib import Path
 
 from simbench.detectors.errors import RecordError, nearest
-from simbench.detectors.record import (
-    KIND_ALIASES,
-    KINDS,
-    PROCESSES,
-    hyphenated,
-)
+from simbench.detectors.record import KIND_ALIASES, KINDS, PROCESSES, hyphenated
 from simbench.detectors.records.dialects import entries
-from simbench.detectors.records.tables import (
-    read_table,
-)
+from simbench.detectors.records.tables import read_table
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may have instead; more words may follow ("tuning problem")

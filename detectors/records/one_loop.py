@@ -10,38 +10,21 @@ from typing import Any
 import numpy as np
 
 from simbench.detectors.errors import ParameterError, RecordError, nearest
-from simbench.detectors.record import (
-    MOST_OUTSIDE,
-    LoopRecord,
-)
-from simbench.detectors.records.archive import (
-    HELD_VALUES,
-    STRAIGHT_LINES,
-    base_step,
-    hold,
-)
+from simbench.detectors.record import MOST_OUTSIDE, LoopRecord
+from simbench.detectors.records.archive import HELD_VALUES, STRAIGHT_LINES, base_step, hold
 from simbench.detectors.records.clock import CALENDAR
 from simbench.detectors.records.gaps import SHORTEST, fill_gaps
 from simbench.detectors.records.historian import op_span, open_span
 from simbench.detectors.records.mode import AUTO, CAS, MAN
 from simbench.detectors.records.opened import OpenedTable, with_ranges
-from simbench.detectors.records.roles import (
-    MODE,
-    find_time,
-    no_column,
-    parse,
-    unit,
-)
+from simbench.detectors.records.roles import MODE, find_time, no_column, parse, unit
 from simbench.detectors.records.side_by_side import (
     is_on_change,
     known_samples,
     read_long,
     read_wide,
 )
-from simbench.detectors.records.tables import (
-    BLANK,
-    example_of_columns,
-)
+from simbench.detectors.records.tables import BLANK, example_of_columns
 from simbench.detectors.signal.holds import runs_of
 
 # first letter of a controller's tag, as in FIC101, LC-4, 12PIC10201 or TICA7: what it measures
@@ -157,7 +140,7 @@ def _put_on_even_grid(
         t, signals, notes = fill_gaps(t, signals, Ts, where)
     # some times count from the record's begin, some are those of the file
     begins = float(t[0]) if t[0] >= began else float(t[0]) + began
-    return _EvenSignals(begins, Ts, signals, list(notes))
+    return _EvenSignals(begins, Ts, signals, notes)
 
 
 def _rows_of(recorded: np.ndarray, held: np.ndarray | None, even: _EvenSignals) -> dict[str, Any]:

@@ -13,19 +13,8 @@ from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.historian import is_head, take_rows, take_units
 from simbench.detectors.records.long_table import by_loop, unfold
 from simbench.detectors.records.one_signal import join
-from simbench.detectors.records.roles import (
-    ASKED,
-    NONE,
-    QUALITY_OF,
-    plain,
-    shown,
-)
-from simbench.detectors.records.tables import (
-    BLANK,
-    Sheet,
-    range_of,
-    read_sheets,
-)
+from simbench.detectors.records.roles import ASKED, NONE, QUALITY_OF, plain, shown
+from simbench.detectors.records.tables import BLANK, Sheet, range_of, read_sheets
 
 _MILLISECONDS = entries("millitm, millisecond, milliseconds, msec, ms")
 

@@ -9,13 +9,7 @@ import numpy as np
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records.dialects import words
-from simbench.detectors.records.roles import (
-    QUALITY_OF,
-    is_quality,
-    parse,
-    plain,
-    quality_of,
-)
+from simbench.detectors.records.roles import QUALITY_OF, is_quality, parse, plain, quality_of
 from simbench.detectors.records.tables import Sheet
 
 GOOD, BAD, UNSURE = (set(words(what)) for what in ("good", "bad", "unsure"))

@@ -1,5 +1,6 @@
 """The signals of one loop put side by side on common times, from a column each or from times of
-their own."""
+their own.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +27,8 @@ from simbench.detectors.records.long_table import is_stamped, read_series
 from simbench.detectors.records.mode import mode
 from simbench.detectors.records.opened import OpenedTable
 from simbench.detectors.records.quality_column import apply_quality
-from simbench.detectors.records.roles import (
-    MODE,
-    SIGNALS,
-    find_time,
-)
-from simbench.detectors.records.tables import (
-    rises,
-)
+from simbench.detectors.records.roles import MODE, SIGNALS, find_time
+from simbench.detectors.records.tables import rises
 
 
 def _unknown_modes(cells: Sequence[object] | np.ndarray, modes: np.ndarray) -> list[str]:

@@ -153,7 +153,7 @@ def _reversals(x, least, at):
                 high = k
             elif x[high] - x[k] > least:
                 at[count] = high
-                count = count + 1
+                count += 1
                 way = -1
                 low = k
                 continue
@@ -162,7 +162,7 @@ def _reversals(x, least, at):
                 low = k
             elif x[k] - x[low] > least:
                 at[count] = low
-                count = count + 1
+                count += 1
                 way = 1
                 high = k
     return count

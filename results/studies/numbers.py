@@ -73,7 +73,10 @@ def pages(root: Path = ROOT) -> Iterator[Path]:
 
 def differing(root: Path = ROOT) -> dict[Path, list[str]]:
     """Return by page the marked numbers that are not what their files say."""
-    known = known_numbers(root)
+    return _compare(root, known_numbers(root))
+
+
+def _compare(root: Path, known: Mapping[str, str]) -> dict[Path, list[str]]:
     out: dict[Path, list[str]] = {}
     for path in pages(root):
         text = path.read_text(encoding="utf-8")
@@ -93,8 +96,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m results.studies.numbers", description=__doc__)
     parser.add_argument("--check", action="store_true", help="Write nothing; 1 if a number is old.")
     chosen = parser.parse_args(arguments)
-    wrong = differing()
     known = known_numbers()
+    wrong = _compare(ROOT, known)
     for path, lines in wrong.items():
         print("\n".join(f"{path.relative_to(ROOT)}: {line}" for line in lines))
         if not chosen.check:

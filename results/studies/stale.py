@@ -10,6 +10,8 @@ from pathlib import Path
 
 import grimp
 
+from simbench.detectors.errors import ParameterError
+
 # modules that are found by name, alone or in a package, and who asks for them: no import says so
 _LOADED_BY_NAME = {
     "simbench.gap": ("simbench.gap.diagnosis",),
@@ -21,6 +23,15 @@ _LOADED_BY_NAME = {
         "simbench.loop.controllers",
     ),
     "simbench.gap.effects": ("simbench.gap.effects",),
+}
+# the module in which the work of a verb begins
+_VERBS = {
+    "run": "simbench.bench.execute.run",
+    "score": "simbench.bench.score.scoring",
+    "check": "simbench.bench.score.check",
+    "gap": "simbench.gap.diagnosis",
+    "figure": "simbench.figures",
+    "detect": "simbench.detection",
 }
 # Python knows these folders by another name than git
 _FOLDERS = {"simbench/detectors/": "detectors/", "simbench/scenarios/": "scenarios/"}
@@ -50,6 +61,10 @@ def list_stale(root: Path, table: Mapping[str, Sequence[str]]) -> list[Printed]:
     """Return the rows of results/README.md whose code changed since they were printed, the most
     changed first.
     """
+    if not (root / ".git").exists():
+        raise ParameterError(
+            f"{root} is no git checkout; its history is needed to say what is stale"
+        )
     graph = grimp.build_graph("simbench", "results")
     rows = [_look_up(root, name, code_of(commands, graph)) for name, commands in table.items()]
     return sorted((r for r in rows if r.changed or not r.date), key=lambda r: -r.lines)
@@ -74,10 +89,8 @@ def _started_by(commands: Iterable[str]) -> Iterable[str]:
     for command in commands:
         yield from re.findall(r"python -m (\S+)", command)
         for verb in re.findall(r"simbench (\w+)", command):
-            yield from ("simbench.bench.execute.run",) * (verb == "run")
-            yield from ("simbench.bench.score.scoring",) * (verb in ("score", "check"))
-            yield from ("simbench.gap.diagnosis",) * (verb == "gap")
-            yield from ("simbench.figures",) * (verb == "figure")
+            if verb in _VERBS:
+                yield _VERBS[verb]
         if command.startswith("make "):
             yield "simbench.detection"
 

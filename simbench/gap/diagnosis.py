@@ -35,10 +35,7 @@ from simbench.gap.reporting import report
 from simbench.gap.situation import Situation
 from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
-from simbench.gap.stiction.conclusion import (
-    Conclusion,
-    judged,
-)
+from simbench.gap.stiction.conclusion import Conclusion, judged
 from simbench.gap.stiction.friction import as_believed, refuse_unweighable
 from simbench.gap.stiction.probability import pool_log_odds
 from simbench.loop.effects import NONE, block_of

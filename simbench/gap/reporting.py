@@ -20,12 +20,7 @@ from simbench.gap.report.ranked import Gap, Ranked
 from simbench.gap.report.result import DiagnosisDetails, GapReport
 from simbench.gap.situation import load_memory
 from simbench.gap.stiction.candidate_loops import CandidateLoops
-from simbench.gap.stiction.conclusion import (
-    at_rest,
-    from_posterior,
-    from_record,
-    without,
-)
+from simbench.gap.stiction.conclusion import at_rest, from_posterior, from_record, without
 from simbench.gap.stiction.friction import stands
 from simbench.gap.stiction.visible import visible_in
 from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR

@@ -13,13 +13,7 @@ from typing import Any
 import numpy as np
 
 from simbench.detectors.errors import ParameterError
-from simbench.loop.elementary import (
-    complex_expm1,
-    dot,
-    matrix_exponential,
-    quadratic_roots,
-    times,
-)
+from simbench.loop.elementary import complex_expm1, dot, matrix_exponential, quadratic_roots, times
 from simbench.scenarios.plant import Plant
 from simbench.scenarios.polynomials import checked_polynomials
 

@@ -210,24 +210,24 @@ def blind(world: str, n: int, seed: int) -> dict[str, tuple[str, LoopRecord, Loo
 
 def identified(
     loops: dict[str, tuple[str, LoopRecord, Loop | None]],
-) -> dict[str, CandidateLoops | None]:
-    """Return the loops that may have made every record, None where none can be identified."""
-    candidates: dict[str, CandidateLoops | None] = {}
+) -> dict[str, CandidateLoops | Refusal]:
+    """Return the loops that may have made every record, or why none can be identified."""
+    candidates: dict[str, CandidateLoops | Refusal] = {}
     for name, (_, record, _) in Progress(loops.items(), desc="loops"):
         try:
             candidates[name] = candidate_loops(record)
-        except UserError:
-            candidates[name] = None
+        except UserError as why:
+            candidates[name] = Refusal(str(why))
     return candidates
 
 
 def judged(loops: dict[str, tuple[str, LoopRecord, Loop | None]]):
-    """Return the named causes, the events, and the identified loops."""
+    """Return the named causes and the events."""
     prepared = {name: Prepared(record) for name, (_, record, _) in loops.items()}
     candidates = identified(loops)
     events = shared_oscillations(prepared)
-    causes = {n: find_causes(prepared[n], candidates[n] or Refusal("no loop")) for n in loops}
-    return causes, events, candidates
+    causes = {n: find_causes(prepared[n], candidates[n]) for n in loops}
+    return causes, events
 
 
 def summary_lines(
@@ -378,7 +378,7 @@ def main() -> int:
     given = parser.parse_args()
     for world in given.worlds:
         loops = blind(world, given.blind, given.seed)
-        causes, events, _ = judged(loops)
+        causes, events = judged(loops)
         print(
             "\n".join(
                 [f"{world}, a simulator that is not ours:", *summary_lines(loops, causes, events)]
@@ -386,7 +386,7 @@ def main() -> int:
             flush=True,
         )
     loops = plant(given.n, given.seed)
-    causes, events, _ = judged(loops)
+    causes, events = judged(loops)
     print("\n".join(["own grids:", *summary_lines(loops, causes, events)]), flush=True)
     print("\n".join([*sizes(given.archived, given.seed), *intervals(given.archived, given.seed)]))
     return 0

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from results.studies import transfer
-from results.studies.transfer import (
-    LENGTH,
-    Home,
-    kept,
-    methods,
-    order,
-    slow,
-)
+from results.studies.transfer import LENGTH, Home, kept, methods, order, slow
 
 QUALITY = {"he": 0.95, "horch": 0.8, "ellipse": 0.65, "stenman": 0.5}
 

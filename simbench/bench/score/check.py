@@ -186,8 +186,8 @@ def _by_other_bits(
         lost = asked = 0
         for member in shaken.verdict[method]:
             other = _good(label[used] == 1, member[used])[what]
-            lost = lost + int((kept & ~other).sum())
-            asked = asked + kept.size
+            lost += int((kept & ~other).sum())
+            asked += kept.size
         found[what] = lost, asked
     return found
 

@@ -18,13 +18,7 @@ from simbench.bench.score.answers import (
     reference_answers,
 )
 from simbench.bench.score.folds import folds_of, found_at, risk_coverage, sample_of
-from simbench.bench.score.names import (
-    ALL,
-    OF_NOT_OSCILLATING,
-    OF_OSCILLATING,
-    SAMPLED,
-    kind_of,
-)
+from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
 from simbench.bench.score.result import Scores

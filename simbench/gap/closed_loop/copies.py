@@ -14,13 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simbench.detectors.signal.filters import lfilter
-from simbench.gap.closed_loop.arx import (
-    Arx,
-    in_samples,
-    regress_law,
-    regress_noise,
-    regress_plant,
-)
+from simbench.gap.closed_loop.arx import Arx, in_samples, regress_law, regress_noise, regress_plant
 from simbench.gap.closed_loop.as_archived import digits_of
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.level import WITHIN, kick_of, moved

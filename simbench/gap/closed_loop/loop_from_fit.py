@@ -14,14 +14,7 @@ from simbench.gap.closed_loop.stable import stable
 from simbench.gap.effects import load_steps
 from simbench.gap.effects._recogniser import clip
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import (
-    SHORTEST_LAG,
-    Fit,
-    input_gain,
-    lag_of,
-    load_std,
-    valve_of,
-)
+from simbench.gap.likelihood.model import SHORTEST_LAG, Fit, input_gain, lag_of, load_std, valve_of
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS
 from simbench.loop.plant import first_order_like, stretched

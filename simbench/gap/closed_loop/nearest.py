@@ -12,12 +12,7 @@ import numpy as np
 from simbench.gap.closed_loop.copies import Copy, archived
 from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.level import run_with_seeds
-from simbench.gap.closed_loop.summary_features import (
-    distance,
-    features,
-    least_spread,
-    seed_spread,
-)
+from simbench.gap.closed_loop.summary_features import distance, features, least_spread, seed_spread
 from simbench.gap.situation import Situation
 
 _SEEDS = 16  # simulations of each

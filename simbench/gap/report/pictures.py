@@ -26,15 +26,7 @@ from simbench.figures._style import (
     styled,
 )
 from simbench.gap.closed_loop.remaining import Remaining
-from simbench.gap.report.traces import (
-    BASELINE,
-    FIXED,
-    IDENTIFIED,
-    NEAREST,
-    RECORD,
-    SHOWN,
-    TUNED,
-)
+from simbench.gap.report.traces import BASELINE, FIXED, IDENTIFIED, NEAREST, RECORD, SHOWN, TUNED
 
 Traces = Mapping[str, LoopRecord]  # the record and its simulations by name, the record first
 PHONE_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone

@@ -11,11 +11,7 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.law import Law
-from simbench.gap.intake.archive import (
-    _spikes,
-    find_archive,
-    why_no_law,
-)
+from simbench.gap.intake.archive import _spikes, find_archive, why_no_law
 from simbench.gap.intake.check import check
 from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.sensor.samples import Samples

@@ -19,11 +19,7 @@ from simbench.gap.likelihood.valves import Regressed
 from simbench.gap.stiction import any_spectrum as spectrum
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.conclusion import judged
-from simbench.gap.stiction.friction import (
-    FRICTION,
-    friction,
-    without_last_bits,
-)
+from simbench.gap.stiction.friction import FRICTION, friction, without_last_bits
 from simbench.gap.stiction.probability import verdict
 from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.trust.trust import trust
