@@ -111,7 +111,7 @@ def _correlation(here: Scored, there: Scored) -> float:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Print both tables."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", 1)[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("-j", "--jobs", type=int, default=1)
     asked = parser.parse_args(words)

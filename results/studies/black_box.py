@@ -59,7 +59,7 @@ def black_box(record: LoopRecord) -> Box | None:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Print the answers and the black box."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", 1)[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("folders", nargs="+")
     parser.add_argument("-j", "--jobs", type=int, default=1)
     asked = parser.parse_args(words)

@@ -140,7 +140,7 @@ def _no_difference(draw: int) -> float:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", 1)[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("folders", nargs="*")
     parser.add_argument("--known", type=int, metavar="N")
     parser.add_argument("-j", "--jobs", type=int, default=1)

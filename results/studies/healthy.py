@@ -86,7 +86,8 @@ def main(arguments: list[str] | None = None) -> None:
         for world in NAMES
         for i, entry in enumerate(entries(given.n, given.none))
     ]
-    rows = [row for each in Parallel(n_jobs=given.j)(calls) for row in each]
+    answers: list[Any] = list(Parallel(n_jobs=given.j)(calls))
+    rows = [row for answer in answers for row in answer]
     print(f"seed {SEED}, no MV; answers with 0, 1 and 2 healthy records of the same loop")
     print(table(rows).to_string())
 

@@ -195,7 +195,7 @@ def _row(grid, method, home, score, answer, truth, decided=True) -> dict[str, st
 def main(arguments: list[str] | None = None) -> int:
     """Print the table: `python -m results.studies.learned`."""
     parser = argparse.ArgumentParser(
-        prog="python -m results.studies.learned", description=__doc__.partition("\n")[0]
+        prog="python -m results.studies.learned", description=(__doc__ or "").partition("\n")[0]
     )
     parser.add_argument(
         "--grid", nargs="+", default=["chapter", "plant"], help="each judges, and is learned on"

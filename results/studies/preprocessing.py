@@ -226,7 +226,8 @@ def resampled(lost: np.ndarray, sticky: np.ndarray) -> np.ndarray:
 def main(arguments: list[str] | None = None) -> int:
     """Print the table of simulated loops, and of recorded ones where folders are given."""
     parser = argparse.ArgumentParser(
-        prog="python -m results.studies.preprocessing", description=__doc__.partition("\n\n")[0]
+        prog="python -m results.studies.preprocessing",
+        description=(__doc__ or "").partition("\n\n")[0],
     )
     parser.add_argument("folder", type=Path, nargs="*", help="folders of recorded loops")
     parser.add_argument("-n", type=int, default=900, help="loops of grid chapter that are drawn")

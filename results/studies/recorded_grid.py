@@ -176,7 +176,7 @@ def distances(pairs: Sequence[np.ndarray]) -> list[str]:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Write the table of the grid and print the distances."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n", 1)[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("folders", nargs="+")
     parser.add_argument("-j", "--jobs", type=int, default=1)
     parser.add_argument("--kept", type=Path, help="Folder in which identified loops are kept.")

@@ -1,5 +1,6 @@
 """Print results again: `python -m results.studies.remake [FILE ...]` runs the commands that
-results/README.md lists; `--stale` names the results that are older than their code.
+results/README.md lists and writes what each row took; `--stale` names the results that are older
+than their code, with that time.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ import os
 import re
 import subprocess
 import sys
+import time
+import tomllib
 from pathlib import Path
 
 from results.studies.stale import list_stale
@@ -16,6 +19,8 @@ from simbench.detectors.errors import ParameterError, nearest
 from simbench.usage import exit_code
 
 ROOT = Path(__file__).parents[2]
+MINUTES = "minutes.toml"  # in results
+_ABOUT_MINUTES = "# minutes that each row of README.md took when remake last ran it, on two cores\n"
 
 
 def listed(text: str) -> dict[str, list[str]]:
@@ -27,6 +32,21 @@ def listed(text: str) -> dict[str, list[str]]:
         re.findall(r"`([^`]+)`", file)[0]: re.findall(r"`([^`]+)`", commands)
         for file, commands in rows
     }
+
+
+def minutes_of(root: Path) -> dict[str, float]:
+    """Return the minutes that each row took when it was last run; rows that never were are left
+    out.
+    """
+    path = root / "results" / MINUTES
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def _note_minutes(name: str, minutes: float) -> None:
+    """Write what a row took beside what the others did."""
+    known = {**minutes_of(ROOT), name: minutes}
+    rows = "".join(f'"{row}" = {known[row]:.1f}\n' for row in sorted(known))
+    (ROOT / "results" / MINUTES).write_text(_ABOUT_MINUTES + rows, encoding="utf-8")
 
 
 def _remake(name: str, commands: list[str], environment: dict[str, str], only_say: bool) -> bool:
@@ -65,7 +85,8 @@ def main(arguments: list[str] | None = None) -> int:
             )
     if chosen.stale:
         rows = {name: table[name] for name in chosen.files or table}
-        print("\n".join(map(str, list_stale(ROOT, rows))) or "no result is older than its code")
+        old = list_stale(ROOT, rows, minutes_of(ROOT))
+        print("\n".join(map(str, old)) or "no result is older than its code")
         return 0
     failed = []
     # what this interpreter's environment offers comes first
@@ -74,8 +95,11 @@ def main(arguments: list[str] | None = None) -> int:
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
     for name in chosen.files or table:
+        start = time.monotonic()
         if not _remake(name, table[name], environment, chosen.list):
             failed.append(name)
+        elif not chosen.list:
+            _note_minutes(name, (time.monotonic() - start) / 60.0)
     if failed:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import grimp
@@ -46,27 +46,34 @@ class Printed:
     files: int
     changed: int
     lines: int  # added and removed in these
+    minutes: float | None = None  # that it takes to print it again, where it was once measured
 
     def __str__(self) -> str:
         """One line of a list."""
         if not self.date:
             return f"{self.name}: not committed"
+        takes = "" if self.minutes is None else f"; takes {self.minutes:.1f} minutes"
         return (
             f"{self.name}: printed {self.date}; of {self.files} files of code {self.changed} have"
-            f" changed since, by {self.lines} lines"
+            f" changed since, by {self.lines} lines{takes}"
         )
 
 
-def list_stale(root: Path, table: Mapping[str, Sequence[str]]) -> list[Printed]:
+def list_stale(
+    root: Path, table: Mapping[str, Sequence[str]], minutes: Mapping[str, float]
+) -> list[Printed]:
     """Return the rows of results/README.md whose code changed since they were printed, the most
-    changed first.
+    changed first, with the minutes that each takes.
     """
     if not (root / ".git").exists():
         raise ParameterError(
             f"{root} is no git checkout; its history is needed to say what is stale"
         )
     graph = grimp.build_graph("simbench", "results")
-    rows = [_look_up(root, name, code_of(commands, graph)) for name, commands in table.items()]
+    rows = [
+        replace(_look_up(root, name, code_of(commands, graph)), minutes=minutes.get(name))
+        for name, commands in table.items()
+    ]
     return sorted((r for r in rows if r.changed or not r.date), key=lambda r: -r.lines)
 
 

@@ -83,7 +83,7 @@ def compared(loops: Loops) -> list[tuple[str, ...]]:
 def main(arguments: list[str] | None = None) -> int:
     """Print the chosen claims."""
     parser = argparse.ArgumentParser(
-        prog="python -m results.studies.claims", description=__doc__.partition("\n\n")[0]
+        prog="python -m results.studies.claims", description=(__doc__ or "").partition("\n\n")[0]
     )
     parser.add_argument("folder", type=Path, nargs="*", help="folders of recorded loops")
     parser.add_argument("--claim", nargs="+", choices=NAMES, default=NAMES)

@@ -90,6 +90,7 @@ def _sticky(rng: np.random.Generator) -> dict:
 
 def _retuned(rng: np.random.Generator) -> dict:
     most = ultimate_gain(sampled_loop(Loop.from_table(_loop(_KC))))
+    assert most is not None, "the loop is stable at a small gain"
     return _loop(_KC * most * float(rng.uniform(0.97, 1.0)))
 
 

@@ -162,7 +162,7 @@ def of_real(folders: Sequence[Path], jobs: int) -> list[str]:
     table = read(folders)
     table = table[table.label != "unknown"]
     files = [Path(f) / f"{i}.csv" for f, i in zip(table.folder, table.id)]
-    answers = Parallel(n_jobs=jobs)(delayed(asked_of_file)(file) for file in files)
+    answers: list[Any] = list(Parallel(n_jobs=jobs)(delayed(asked_of_file)(f) for f in files))
     p = np.array([LIKELIER if a.probability is None else a.probability for a in answers])
     y = (table.label == STICTION).to_numpy()
     return [line(f"{REAL} ({y.size} records)", p, y), f"{REAL}:", *reliability(p, y)]

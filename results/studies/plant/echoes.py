@@ -67,22 +67,24 @@ def _pair(grid: Grid, group: int, rng: np.random.Generator) -> tuple[Member, Mem
     there are none, or one of both does not oscillate.
     """
     ranked = [s for s in resolve(grid.group(group)) if s.tags.get("ranked")]
-    stuck = [s for s in ranked if s.tags["member"].startswith(STICKY)]
+    stuck = [s for s in ranked if str(s.tags["member"]).startswith(STICKY)]
     echoes = [s for s in ranked if s.tags.get("echo", "none") != "none"]
     if not stuck or not echoes:
         return None
     one, other = (members[int(rng.integers(len(members)))] for members in (stuck, echoes))
     (sticking, cycled), (healthy, _) = (simulate_with_truth(s.loop, s.seed) for s in (one, other))
-    if cycled.answer != YES or not all(_oscillates(r.record) for r in (sticking, healthy)):
+    if cycled.answer != YES or not all(oscillates(r.record) for r in (sticking, healthy)):
         return None
-    return Member(_seen(sticking.record), STICKY), Member(_seen(healthy.record), other.tags["echo"])
+    echo = str(other.tags["echo"])
+    return Member(as_seen(sticking.record), STICKY), Member(as_seen(healthy.record), echo)
 
 
-def _oscillates(record: LoopRecord) -> bool:
+def oscillates(record: LoopRecord) -> bool:
+    """Whether a record's oscillation is sustained."""
     return find_oscillation(record.op, record.pv, record.Ts).sustained
 
 
-def _seen(record: LoopRecord) -> LoopRecord:
+def as_seen(record: LoopRecord) -> LoopRecord:
     """Return what a plant would record: no position of the valve."""
     return replace(record, mv=None, meta={})
 

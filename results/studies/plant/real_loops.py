@@ -12,6 +12,7 @@ import argparse
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from joblib import Parallel, delayed
@@ -56,7 +57,7 @@ def read(folders: Sequence[Path]) -> pd.DataFrame:
     """
     listed = [pd.read_csv(f / "records.csv").assign(folder=str(f)) for f in folders]
     rows = pd.concat(listed).drop_duplicates("id")
-    rows = rows[[(Path(f) / f"{i}.csv").exists() for f, i in zip(rows.folder, rows.id)]]
+    rows = rows.loc[[(Path(f) / f"{i}.csv").exists() for f, i in zip(rows.folder, rows.id)]]
     rows["contributor"] = [
         source.split(":")[0] if tier != "author_folder" and ":" in source else origin.split(" ")[0]
         for source, tier, origin in zip(rows.label_source.fillna(""), rows.label_tier, rows.source)
@@ -169,7 +170,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     rows = read(given.folder)
     files = [Path(f) / f"{i}.csv" for f, i in zip(rows.folder, rows.id)]
-    answers = Parallel(n_jobs=given.j)(delayed(asked)(file) for file in files)
+    answers: list[Any] = list(Parallel(n_jobs=given.j)(delayed(asked)(file) for file in files))
     probabilities = [c.probability for c in answers]
     print("\n".join(as_lines(rows.assign(conclusion=answers, p=probabilities))))
     return 0

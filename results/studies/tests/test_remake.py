@@ -25,7 +25,7 @@ def test_every_kept_file_has_a_row():
     results = [
         k.removeprefix("results/")
         for k in kept
-        if not k.startswith("results/studies/") and not k.endswith("README.md")
+        if not k.startswith("results/studies/") and not k.endswith(("README.md", remake.MINUTES))
     ]
     rows = [name for name in TABLE if name.endswith("/")]
     assert len(results) > 50
@@ -71,3 +71,15 @@ def test_a_failing_command_leaves_the_file_that_was_there(tmp_path, monkeypatch)
     monkeypatch.setattr(remake, "ROOT", tmp_path)
     assert remake.main([]) == 1
     assert (tmp_path / "results" / "a.txt").read_text() == "kept\n"
+
+
+def test_what_a_row_took_is_kept_for_the_list_of_stale_results(tmp_path, monkeypatch):
+    (tmp_path / "results").mkdir()
+    text = "| `a.txt` | `sleep .1` |\n| `b.txt` | `false` |\n"
+    (tmp_path / "results" / "README.md").write_text(text)
+    (tmp_path / "results" / "minutes.toml").write_text('"a.txt" = 9.0\n"c/" = 2.5\n')
+    monkeypatch.setattr(remake, "ROOT", tmp_path)
+    remake.main([])
+    assert remake.minutes_of(tmp_path) == {"a.txt": 0.0, "c/": 2.5}
+    remake.main(["a.txt", "--list"])
+    assert remake.minutes_of(tmp_path) == {"a.txt": 0.0, "c/": 2.5}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import replace
 
 import grimp
 import pytest
@@ -55,5 +56,6 @@ def test_a_result_is_stale_from_the_next_change_of_its_code_on(tmp_path):
     code.write_text("1\n2\n")
     old = stale._look_up(tmp_path, "a.txt", used)
     assert (old.changed, old.lines) == (1, 1)
-    assert "of 1 files of code 1 have changed since, by 1 lines" in str(old)
+    assert str(old).endswith("of 1 files of code 1 have changed since, by 1 lines")
+    assert str(replace(old, minutes=2.0)).endswith("by 1 lines; takes 2.0 minutes")
     assert str(stale._look_up(tmp_path, "b.txt", used)) == "b.txt: not committed"

@@ -85,7 +85,7 @@ class Scored:
 
     def _single(self, name: str) -> pd.DataFrame:
         table = self.tables[name]
-        return table[table.kind == "single"]
+        return table.loc[table.kind == "single"]
 
     def as_text(self) -> str:
         """Return the figures, the pairs, and how far the sites lie apart, as text."""
@@ -133,7 +133,9 @@ def read_diagnosis(file: Path, ids: Sequence[str]) -> dict[str, dict[str, Any]]:
             raise ParameterError(
                 f"{file}, line {line}: block {row['block']!r}: {nearest(row['block'], BLOCKS)}"
             )
-    stated = frame.get("probability", pd.Series("", index=frame.index))
+    if "probability" not in frame:
+        frame["probability"] = ""
+    stated = frame["probability"]
     frame["p"] = pd.to_numeric(stated, errors="coerce")
     wrong = frame.index[(stated.str.strip() != "") & ~frame.p.between(0.0, 1.0)]
     if wrong.size:
