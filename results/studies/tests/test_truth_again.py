@@ -2,6 +2,7 @@
 
 import pytest
 
+from results.studies import truth_again
 from results.studies.truth_again import goes_on
 from simbench.scenarios.spec import Loop
 
@@ -19,3 +20,11 @@ def test_only_a_sticky_loop_goes_on_when_the_noise_ends(sticks):
         }
     )
     assert goes_on(loop, 1, 60.0) is sticks
+
+
+def test_every_loop_that_is_counted_is_another_one(monkeypatch, capsys):
+    seen = []
+    monkeypatch.setattr(truth_again, "goes_on", lambda loop, seed, period: not seen.append(seed))
+    truth_again.main(["ci", "--loops", "120", "--seed", "5"])
+    assert len(set(seen)) == len(seen) == 120
+    assert "120 of 120 cycling loops go on" in capsys.readouterr().out
