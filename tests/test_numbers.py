@@ -29,7 +29,8 @@ def test_every_marked_number_is_that_of_its_file():
 
 def test_no_number_is_listed_that_no_page_quotes():
     text = "".join(path.read_text(encoding="utf-8") for path in numbers.pages())
-    quoted = {name.partition(".")[0] for name in re.findall(r"<!--([a-z_]+\.[a-z_0-9]+)-->", text)}
+    marks = re.findall(r"<!--(?:lines: )?([a-z_]+)(?:\.[a-z_0-9]+)?-->", text)
+    quoted = set(marks)
     listed = {name.partition(".")[0] for name in numbers.known_numbers()}
     assert listed == quoted
 
@@ -66,8 +67,25 @@ def test_marks_that_mean_nothing_are_refused(tmp_path):
         numbers.known_numbers(root)
 
 
+def test_a_block_is_the_lines_of_its_file(tmp_path):
+    root = copy_of(
+        tmp_path, "<!--lines: first-->\n```text\nrank\n1 he\n```\n", "rank\n1 kano\n2 he\n"
+    )
+    (root / "docs" / "numbers.toml").write_text(
+        '[first]\nfile = "causes.txt"\npattern = "rank[\\\\s\\\\S]*"\nlines = ["rank", "1 "]\n'
+        '[whole]\nfile = "causes.txt"\npattern = "1.*\\n2.*"\nlines = []\n'
+    )
+    known = numbers.known_numbers(root)
+    assert known == {"first": "rank\n1 kano\n", "whole": "1 kano\n2 he\n"}
+    assert numbers.differing(root) == {root / "README.md": ["the lines of first are others"]}
+    page = (root / "README.md").read_text()
+    assert numbers.fill(page, known, "page") == page.replace("he", "kano")
+    with pytest.raises(ParameterError, match=r"'second' is not in docs/numbers\.toml"):
+        numbers.fill(page.replace("first", "second"), known, "page")
+
+
 # settings, limits and formulas of pages, and the figures that other tests compare with their files
-TYPED = 64
+TYPED = 41
 
 
 def typed_numbers():

@@ -13,13 +13,11 @@ import sys
 import tomllib
 from pathlib import Path
 
-import pandas as pd
 import pytest
 import yaml
 
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
-from simbench.scenarios.grid import load_grid
 from simbench.scenarios.spec import Loop
 
 ROOT = Path(__file__).parents[1]
@@ -208,33 +206,6 @@ def test_the_python_block_gives_tables_and_pictures(place):
     assert len(scope["axes"]) == 2
 
 
-def test_the_ranking_is_the_one_in_results():
-    kept = (ROOT / "results" / "chapter_fresh_seeds.txt").read_text(encoding="utf-8")
-    lines = block("text", "no_waveform").strip().splitlines()
-    assert [line for line in lines if line not in kept.splitlines()] == []
-    loops = re.search(r"The ranking on (\d+) oscillating loops", README)
-    assert loops is not None
-    assert f"{loops[1]} loops have a clear label and oscillate" in " ".join(kept.split())
-
-
-def test_the_costs_of_the_slower_methods_are_those_in_results():
-    kept = (ROOT / "results" / "chapter_likelihood.txt").read_text(encoding="utf-8")
-    text = " ".join(README.split())
-    costs = re.search(
-        r"`arx_stiction\*` costs (\S+) on \[(\d+) other loops\]\S+ `likelihood\*` (\S+),"
-        r" `procedure\*` (\S+?)\. ",
-        text,
-    )
-    assert costs is not None
-    arx, loops, likelihood, procedure = costs.groups()
-    assert f"{loops} loops have a clear label and oscillate" in " ".join(kept.split())
-    for method, cost in zip(
-        ("arx_stiction", "likelihood", "procedure"), (arx, likelihood, procedure), strict=True
-    ):
-        row = next(line for line in kept.splitlines() if re.match(rf"\d+ +{method}[*+]? ", line))
-        assert row.split()[2] == cost.rstrip(",")
-
-
 def test_the_table_of_detectors_and_claims_is_the_one_in_results():
     kept = (ROOT / "results" / "claims.txt").read_text(encoding="utf-8").splitlines()
     variants = {
@@ -274,44 +245,6 @@ def test_the_table_of_detectors_and_claims_is_the_one_in_results():
     ) in text
 
 
-def test_the_table_of_grids_is_the_one_in_results():
-    agreement = (ROOT / "results" / "agreement.txt").read_text(encoding="utf-8")
-    areas, orders = (part.splitlines() for part in agreement.split("\n\n")[1::2])
-    orders = {line.split()[0]: line.split()[2:] for line in orders}
-    grids, areas = areas[0].split()[1:], {line.split()[0]: line.split()[1:] for line in areas[1:]}
-    shown = {
-        name: [areas[m][k].lstrip("0") for m in ("likelihood", "arx_stiction", "procedure")]
-        for k, name in enumerate(grids)
-    }
-    page = (ROOT / "docs" / "plant_grid.md").read_text(encoding="utf-8")
-    for name in ("chapter", "plant", "recorded"):
-        told = f"{load_grid(name).content.told_from_recorded:.2f}"
-        order = "{} [{}, {}]".format(*(x.replace("0.", ".") for x in orders[name]))
-        row = " | ".join([told.lstrip("0"), order, *shown[name]])
-        assert re.search(rf"^\| grid `{name}`: .*\| {re.escape(row)} \|$", page, re.MULTILINE), row
-    assert f"| | | {' | '.join(shown['real'])} |" in page
-    text = " ".join(README.split())
-    order = "{} [{}, {}]".format(*(x.replace("0.", ".") for x in orders["recorded"]))
-    assert f"on 39 recorded loops by {order} (" in text
-    likelihood, arx, _ = shown["real"]
-    assert f"with an AUC of {likelihood}, `arx_stiction` with {arx}." in text
-
-
-def test_the_counts_of_conclusions_are_those_in_results():
-    kept = (ROOT / "results" / "real_records.txt").read_text(encoding="utf-8")
-    found, sticky, called, others, open_, loops = re.search(
-        r"^Conclusion by loop: stiction in (\d+) of (\d+) with stiction and in (\d+) of (\d+)"
-        r" without; (\d+) of (\d+) cannot tell",
-        kept,
-        re.MULTILINE,
-    ).groups()
-    text = " ".join(README.split())
-    assert (
-        f"Of {loops} labelled recorded loops it says stiction in {found} of {sticky} that stick and"
-        f" in {called} of {others} others; {open_} it cannot tell"
-    ) in text
-
-
 def shares_of(lines, variant, loops):
     """Shares of sticky loops found and of others called, of one row of the claims."""
     row = next(line for line in lines if re.match(rf"{re.escape(variant)} +{loops} ", line))
@@ -319,54 +252,6 @@ def shares_of(lines, variant, loops):
     counts = (re.match(r"(\d+) of (\d+)", cell) for cell in cells)
     values = [int(c[1]) / int(c[2]) if c else float(x.split()[0]) for c, x in zip(counts, cells)]
     return [f"{value:.2f}".replace("0.", ".") for value in values]
-
-
-def test_the_table_of_the_diagnosis_is_the_one_in_results():
-    results = Path(__file__).parents[1] / "results"
-    page = (ROOT / "docs" / "gap_benchmark.md").read_text(encoding="utf-8")
-    for world in ("own", "refinery"):
-        scores = pd.read_csv(results / "withheld" / world / "score.csv").set_index("name")
-        (row,) = re.findall(rf"^\| .*`{world}`\) \| (.*) \|$", page, re.MULTILINE)
-        first, block = (
-            f"{scores.value[name]:.2f} [{scores.lo[name]:.2f}, {scores.hi[name]:.2f}]".replace(
-                "0.", "."
-            )
-            for name in ("first answer right", "block right (within group)")
-        )
-        named, unknown = (
-            int(scores.k[name])
-            for name in ("effect named where there is none", "none called unknown")
-        )
-        near = (
-            f"{scores.value[f'within 1.5 plant floors {when}, all']:.2f}".lstrip("0")
-            for when in ("before", "after")
-        )
-        assert row == (
-            f"{first} of 44 | {block} | {named}, {unknown} of 38 | {', '.join(near)} of 150"
-        ), f"{world}: copy its figures from results/withheld into docs/gap_benchmark.md"
-        if world == "own":
-            assert f"names the missing effect first in {first.split()[0]} of 44 sim" in README
-    sites = (results / "sites.txt").read_text(encoding="utf-8")
-    first, block, named, unknown = (
-        re.search(rf"^{re.escape(name)} +(\S+) \((\S+) to (\S+)\), n (\d+)", sites, re.MULTILINE)
-        for name in (
-            "first answer right",
-            "block right (within group)",
-            "effect named where there is none",
-            "none called unknown",
-        )
-    )
-    shown = (f"{m[1]} [{m[2]}, {m[3]}]".replace("0.", ".") for m in (first, block))
-    counts = (round(float(m[1]) * int(m[4])) for m in (named, unknown))
-    row = "| {} of {} | {} | {}, {} of {} |".format(
-        next(shown), first[4], next(shown), *counts, named[4]
-    )
-    assert row in page, "copy the figures of results/sites.txt into docs/gap_benchmark.md"
-    real = (results / "gap_real.txt").read_text(encoding="utf-8")
-    before, after = re.findall(
-        r"floors of the plant: 0(\S+) of the records before, 0(\S+) af", real
-    )[0]
-    assert f"not known | {before}, {after} of 79 |" in page
 
 
 def test_every_make_target_named_exists():

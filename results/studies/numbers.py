@@ -1,8 +1,9 @@
 """Fill the numbers of the pages from the files of results: `python -m results.studies.numbers`.
 
 A number that is followed by a mark, as 194<!--causes.right-->, is never typed: docs/numbers.toml
-says which file it stands in and where. Without an option the pages are written anew; `--check`
-names every number that is no longer what its file says, and ends with 1.
+says which file it stands in and where; nor are the lines of a block below a mark like
+<!--lines: first_rank-->. Without an option the pages are written anew; `--check` names every number
+and block that is no longer what its file says, and ends with 1.
 """
 
 from __future__ import annotations
@@ -19,10 +20,15 @@ from simbench.usage import exit_code
 ROOT = Path(__file__).parents[2]
 _MARKED = re.compile(r"(?P<number>-?(?:\d+\.?\d*|\.\d+))<!--(?P<name>[a-z_]+\.[a-z_0-9]+)-->")
 _ANY_MARK = re.compile(r"<!--[a-z_]+\.[a-z_0-9]+-->")
+_BLOCK = re.compile(
+    r"(?P<head><!--lines: (?P<name>[a-z_]+)-->\n+```text\n)(?P<lines>.*?\n)```\n", re.DOTALL
+)
 
 
 def known_numbers(root: Path = ROOT) -> dict[str, str]:
-    """Return every number that a page may quote, as its file has it, by name."""
+    """Return every number and every block of lines that a page may quote, as its file has it, by
+    name.
+    """
     places = tomllib.loads((root / "docs" / "numbers.toml").read_text(encoding="utf-8"))
     known = {}
     for source, place in places.items():
@@ -33,8 +39,17 @@ def known_numbers(root: Path = ROOT) -> dict[str, str]:
                 f"docs/numbers.toml: {source}: results/{place['file']} has no line like"
                 f" {place['pattern']!r}; the pattern that finds it now is needed"
             )
+        if "lines" in place:
+            known[source] = _block(found[0], place["lines"])
         known |= {f"{source}.{name}": value for name, value in found.groupdict().items()}
     return known
+
+
+def _block(text: str, begins: list[str]) -> str:
+    """Return the first line of a text that each of some patterns begins, or all lines."""
+    lines = text.splitlines()
+    chosen = [next(x for x in lines if re.match(start, x)) for start in begins] if begins else lines
+    return "".join(f"{line}\n" for line in chosen)
 
 
 def as_written(number: str, like: str) -> str:
@@ -48,16 +63,20 @@ def as_written(number: str, like: str) -> str:
 
 
 def fill(page: str, known: Mapping[str, str], where: str) -> str:
-    """Return a page with every marked number as its file has it."""
+    """Return a page with every marked number and block as its file has it."""
+
+    def of_file(name: str) -> str:
+        if name not in known:
+            raise ParameterError(
+                f"{where}: mark {name!r} is not in docs/numbers.toml, which needs it"
+            )
+        return known[name]
 
     def filled(mark: re.Match[str]) -> str:
-        if mark["name"] not in known:
-            raise ParameterError(
-                f"{where}: mark {mark['name']!r} is not in docs/numbers.toml, which needs it"
-            )
-        return f"{as_written(known[mark['name']], mark['number'])}<!--{mark['name']}-->"
+        return f"{as_written(of_file(mark['name']), mark['number'])}<!--{mark['name']}-->"
 
     text = _MARKED.sub(filled, page)
+    text = _BLOCK.sub(lambda mark: f"{mark['head']}{of_file(mark['name'])}```\n", text)
     if len(_ANY_MARK.findall(page)) != len(_MARKED.findall(page)):
         raise ParameterError(f"{where}: a mark stands behind no number; one is needed before each")
     return text
@@ -85,6 +104,11 @@ def _compare(root: Path, known: Mapping[str, str]) -> dict[Path, list[str]]:
             f"{old['name']} is {new['number']}, not {old['number']}"
             for old, new in zip(_MARKED.finditer(text), now, strict=True)
             if old["number"] != new["number"]
+        ]
+        wrong += [
+            f"the lines of {block['name']} are others"
+            for block in _BLOCK.finditer(text)
+            if block["lines"] != known[block["name"]]
         ]
         if wrong:
             out[path] = wrong

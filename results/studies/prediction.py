@@ -33,6 +33,7 @@ from simbench.loop.effects import NONE
 from simbench.loop.several_seeds import measure, simulate_seeds
 from simbench.progress import Progress
 from simbench.scenarios.spec import Loop, load_loop
+from simbench.usage import exit_code
 
 # of the first world, named before anything was predicted; the next worlds have the next numbers
 SEED = 471720
@@ -199,4 +200,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(exit_code(main))

@@ -34,6 +34,7 @@ from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.spec import Loop
+from simbench.usage import exit_code
 
 CAUSES = (
     "stiction",
@@ -393,4 +394,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(exit_code(main))

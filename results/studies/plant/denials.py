@@ -31,6 +31,7 @@ from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.measured import resample_record
 from simbench.gap.stiction.probability import log_odds, probability, verdict
 from simbench.progress import Progress
+from simbench.usage import exit_code
 
 SIMULATORS = ("own", "refinery", GRID)
 PACES = ((4.0, 10.0), (10.0, 20.0), (20.0, np.inf))  # samples per period
@@ -132,4 +133,4 @@ def line(counts: Counter[tuple[str, str, str, str]], truth: str, axis: int, name
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(exit_code(main))

@@ -24,6 +24,7 @@ from simbench.gap.gain_pair import gain_change_recorded
 from simbench.loop.simulate import simulate
 from simbench.progress import Progress
 from simbench.scenarios.parts import Part
+from simbench.usage import exit_code
 
 SIMULATORS = ("own", "refinery", GRID)
 RATIO = 0.6
@@ -100,4 +101,4 @@ def line(simulator: str, counts: Counter[str]) -> str:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(exit_code(main))

@@ -83,3 +83,24 @@ def test_what_a_row_took_is_kept_for_the_list_of_stale_results(tmp_path, monkeyp
     assert remake.minutes_of(tmp_path) == {"a.txt": 0.0, "c/": 2.5}
     remake.main(["a.txt", "--list"])
     assert remake.minutes_of(tmp_path) == {"a.txt": 0.0, "c/": 2.5}
+
+
+def test_a_study_that_prints_that_a_bar_is_missed_has_printed(tmp_path, monkeypatch, capfd):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "wrong.py").write_text("(")
+    says_no = "python -m compileall wrong.py > results/a.txt"  # ends with 1 and prints
+    (tmp_path / "results" / "README.md").write_text(f"| `a.txt` | `{says_no}` |\n")
+    monkeypatch.setattr(remake, "ROOT", tmp_path)
+    assert remake.main([]) == 0
+    assert "a.txt: printed; it falls short of a bar" in capfd.readouterr().out
+
+
+def test_a_fault_of_a_study_is_no_verdict():
+    # without exit_code an exception ends with 1, as a missed bar does
+    starts = [
+        path
+        for path in (ROOT / "results" / "studies").rglob("*.py")
+        if "tests" not in path.parts and '\nif __name__ == "__main__":' in path.read_text("utf-8")
+    ]
+    assert len(starts) > 30
+    assert [path.name for path in starts if "exit_code(" not in path.read_text("utf-8")] == []

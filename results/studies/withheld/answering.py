@@ -9,20 +9,21 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
+
+from joblib import Parallel, delayed
 
 from results.studies.withheld.files import write_whole
 from results.studies.withheld.on_plant import run_test
 from results.studies.withheld.truth import read_any, rows_of
-from simbench.bench.execute.distribute import workers
 from simbench.detectors.errors import ParameterError, UserError
 from simbench.files import folder as make_folder
 from simbench.files import remove_stale_temporaries
 from simbench.gap.command import diagnose_files
 from simbench.gap.planning.menu import Trial
 from simbench.progress import Progress
+from simbench.safe_path import safe_path
 from simbench.scenarios.toml import read_toml
 
 # of a record, its baseline and tests: the answer in JSON types and the test that it asks for
@@ -77,9 +78,10 @@ def answer(
     bar = Progress(
         total=len(records), initial=len(records) - len(todo), desc="diagnosed", delay=1.0
     )
-    with workers("loky", None, jobs) as run, bar:
-        answered: Any = run(partial(_one, diagnose, tests), questions)  # pyright: ignore[reportArgumentType]
-        for name, replies, cpu in answered:
+    one = delayed(_one)
+    parallel: Any = Parallel(jobs, return_as="generator_unordered", batch_size=1)
+    with safe_path(), bar:
+        for name, replies, cpu in parallel(one(diagnose, tests, *asked) for asked in questions):
             for place, reply in zip(places, replies, strict=True):
                 write_whole(place / f"{name}.json", json.dumps(reply, indent=1))
             costs += f"{name},{cpu:.3f}\n"

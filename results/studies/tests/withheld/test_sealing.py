@@ -5,6 +5,7 @@ import hashlib
 import io
 import json
 import os
+import shutil
 import signal
 import tomllib
 from pathlib import Path
@@ -145,6 +146,15 @@ def test_answering_resumes_and_tries_failures_again(theirs):
     assert answer(theirs, diagnose=diagnose) == 1
     assert [json.loads(f.read_text())["effect"] for f in (first, second)] == ["none", "kept"]
     assert answer(theirs, diagnose=diagnose) == 0
+
+
+def test_workers_answer_as_one_process_does(theirs):
+    alone = theirs.parent / "alone"
+    shutil.copytree(theirs, alone)
+    assert answer(theirs, 2) == answer(alone, 1) == 3
+    for name in "abc":
+        file = f"answers/{name}.json"
+        assert (theirs / file).read_text() == (alone / file).read_text()
 
 
 def test_a_record_without_baseline_is_refused(theirs):
