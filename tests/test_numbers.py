@@ -84,6 +84,17 @@ def test_a_block_is_the_lines_of_its_file(tmp_path):
         numbers.fill(page.replace("first", "second"), known, "page")
 
 
+def test_the_costs_of_larger_runs_follow_from_that_of_a_scenario():
+    known = numbers.known_numbers()
+    page = (ROOT / "docs" / "cost.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (1e\d) \| (\S+?)(?: core-hours)? \| (\S+) \|", page, re.MULTILINE)
+    assert len(rows) == 4
+    for scenarios, fast, full in rows:
+        for set_of, said in (("fast", fast), ("full", full)):
+            hours = float(known[f"cost_{set_of}.ms"]) * float(scenarios) / 3.6e6
+            assert float(said) == pytest.approx(hours, rel=0.03), f"{scenarios}, {set_of}"
+
+
 # settings, limits and formulas of pages, and the figures that other tests compare with their files
 TYPED = 41
 
