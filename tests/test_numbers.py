@@ -7,6 +7,7 @@ import pytest
 
 from results.studies import numbers
 from simbench.detectors.errors import ParameterError
+from simbench.gap import thresholds
 
 ROOT = Path(__file__).parents[1]
 
@@ -95,13 +96,21 @@ def test_the_costs_of_larger_runs_follow_from_that_of_a_scenario():
             assert float(said) == pytest.approx(hours, rel=0.03), f"{scenarios}, {set_of}"
 
 
-# settings, limits and formulas of pages, and the figures that other tests compare with their files
-TYPED = 41
+# what stands typed beside results: settings, limits, formulas, and levels of intervals
+CONSTANTS = {
+    "README.md": "95 .5",
+    "docs/cost.md": "15 80",
+    "docs/site/concepts/gap.md": "26 10 1.5 25 1.5 120 46 54 60 64 90",
+    "docs/site/tutorials/gap.md": ".9 1.5 90 10",
+    "docs/trust.md": "0.41 1.09 0.61 0.79 1.9 20 15 50 0.9 0.2 0.6 0.2 2.5 0.2 0.8 60",
+}
 
 
 def typed_numbers():
-    """Return the numbers without a mark in paragraphs and rows that name a file of results."""
-    found = []
+    """Return by page the numbers without a mark in paragraphs and rows that name a file of
+    results.
+    """
+    found = {}
     for path in numbers.pages():
         for part in re.split(r"\n\s*\n|\n(?=[|\-*] )", path.read_text(encoding="utf-8")):
             if not re.search(r"\b[a-z_]+\.(?:txt|json)\b|results/withheld", part):
@@ -109,9 +118,34 @@ def typed_numbers():
             rest = re.sub(r"\S+<!--.*?-->", "", part)
             # code, links, remarks in brackets, years
             rest = re.sub(r"`[^`]*`|\[[^\]]*\]\([^)]*\)|\([^)]*\)", "", rest)
-            found += re.findall(r"(?<![\w.#/-])(?:\d*\.\d+|\d{2,})(?![\w/-])", rest)
+            typed = re.findall(r"(?<![\w.#/-])(?:\d*\.\d+|\d{2,})(?![\w/-])", rest)
+            if typed:
+                found.setdefault(str(path.relative_to(ROOT)), []).extend(typed)
     return found
 
 
-def test_hardly_a_number_of_results_is_typed():
-    assert len(typed_numbers()) <= TYPED, typed_numbers()
+def test_a_number_beside_results_is_marked_or_a_constant():
+    assert {page: " ".join(typed) for page, typed in typed_numbers().items()} == CONSTANTS
+
+
+def test_the_page_on_trust_has_the_numbers_of_the_program():
+    page = " ".join((ROOT / "docs" / "trust.md").read_text(encoding="utf-8").split())
+    offset, gain, full = thresholds.OFFSET, thresholds.PER_GAIN, thresholds.FULL_NATS
+    band, cycles = thresholds.PER_BAND, -thresholds.PER_CYCLES
+    assert (
+        f"The log-odds of stiction are {offset} + {gain} asinh((*l* + *r*)/{full:g}) + {band} ln"
+        f" *b* - {cycles} ln(*c*/10)"
+    ) in page
+    assert (
+        f"is multiplied by {thresholds.SEEN} in a record of at least {thresholds.SEEN_CYCLES:g}"
+        f" cycles with at least {thresholds.SEEN_PACE:g} samples each, of which friction explains"
+        f" less than {thresholds.EXPLAINS:g} nats, and by {thresholds.HARDLY_SEEN} elsewhere"
+    ) in page
+
+
+def test_the_source_of_a_threshold_has_the_count_of_its_file():
+    known = numbers.known_numbers()
+    denied = int(known["denied.k"])
+    narrower = denied - int(known["denied.as_denied"])
+    said = f"{narrower} of {denied} sticky valves that are denied have a narrower one"
+    assert said in thresholds.NARROWEST.source

@@ -24,6 +24,7 @@ from simbench.usage import exit_code
 
 EFFECTS = ("load_drift", "load_steps", "oscillation", "noise", "drift")
 MOST = 2  # healthy records of a loop
+BUT_NAMED = "healthy, but named"
 SEED = 24306367  # of the withheld checks as well; none of its records was looked at for this
 
 
@@ -54,7 +55,8 @@ def asked(world: str, i: int, entry: dict[str, Any]) -> list[dict[str, Any]]:
                 said = diagnose_files([record], baseline, healthy=history[:count]).effect
             except UserError as error:
                 said = f"refused: {error}"
-            rows.append({"world": world, "true": item.answer["effect"], "n": count, "said": said})
+            about = {"world": world.rpartition(".")[2], "true": item.answer["effect"]}
+            rows.append({**about, "n": count, "said": said})
     return rows
 
 
@@ -65,13 +67,24 @@ def table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     frame = pd.DataFrame(rows)
     named = ~frame.said.isin([NONE, UNKNOWN])
     frame["count"] = (frame.said == frame.true).where(frame.true != NONE, named)
-    frame["what"] = frame.true.map(lambda e: "healthy, but named" if e == NONE else f"{e}, right")
-    order = [f"{e}, right" for e in EFFECTS] + ["healthy, but named"]
+    frame["what"] = frame.true.map(lambda e: BUT_NAMED if e == NONE else f"{e}, right")
+    order = [*(f"{e}, right" for e in EFFECTS), BUT_NAMED]
     counts = frame.pivot_table("count", ["world", "what"], "n", "sum").astype(int)
     counts["of"] = frame[frame.n == 0].groupby(["world", "what"]).size()
     worlds = frame.world.unique()
     index = pd.MultiIndex.from_product([worlds, order], names=["world", "what"])
     return counts.reindex(index).rename(columns={k: f"{k} records" for k in range(MOST + 1)})
+
+
+def total(counts: pd.DataFrame) -> str:
+    """Return one sentence on all worlds: records with an effect named rightly, and others named."""
+    accused = counts.index.get_level_values("what") == BUT_NAMED
+    right, named = counts[~accused].sum(), counts[accused].sum()
+    return (
+        f"of {right['of']} records with an effect {right['0 records']}, {right['1 records']} and"
+        f" {right['2 records']} are named rightly; of {named['of']} without {named['0 records']},"
+        f" {named['1 records']} and {named['2 records']} are named"
+    )
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -89,7 +102,9 @@ def main(arguments: list[str] | None = None) -> None:
     answers: list[Any] = list(Parallel(n_jobs=given.j)(calls))
     rows = [row for answer in answers for row in answer]
     print(f"seed {SEED}, no MV; answers with 0, 1 and 2 healthy records of the same loop")
-    print(table(rows).to_string())
+    counts = table(rows)
+    print(counts.to_string())
+    print(total(counts))
 
 
 if __name__ == "__main__":

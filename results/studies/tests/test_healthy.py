@@ -23,6 +23,11 @@ def test_right_answers_of_an_effect_and_names_of_a_healthy_loop_are_counted_by_r
     counted = healthy.table(rows).loc["own"]
     assert counted.loc["noise, right"].tolist() == [1, 2, 1, 2]
     assert counted.loc["healthy, but named"].tolist() == [1, 0, 0, 1]
+    every = healthy.table(rows).dropna().astype(int)
+    assert healthy.total(every) == (
+        "of 2 records with an effect 1, 2 and 1 are named rightly;"
+        " of 1 without 1, 0 and 0 are named"
+    )
 
 
 def test_a_record_is_drawn_with_its_history_and_asked_with_each_length_of_it():
