@@ -4,8 +4,10 @@ import re
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
 from results.studies import numbers
+from simbench.cli import app
 from simbench.detectors.errors import ParameterError
 from simbench.gap import thresholds
 
@@ -149,3 +151,26 @@ def test_the_source_of_a_threshold_has_the_count_of_its_file():
     narrower = denied - int(known["denied.as_denied"])
     said = f"{narrower} of {denied} sticky valves that are denied have a narrower one"
     assert said in thresholds.NARROWEST.source
+
+
+# levels of intervals, tables of the chapter, ends of a span, a coin's worth, and a least number
+HELP = {"90", "95", "11.1", "11.3", "100", "0.5", "10"}
+
+
+def texts_of(command):
+    """Yield the help of a command, of its options, and of the commands below it."""
+    yield command.help or ""
+    yield from (getattr(option, "help", None) or "" for option in command.params)
+    for below in getattr(command, "commands", {}).values():
+        yield from texts_of(below)
+
+
+def test_help_claims_no_result():
+    texts = [re.sub(r"`[^`]*`", "", text) for text in texts_of(get_command(app))]
+    assert len(texts) > 100
+    found = {
+        number
+        for text in texts
+        for number in re.findall(r"(?<![\w.#/-])(?:\d*\.\d+|\d{2,})(?![\w/-])", text)
+    }
+    assert found == HELP
