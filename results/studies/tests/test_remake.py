@@ -40,6 +40,8 @@ def test_a_row_names_commands_that_exist(name):
     for command in TABLE[name]:
         words = shlex.split(command.split(">")[0])
         assert words[0] in ("simbench", "python", "make", "cp", "awk"), command
+        # a command that names what stands for a folder or a file is an explanation
+        assert not [word for word in words if word.isupper() and len(word) > 1], command
         if words[:2] == ["python", "-m"]:
             assert importlib.util.find_spec(words[2]), command
         elif words[0] == "python":
