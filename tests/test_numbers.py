@@ -58,6 +58,14 @@ def test_a_number_is_written_as_the_page_writes_it(number, like, said):
     assert numbers.as_written(number, like) == said
 
 
+def test_a_count_and_its_total_give_a_share(tmp_path):
+    root = copy_of(tmp_path, "", "right 3, wrong 4\n")
+    (root / "docs" / "numbers.toml").write_text(
+        '[causes]\nfile = "causes.txt"\npattern = "right (?P<all_k>.), wrong (?P<all_of>.)"\n'
+    )
+    assert float(numbers.known_numbers(root)["causes.all"]) == 0.75
+
+
 def test_marks_that_mean_nothing_are_refused(tmp_path):
     root = copy_of(tmp_path, "")
     known = numbers.known_numbers(root)

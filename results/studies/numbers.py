@@ -41,8 +41,23 @@ def known_numbers(root: Path = ROOT) -> dict[str, str]:
             )
         if "lines" in place:
             known[source] = _block(found[0], place["lines"])
-        known |= {f"{source}.{name}": value for name, value in found.groupdict().items()}
+        groups = found.groupdict()
+        known |= {
+            f"{source}.{name}": value for name, value in {**groups, **_shares(groups)}.items()
+        }
     return known
+
+
+def _shares(groups: Mapping[str, str]) -> dict[str, str]:
+    """Return the share NAME of every pair of groups NAME_k and NAME_of, where no group has that
+    name.
+    """
+    names = [name.removesuffix("_k") for name in groups if name.endswith("_k")]
+    return {
+        name: str(int(groups[f"{name}_k"]) / int(groups[f"{name}_of"]))
+        for name in names
+        if f"{name}_of" in groups and name not in groups
+    }
 
 
 def _block(text: str, begins: list[str]) -> str:
