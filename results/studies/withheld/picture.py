@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from simbench.files import whole_file
+from simbench.figures._style import write_picture
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 
 if TYPE_CHECKING:
@@ -28,11 +28,8 @@ def confusion(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw(counts: pd.DataFrame, out: Path) -> None:
-    """Draw the confusion counts as row shares and save PNG and SVG."""
-    figure = confusion_figure(counts)
-    for kind in ("png", "svg"):
-        with whole_file(out / f"confusion.{kind}", "wb") as f:
-            figure.savefig(f, format=kind, dpi=130)
+    """Draw the confusion counts as row shares and save them."""
+    write_picture(confusion_figure(counts), out / "confusion.svg")
 
 
 def confusion_figure(counts: pd.DataFrame) -> Figure:
@@ -47,7 +44,7 @@ def confusion_figure(counts: pd.DataFrame) -> Figure:
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
-    axes.pcolormesh(edges[1], edges[0], shares, cmap="Blues", vmin=0, vmax=1)
+    axes.pcolormesh(edges[1], edges[0], shares, cmap="Blues", vmin=0, vmax=1, rasterized=True)
     axes.invert_yaxis()
     for (i, j), n in np.ndenumerate(counts.to_numpy()):
         if n:

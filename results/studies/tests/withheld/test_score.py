@@ -259,7 +259,7 @@ def test_someone_elses_folder_is_scored_with_what_it_has(theirs):
     assert (by_name["first answer right"]["k"], by_name["first answer right"]["n"]) == (1, 1)
     assert by_name["foreign: unknown or the library's name, of the resolvable"]["k"] == 0
     assert "foreign: broken_spring" in score["markdown"]
-    tables = ["answers.csv", "by_effect.csv", "confusion.png", "confusion.svg", "records.csv"]
+    tables = ["answers.csv", "by_effect.csv", "confusion.svg", "records.csv"]
     made = sorted(p.name for p in (theirs / "out").iterdir())
     assert made == [*tables, "score.csv", "score.json"]
     stored = json.loads((theirs / "out" / "score.json").read_text())
