@@ -73,6 +73,10 @@ def test_marks_that_mean_nothing_are_refused(tmp_path):
         numbers.fill("1<!--causes.late-->", known, "page")
     with pytest.raises(ParameterError, match="a mark stands behind no number"):
         numbers.fill("many<!--causes.right-->", known, "page")
+    with pytest.raises(ParameterError, match="a mark of lines stands before no block"):
+        numbers.fill("as follows:<!--lines: first-->\n", known, "page")
+    with pytest.raises(ParameterError, match="has '-' where a page has 1; a number is needed"):
+        numbers.fill("1<!--causes.right-->", {"causes.right": "-"}, "page")
     (root / "results" / "causes.txt").write_text("nothing\n")
     with pytest.raises(ParameterError, match="has no line like"):
         numbers.known_numbers(root)
@@ -91,6 +95,9 @@ def test_a_block_is_the_lines_of_its_file(tmp_path):
     assert numbers.differing(root) == {root / "README.md": ["the lines of first are others"]}
     page = (root / "README.md").read_text()
     assert numbers.fill(page, known, "page") == page.replace("he", "kano")
+    (root / "results" / "causes.txt").write_text("rank\n2 he\n")
+    with pytest.raises(ParameterError, match="first: no line begins like '1 '"):
+        numbers.known_numbers(root)
     with pytest.raises(ParameterError, match=r"'second' is not in docs/numbers\.toml"):
         numbers.fill(page.replace("first", "second"), known, "page")
 

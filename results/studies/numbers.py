@@ -40,7 +40,7 @@ def known_numbers(root: Path = ROOT) -> dict[str, str]:
                 f" {place['pattern']!r}; the pattern that finds it now is needed"
             )
         if "lines" in place:
-            known[source] = _block(found[0], place["lines"])
+            known[source] = _block(found[0], place["lines"], f"docs/numbers.toml: {source}")
         groups = found.groupdict()
         known |= {
             f"{source}.{name}": value for name, value in {**groups, **_shares(groups)}.items()
@@ -60,21 +60,32 @@ def _shares(groups: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def _block(text: str, begins: list[str]) -> str:
+def _block(text: str, begins: list[str], where: str) -> str:
     """Return the first line of a text that each of some patterns begins, or all lines."""
     lines = text.splitlines()
-    chosen = [next(x for x in lines if re.match(start, x)) for start in begins] if begins else lines
-    return "".join(f"{line}\n" for line in chosen)
+    if begins:
+        firsts = [next((x for x in lines if re.match(start, x)), None) for start in begins]
+        if None in firsts:
+            lost = begins[firsts.index(None)]
+            raise ParameterError(f"{where}: no line begins like {lost!r}; one is needed")
+        lines = firsts
+    return "".join(f"{line}\n" for line in lines)
 
 
 def as_written(number: str, like: str) -> str:
     """Return a number of a file with the decimals, and with or without the leading zero, of the one
     on the page.
     """
+    try:
+        value = float(number)
+    except ValueError:
+        raise ParameterError(
+            f"a file of results has {number!r} where a page has {like}; a number is needed"
+        ) from None
     decimals = len(like.partition(".")[2])
-    text = f"{float(number):.{decimals}f}"
+    text = f"{value:.{decimals}f}"
     bare = like.lstrip("-").startswith(".")
-    return text.replace("0.", ".", 1) if bare and abs(float(number)) < 1.0 else text
+    return text.replace("0.", ".", 1) if bare and abs(value) < 1.0 else text
 
 
 def fill(page: str, known: Mapping[str, str], where: str) -> str:
@@ -94,6 +105,8 @@ def fill(page: str, known: Mapping[str, str], where: str) -> str:
     text = _BLOCK.sub(lambda mark: f"{mark['head']}{of_file(mark['name'])}```\n", text)
     if len(_ANY_MARK.findall(page)) != len(_MARKED.findall(page)):
         raise ParameterError(f"{where}: a mark stands behind no number; one is needed before each")
+    if page.count("<!--lines:") != len(_BLOCK.findall(page)):
+        raise ParameterError(f"{where}: a mark of lines stands before no block of text")
     return text
 
 
