@@ -1,6 +1,6 @@
 """Print results again: `python -m results.studies.remake [FILE ...]` runs the commands that
-results/README.md lists and writes what each row took; `--stale` names the results that are older
-than their code, with that time.
+results/README.md lists and notes at which commit and how long; `--stale` names the results that
+are older than their code, with that time.
 """
 
 from __future__ import annotations
@@ -14,13 +14,16 @@ import time
 import tomllib
 from pathlib import Path
 
-from results.studies.stale import list_stale
+from results.studies.stale import LastRun, list_stale
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.usage import exit_code
 
 ROOT = Path(__file__).parents[2]
-MINUTES = "minutes.toml"  # in results
-_ABOUT_MINUTES = "# minutes that each row of README.md took when remake last ran it, on two cores\n"
+PRINTED = "printed.toml"  # in results
+_ABOUT = (
+    "# when remake last ran each row of README.md: at which commit, and how many minutes it took on"
+    " two cores\n"
+)
 
 
 def listed(text: str) -> dict[str, list[str]]:
@@ -34,19 +37,27 @@ def listed(text: str) -> dict[str, list[str]]:
     }
 
 
-def minutes_of(root: Path) -> dict[str, float]:
-    """Return the minutes that each row took when it was last run; rows that never were are left
-    out.
-    """
-    path = root / "results" / MINUTES
-    return tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+def last_runs(root: Path) -> dict[str, LastRun]:
+    """Return when each row was last run; rows that never were are left out."""
+    path = root / "results" / PRINTED
+    rows = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    return {name: LastRun(**row) for name, row in rows.items()}
 
 
-def _note_minutes(name: str, minutes: float) -> None:
-    """Write what a row took beside what the others did."""
-    known = {**minutes_of(ROOT), name: minutes}
-    rows = "".join(f'"{row}" = {known[row]:.1f}\n' for row in sorted(known))
-    (ROOT / "results" / MINUTES).write_text(_ABOUT_MINUTES + rows, encoding="utf-8")
+def _note(name: str, run: LastRun) -> None:
+    """Write when a row was run beside what is known of the others."""
+    known = {**last_runs(ROOT), name: run}
+    rows = "".join(
+        f'"{row}" = {{ commit = "{known[row].commit}", minutes = {known[row].minutes:.1f} }}\n'
+        for row in sorted(known)
+    )
+    (ROOT / "results" / PRINTED).write_text(_ABOUT + rows, encoding="utf-8")
+
+
+def _commit() -> str:
+    """Return the commit that is checked out; "" outside a git checkout."""
+    words = ["git", "rev-parse", "--short=12", "HEAD"]
+    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True).stdout.strip()
 
 
 def _remake(name: str, commands: list[str], environment: dict[str, str], only_say: bool) -> bool:
@@ -92,7 +103,7 @@ def main(arguments: list[str] | None = None) -> int:
             )
     if chosen.stale:
         rows = {name: table[name] for name in chosen.files or table}
-        old = list_stale(ROOT, rows, minutes_of(ROOT))
+        old = list_stale(ROOT, rows, last_runs(ROOT))
         print("\n".join(map(str, old)) or "no result is older than its code")
         return 0
     failed = []
@@ -101,12 +112,13 @@ def main(arguments: list[str] | None = None) -> int:
         **os.environ,
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
+    commit = _commit()
     for name in chosen.files or table:
         start = time.monotonic()
         if not _remake(name, table[name], environment, chosen.list):
             failed.append(name)
         elif not chosen.list:
-            _note_minutes(name, (time.monotonic() - start) / 60.0)
+            _note(name, LastRun(commit, (time.monotonic() - start) / 60.0))
     if failed:
         print(f"failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import grimp
@@ -38,11 +38,21 @@ _FOLDERS = {"simbench/detectors/": "detectors/", "simbench/scenarios/": "scenari
 
 
 @dataclass(frozen=True)
+class LastRun:
+    """At which commit a row of results/README.md was last run ("": not known), and the minutes that
+    it took.
+    """
+
+    commit: str
+    minutes: float
+
+
+@dataclass(frozen=True)
 class Printed:
     """When a result was printed, and how many of the files that it depends on changed since."""
 
     name: str
-    date: str  # of the commit that last changed it; "" where it was never committed
+    date: str  # of the commit that printed it; "" where it was never committed
     files: int
     changed: int
     lines: int  # added and removed in these
@@ -60,7 +70,7 @@ class Printed:
 
 
 def list_stale(
-    root: Path, table: Mapping[str, Sequence[str]], minutes: Mapping[str, float]
+    root: Path, table: Mapping[str, Sequence[str]], runs: Mapping[str, LastRun]
 ) -> list[Printed]:
     """Return the rows of results/README.md whose code changed since they were printed, the most
     changed first, with the minutes that each takes.
@@ -71,7 +81,7 @@ def list_stale(
         )
     graph = grimp.build_graph("simbench", "results")
     rows = [
-        replace(_look_up(root, name, code_of(commands, graph)), minutes=minutes.get(name))
+        _look_up(root, name, code_of(commands, graph), runs.get(name))
         for name, commands in table.items()
     ]
     return sorted((r for r in rows if r.changed or not r.date), key=lambda r: -r.lines)
@@ -109,18 +119,22 @@ def _files_of(module: str) -> tuple[str, str]:
     return f"{path}.py", f"{path}/__init__.py"
 
 
-def _look_up(root: Path, name: str, code: set[str]) -> Printed:
-    """Return when a row of results/README.md was printed, and what changed of its code since."""
+def _look_up(root: Path, name: str, code: set[str], run: LastRun | None = None) -> Printed:
+    """Return when a row of results/README.md was printed, and what changed of its code since: since
+    its last run where that is known, else since the commit that last changed its file.
+    """
 
     def git(*words: str) -> str:
         done = subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=True)
         return done.stdout
 
     place = str((root / "results" / name).resolve().relative_to(root.resolve()))
-    commit, _, date = git("log", "-1", "--format=%H %as", "--", place).strip().partition(" ")
+    since = [run.commit] if run is not None and run.commit else ["--", place]
+    commit, _, date = git("log", "-1", "--format=%H %as", *since).strip().partition(" ")
     files = code & set(git("ls-files", "simbench", "detectors", "scenarios", "results").split())
+    minutes = None if run is None else run.minutes
     if not commit:
-        return Printed(name, "", len(files), 0, 0)
+        return Printed(name, "", len(files), 0, 0, minutes)
     counts = [line.split("\t") for line in git("diff", "--numstat", commit).splitlines()]
     changed = [int(a) + int(b) for a, b, file in counts if file in files]
-    return Printed(name, date, len(files), len(changed), sum(changed))
+    return Printed(name, date, len(files), len(changed), sum(changed), minutes)

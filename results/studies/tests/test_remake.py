@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from results.studies import remake
+from results.studies.stale import LastRun
 from simbench.usage import exit_code
 
 ROOT = Path(__file__).parents[3]
@@ -25,7 +26,7 @@ def test_every_kept_file_has_a_row():
     results = [
         k.removeprefix("results/")
         for k in kept
-        if not k.startswith("results/studies/") and not k.endswith(("README.md", remake.MINUTES))
+        if not k.startswith("results/studies/") and not k.endswith(("README.md", remake.PRINTED))
     ]
     rows = [name for name in TABLE if name.endswith("/")]
     assert len(results) > 50
@@ -79,12 +80,16 @@ def test_what_a_row_took_is_kept_for_the_list_of_stale_results(tmp_path, monkeyp
     (tmp_path / "results").mkdir()
     text = "| `a.txt` | `sleep .1` |\n| `b.txt` | `false` |\n"
     (tmp_path / "results" / "README.md").write_text(text)
-    (tmp_path / "results" / "minutes.toml").write_text('"a.txt" = 9.0\n"c/" = 2.5\n')
+    (tmp_path / "results" / "printed.toml").write_text(
+        '"a.txt" = { commit = "abc", minutes = 9.0 }\n"c/" = { commit = "def", minutes = 2.5 }\n'
+    )
     monkeypatch.setattr(remake, "ROOT", tmp_path)
     remake.main([])
-    assert remake.minutes_of(tmp_path) == {"a.txt": 0.0, "c/": 2.5}
+    # outside a git checkout no commit is known
+    kept = {"a.txt": LastRun("", 0.0), "c/": LastRun("def", 2.5)}
+    assert remake.last_runs(tmp_path) == kept
     remake.main(["a.txt", "--list"])
-    assert remake.minutes_of(tmp_path) == {"a.txt": 0.0, "c/": 2.5}
+    assert remake.last_runs(tmp_path) == kept
 
 
 def test_a_study_that_prints_that_a_bar_is_missed_has_printed(tmp_path, monkeypatch, capfd):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-from dataclasses import replace
 
 import grimp
 import pytest
@@ -57,5 +56,13 @@ def test_a_result_is_stale_from_the_next_change_of_its_code_on(tmp_path):
     old = stale._look_up(tmp_path, "a.txt", used)
     assert (old.changed, old.lines) == (1, 1)
     assert str(old).endswith("of 1 files of code 1 have changed since, by 1 lines")
-    assert str(replace(old, minutes=2.0)).endswith("by 1 lines; takes 2.0 minutes")
+    git("commit", "-am", "second")
+    # it was printed again at this commit, with the same bytes
+    head = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout.strip()
+    assert stale._look_up(tmp_path, "a.txt", used, stale.LastRun(head, 2.0)).changed == 0
+    code.write_text("1\n2\n3\n")
+    again = stale._look_up(tmp_path, "a.txt", used, stale.LastRun(head, 2.0))
+    assert str(again).endswith("by 1 lines; takes 2.0 minutes")
     assert str(stale._look_up(tmp_path, "b.txt", used)) == "b.txt: not committed"
