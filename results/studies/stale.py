@@ -119,6 +119,12 @@ def _files_of(module: str) -> tuple[str, str]:
     return f"{path}.py", f"{path}/__init__.py"
 
 
+def _is_known(root: Path, commit: str) -> bool:
+    """Whether a checkout has a commit: a shallow one lacks most."""
+    words = ["git", "cat-file", "-e", f"{commit}^{{commit}}"]
+    return subprocess.run(words, cwd=root, capture_output=True).returncode == 0
+
+
 def _look_up(root: Path, name: str, code: set[str], run: LastRun | None = None) -> Printed:
     """Return when a row of results/README.md was printed, and what changed of its code since: since
     its last run where that is known, else since the commit that last changed its file.
@@ -129,7 +135,7 @@ def _look_up(root: Path, name: str, code: set[str], run: LastRun | None = None) 
         return done.stdout
 
     place = str((root / "results" / name).resolve().relative_to(root.resolve()))
-    since = [run.commit] if run is not None and run.commit else ["--", place]
+    since = [run.commit] if run is not None and _is_known(root, run.commit) else ["--", place]
     commit, _, date = git("log", "-1", "--format=%H %as", *since).strip().partition(" ")
     files = code & set(git("ls-files", "simbench", "detectors", "scenarios", "results").split())
     minutes = None if run is None else run.minutes

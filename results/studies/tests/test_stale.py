@@ -63,6 +63,8 @@ def test_a_result_is_stale_from_the_next_change_of_its_code_on(tmp_path):
     ).stdout.strip()
     assert stale._look_up(tmp_path, "a.txt", used, stale.LastRun(head, 2.0)).changed == 0
     code.write_text("1\n2\n3\n")
+    for lost in ("", "0123456789ab"):  # unknown, or not in a shallow checkout
+        assert stale._look_up(tmp_path, "a.txt", used, stale.LastRun(lost, 2.0)).lines == 2
     again = stale._look_up(tmp_path, "a.txt", used, stale.LastRun(head, 2.0))
     assert str(again).endswith("by 1 lines; takes 2.0 minutes")
     assert str(stale._look_up(tmp_path, "b.txt", used)) == "b.txt: not committed"
