@@ -34,6 +34,8 @@ def worked(grid, number, groups, settings):
     return whole(grid, number, groups, settings)
 
 room.compute_piece = worked
+# a shell that started the tests in the background may have Ctrl-C ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 try:
     room.run_grid(make_grid(SMALL, "small", {"repeats": 2}), PLACE + "/run", METHODS, 2)
 except Interrupted as stop:
