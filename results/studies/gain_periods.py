@@ -74,9 +74,8 @@ def table() -> pd.DataFrame:
 def main() -> int:
     """Print the table."""
     print(
-        f"S = {SIZES[0]:g} and {SIZES[1]:g} %, J = {JUMP:g} S, noise {NOISE:g}; 8 loops with"
-        " a sound valve and 16 with one that sticks\nperiods after a change of gain over those"
-        " before it, and how many go on of those that oscillate before"
+        f"S = {SIZES[0]:g} and {SIZES[1]:g} %, J = {JUMP:g} S, noise {NOISE:g}\nperiods after a"
+        " change of gain over those before it, and how many go on of those that oscillate before"
     )
     print(table().to_string(index=False))
     return 0

@@ -9,26 +9,29 @@ of PV on PV. No record shows the valve's position.
 
 from __future__ import annotations
 
-import argparse
 import math
-from collections.abc import Iterator
-from itertools import chain, islice
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from joblib import Parallel, delayed
 
-from results.studies.plant.echoes import STICKY, Asked, Member, as_seen, asked, oscillates
+from results.studies.plant.echoes import (
+    STICKY,
+    Asked,
+    Member,
+    Study,
+    as_seen,
+    ask_grids,
+    draw_members,
+    oscillates,
+    ranked_loops,
+)
 from results.studies.plant.real_loops import share
-from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import YES, simulate_with_truth
-from simbench.detectors.errors import ParameterError
 from simbench.detectors.verdict import STICTION
 from simbench.gap.stiction.probability import verdict
 from simbench.gap.thresholds import LIKELIER
 from simbench.loop.simulate import simulate
 from simbench.scenarios.expansion import Grid
-from simbench.scenarios.grid import load_grid
-from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.parts import Part
 from simbench.scenarios.spec import Loop
 from simbench.usage import exit_code
@@ -43,19 +46,14 @@ _LEAST_SAMPLES = 3.0  # per period of a harmonic
 
 def members(grid: str, count: int, seed: int) -> Iterator[Member]:
     """Yield of so many groups of a grid, drawn by the seed, the sticky loop and its sound ones."""
-    source, rng = load_grid(grid), np.random.default_rng(seed)
-    groups = (int(index) for index in rng.permutation(source.group_count))
-    found = (these for group in groups if (these := _members(source, group, rng)))
-    return chain.from_iterable(islice(found, count))
+    return draw_members(STUDY, grid, count, seed)
 
 
 def _members(grid: Grid, group: int, rng: np.random.Generator) -> list[Member]:
     """Return a sticky loop of a group and the sound ones under each load, those that oscillate;
     nothing where the sticky one does not cycle or has no echo.
     """
-    ranked = [s for s in resolve(grid.group(group)) if s.tags.get("ranked")]
-    stuck = [s for s in ranked if str(s.tags["member"]).startswith(STICKY)]
-    echoes = [s for s in ranked if s.tags.get("echo", "none") != "none"]
+    stuck, echoes = ranked_loops(grid, group)
     if not stuck or not echoes:
         return []
     one = stuck[int(rng.integers(len(stuck)))]
@@ -110,7 +108,7 @@ def _under(loop: Loop, load: list[Part]) -> Loop:
     return loop.model_copy(update={"disturbance": tuple(load)})
 
 
-def as_lines(grid: str, answers: list[Asked]) -> list[str]:
+def as_lines(grid: str, answers: Sequence[Asked]) -> list[str]:
     """Return of how many loops of each kind stiction is claimed, and the highest probability."""
     lines = [f"{grid}: of loops that oscillate stiction is claimed"]
     for kind in dict.fromkeys(a.kind for a in answers):
@@ -122,25 +120,20 @@ def as_lines(grid: str, answers: list[Asked]) -> list[str]:
     return lines
 
 
+STUDY = Study(
+    name="corners",
+    about=__doc__,
+    of_group=_members,
+    as_lines=as_lines,
+    unit="group",
+    count=40,
+    needs="a sticky loop that cycles and an echo",
+)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Ask of the loops of every grid and print what is concluded."""
-    parser = argparse.ArgumentParser(
-        prog="python -m results.studies.plant.corners", description=__doc__
-    )
-    parser.add_argument("grid", nargs="+", choices=grid_names())
-    parser.add_argument("-n", type=int, default=40, help="Groups of each grid [40].")
-    parser.add_argument("--seed", type=int, required=True, help="Seed that draws the groups.")
-    parser.add_argument("-j", type=int, default=2, metavar="JOBS", help="Loops at once [2].")
-    given = parser.parse_args(arguments)
-    if given.n < 1:
-        raise ParameterError(f"-n {given.n}: at least 1 group is needed")
-    for grid in given.grid:
-        loops = members(grid, given.n, given.seed)
-        answers = Parallel(n_jobs=given.j)(delayed(asked)(member) for member in loops)
-        if not answers:
-            raise ParameterError(f"grid {grid}: no group has a sticky loop that cycles and an echo")
-        print("\n".join(as_lines(grid, answers)), flush=True)
-    return 0
+    return ask_grids(STUDY, arguments)
 
 
 if __name__ == "__main__":

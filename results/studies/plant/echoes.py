@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -32,6 +32,7 @@ from simbench.gap.thresholds import LIKELIER
 from simbench.scenarios.expansion import Grid
 from simbench.scenarios.grid import load_grid
 from simbench.scenarios.packaged import grid_names
+from simbench.scenarios.spec import Scenario
 from simbench.usage import exit_code
 
 FALSE = 0.05  # share of the echoes that may be taken for sticky where the sensitivity is read off
@@ -52,29 +53,51 @@ class Asked(NamedTuple):
     probability: float | None
 
 
+class Study(NamedTuple):
+    """What is asked of loops that are drawn from groups of grids."""
+
+    name: str  # of its module
+    about: str | None
+    of_group: Callable[[Grid, int, np.random.Generator], Sequence[Member]]  # none where not fit
+    as_lines: Callable[[str, Sequence[Asked]], list[str]]
+    unit: str  # what a group yields
+    count: int  # of these, unless another is asked for
+    needs: str  # what no group of a grid without any has
+
+
 def pairs(grid: str, count: int, seed: int) -> Iterator[Member]:
     """Yield both members of so many pairs, each from another group of the grid, drawn by the
     seed.
     """
+    return draw_members(STUDY, grid, count, seed)
+
+
+def draw_members(study: Study, grid: str, count: int, seed: int) -> Iterator[Member]:
+    """Yield what a study takes from so many groups of a grid, drawn by the seed."""
     source, rng = load_grid(grid), np.random.default_rng(seed)
     groups = (int(index) for index in rng.permutation(source.group_count))
-    found = (two for group in groups if (two := _pair(source, group, rng)))
+    found = (members for group in groups if (members := study.of_group(source, group, rng)))
     return chain.from_iterable(islice(found, count))
 
 
-def _pair(grid: Grid, group: int, rng: np.random.Generator) -> tuple[Member, Member] | None:
-    """Return a sticky loop of a group and an echo, drawn from those that are ranked; None where
-    there are none, or one of both does not oscillate.
-    """
+def ranked_loops(grid: Grid, group: int) -> tuple[list[Scenario], list[Scenario]]:
+    """Return the sticky loops of a group and its echoes, of those that are ranked."""
     ranked = [s for s in resolve(grid.group(group)) if s.tags.get("ranked")]
     stuck = [s for s in ranked if str(s.tags["member"]).startswith(STICKY)]
-    echoes = [s for s in ranked if s.tags.get("echo", "none") != "none"]
+    return stuck, [s for s in ranked if s.tags.get("echo", "none") != "none"]
+
+
+def _pair(grid: Grid, group: int, rng: np.random.Generator) -> Sequence[Member]:
+    """Return a sticky loop of a group and an echo, drawn from those that are ranked; nothing where
+    there are none, or one of both does not oscillate.
+    """
+    stuck, echoes = ranked_loops(grid, group)
     if not stuck or not echoes:
-        return None
+        return ()
     one, other = (members[int(rng.integers(len(members)))] for members in (stuck, echoes))
     (sticking, cycled), (healthy, _) = (simulate_with_truth(s.loop, s.seed) for s in (one, other))
     if cycled.answer != YES or not all(oscillates(r.record) for r in (sticking, healthy)):
-        return None
+        return ()
     echo = str(other.tags["echo"])
     return Member(as_seen(sticking.record), STICKY), Member(as_seen(healthy.record), echo)
 
@@ -117,27 +140,44 @@ def as_lines(grid: str, answers: Sequence[Asked]) -> list[str]:
     return lines
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Ask of the pairs of every grid and print what was found."""
+STUDY = Study(
+    name="echoes",
+    about=__doc__,
+    of_group=_pair,
+    as_lines=as_lines,
+    unit="pair",
+    count=200,
+    needs="a sticky loop and an echo that both oscillate",
+)
+
+
+def ask_grids(study: Study, arguments: list[str] | None) -> int:
+    """Ask of what a study takes from every grid and print what was found."""
     parser = argparse.ArgumentParser(
-        prog="python -m results.studies.plant.echoes", description=__doc__
+        prog=f"python -m results.studies.plant.{study.name}", description=study.about
     )
+    units, count = f"{study.unit}s", study.count
     parser.add_argument("grid", nargs="+", choices=grid_names())
-    parser.add_argument("-n", type=int, default=200, help="Pairs of each grid [200].")
-    parser.add_argument("--seed", type=int, required=True, help="Seed that draws the pairs.")
+    parser.add_argument(
+        "-n", type=int, default=count, help=f"{units.capitalize()} of each grid [{count}]."
+    )
+    parser.add_argument("--seed", type=int, required=True, help=f"Seed that draws the {units}.")
     parser.add_argument("-j", type=int, default=2, metavar="JOBS", help="Loops at once [2].")
     given = parser.parse_args(arguments)
     if given.n < 1:
-        raise ParameterError(f"-n {given.n}: at least 1 pair is needed")
+        raise ParameterError(f"-n {given.n}: at least 1 {study.unit} is needed")
     for grid in given.grid:
-        members = pairs(grid, given.n, given.seed)
-        answers = Parallel(n_jobs=given.j)(delayed(asked)(member) for member in members)
+        members = draw_members(study, grid, given.n, given.seed)
+        answers: Any = Parallel(n_jobs=given.j)(delayed(asked)(member) for member in members)
         if not answers:
-            raise ParameterError(
-                f"grid {grid}: no group has a sticky loop and an echo that both oscillate"
-            )
-        print("\n".join(as_lines(grid, answers)), flush=True)
+            raise ParameterError(f"grid {grid}: no group has {study.needs}")
+        print("\n".join(study.as_lines(grid, answers)), flush=True)
     return 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Ask of the pairs of every grid and print what was found."""
+    return ask_grids(STUDY, arguments)
 
 
 if __name__ == "__main__":
