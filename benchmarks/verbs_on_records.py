@@ -1,6 +1,6 @@
 """Ask every verb that concludes for its conclusion on labelled records.
 
-`python benchmarks/verbs_on_records.py FOLDER LABELS` runs `detect`, `diagnose`, `trust` and `gap
+`python benchmarks/verbs_on_records.py FOLDER LABELS` runs `detect`, `diagnose` and `gap
 diagnose`, and `detect` on the folder, as a user would, with nothing but what the table of labels
 states of each loop. It prints one row per loop with the probability of stiction and the conclusion
 of each verb, then for each verb how many loops, and how many units, agree with their labels. A unit
@@ -28,7 +28,6 @@ from simbench.gap.stiction.conclusion import WORDS
 _VERBS = {
     "detect": "detect FILE --method likelihood",
     "diagnose": "diagnose FILE",
-    "trust": "trust FILE --method horch_histogram",  # its conclusion does not depend on methods
     "gap diagnose": "gap diagnose FILE --identify",
 }
 _FOLDER = "detect FOLDER"

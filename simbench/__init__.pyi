@@ -1,8 +1,6 @@
 """The public names, for people, type checkers and the loader; a further one is one further line."""
 
 from simbench import gap as gap
-from simbench.bench.citing import cite as cite
-from simbench.bench.execute.sweep import sweep as sweep
 from simbench.bench.score.shipped import results as results
 from simbench.detection import detect as detect
 from simbench.detectors.record import LoopRecord as LoopRecord
@@ -16,7 +14,6 @@ from simbench.loop.simulate import simulate_batch as simulate_batch
 from simbench.notebook import Loop as Loop
 from simbench.notebook import load_loop as load_loop
 from simbench.theory.predict import predict as predict
-from simbench.trust.trust import trust as trust
 from simbench.verbs import check as check
 from simbench.verbs import contract as contract
 from simbench.verbs import diagnose as diagnose

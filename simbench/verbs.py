@@ -19,7 +19,6 @@ from simbench.detectors.views import page_part
 if TYPE_CHECKING:
     import pandas as pd
 
-    from simbench.bench.execute.sweep import Sweep
     from simbench.bench.score.check_result import Check
     from simbench.bench.score.result import Scores
     from simbench.detectors.contract.engine import Contract
@@ -158,7 +157,6 @@ def check(
     *,
     margin: float | None = None,
     exact: bool = False,
-    plugins: Iterable[str | Path] = (),
 ) -> Check:
     """Compare a run with a baseline, loop by loop, and say whether a detector lost accuracy.
 
@@ -172,8 +170,6 @@ def check(
         Share of right answers that may be lost (0 to 1); 0.01 when absent.
     exact : bool
         Fail on every changed verdict or score of a method of the package.
-    plugins : iterable of str or Path
-        Files of plug-ins that the run used, which are asked again where bits differ.
 
     Returns
     -------
@@ -185,12 +181,9 @@ def check(
     RunError
         Where the two cannot be compared.
     """
-    from simbench.bench.execute.again import check_and_ask_again
-    from simbench.bench.score.check import MARGIN
+    from simbench.bench.score.check import MARGIN, check_run
 
-    return check_and_ask_again(
-        folder, against, MARGIN if margin is None else margin, exact, plugins
-    )
+    return check_run(folder, against, MARGIN if margin is None else margin, exact)
 
 
 def contract(path: str | Path) -> Contract:
@@ -224,7 +217,7 @@ def contract(path: str | Path) -> Contract:
 
 
 def run(
-    grid: str | Path | Grid | Sweep,
+    grid: str | Path | Grid,
     methods: Methods = ("fast", "oracle"),
     *,
     out: str | Path | None = None,
@@ -236,7 +229,7 @@ def run(
     Parameters
     ----------
     grid : str, Path or Grid
-        Name, TOML file, a grid or sweep at hand, the folder of a run, or a record or a folder of
+        Name, TOML file, a grid at hand, the folder of a run, or a record or a folder of
         records: the loops that copy them, with sound valves and with sticking ones. Records that no
         loop is near are left out.
     methods : str, function, object with `detect`, or iterable of them
@@ -271,12 +264,10 @@ def run(
     """
     from simbench.bench.execute.add import add_to_run
     from simbench.bench.execute.run import run_grid
-    from simbench.bench.execute.sweep import Sweep
     from simbench.bench.store.benchmark import is_records
     from simbench.scenarios.expansion import Grid
 
     names, own = named_methods(methods)
-    grid = grid.grid if isinstance(grid, Sweep) else grid
     if not (settings.get("add") or settings.get("answers")):
         settings.pop("add", None)
         settings.pop("answers", None)

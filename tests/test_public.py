@@ -58,7 +58,7 @@ def test_completion_lists_the_public_names_and_nothing_of_the_machinery():
     assert set(sb.__all__) >= set(names.split())
 
 
-NEAR = [(sb, "sweeep", "sweep"), (sb, "Lop", "Loop"), (sb.gap, "diagnos", "diagnose")]
+NEAR = [(sb, "scoer", "score"), (sb, "Lop", "Loop"), (sb.gap, "diagnos", "diagnose")]
 
 
 @pytest.mark.parametrize(("package", "wrong", "right"), NEAR)
@@ -80,7 +80,6 @@ period = sb.predict(loop)["exact"]
 scores = sb.score(sb.run("smoke", jobs=2))
 resolved: float = scores.resolution
 said: str = sb.gap.diagnose(run.record, loop).sentence()
-swept = sb.sweep(loop, {"valve.S": [0, 2]})
 
 
 def mine(record: sb.LoopRecord) -> tuple[bool, float]:
@@ -99,13 +98,12 @@ methods = [mine, Level(2.0), "horch"]
 own = sb.detect(op=[1.0, 2.0], pv=[1.0, 2.0], Ts=1.0, methods=methods, process="integrating")
 table = sb.detect({"op": [1.0], "pv": [1.0], "t": [0.0]}, mine, kind="flow")
 folder = sb.run("smoke", ["horch", mine, Level()], sets={"repeats": 2}, resume=True)
-sure = sb.trust({"op": [1.0], "pv": [1.0]}, [mine], Ts=1.0).probability
 gap = sb.gap.diagnose(op=[1.0], pv=[1.0], Ts=1.0, baseline=loop).effect
 travel = sb.confirm(op=[1.0], pv=[1.0], Ts=1.0).same_direction
 changed = sb.confirm(run, run.record, ratio=0.6).verdict
 """
 WRONG = {
-    "sb.sweeep": "sweeep",
+    "sb.scoer": "scoer",
     "sb.Loop(plant={}, controller={}, sampling={}, vlave={})": "vlave",
     "sb.load_loop(3)": "Literal[3]",
     "sb.detect()": "overloads",
@@ -116,7 +114,6 @@ WRONG = {
     "sb.detect('a.csv', lambda r: 3)": "detect",
     "sb.run('smoke', jobs='2')": "jobs",
     "sb.run('smoke', resum=True)": "resum",
-    "sb.trust('a.csv', methods=['horch'], repaets=3)": "repaets",
     "sb.gap.diagnose('a.csv', None, proces='integrating')": "proces",
     "sb.confirm('a.csv', 'b.csv', ratio='0.6')": "confirm",
 }
@@ -229,12 +226,10 @@ def test_there_is_one_class_of_loops():
     assert loop.simulate(seed=1).record.n == 1200
 
 
-def test_the_verbs_of_a_check_and_a_citation_are_functions(tmp_path, capsys):
+def test_the_verbs_of_a_check_are_functions(tmp_path):
     folder = sb.run("smoke", "horch", out=tmp_path / "run", sets={"disturbance": "none"})
     assert sb.check(folder, folder).result == "same"
     assert repr(sb.check(folder, folder)).endswith(": same")
-    assert main(["cite", str(folder)]) == 0
-    assert sb.cite(folder) == capsys.readouterr().out
     grid = Path(scenarios.__file__).parent / "grids" / "smoke.toml"
     assert sb.contract(grid).kept
     import simbench.contract as room

@@ -16,7 +16,6 @@ from unittest.mock import patch
 
 import numpy as np
 
-from simbench.bench.execute.again import differing
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.check import check_books
@@ -38,13 +37,14 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import table
 from simbench.detectors.signal.ellipse import Ellipse
 from simbench.detectors.signal.fits import hammerstein
-from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdict
+from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 from simbench.usage import exit_code
 
 BREAKS = HARMLESS = 40
-AT_RANDOM = 0.02  # of the answers of a detector that is not itself
+
+
 # what a detector broken on purpose answers, from its true codes and scores
 BROKEN = {
     "always stiction": lambda said, score: (np.full_like(said, CODES[STICTION]), score),
@@ -241,25 +241,6 @@ def caught(now: RunArrays, base: RunArrays, exact: bool = False) -> bool:
         return True
 
 
-def _at_random(folder: Path, method: str) -> bool:
-    """Whether a detector is caught that answers 2 % of the records at random when it is asked
-    again.
-    """
-    rng, module = np.random.default_rng(0), registry.load(method)
-    honest = module.detect
-
-    def moody(prepared, **thresholds) -> Verdict:
-        verdict = honest(prepared, **thresholds)
-        return (
-            verdict
-            if rng.random() > AT_RANDOM
-            else replace(verdict, verdict=STICTION, score=rng.random())
-        )
-
-    with patch.object(module, "detect", moody):
-        return any(f"method {method} " in verdicts for verdicts in differing(folder))
-
-
 def _without(base: RunArrays, i: int) -> RunArrays:
     wide = ("verdict", "score", "applicable", "failed", "runtime")
     kept = tuple(m for k, m in enumerate(base.methods) if k != i)
@@ -344,7 +325,7 @@ def study(
         cases = [(m, how, now, True) for m in small for how, now in worsened(base, m, rng)]
         cases += [(m, "2 loops", few(base, m), True) for m in small[:2]]
         ways = [(m, how) for how in BROKEN for m in base.methods]
-        left = BREAKS - len(cases) - 2  # two answer at random
+        left = BREAKS - len(cases)
         chosen = [
             ways[k] for k in np.linspace(0, len(ways) - 1, min(left, len(ways))).round().astype(int)
         ]
@@ -355,19 +336,7 @@ def study(
             ("all", f"other order {seed}", _reordered(base, seed), False)
             for seed in range(max(others, 0))
         ]
-        moody = [(m, _at_random(folder, m)) for m in small[:2]]
-        rows: list[dict[str, object]] = [
-            {
-                "method": m,
-                "what": "2 % at random",
-                "flips": None,
-                "failed": k,
-                "exact": k,
-                "as_wanted": k,
-            }
-            for m, k in moody
-        ]
-        rows += [_row(case, base) for case in cases]
+        rows: list[dict[str, object]] = [_row(case, base) for case in cases]
         rows += small_changes(folder)
     return rows
 

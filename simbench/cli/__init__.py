@@ -24,13 +24,13 @@ from simbench.detectors.errors import ParameterError
 # action
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-# New objects before garbage is looked for. With Python's 700 `detect`, `trust` and `gap diagnose`
-# take 1.05 to 1.1 times as long at their first use, for imports and numba make millions of objects
-# that stay; it costs 30 MB.
+# New objects before garbage is looked for. With Python's 700 `detect` and `gap diagnose` take
+# 1.05 to 1.1 times as long at their first use, for imports and numba make millions of objects that
+# stay; it costs 30 MB.
 _NEW_OBJECTS = 20_000
 
 # each registers its verbs, in the order of the help
-from simbench.cli import simulate, detect, trust, run, bench, confirm, gap, catalogue  # isort: skip  # noqa: F401
+from simbench.cli import simulate, detect, run, bench, confirm, gap, catalogue  # isort: skip  # noqa: F401
 from simbench.cli.common import app
 from simbench.usage import exit_code
 

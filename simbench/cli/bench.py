@@ -1,4 +1,4 @@
-"""The verbs that read a run: score it, compare it with a baseline, draw a figure, cite it."""
+"""The verbs that read a run: score it, compare it with a baseline, draw a figure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from simbench.cli.common import (
     AllowFailed,
     Full,
     Json,
-    Limit,
     Report,
     app,
     end_by_failures,
@@ -177,15 +176,6 @@ def check(
             " runs of one machine.",
         ),
     ] = False,
-    plugin: Annotated[
-        list[Path] | None,
-        Option(
-            metavar="FILE.py",
-            help="Load a plug-in that the run used, to ask it again where the bits of a record are"
-            " not the baseline's; may be repeated.",
-        ),
-    ] = None,
-    time_limit: Limit = 60.0,
     as_json: Json = False,
 ) -> None:
     """Compare a run with a baseline, loop by loop; exit 1 if a detector became worse.
@@ -194,14 +184,12 @@ def check(
     on more loops without any, by more than the margin and than chance explains. Exit codes: 0 no
     loss, 1 worse, 2 the two cannot be compared or the command is wrong, 3 cannot tell (answers were
     lost, and the loops are too few to find a loss that matters). A chaotic loop may have other last
-    bits on another processor: the check says of how many loops, and allows for the answers that
-    this loses.
+    bits on another processor: the check says of how many loops.
 
     Use it in continuous integration: make a baseline once with --update, commit it, and let this
     command fail the build when a change makes a detector less accurate.
     """
-    from simbench.bench.execute.again import check_and_ask_again
-    from simbench.bench.score.check import update_baseline
+    from simbench.bench.score.check import check_run, update_baseline
     from simbench.bench.score.check_result import NO_LOSS, NOT_COMPARABLE, WORSE
     from simbench.bench.store.folder import RunError
     from simbench.files import refuse_own_input, whole_file
@@ -211,7 +199,7 @@ def check(
         say(update_baseline(folder, against))
         return
     try:
-        result = check_and_ask_again(folder, against, margin, exact, plugin or [], time_limit)
+        result = check_run(folder, against, margin, exact)
     except RunError as error:
         if as_json:
             show({"result": NOT_COMPARABLE, "reason": str(error)}, as_json)
@@ -276,11 +264,3 @@ def figure(
         # of all figures the gallery has the captions
         lines += [f"  {one.caption}"] if row["files"] and "all" not in ids else []
     show(rows if as_json else "\n".join(lines), as_json)
-
-
-@app.command(epilog=examples("cite runs/chapter"))
-def cite(folder: Run) -> None:
-    """Print BibTeX of the methods, valve models and benchmark that a run used."""
-    from simbench.bench import citing
-
-    print(citing.cite(folder), end="")

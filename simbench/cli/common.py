@@ -196,16 +196,6 @@ Report = Annotated[
     Option(metavar="FILE.html", help="Write an HTML report with pictures to this file."),
 ]
 Seed = Annotated[int, Option(min=0, help="Seed the random numbers with this integer.")]
-Power = Annotated[
-    bool,
-    Option(
-        "--power",
-        help=(
-            "Also report which method is most reliable on loops like this one, and from which size "
-            "of stiction on it finds it there, as `simbench trust` does."
-        ),
-    ),
-]
 
 
 def reads(verb: Callable[..., None]) -> Callable[..., None]:

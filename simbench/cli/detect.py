@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option
 
@@ -14,7 +14,6 @@ from simbench.cli.common import (
     MethodIds,
     Page,
     Plugin,
-    Power,
     app,
     examples,
     reads,
@@ -53,7 +52,6 @@ def detect(
     ] = None,
     plugin: Plugin = None,
     time_limit: Limit = 60.0,
-    power: Power = False,
     why: Annotated[
         bool, Option("--why", help="Print each method's reason below the table.")
     ] = False,
@@ -116,7 +114,7 @@ def detect(
 
         write_table(report.loops() if report.of_folder else report.to_frame(), csv)
     if html is not None:
-        from simbench.trust.detect_page import write_page
+        from simbench.page.detect_page import write_page
 
         write_page(report, html)
     if as_json:
@@ -133,8 +131,6 @@ def detect(
         say_assumed(report.records.values(), as_json)
     if html is not None:
         say(f"page: {html.resolve()}", as_json)
-    if power:
-        _print_power(path, method or ["all"], as_json, **about)
     if report.refused:
         raise Exit(1)
 
@@ -153,7 +149,6 @@ def diagnose(
     picture: Annotated[
         Path | None, Option(help="Draw the steps of the diagnosis to this file (SVG or PNG).")
     ] = None,
-    power: Power = False,
     as_json: Json = False,
     *,
     about: dict,
@@ -175,16 +170,3 @@ def diagnose(
         draw_path(diagnosis.procedure, picture)
     show_result(diagnosis, as_json)
     say_assumed([diagnosis.record], as_json)
-    if power:
-        _print_power(path, ["all"], as_json, **about)
-
-
-def _print_power(path: Path, methods: list[str], as_json: bool, **about: Any) -> None:
-    from simbench.detectors.records.folder import read_folder
-    from simbench.detectors.records.io import read_record
-    from simbench.trust.trust import trust
-
-    records = read_folder(path, **about)[0] if path.is_dir() else {"": read_record(path, **about)}
-    for name, record in records.items():
-        line = trust(record, methods).line()
-        say(f"{name}: {line}" if name else f"{line[0].upper()}{line[1:]}.", as_json)

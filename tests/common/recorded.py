@@ -1,6 +1,5 @@
 """Two loops that many tests simulate, and what a plant would have recorded of them."""
 
-from simbench.detectors.errors import RecordError
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -45,8 +44,3 @@ def resting(seed, n=1500, **changes):
     """
     table = {**RESTING, "sampling": {"Ts": 2.0, "n": n}, **changes}
     return simulate(Loop.from_table(table), seed, kick=5.0 if changes else 0.0).record.without_mv()
-
-
-def no_loop_near(*_):
-    """Stand in for the search of the loop that copies a record, which takes seconds."""
-    raise RecordError("no loop is near the record")

@@ -240,7 +240,7 @@ def test_help_lists_and_three_detectors_on_one_record_import_nothing_heavy(tmp_p
     assert printed(code) == ["0"] * len(commands)
 
 
-def test_diagnosis_and_trust_load_no_package_that_they_may_not_need():
-    modules = "simbench.gap.command, simbench.trust.trust"
+def test_diagnosis_loads_no_package_that_they_may_not_need():
+    modules = "simbench.gap.command"
     code = f"import sys, {modules}; print(*(m for m in {SLOW} if m in sys.modules))"
     assert printed(code) == [""]

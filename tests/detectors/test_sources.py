@@ -140,13 +140,12 @@ FORMS = [
 
 
 @pytest.mark.parametrize(("detector", "words"), FORMS)
-@pytest.mark.parametrize("verb", ["detect", "trust", "run"])
+@pytest.mark.parametrize("verb", ["detect", "run"])
 def test_a_detector_of_the_wrong_form_is_one_sentence_before_any_record_is_judged(
     detector, words, verb, tmp_path
 ):
     calls = {
         "detect": lambda: sb.detect(FRAME, [detector, "horch"]),
-        "trust": lambda: sb.trust(FRAME, methods=[detector, "horch"]),
         "run": lambda: sb.run("smoke", [detector, "horch"], out=tmp_path / "run"),
     }
     with pytest.raises(AnswerError, match=words):
@@ -206,17 +205,7 @@ def test_a_function_judges_a_grid_in_any_process(tmp_path):
     assert tables[0].equals(tables[1])
 
 
-def test_trust_gap_and_confirm_take_the_same():
-    run = sb.Loop(
-        plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},
-        controller={"type": "PI", "Kc": 1, "Ti": 10},
-        sampling={"Ts": 1, "n": 600},
-        noise={"std": 0.1},
-        setpoint={"steps": [[100, 55], [300, 48]]},
-    ).simulate(1)
-    frame = run.to_frame()
-    held = sb.trust(frame, methods=[mean_op, "horch"], repeats=1)
-    assert {m.verdict.method for m in held.methods} == {"mean_op", "horch"}
+def test_gap_and_confirm_take_the_same():
     t = np.arange(2000.0)
     one, two = (
         {"t": t, "op": 50 + np.sin(2 * np.pi * t / P), "pv": np.cos(2 * np.pi * t / P)}

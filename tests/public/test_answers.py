@@ -109,7 +109,6 @@ OPTIONS = {
     "figure": "-o --isdb",
     "gap diagnose": "--baseline --identify --test -j --no-bootstrap --json --html --write-loop",
     "gap plan": "--baseline --limits --json --html",
-    "trust": "--method --json",
     "contract": "",
     "list": "--json",
 }
@@ -414,36 +413,3 @@ def test_the_baseline_samples_like_the_record(place, capsys, Ts, code):
         main(["gap", "diagnose", str(place / "sticky.csv"), "--baseline", str(place / "ts.toml")])
         == code
     )
-
-
-def test_trust(answer):
-    answered = answer("trust sticky.csv --method he")
-    assert set(answered) == {
-        "methods",
-        "best",
-        "smallest_S",
-        "probability",
-        "probability_of_stiction",
-        "loops",
-        "reason",
-        "notes",
-        "conclusion",
-    }
-    assert set(answered["conclusion"]) == CONCLUSION
-    for m in answered["methods"]:
-        assert set(m) == {
-            "method",
-            "applicable",
-            "verdict",
-            "rank",
-            "cost",
-            "accuracy",
-            "sensitivity",
-            "false_positives",
-            "smallest_S",
-        }
-    assert answered["best"] in {m["method"] for m in answered["methods"]}
-    assert 0.0 <= answered["probability"] <= 1.0
-    assert answered["smallest_S"] is None or answered["smallest_S"] > 0.0
-    assert answered["loops"] > 0
-    assert finite(answered)

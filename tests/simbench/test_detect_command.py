@@ -130,7 +130,7 @@ def test_table_and_page_are_written(folder, capsys, tmp_path):
 
 
 def test_a_page_says_how_many_of_its_loops_are_drawn(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("simbench.trust.detect_page._SHOWN", 1)
+    monkeypatch.setattr("simbench.page.detect_page._SHOWN", 1)
     page = tmp_path / "page.html"
     printed(capsys, "detect", folder, "--method", "horch", "--html", page)
     assert "The first 1 of 2 loops are drawn below" in page.read_text(encoding="utf-8")
@@ -326,7 +326,6 @@ def test_json_of_every_verb_that_concludes_has_the_conclusion_its_text_prints(fo
     for verb in (
         ("detect", file, "--method", "horch,likelihood"),
         ("diagnose", file),
-        ("trust", file, "--method", "horch"),
         ("gap", "diagnose", file, "--identify"),
     ):
         first = " ".join(printed(capsys, *verb).out.split())
@@ -344,7 +343,7 @@ def test_json_of_every_verb_that_concludes_has_the_conclusion_its_text_prints(fo
 def test_how_a_record_is_read_is_explained_once(capsys):
     said = printed(capsys, "detect", "--help").out
     assert "State the recorded values of OP that mean 0 and" in " ".join(said.split())
-    other = " ".join(printed(capsys, "trust", "--help").out.split())
+    other = " ".join(printed(capsys, "diagnose", "--help").out.split())
     assert "--op-span" in other
     assert "see simbench detect --help" in other
     assert "State the recorded values of OP" not in other

@@ -65,7 +65,7 @@ def api_pages() -> dict[str, str]:
 def _page(package: str, name: str, thing: object) -> str:
     kind = "autoclass" if inspect.isclass(thing) else "autofunction"
     # the package of that name comes before it
-    home = thing.__module__ if name in ("confirm", "trust") else package
+    home = thing.__module__ if name == "confirm" else package
     lines = [*heading(f"{package}.{name}"), f".. currentmodule:: {home}", "", f".. {kind}:: {name}"]
     return "\n".join([*lines, *(["   :members:"] if kind == "autoclass" else []), ""])
 

@@ -21,8 +21,8 @@ The table is what was measured, on loops whose truth is known (grid ``chapter``,
 real loops ({real}). Accuracy counts no decision as not right. Below it every method states
 what it needs and when not to use it. In short:
 
-- OP and PV alone: begin with ``procedure``, which weighs the others; on one of your loops,
-  ``simbench trust`` names the method to trust there.
+- OP and PV alone: begin with ``procedure``, which weighs the others; on loops like yours,
+  ``simbench run FOLDER`` names the method to rely on.
 - MV or a flow is recorded: ``yamashita``.
 - The process integrates (level): a method made for self-regulating loops is left out.
 - An answer that hangs on one method hangs on one wave form: read its reason (``--why``).

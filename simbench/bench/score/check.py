@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.check_power import (
@@ -37,19 +36,6 @@ _CHECKED_TRUTHS = ("sticky", "cycled")
 _SCORE_BITS = 14  # of a score that count: 4 digits
 # relative change of a score that an exact comparison lets pass: iterative fits
 _SCORE_CHANGE = 1e-3
-_EXPLAINED = 0.95  # share of runs with other last bits that lose no more than is explained
-
-
-class Shaken(NamedTuple):
-    """What methods answer where a loop's last bits are others, as on another processor.
-
-    Baker et al. (2015), A new ensemble-based consistency test for the Community Earth System Model,
-    Geosci. Model Dev. 8, 2829: a chaotic model is compared with an ensemble of itself.
-    """
-
-    at: np.ndarray  # (k,) loops of the run, of those with other bits than the baseline's
-    members: int  # of the ensemble
-    verdict: dict[str, np.ndarray]  # method: (members, k) codes of verdicts
 
 
 def check_run(
@@ -57,7 +43,6 @@ def check_run(
     against: str | Path,
     margin: float = MARGIN,
     exact: bool = False,
-    shake: Callable[[RunArrays, Pairs], Shaken | None] | None = None,
 ) -> Check:
     """Compare a run with a baseline, loop by loop where both have the same id.
 
@@ -67,11 +52,10 @@ def check_run(
     chance explains; all are Holm-corrected to a chance of 5 % that unchanged detectors fail, on the
     very same records, where an unchanged detector answers the same, to 5 % a method. A record may
     have other bits than the baseline's, as another processor simulates a chaotic loop otherwise;
-    `shake` then says what methods answer where the last bits are others, and a method is worse only
-    if it lost more answers than that explains. Only loops that a method covers count. Where answers
-    are lost, and a loss that matters (`REACH`) would not have been found, the check cannot tell.
-    With `exact`, for runs of one machine, every changed verdict of a built-in method fails as well,
-    and so do records that are not the baseline's.
+    how many do is stated. Only loops that a method covers count. Where answers are lost, and a loss
+    that matters (`REACH`) would not have been found, the check cannot tell. With `exact`, for runs
+    of one machine, every changed verdict of a built-in method fails as well, and so do records that
+    are not the baseline's.
     """
     now = read_book(folder)
     try:
@@ -83,8 +67,7 @@ def check_run(
         ) from None
     pairs = pair(now, before)
     refuse_other_benchmark(now.manifest, before.manifest, pairs.now.size)
-    shaken = shake(now, pairs) if shake is not None and not pairs.same.all() else None
-    return replace(check_books(now, before, margin, exact, shaken), home=str(against))
+    return replace(check_books(now, before, margin, exact), home=str(against))
 
 
 def check_books(
@@ -92,7 +75,6 @@ def check_books(
     before: RunArrays,
     margin: float = MARGIN,
     exact: bool = False,
-    shaken: Shaken | None = None,
 ) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
     pairs = pair(now, before)
@@ -114,17 +96,14 @@ def check_books(
             alike = before.truth[truth][pairs.before] == now.truth[truth][pairs.now]
             at = pairs.now[alike]
             was_at = pairs.before[alike]
-            by_chance = _by_other_bits(now, method, truth, shaken)
             sides = _answers(before, j, truth, was_at), _answers(now, i, truth, at)
-            for row in _tests(*sides, ~pairs.same[alike]):
-                explained = _losses_by_chance(row["other"], *by_chance.get(row["what"], (0, 0)))
-                rows.append({"method": method, "truth": truth, **row, "explained": explained})
+            rows += [{"method": method, "truth": truth, **row} for row in _tests(*sides)]
         flips.append(_flips(now, i, before, j, pairs))
     of_sizes, untold = compared(now, before, pairs)
     rows += of_sizes
     tests = pd.DataFrame(
         rows,
-        columns=["method", "truth", "what", "n", "before", "now", "lost", "won", "explained", "p"],
+        columns=["method", "truth", "what", "n", "before", "now", "lost", "won", "p"],
     )
     tests.insert(2, "population", ALL)
     each = tests.groupby("method", sort=False)["p"]
@@ -139,15 +118,14 @@ def check_books(
         np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"])
         > allowed
     )
-    unexplained = ~(tests["lost"] <= tests["explained"].fillna(0.0))
-    tests["worse"] = (tests["p"] < LEVEL) & beyond & unexplained
+    tests["worse"] = (tests["p"] < LEVEL) & beyond
     moved = tests[beyond & ~tests["worse"] & tests["what"].isin((MEDIAN_ERROR, COVERAGE))]
     untold += [
         f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
     ]
     unseen = (*unseen_losses(tests, basis), *untold)
     said = (
-        f"{_basis(now, before, pairs, margin, shaken)}. {say_power(tests, basis)}. Benchmark:"
+        f"{_basis(now, before, pairs, margin)}. {say_power(tests, basis)}. Benchmark:"
         f" {benchmark_version(now.manifest)}"
     )
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
@@ -169,36 +147,6 @@ def _bits(pairs: Pairs, before: RunArrays, flips: pd.DataFrame) -> dict[str, int
         "other_bits": int((~pairs.same & same_verdict).sum()),
         "other_verdict": int((~same_verdict).sum()),
     }
-
-
-def _by_other_bits(
-    now: RunArrays, method: str, truth: str, shaken: Shaken | None
-) -> dict[str, tuple[int, int]]:
-    """Return for each kind of answer how many were lost where only last bits changed, and of how
-    many; nothing of a method that was not asked.
-    """
-    if shaken is None or method not in shaken.verdict:
-        return {}
-    label, said, _, covered = _answers(now, now.methods.index(method), truth, shaken.at)
-    used = covered & (label >= 0)
-    found = {}
-    for what, kept in _good(label[used] == 1, said[used]).items():
-        lost = asked = 0
-        for member in shaken.verdict[method]:
-            other = _good(label[used] == 1, member[used])[what]
-            lost += int((kept & ~other).sum())
-            asked += kept.size
-        found[what] = lost, asked
-    return found
-
-
-def _losses_by_chance(loops: int, lost: int, asked: int) -> int:
-    """Return how many answers an unchanged method loses at most on so many loops with other bits,
-    in 95 of 100 runs.
-    """
-    if not loops or not asked:
-        return 0
-    return int(stats.binom.ppf(_EXPLAINED, loops, (lost + 0.5) / (asked + 1.0)))
 
 
 def update_baseline(folder: str | Path, baseline: str | Path) -> str:
@@ -274,9 +222,7 @@ def _find_changes(
             yield f"exact: {other.sum()} of {pairs.now.size} scores of {method} changed"
 
 
-def _basis(
-    now: RunArrays, before: RunArrays, pairs: Pairs, margin: float, shaken: Shaken | None
-) -> str:
+def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
     tests = f"a rate may fall by {points(margin)} (exact paired tests with Holm's correction)"
     differ = int((~pairs.same).sum())
     if not differ:
@@ -290,15 +236,7 @@ def _basis(
         f" another processor ({loops} were settled as other loops, {moved} differ in the truth"
         " 'cycled' and are left out there)"
     )
-    if shaken is None:
-        return f"{why}. Rule: {tests}"
-    about = (
-        f"{shaken.at.size} of them simulated {shaken.members} times with PV times 1 plus or minus"
-        " 1e-12 tell how many answers other bits lose"
-    )
-    own = own_methods(now.manifest) & set(before.methods) - set(shaken.verdict)
-    unasked = f"; {', '.join(sorted(own))} not asked: --plugin FILE" if own else ""
-    return f"{why}; {about}{unasked}. Rule: {tests}, and more answers are lost than that"
+    return f"{why}. Rule: {tests}"
 
 
 def _round_scores(score: np.ndarray) -> np.ndarray:
@@ -332,27 +270,24 @@ def _good(positive: np.ndarray, said: np.ndarray) -> dict[str, np.ndarray]:
     return found
 
 
-def _tests(before: tuple, now: tuple, other: np.ndarray) -> Iterator[dict[str, Any]]:
-    """Yield the tests of one method and truth; `other` are the loops whose bits differ."""
+def _tests(before: tuple, now: tuple) -> Iterator[dict[str, Any]]:
+    """Yield the tests of one method and truth."""
     # a loop that the method covered before counts: what it gives up now it has lost
     used = before[3] & (before[0] >= 0)
     truth, said_a, score_a = (x[used] for x in before[:3])
     said_b, score_b = (x[used] for x in now[1:3])
     positive = truth == 1
-    other = other[used]
     old = _good(positive, said_a)
     new = _good(positive, said_b)
-    for what, (among, _) in COUNTED.items():
+    for what in COUNTED:
         a = old[what]
         b = new[what]
         paired = Paired.of(a, b)
         row = {"what": what, "n": paired.n, "before": _share(a), "now": _share(b)}
-        row["other"] = int(other.sum() if among is None else other[positive == among].sum())
         yield {**row, "lost": paired.win, "won": paired.loss, "p": paired.p_worse}
     yield {
         "what": "AUC",
         "n": truth.size,
-        "other": int(other.sum()),
         "before": auc(score_a, positive).value,
         "now": auc(score_b, positive).value,
         "p": auc_drop(score_a, score_b, positive),

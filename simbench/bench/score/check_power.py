@@ -47,9 +47,7 @@ def smallest_seen(row: dict[str, Any], level: float, spared: float) -> float:
     """
     if row["what"] in ("AUC", MEDIAN_ERROR) or row["n"] == 0:
         return float("nan")
-    explained = 0.0 if pd.isna(row["explained"]) else row["explained"]
-    least = max(int(spared * row["n"]), int(explained - row["won"]))
-    return smallest_loss_found(row["n"], level, int(row["won"]), least)
+    return smallest_loss_found(row["n"], level, int(row["won"]), int(spared * row["n"]))
 
 
 def unseen_losses(tests: pd.DataFrame, basis: str) -> Iterator[str]:
@@ -58,7 +56,7 @@ def unseen_losses(tests: pd.DataFrame, basis: str) -> Iterator[str]:
     """
     rates = tests[tests["what"].isin(COUNTED) & ~tests["worse"]]
     of_all = rates[rates["what"] == "right"].set_index(["method", "truth"])["n"]
-    for method, rows in rates[rates["lost"] > rates["explained"]].groupby("method", sort=False):
+    for method, rows in rates[rates["lost"] > 0].groupby("method", sort=False):
         if tests.loc[tests["method"] == method, "worse"].any():
             continue
         loops = np.array([of_all[method, truth] for truth in rows["truth"]])

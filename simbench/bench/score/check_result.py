@@ -49,9 +49,8 @@ class Check:
     # method, truth, population, what ("right": of all, "detection": share of the positives called
     # sticky, "rejection": of the negatives called healthy, "no miss", "no false alarm": the same
     # with no decision allowed, "AUC", "coverage" and "median error" of S and J of a family of
-    # valves), n (of them, where the method covers the loop), before, now, lost, won (cases),
-    # explained (cases that other bits may lose), p (Holm-corrected), seen (smallest drop found in 8
-    # of 10 such runs), worse
+    # valves), n (of them, where the method covers the loop), before, now, lost, won (cases), p
+    # (Holm-corrected), seen (smallest drop found in 8 of 10 such runs), worse
     tests: pd.DataFrame
     # every changed verdict: scenario_id, method, was, now, bits (of the record, "equal" or
     # "other"), sticky, cycled, block, disturbance
@@ -103,7 +102,7 @@ class Check:
     def changes(self) -> list[str]:
         """Return the rates that moved and the scenarios that flipped, the worst first."""
         lines = []
-        moved = _table_of_moves(self).drop(columns=["seen", "explained"])
+        moved = _table_of_moves(self).drop(columns="seen")
         if len(moved):
             lines += ["", *_align_columns(moved.head(_SCREEN["rates"]))]
         if len(self.flips):

@@ -28,6 +28,8 @@ BENCHMARK = "benchmark"
 SETTLED = "settled"
 PACKAGE = "package"
 OF_RUN = "run"
+# source of a grid whose loops copy records
+FROM_RECORDS = "simbench run on records"
 PARTS = {"scenarios": "the scenarios", "evaluator": "the evaluator's rules"}
 # how a grid becomes a table is none of it: the table is the other part
 _PACKAGES = ("loop", "theory", "bench/scenario", "bench/score")

@@ -20,6 +20,7 @@ from simbench.bench.execute.compute_piece import record_hash
 from simbench.bench.scenario.kept import run_once
 from simbench.bench.scenario.resolve import seed_of_echo
 from simbench.bench.scenario.truth import YES, simulate_with_truth
+from simbench.bench.store.benchmark import FROM_RECORDS
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, Refusal, UserError
 from simbench.detectors.record import LoopRecord
@@ -182,7 +183,7 @@ def grid_of_loops(
         group += 1
     content = GridFile(
         title=title,
-        source="simbench run on records",
+        source=FROM_RECORDS,
         version=VERSION,
         seed=seed,
         block=tuple(Block(name=n) for n in loops),

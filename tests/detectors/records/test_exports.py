@@ -1051,9 +1051,9 @@ def test_cure_takes_the_place_of_the_option_that_was_wrong():
         add_options(["simbench", "detect", "a.csv", "--tag", "X", "--json"], "--tag Y")
         == "simbench detect a.csv --json --tag Y"
     )
-    typed = ["simbench", "trust", "a.csv", "--columns", "pv=A"]
+    typed = ["simbench", "detect", "a.csv", "--columns", "pv=A"]
     assert (
-        add_options(typed, "--columns 'op=B C'") == "simbench trust a.csv --columns 'pv=A,op=B C'"
+        add_options(typed, "--columns 'op=B C'") == "simbench detect a.csv --columns 'pv=A,op=B C'"
     )
 
 

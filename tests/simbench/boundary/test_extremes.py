@@ -35,7 +35,6 @@ def large(tmp_path_factory):
 VERBS = [
     "detect REC --method full --html v.html",
     "diagnose REC --picture p.svg",
-    "trust REC --method horch",
     "gap diagnose REC --identify --html g.html",
 ]
 
@@ -98,7 +97,6 @@ VERBS_OF_A_STRANGER = [
     "detect rec.csv --method horch --html v.html",
     "run smoke -o run --method horch_histogram -j 2 --set disturbance=none",
     "gap diagnose rec.csv --identify --html g.html",
-    "trust rec.csv --method horch",
 ]
 
 

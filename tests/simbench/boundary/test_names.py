@@ -17,7 +17,6 @@ ODD = os.fsdecode(b"n\xff\x1b")
 RAW = ("\udcff", "\x1b", "\u202e", "\nbreak")
 CHAINS = {
     "detect": ["detect plant --method horch_histogram --csv v.csv --html v.html"],
-    "trust": ["trust ODD.csv --method horch"],
     "diagnose": [
         "gap diagnose ODD.csv --identify --html g.html --write-loop ODD.toml",
         "simulate ODD.toml -o again.csv",

@@ -80,7 +80,6 @@ do("detect", "rec.csv", "--method", "fast", "--json")
 if {whole}:
     loop = {str(folder.parent / "loop.toml")!r}
     do("gap", "diagnose", "rec.csv", "--baseline", loop, "--json")
-    do("trust", "rec.csv", "--method", "horch", "--json")
 sets = ["disturbance=none", "Td_over_T=0.3", "S_over_2J=0.5", "Td_over_Ti=0.05"]
 small = [word for one in sets for word in ("--set", one)]
 do("run", "smoke", *small, "-o", "run", "--method", "horch", "-j", {jobs!r}, "--json")

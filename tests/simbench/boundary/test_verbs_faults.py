@@ -40,7 +40,6 @@ QUICK = {
 }
 HEAVY = {
     "run": "run smoke -o run --method horch_histogram --resume",
-    "trust": "trust ../rec.csv --method horch",
     "gap diagnose": "gap diagnose ../rec.csv --identify --html gap.html --write-loop fixed.toml",
     "check --update": "check ../run --against earlier --update",
     "run --answers in place": "run other --answers ../answers.csv",

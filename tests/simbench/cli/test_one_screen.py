@@ -15,7 +15,6 @@ COMMANDS = {
     "detect": ["detect", "rec.csv"],
     "detect a folder": ["detect", "records"],
     "diagnose": ["diagnose", "rec.csv"],
-    "trust": ["trust", "rec.csv"],
     "gap diagnose": ["gap", "diagnose", "rec.csv", "--baseline", MODEL],
     "gap plan": ["gap", "plan", "rec.csv", "--baseline", MODEL],
     "run": ["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"],
@@ -42,12 +41,7 @@ def records(tmp_path_factory):
     return place
 
 
-DEAR = ("trust",)  # seconds
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in DEAR)) for n in COMMANDS]
-)
+@pytest.mark.parametrize("name", COMMANDS)
 def test_what_a_verb_prints_fits_one_screen(records, name, monkeypatch, capsys):
     monkeypatch.chdir(records)
     for words in BEFORE.get(name, []):

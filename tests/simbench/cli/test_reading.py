@@ -51,8 +51,6 @@ def caught(monkeypatch):
         got.append(record)
         raise _Read
 
-    # `simbench.trust` is a function, too
-    monkeypatch.setattr(importlib.import_module("simbench.trust.trust"), "trust", stop)
     monkeypatch.setattr(gap_command, "diagnose", stop)
     monkeypatch.setattr("simbench.gap.stiction.conclusion.judged", stop)
     # `simbench.confirm` is a function too
@@ -64,7 +62,6 @@ def caught(monkeypatch):
 
 VERBS = {
     "diagnose": "diagnose {f}",
-    "trust": "trust {f}",
     "gap diagnose": "gap diagnose {f} --identify",
     "confirm travel": "confirm travel --record {f}",
     "confirm gain-change": "confirm gain-change --records {f} {f} --ratio 0.5",
@@ -128,7 +125,7 @@ def test_every_export_reaches_every_verb_as_the_same_record(
             assert typed(words) == 0, name
         one = read_record(
             file,
-            automatic=verb in ("diagnose", "trust", "confirm gain-change"),
+            automatic=verb in ("diagnose", "confirm gain-change"),
             **options,
         )
         assert (caught[0].pv.tobytes(), caught[0].op.tobytes(), caught[0].Ts) == (

@@ -23,7 +23,7 @@ from simbench.bench.score.names import (
 )
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.shipped import UNLIKE
-from simbench.bench.store.benchmark import benchmark_text
+from simbench.bench.store.benchmark import FROM_RECORDS, benchmark_text
 from simbench.bench.store.manifest import unmatched
 from simbench.detectors.report.report import columns
 
@@ -35,6 +35,7 @@ _LINES = 30
 _WIDTH = 100  # characters
 # lines that a command prints around the table: what failed, the run's folder
 _BESIDES = 2
+_RIVALS = 4  # names of methods that the advice holds at most
 PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
 HEAD = ("rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision")
 _TRUTHS = {
@@ -60,8 +61,8 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     """Return one table of at most 30 lines and 100 columns, the ranking on oscillating loops, and
     three sentences; `whole`: with every method.
     """
-    title = _title(scores, whole)
     rows = scores.rows(truth)
+    title = [*_advice(scores, rows), *_title(scores, whole)]
     if rows.empty:
         return [*title, *_sentences(scores, truth, where)]
     first = rows.iloc[0]
@@ -76,6 +77,37 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     ]
     room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 2
     return [*title, "", *ranking(rows, scores, room), *tail]
+
+
+def _advice(scores: Any, rows: pd.DataFrame) -> list[str]:
+    """Return on which method to rely for loops like those of a run that was made from records, or
+    that none is worth more than no answer; nothing of another run, or of some methods alone.
+    """
+    source = scores.manifest.get("grid_content", {}).get("source")
+    if source != FROM_RECORDS or scores.chosen:
+        return []
+
+    # records of a plant seldom have MV: methods that see OP and PV are advised alone
+    ranked = rows if rows.empty else rows[(rows.kind == 0) & rows["rank"].notna()]
+    if ranked.empty:
+        why = why_not(scores, rows)
+        return [*wrap(f"Which method to rely on for loops like these is unknown: {why}."), ""]
+
+    # how right the first method is, and from which others these loops do not tell it
+    best = ranked.iloc[0]
+    wrong = max(1.0 - best.accuracy - best.no_decision, 0.0)
+    about = (
+        f"on {best.applicable} simulations of loops like these {best.method} is right in"
+        f" {best.accuracy:.0%} and wrong in {wrong:.0%}"
+    )
+    if same := ranked.loc[ranked["rank"] == 1, "method"].tolist()[1:]:
+        about += f"; these loops do not tell it from {' and '.join(same[:_RIVALS])}"
+        about += f" and {len(same) - _RIVALS} more" * (len(same) > _RIVALS)
+
+    # a method that never decides costs as much as no answer
+    if best.cost_hi < scores.undecided:
+        return [*wrap(f"Rely on {best.method} for such loops: {about}."), ""]
+    return [*wrap(f"No method is known to be worth more here than no answer: {about}."), ""]
 
 
 def _references(rows: pd.DataFrame, whole: bool) -> list[str]:

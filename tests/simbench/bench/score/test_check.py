@@ -13,7 +13,7 @@ from bench_fixtures import change_answers
 from typer.testing import CliRunner
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.check import Shaken, check_books, check_run, update_baseline
+from simbench.bench.score.check import check_books, check_run, update_baseline
 from simbench.bench.score.power import smallest_loss_found
 from simbench.bench.statistics import mcnemar
 from simbench.bench.store.reading import RunError, read_book
@@ -255,51 +255,6 @@ def test_another_processor_seldom_alarms_and_hides_no_fault(base, noisy, with_an
         runs[0], "m1", np.where(rng.random(N) < 0.1, 1 - runs[0].verdict[1], runs[0].verdict[1])
     )
     assert {m for m, _ in worse(check_books(broken, base))} == {"m1"}
-
-
-def shaken_by(now, rng, at, flips, methods=("m0",)):
-    """What methods answer where the last bits are others: a share of verdicts turned."""
-    verdict = {}
-    for m in methods:
-        said = now.verdict[now.methods.index(m)][at]
-        turned = rng.random((2, at.size)) < flips
-        verdict[m] = np.where(turned, 1 - said, said).astype(np.int8)
-    return Shaken(at, 2, verdict)
-
-
-def test_answers_that_other_bits_explain_are_no_loss_and_more_are(base, with_answers):
-    rng, said = np.random.default_rng(4), base.verdict[0]
-    other = np.arange(N) < 300
-    right = np.flatnonzero(other & (said == TRUTH))
-    plugins = {**base.manifest, "plugins": {"m1": "digest", "own m2": "digest"}}
-    elsewhere = replace(
-        base, hashes=np.where(other, b"x", base.hashes).astype("S16"), manifest=plugins
-    )
-    for lost, flips, result in ((12, 0.0, "worse"), (12, 0.1, "same"), (60, 0.1, "worse")):
-        verdict = said.copy()
-        verdict[right[:lost]] = 1 - verdict[right[:lost]]
-        now = with_answers(elsewhere, "m0", verdict, base.score[0])
-        shaken = shaken_by(now, rng, np.flatnonzero(other)[:100], flips)
-        check = check_books(now, base, shaken=shaken)
-        assert check.result == result
-        row = check.tests.query("method == 'm0' and truth == 'cycled' and what == 'right'").iloc[0]
-        assert (row.lost > row.explained) == (result == "worse")
-        # of a kind of loops no more is explained than of all
-        of_kinds = check.tests.query("method == 'm0' and what == 'detection'").explained
-        assert (of_kinds <= row.explained).all()
-        assert "100 of them simulated 2 times" in check.basis
-        assert "m1, m2 not asked: --plugin FILE" in check.basis
-        built_in = replace(now, manifest=base.manifest)
-        assert "not asked" not in check_books(built_in, base, shaken=shaken).basis
-
-
-def test_where_all_bits_are_equal_nothing_is_explained(base, with_answers):
-    verdict = np.where(np.arange(N) < 60, 2, base.verdict[0])
-    now = with_answers(base, "m0", verdict, base.score[0])
-    shaken = shaken_by(now, np.random.default_rng(4), np.arange(100), 0.5)
-    check = check_books(now, base, shaken=shaken)
-    assert check.result == "worse"
-    assert check.tests["explained"].fillna(0).eq(0).all()
 
 
 def test_a_fall_within_the_margin_is_no_regression_and_beyond_it_is(book, with_answers):

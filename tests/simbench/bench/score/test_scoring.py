@@ -1,4 +1,4 @@
-"""Scores, calibration and sweeps against slow recounts and hand-made cases."""
+"""Scores and calibration against slow recounts and hand-made cases."""
 
 import json
 from dataclasses import replace
@@ -9,20 +9,19 @@ import pandas as pd
 import pytest
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.execute.sweep import sweep
 from simbench.bench.score import folds
 from simbench.bench.score.answers import home_of
 from simbench.bench.score.compare import compare
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import score_book, score_run
+from simbench.bench.store.benchmark import FROM_RECORDS
 from simbench.bench.store.reading import RunArrays, _own_axes
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.html.document import as_html
 from simbench.report import summary
-from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop
 
@@ -465,33 +464,6 @@ def test_median_runtimes_are_there(scores):
     assert (scores.table.query("role != 'yardstick'").median_ms > 0).all()
 
 
-def test_seeds_of_a_sweep_differ_and_are_the_same_again():
-    one, two = (sweep(LOOP, {"noise.std": [0.1]}, seeds=2).verdicts("he") for _ in range(2))
-    assert one.record_hash.nunique() == 2
-    assert one.drop(columns="runtime_s").equals(two.drop(columns="runtime_s"))
-    assert sweep(LOOP, {"noise.std": [0.1]}, seed=9).verdicts("he").record_hash.iloc[0] not in set(
-        one.record_hash
-    )
-
-
-def test_a_sweep_may_leave_sampling_and_noise_to_rules():
-    verdicts = sweep(
-        LOOP, {"noise_ratio": [0.0, 0.2], "samples_per_period": [30], "periods": [20]}
-    ).verdicts("he")
-    assert set(verdicts.n) == {600}
-    assert verdicts.noise_std.tolist()[0] == 0.0
-    assert verdicts.noise_std.tolist()[1] > 0.0
-
-
-@pytest.mark.parametrize(
-    ("axes", "words"),
-    [({"valv.J": [1]}, "valv"), ({"plant.Q": [1]}, "Q"), ({"valve.J": []}, "no value")],
-)
-def test_a_wrong_sweep_is_one_sentence(axes, words):
-    with pytest.raises(SpecError, match=words):
-        sweep(LOOP, axes).rates("he")
-
-
 def test_a_books_scores_are_the_runs(finished, joined):
     book = RunArrays.read(finished)
     assert book.methods == ("he", "horch", "yamashita")
@@ -702,3 +674,24 @@ def test_a_rank_on_a_part_of_the_loops_says_so_wherever_it_stands(book):
     page = as_html(parts, "summary")
     assert "m0 (ranked on the 150 loops that it answers)" in page
     assert "accuracy of m1, the first method without MV" in page
+
+
+def advised(book, said, source=FROM_RECORDS):
+    """Return the first sentence of the ranking of a run whose grid has this source."""
+    told = book(said, np.tile([1, 0], 60))
+    told = replace(told, manifest={**told.manifest, "grid_content": {"source": source}})
+    return " ".join(score_book(told).as_text().split("\n\n")[0].split())
+
+
+def test_a_run_made_from_records_begins_with_the_method_to_rely_on(book):
+    truth = np.tile([1, 0], 60)
+    silent = np.full(120, 2)
+    assert advised(book, [truth, silent]) == (
+        "Rely on m0 for such loops: on 120 simulations of loops like these m0 is right in 100% and"
+        " wrong in 0%."
+    )
+    two = advised(book, [truth, truth, silent])
+    assert two.endswith("wrong in 0%; these loops do not tell it from m1.")
+    wrong = advised(book, [np.roll(truth, 1), silent])
+    assert wrong.startswith("No method is known to be worth more here than no answer: on 120")
+    assert advised(book, [truth, silent], "own").startswith("grid ")

@@ -132,6 +132,8 @@ def test_it_runs_and_scores_like_any_grid(made, tmp_path):
     folder = run_grid(made.grid, tmp_path / "run", ["srinivasan", "oracle"])
     scores = score_run(folder)
     assert scores.as_json()["grid"] == "ours"
+    # what the copies are made for stands first
+    assert scores.as_text().startswith("Rely on srinivasan for such loops: on ")
     again = run_grid(folder, tmp_path / "again", ["srinivasan"])
     assert (again / "manifest.json").exists()
 

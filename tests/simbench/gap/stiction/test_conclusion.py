@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from random_case import random_case
-from recorded import no_loop_near
 
 from results.studies.withheld.files import write_item
 from results.studies.worlds import NAMES as WORLD_NAMES
@@ -35,7 +34,6 @@ from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 
 REPORTING = import_module("simbench.gap.reporting")
-MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
 
 REAL = Path(__file__).parents[5] / "shared" / "data" / "real"
 EXAMPLE = Path(__file__).parents[4] / "docs" / "example" / "model.toml"
@@ -108,7 +106,7 @@ def of_text(text):
 def alone(file):
     """Return the conclusion of each verb that sees a record only."""
     out = {name: json.loads(printed(name, file, "--json", *more))["conclusion"] for name, more in (
-        ("diagnose", ()), ("trust", ("--method", "he")),
+        ("diagnose", ()),
     )}  # fmt: skip
     out["detect"] = of_text(printed("detect", file, "--method", "likelihood"))
     gap = printed("gap", "diagnose", file, "--identify", "--json")
@@ -273,11 +271,8 @@ def test_what_cannot_be_judged_has_no_probability_and_a_reason():
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path, monkeypatch):
-    """Simulated loops of two simulators, with and without loop file, and recorded ones;
-    replicates change no conclusion.
-    """
-    monkeypatch.setattr(MODULE, "loop_of", no_loop_near)
+def test_40_records_have_one_conclusion_whichever_verb_is_asked(tmp_path):
+    """Simulated loops of two simulators, with and without loop file, and recorded ones."""
     real = sorted(REAL.glob("*[0-9].csv"))[:: max(64 * 4 // COUNT, 1)] if REAL.is_dir() else []
     wrong, rows = [], []
     for number in range(COUNT - len(real)):

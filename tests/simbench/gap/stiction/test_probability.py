@@ -5,12 +5,10 @@ it.
 import json
 import math
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
 from random_case import random_case
-from recorded import no_loop_near
 
 from simbench.cli import main
 from simbench.detectors.judge import judge
@@ -23,8 +21,6 @@ from simbench.gap.stiction.probability import (
     verdict,
 )
 from simbench.gap.thresholds import CLAIMED_FROM, DENIED_BELOW, EDGE, POOLED
-
-MODULE = import_module("simbench.trust.trust")  # its name is that of a function, too
 
 KEY = "probability_of_stiction"
 
@@ -102,8 +98,7 @@ def answer(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
-def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
-    monkeypatch.setattr(MODULE, "loop_of", no_loop_near)
+def test_every_verb_shows_the_same_number(folder, capsys):
     answers = answer(capsys, "detect", folder, "--method", "likelihood")
     listed = {one["record"]: one for one in answers}
     record = folder / "sticky.csv"
@@ -112,7 +107,6 @@ def test_every_verb_shows_the_same_number(folder, capsys, monkeypatch):
         answered[KEY],
         answered["indices"][KEY],
         answer(capsys, "diagnose", record)[KEY],
-        answer(capsys, "trust", record, "--method", "he")[KEY],
         answer(capsys, "gap", "diagnose", record, "--identify")[KEY],
         listed["sticky"][KEY],
     ]

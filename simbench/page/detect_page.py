@@ -12,7 +12,7 @@ from simbench.detectors.report import summary
 from simbench.detectors.report.report import Report
 from simbench.detectors.verdict import PROBABILITY
 from simbench.html.document import Part, Pictures, Points, Section, Table, texts, two_digits, write
-from simbench.trust.pictures import draw_pv_op, draw_trend
+from simbench.page.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
 _COLUMNS = (

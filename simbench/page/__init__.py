@@ -1,0 +1,1 @@
+"""Write pages about records: the conclusion, the signals, and the verdict of every method."""
