@@ -33,14 +33,6 @@ Identify = Annotated[
         help="Estimate the simulation from the record instead of reading a loop file.",
     ),
 ]
-LoopTest = Annotated[
-    list[str] | None,
-    Option(
-        metavar="REC.csv[:SETTINGS.toml]",
-        help="Read also this record of a test on the same loop, with the settings that it was made"
-        " with; may be repeated.",
-    ),
-]
 Healthy = Annotated[
     list[Path] | None,
     Option(
@@ -79,7 +71,6 @@ def gap_diagnose(
         ),
     ] = None,
     identify: Identify = False,
-    test: LoopTest = None,
     healthy: Healthy = None,
     jobs: Jobs = 1,
     no_bootstrap: NoBootstrap = False,
@@ -125,7 +116,6 @@ def gap_diagnose(
         for option, value in (
             ("--write-loop", write_loop),
             ("--picture", picture),
-            ("--test", test),
             ("--healthy", healthy),
             ("--window", window),
             ("--effect-plugin", effect_plugin),
@@ -146,7 +136,6 @@ def gap_diagnose(
         jobs=jobs,
         wanted=DiagnosisFiles(html, write_loop, picture),
         window=window,
-        tests=test or (),
         healthy=healthy or (),
         effect_plugins=effect_plugin or (),
         **about,
@@ -182,62 +171,6 @@ def _diagnose_folders(
         say(f"page: {html.resolve()}", as_json)
     if found.refused:
         raise Exit(1)
-
-
-@gap_app.command(
-    "plan",
-    epilog=examples(
-        "gap plan rec.csv --baseline loop.toml --limits limits.toml --html plan.html",
-        "gap plan rec.csv --identify",
-    ),
-)
-@reads
-def gap_plan(
-    record: Annotated[
-        Path, Argument(metavar="REC.csv", help="Read the record that is not explained yet.")
-    ],
-    baseline: Annotated[
-        Path | None,
-        Option(metavar="LOOP.toml", help="Compare with the simulation in this loop file."),
-    ] = None,
-    identify: Identify = False,
-    limits: Annotated[
-        Path | None,
-        Option(
-            metavar="LIMITS.toml",
-            help="Read the limits of a test for PV, OP and time from this TOML file.",
-        ),
-    ] = None,
-    test: Annotated[
-        list[str] | None,
-        Option(
-            metavar="REC.csv[:SETTINGS.toml]",
-            help="Use this record of a test that was run already; may be repeated.",
-        ),
-    ] = None,
-    healthy: Healthy = None,
-    html: Page = None,
-    as_json: Json = False,
-    *,
-    about: dict,
-) -> None:
-    """Recommend the next tests on the plant, with their size, duration and effect on PV.
-
-    Use it when `simbench gap diagnose` leaves more than one effect probable.
-    """
-    from simbench.gap.command import plan_files
-
-    _refuse_both("gap plan", baseline, identify)
-    plan = plan_files(
-        record,
-        baseline,
-        limits=limits,
-        tests=test or (),
-        healthy=healthy or (),
-        html=html,
-        **about,
-    )
-    show_result(plan, as_json)
 
 
 @gap_app.command(

@@ -96,7 +96,6 @@ def fit_candidates(engine: Engine, base: Fit, effects: Iterable[str]) -> dict[st
         try_it = recogniser(effect).fit
         assert try_it is not None, effect
         fit, count = try_it(engine, base)
-        count += engine.more_numbers(fit.spec, base.spec)
         gain = fit.loglik - base.loglik - size_penalty(engine.data.n, count)
         out[effect] = Candidate(effect, fit, gain, fit is not base)
     return out

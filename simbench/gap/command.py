@@ -17,10 +17,7 @@ from simbench.detectors.records.io import read_record
 from simbench.detectors.records.labels import read_labels
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
-from simbench.gap.intake.partial import Partial, read_baseline
-from simbench.gap.intake.recorded_test import files_of, read_test
-from simbench.gap.planning.order import PlannedTests
-from simbench.gap.recommend import limits_of, plan_of
+from simbench.gap.intake.partial import read_baseline
 from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.scenarios.columns import in_a_file
@@ -46,7 +43,6 @@ def diagnose_files(
     jobs: int = 1,
     wanted: DiagnosisFiles = DiagnosisFiles(),
     window: tuple[int, int] | None = None,
-    tests: Sequence[str] = (),
     effect_plugins: Sequence[str | Path] = (),
     healthy: Sequence[str | Path] = (),
     **about: Any,
@@ -65,8 +61,6 @@ def diagnose_files(
         Files to write.
     window : (int, int), optional
         First sample that is judged, and the one after the last.
-    tests : sequence of str
-        Records of tests of the same loop, each with its settings file after a colon.
     effect_plugins : sequence of str or Path
         Files of further effects.
     healthy : sequence of str or Path
@@ -97,28 +91,21 @@ def diagnose_files(
     """
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
-    if tests and baseline is None:
-        raise ParameterError(
-            "gap diagnose --test needs --baseline LOOP.toml, which all records are compared with"
-        )
-    inputs = [part for t in tests for part in files_of(t) if part]
     beside = None if wanted.write_loop is None else columns_beside(Path(wanted.write_loop))
     refuse_own_input(
         [wanted.html, wanted.write_loop, beside, wanted.picture],
-        [*records, baseline, *inputs, *healthy],
+        [*records, baseline, *healthy],
     )
     if wanted.picture is not None:
         picture_kind(wanted.picture)
     loop = None if baseline is None else read_baseline(baseline)
     read = [_read_window(path, window, about) for path in records]
     ordinary = [_read_window(path, None, about) for path in healthy]
-    stated = loop.loop if isinstance(loop, Partial) else loop
-    recorded_tests = [] if stated is None else [read_test(t, stated, **about) for t in tests]
     source = read if len(read) > 1 else read[0]
     with effects_known(effect_plugins):
         # other processes do not know them
         jobs = 1 if effect_plugins else jobs
-        report = diagnose(source, loop, tests=recorded_tests, healthy=ordinary, jobs=jobs)
+        report = diagnose(source, loop, healthy=ordinary, jobs=jobs)
         # what reading the records assumed
         assumed = [note for record in read for note in record.notes]
         report = replace(report, notes=tuple(dict.fromkeys([*report.notes, *assumed])))
@@ -131,47 +118,15 @@ def diagnose_files(
             write_picture(draw_sheet(report), wanted.picture)
         if wanted.html is not None:
             from simbench.gap.report.page import write_page
-            from simbench.gap.report.story import story
 
-            told = []
-            if recorded_tests:
-                alone = diagnose(source, loop, healthy=ordinary, jobs=jobs)
-                told = story(report, alone, recorded_tests)
             options = {
                 **about,
                 "window": window,
                 "effect-plugin": list(effect_plugins),
-                "test": list(tests),
                 "healthy": list(healthy),
             }
-            write_page(
-                report, wanted.html, _commands_to_repeat(report, records, baseline, options), told
-            )
+            write_page(report, wanted.html, _commands_to_repeat(report, records, baseline, options))
     return report
-
-
-def plan_files(
-    record: str | Path,
-    baseline: str | Path | None,
-    *,
-    limits: str | Path | None = None,
-    tests: Sequence[str] = (),
-    healthy: Sequence[str | Path] = (),
-    html: str | Path | None = None,
-    **about: Any,
-) -> PlannedTests:
-    """Return the tests that are recommended next on the loop of a record; without a baseline the
-    loop is identified from the record.
-    """
-    refuse_own_input([html], [record, baseline, limits, *healthy])
-    within = limits_of(limits)
-    report = diagnose_files([record], baseline, tests=tests, healthy=healthy, **about)
-    planned = plan_of(report, within)
-    if html is not None:
-        from simbench.gap.report.plan_page import write_plan_page
-
-        write_plan_page(planned, report, html)
-    return planned
 
 
 def grid_files(

@@ -22,13 +22,10 @@ from simbench.detectors.sources import RecordSignals, as_record
 from simbench.gap.closed_loop.identified import IdentifiedLoops
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import NOISE_EFFECT, Assessment, assess
-from simbench.gap.decide.beside_tests import other_plants
 from simbench.gap.decide.posterior import Posterior, posterior
-from simbench.gap.intake.beside_record import contradiction, model_test, refuse_twice
 from simbench.gap.intake.check import check
 from simbench.gap.intake.healthy import Healthy, check_healthy, learn
 from simbench.gap.intake.partial import Partial, complete_baseline, read_baseline
-from simbench.gap.intake.recorded_test import RecordedTest
 from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.report.result import GapReport
 from simbench.gap.reporting import report
@@ -51,7 +48,6 @@ def diagnose(
     baseline: Loop | Partial | str | Path | None = None,
     *,
     identify: bool = False,
-    tests: Sequence[RecordedTest] = (),
     healthy: Sequence[Source] = (),
     jobs: int = 1,
     seed: int = 0,
@@ -71,8 +67,6 @@ def diagnose(
     identify : bool
         Identify plant and tuning from the record, as without a baseline; none can be given beside
         it.
-    tests : sequence of RecordedTest
-        Tests of the same loop in other operation, judged with the (longest) record as one model.
     healthy : sequence of LoopRecord, run, DataFrame, mapping, str or Path
         Records of the same loop, or of its siblings, from healthy operation: noise and loads that
         they show are ordinary, and larger ones are effects. They need a baseline with its plant.
@@ -112,7 +106,6 @@ def diagnose(
     records = _records(record, signals)
     if not records:
         raise RecordError("no record to diagnose")
-    refuse_twice(tests)
     paces = sorted({r.Ts for r in records})
     if paces[-1] > (1.0 + SAME_TS) * paces[0]:
         raise RecordError(
@@ -120,13 +113,12 @@ def diagnose(
             f" {paces[-1]:g} s in another"
         )
     loop = _read_loop(baseline)
-    return diagnose_all(records, loop, tests, jobs, seed, [as_record(one) for one in healthy])
+    return diagnose_all(records, loop, jobs, seed, [as_record(one) for one in healthy])
 
 
 def diagnose_all(
     records: list[LoopRecord],
     baseline: Loop | Partial | None,
-    tests: Sequence[RecordedTest] = (),
     jobs: int = 1,
     seed: int = 0,
     healthy: Sequence[LoopRecord] = (),
@@ -144,7 +136,7 @@ def diagnose_all(
         controls = [check_healthy(one, baseline) for one in healthy]
         ordinary = learn(controls) if controls else None
         said += [note for one in controls if (note := _not_healthy(one))]
-        assessment, loops = _assess_all(records, baseline, jobs, tests, ordinary)
+        assessment, loops = _assess_all(records, baseline, jobs, ordinary)
         kind = ClosedLoops if assessment.situation.stated_parts else IdentifiedLoops
         found = report(assessment, weigh_evidence(assessment), kind(assessment, seed), loops)
     return replace(found, notes=(*found.notes, *said))
@@ -153,8 +145,6 @@ def diagnose_all(
 def conclude(
     record: Source | Sequence[Source] | None = None,
     loop: Loop | Partial | str | Path | None = None,
-    *,
-    tests: Sequence[RecordedTest] = (),
     **signals: Unpack[RecordSignals],
 ) -> Conclusion:
     """Say whether a valve sticks, from all evidence at hand; every verb shows this conclusion.
@@ -166,8 +156,6 @@ def conclude(
     loop : Loop, Partial, str, Path or None
         The loop, or its loop file, where it is known; friction is then weighed with every other
         effect that could explain the record.
-    tests : sequence of RecordedTest
-        Tests of the same loop in other operation; they need a loop.
     **signals
         op, pv, sp, mv, Ts in place of a record, and what is known of it, as in `simbench.detect`.
 
@@ -190,7 +178,7 @@ def conclude(
     records = _records(record, signals)
     if loop is None and len(records) == 1:
         return judged(records[0])[0]
-    return diagnose_all(records, _read_loop(loop), tests).conclusion
+    return diagnose_all(records, _read_loop(loop)).conclusion
 
 
 def _read_loop(loop: Loop | Partial | str | Path | None) -> Loop | Partial | None:
@@ -207,11 +195,10 @@ def _records(given: Any, signals: Any) -> list[LoopRecord]:
 def _assess_one(
     record: LoopRecord,
     baseline: Loop | Partial | None,
-    tests: Sequence[RecordedTest] = (),
     ordinary: Healthy | None = None,
 ) -> tuple[Assessment, CandidateLoops | Refusal | None]:
-    """Return the assessment of one record, with its tests, and the loops that may have made
-    it, or why it is not weighed; None where that is not asked.
+    """Return the assessment of one record, and the loops that may have made it, or why it is not
+    weighed; None where that is not asked.
 
     With a trusted baseline friction is weighed with all other effects: no loops are needed then.
     """
@@ -240,43 +227,8 @@ def _assess_one(
         loops = Refusal(str(why))
         situation.notes.append(f"{FRICTION}: cannot tell, {why}")
         friction = None if situation.trusted else 0.0
-    # 4. every effect fitted and scored, with the tests of the same loop
-    return assess_with_tests(situation, tests, friction), loops
-
-
-def assess_with_tests(
-    situation: Situation, tests: Sequence[RecordedTest], friction: float | None = None
-) -> Assessment:
-    """Assess a record with those of its tests that nothing contradicts; the others are noted and
-    not counted.
-    """
-    kept = []
-    notes = []
-    contrary = "test: {} contradicts the record and is not counted: {}"
-    for test in tests:
-        one = model_test(test, situation)
-        reason = contradiction(test, one, situation)
-        if reason:
-            notes.append(contrary.format(one.name, reason))
-        else:
-            kept.append(one)
-            if test.id == "raw" and one.explained:
-                # what the archive hides of PV, or stores at another time, is no other controller
-                situation = replace(situation, unexplained_law="")
-    assessment = assess(situation, kept, friction)
-    others = (
-        other_plants(assessment, assessment.situation, kept) if kept and situation.trusted else []
-    )
-    for one, reason in [pair for pair in zip(kept, others) if pair[1]]:
-        notes.append(contrary.format(one.name, f"{reason}; the loop of {one.name} is another"))
-        kept.remove(one)
-    if any(others):
-        assessment = assess(situation, kept, friction)
-    if kept:
-        names = ", ".join(one.name for one in kept)
-        notes.append(f"tests: {names} judged with the record as one model")
-    assessment.situation.notes.extend(notes)
-    return replace(assessment, asked=tuple(t.id for t in tests))
+    # 4. every effect fitted and scored
+    return assess(situation, friction), loops
 
 
 def _not_healthy(s: Situation) -> str:
@@ -296,18 +248,14 @@ def _assess_all(
     records: list[LoopRecord],
     baseline: Loop | Partial | None,
     jobs: int,
-    tests: Sequence[RecordedTest] = (),
     ordinary: Healthy | None = None,
 ) -> tuple[Assessment, CandidateLoops | Refusal | None]:
-    """Assess every record; evidence adds up, and the longest record carries the tests, the fits,
-    parameters and the gap.
+    """Assess every record; evidence adds up, and the longest record carries the fits, parameters
+    and the gap.
     """
     longest, *shorter = sorted(records, key=lambda r: -r.n)
     assessed = delayed(_assess_one)
-    calls = [
-        assessed(longest, baseline, tests, ordinary),
-        *(assessed(r, baseline, ordinary=ordinary) for r in shorter),
-    ]
+    calls = [assessed(r, baseline, ordinary) for r in (longest, *shorter)]
     with safe_path():
         pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
     every = [assessment for assessment, _ in pairs]

@@ -15,7 +15,7 @@ from simbench.gap.decide.assess import NOISE_EFFECT, Assessment
 from simbench.gap.decide.evidence import known_by
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.effects import is_friction
-from simbench.gap.planning.order import plan
+from simbench.gap.report.next_test import tell_apart
 from simbench.gap.report.ranked import Gap, Ranked
 from simbench.gap.report.result import DiagnosisDetails, GapReport
 from simbench.gap.situation import load_memory
@@ -64,15 +64,13 @@ def report(
         left = remaining(s, main.features)
     named = name_effects(weights, assessment)
     lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
-    planned = plan(assessment, weights.probability, runs, most=1)
+    advice = tell_apart(tuple(lines.values()), assessment.valve_seen)
     if stands(s.record):
         conclusion = at_rest(s.record)
     elif isinstance(loops, Refusal) and s.trusted:
         conclusion = without(loops.reason, named)
     elif loops is None:
-        advice = planned.next_test
-        test = None if advice is None else f"{advice['test']}: {advice['says']}"
-        conclusion = from_posterior(weights, named, assessment, shown, test)
+        conclusion = from_posterior(weights, named, assessment, shown, advice)
     else:
         conclusion = from_record(Prepared(replace(s.record, mv=None)), loops)[0]
     return GapReport(
@@ -92,8 +90,8 @@ def report(
         shrinkage=_shrinkage(main, named, otherwise is not None),
         remaining=left,
         blocks=weights.shares,
-        next_test=planned.next_test,
-        notes=tuple(_notes(assessment, lines, named, main, planned.why)),
+        next_test=advice,
+        notes=tuple(_notes(assessment, lines, named, main)),
         conclusion=replace(conclusion, notes=s.record.notes),
         # of friction the conclusion says what would have shown
         behind=DiagnosisDetails(
@@ -101,7 +99,6 @@ def report(
             runs,
             main,
             smallest_detectable(s, assessment.base, load_memory(s)),
-            next(iter(planned.tests), None),
             None if otherwise is None else otherwise[0],
         ),
         op_unit=s.record.S_unit,
@@ -223,15 +220,12 @@ def _notes(
     lines: Mapping[str, Ranked],
     named: Sequence[str],
     main: Shrinkage,
-    no_test: str,
 ) -> list[str]:
     """Return what else a reader must know, a sentence each."""
     s = assessment.situation
     notes = [*s.notes, *(f"{block}: {why}" for block, why in assessment.unexplained.items())]
     if named[0] == NONE and (note := lines[NONE].ordinary_note()):
         notes.insert(0, note)
-    if no_test:
-        notes.append(f"next test: none, {no_test}")
     if not main.resolvable and within_reach(main.after, main.plant_floor):
         notes.append(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"

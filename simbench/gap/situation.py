@@ -138,30 +138,6 @@ class Situation(Seen):
         return self.baseline.plant.integrating
 
 
-@dataclass(frozen=True, eq=False)
-class ModelledTest:
-    """A test as the fits need it: the engine's input, OP and MV (%), lab samples of the true PV
-    (NaN between) and their std.
-
-    `pace` are samples to one of the record's; `law` the controller's in automatic, None where it
-    was not asked; `proven` as in `Situation`; `moved` whether somebody moved SP, or OP in manual;
-    `explained` whether the law explains OP whole.
-    """
-
-    name: str
-    Ts: float
-    pace: float
-    data: Data
-    op: np.ndarray
-    mv: np.ndarray | None = None
-    lab: np.ndarray | None = None
-    lab_std: float = 0.0
-    law: Law | None = None
-    proven: dict[str, dict[str, float | str]] = field(default_factory=dict)
-    moved: bool = True
-    explained: bool = False
-
-
 def through_valve(
     op: np.ndarray, baseline: Loop, Ts: float, effect: Mapping[str, Any] | None = None
 ) -> np.ndarray:

@@ -261,9 +261,8 @@ SHIFTS_LIMIT = AnswerThreshold(
     "a choice on ten sites, where shifts of a transmitter brought 7 to 160 nats; by themselves:"
     " python -m results.studies.nuisances --pairs 20 (results/nuisances.txt)",
 )
-GUESSED = AnswerThreshold(
-    4.0, "factor", "on these limits where slips of a valve are guessed", _DEVELOPMENT
-)
+
+
 FACT = AnswerThreshold(10.0, "times a limit", "that what needs no statistics counts for", _CHOICE)
 NOMINAL = AnswerThreshold(
     0.1,
@@ -330,9 +329,8 @@ MV_LEFT = AnswerThreshold(
 MV_LEFT_BY_FRICTION = AnswerThreshold(
     0.85, "share", "the same of a map with friction, known only up to its model", _CHOICE
 )
-ANOTHER_PLANT = AnswerThreshold(
-    25.0, "nats", "by which another plant must explain a test better", _DEVELOPMENT
-)
+
+
 OTHER_LOOP = AnswerThreshold(
     30.0, "nats", "by which another plant must beat every effect on the baseline's", _DEVELOPMENT
 )
@@ -396,12 +394,7 @@ GAP_WIDER = AnswerThreshold(
 PLAINLY = AnswerThreshold(
     3.0, "standard deviations between simulations", "from which a feature differs", _CHOICE
 )
-NO_TEST_FROM = AnswerThreshold(
-    0.9,
-    "probability",
-    "from which no test is recommended",
-    "30 of 31 such answers were right; three simulators, seeds 423041 to 423043",
-)
+
 
 THRESHOLDS = {name: x for name, x in globals().items() if isinstance(x, AnswerThreshold)}
 

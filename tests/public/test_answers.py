@@ -107,8 +107,7 @@ OPTIONS = {
     "score": "--paired --report --by --json",
     "check": "--against",
     "figure": "-o --isdb",
-    "gap diagnose": "--baseline --identify --test -j --no-bootstrap --json --html --write-loop",
-    "gap plan": "--baseline --limits --json --html",
+    "gap diagnose": "--baseline --identify -j --no-bootstrap --json --html --write-loop",
     "contract": "",
     "list": "--json",
 }

@@ -24,7 +24,6 @@ LARGER = {
     "nuisances": "-n 2 -j 1",
     "plant.calibration": "-n 2 --seed 1 -j 1 {}",
     "plant.denials": "-n 1 --sound 1 -j 1",
-    "plant_tests": "-n 4 -j 1",
     "prediction": "-n 1 {}",
     "transfer": "-n 12 --slow 4 {}",
 }

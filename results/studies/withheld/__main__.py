@@ -33,7 +33,6 @@ def _parser() -> argparse.ArgumentParser:
     made.add_argument("--seed", type=int, required=True)
     made.add_argument("-n", type=int, default=600, help="about this many records [600]")
     answered = verbs.add_parser("answer", help="diagnose the records; resumes where it stopped")
-    answered.add_argument("--tests", type=int, default=0, help="tests of each record, 0 to 2 [0]")
     opened = verbs.add_parser("open", help="score the answers")
     opened.add_argument("--scores", metavar="DIR", help="write the scores to this folder")
     scored = verbs.add_parser("score", help="score diagnoses that others made")
@@ -43,8 +42,8 @@ def _parser() -> argparse.ArgumentParser:
         "file", metavar="FILE.csv", nargs="*", type=Path, help="columns id, effect, probability"
     )
     scored.add_argument("--page", metavar="FILE.html", help="also write a page")
-    for verb in (answered, opened, scored):
-        verb.add_argument("--key", help="read the truth, with which tests are run, from this file")
+    for verb in (opened, scored):
+        verb.add_argument("--key", help="read the truth from this file")
     for verb in (made, opened):
         verb.add_argument("--world", default=NAMES[0], help=f"the plant simulator [{NAMES[0]}]")
     for verb in (made, answered):
@@ -58,7 +57,7 @@ def run(argv: Sequence[str] | None = None) -> int:
     if o.verb == "make":
         print(make(o.folder, o.key, o.seed, o.n, jobs=o.j, world=o.world))
     elif o.verb == "answer":
-        print(f"{answer(o.folder, o.j, o.tests, o.key)} records diagnosed")
+        print(f"{answer(o.folder, o.j)} records diagnosed")
     elif o.verb == "score":
         scores = score(o.folder, o.file, o.key)
         print(scores.as_text())

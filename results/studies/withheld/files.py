@@ -1,8 +1,7 @@
-"""Write records, baselines and the settings of tests."""
+"""Write records and baselines."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -41,13 +40,3 @@ def _cell(name: str, x: float) -> str:
     if name == "mode":
         return "MAN" if x else "AUTO"
     return f"{x:.8g}" if np.isfinite(x) else ""
-
-
-def settings_toml(settings: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return a test's settings as TOML."""
-    # of plain words, numbers and lists of numbers JSON is TOML
-    rows = [
-        [f"[{name}]", *(f"{k} = {json.dumps(v)}" for k, v in table.items())]
-        for name, table in settings.items()
-    ]
-    return "\n".join("\n".join(part) + "\n" for part in rows)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from results.studies.withheld.answering import COST, MOST_TESTS, answers_after
+from results.studies.withheld.answering import COST
 from results.studies.withheld.claims import true_shrinkages
 from results.studies.withheld.files import write_whole
 from results.studies.withheld.levels import Figure, Share, by_effect, levels, median, rank, share
@@ -40,17 +40,11 @@ def open_(
     text, commitment = read_any(folder, Path(key) if key is not None else None)
     truth = rows_of(text)
     judged, claims = [], []
-    after: dict[str, list[dict[str, Any]]] = {
-        str(i): [] for i in range(1, MOST_TESTS + 1) if answers_after(folder, i).exists()
-    }
     for row in Progress(truth, desc="scored", delay=1.0):
         record, baseline = record_of(folder, row["id"])
         here = true_circumstances(row, baseline, record)
         answer = answer_of(folder / "answers" / f"{row['id']}.json")
         judged.append(judge_record(row, answer, here))
-        for tests, rows in after.items():
-            later = answer_of(answers_after(folder, int(tests)) / f"{row['id']}.json")
-            rows.append(judge_record(row, later, here))
         if judged[-1]["kind"] == "single" and row.get("case") and answer is not None:
             claims += [
                 {"id": row["id"], **c}
@@ -69,10 +63,6 @@ def open_(
         "figures": [f.row() for f in figures],
         "by_effect": json.loads(effects.to_json(orient="records")),
     }
-    if after:
-        score["after_tests"] = {
-            tests: [f.row() for f in levels(pd.DataFrame(rows))] for tests, rows in after.items()
-        }
     make_folder(out)
     for name, content in ((OPEN_ANSWERS, text), ("score.json", json.dumps(score, indent=1))):
         write_whole(out / name, content)
@@ -83,13 +73,7 @@ def open_(
     ):
         write_table(frame, out / f"{name}.csv")
     draw(confusion(table), out)
-    for tests, rows in after.items():
-        write_table(pd.DataFrame(rows), out / f"records-{tests}.csv")
-    later_scores = [
-        f"\nAfter {tests} test(s):\n\n{markdown(levels(pd.DataFrame(rows)), None)}"
-        for tests, rows in after.items()
-    ]
-    return score | {"markdown": markdown(figures, effects) + "".join(later_scores)}
+    return score | {"markdown": markdown(figures, effects)}
 
 
 def markdown(figures: list[Share | Figure], effects: pd.DataFrame | None) -> str:

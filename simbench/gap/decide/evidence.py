@@ -10,7 +10,6 @@ from simbench.gap.effects import Parameters
 LAW = "controller's law"
 SAMPLES = "single samples"
 MV = "MV"
-LAB = "lab samples"
 PV = "PV beside OP"
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -41,9 +39,6 @@ class Recogniser:
         is ordinary is in every model, and no evidence.
     by_mv : callable, optional
         Of a valve: MV given OP.
-    by_lab : callable, optional
-        Log-likelihood of a measurement's errors, as lab samples at some times (s) show them, under
-        the effect of that size; only of effects that falsify the measurement.
     band : callable, optional
         Range of OP (%) within which the valve rests; only of friction. After it any plant looks as
         if it integrated.
@@ -57,9 +52,6 @@ class Recogniser:
     proven: Callable[[Situation], Parameters | None] = lambda s: None
     ordinary: Callable[[Fit, Fit, Situation], float | None] | None = None
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
-    by_lab: Callable[[Mapping[str, float | str], np.ndarray, np.ndarray, float], float] | None = (
-        None
-    )
     band: Callable[[Mapping[str, float | str]], float] | None = None
     smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
 

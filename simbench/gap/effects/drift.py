@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from simbench.gap.effects._recogniser import Parameters, Recogniser
@@ -11,8 +9,6 @@ from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
-
-_SURE_WITHIN = 0.2  # share of its rate within which a ramp is known from PV
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -46,22 +42,6 @@ def smallest(probe: Probe) -> tuple[float, str]:
     return size, "PV units over the record"
 
 
-def by_lab(
-    p: Mapping[str, float | str], errors: np.ndarray, times: np.ndarray, noise: float
-) -> float:
-    """Return the log-likelihood of errors that ramp, as PV did, and walk, with noise, from
-    an unknown offset.
-    """
-    rate = float(p["rate"])
-    walk = float(p["walk"])
-    offset = 10.0 * (float(np.ptp(errors)) + noise)
-    ramps = (_SURE_WITHIN * rate) ** 2 * np.outer(times, times)
-    walks = walk**2 * np.minimum.outer(times, times)
-    L = np.linalg.cholesky(noise**2 * np.eye(times.size) + ramps + walks + offset**2)
-    x = np.linalg.solve(L, errors - rate * times)
-    return -0.5 * float(x @ x) - float(np.log(np.diag(L)).sum())
-
-
 def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
     """Return 0 where the baseline states a slow load on PV, which does the same."""
     return 0.0 if s.loads_on_pv else None
@@ -70,7 +50,6 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
-    by_lab=by_lab,
     ordinary=ordinary,
     smallest=smallest,
 )

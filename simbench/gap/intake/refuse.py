@@ -10,7 +10,6 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.holds import still
 from simbench.gap.controller.law import Law
-from simbench.gap.intake.recorded_test import SAME_TS
 
 _FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 _LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
@@ -18,6 +17,8 @@ _NEAR_SHUT = 15.0  # % of mean OP, below which a valve of any characteristic is 
 _LEVEL = 0.15  # agreement of MV's slope and level, relative, from which both are one factor
 _RATIOS = np.geomspace(0.01, 100.0, 400)  # of a characteristic's gains, none of them 1
 _SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, in addition to %
+
+SAME_TS = 0.01  # relative difference of two sampling periods that a time column may leave
 
 
 def refuse_other_pace(period: float, stated: float, where: str) -> None:

@@ -419,16 +419,6 @@ class Engine:
         level = 0.5 * (float(rest @ rest) + log_var + count * np.log(2 * np.pi))
         return (*kernels.scan(d.u, kind, points, Td, model, rest, basis, jumps), level)
 
-    def more_numbers(self, spec: Spec, base: Spec) -> float:
-        """Return how many numbers the signals of an effect are fitted by beyond those of one
-        record.
-        """
-        return 0.0
-
-    def main(self, fit: Fit) -> Fit:
-        """Return a fit as the first record alone has it."""
-        return fit
-
     def grid(
         self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1
     ) -> list[Fit]:

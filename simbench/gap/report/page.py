@@ -42,17 +42,15 @@ def write_page(
     report: GapReport,
     path: str | Path,
     command: Sequence[str] = (),
-    account: Sequence[Part] = (),
 ) -> None:
-    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a phone;
-    `account`: its story.
+    """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a
+    phone.
     """
     situation = report.behind.found.situation
     loop = report.fixed_loop().to_toml().strip()
     written = Details("The loop file that --write-loop writes", [Commands([loop])])
     sections = [
         Section("answer", "The answer", _answer(report)),
-        Section("story", "What the tests changed", account),
         Section("where", "Where the gap lies", _where(report)),
         Section("look", "Record and simulation", _look(compared(report), situation)),
         Section("remaining", "What remains", _remaining(report)),

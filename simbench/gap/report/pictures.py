@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from scipy.signal import welch
 
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.signal.holds import runs_of
 from simbench.figures._style import (
     BLACK,
     BLUE,
@@ -145,20 +144,6 @@ def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     """
     f, power = welch(x, 1.0 / Ts, nperseg=max(32, min(1024, x.size // 4)))
     return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
-
-
-@styled
-def draw_shaded(record: LoopRecord, on: np.ndarray) -> Figure:
-    """Draw PV with its set point, and OP, over time; where `on` (n,) is True, shaded."""
-    figure, grid = panels(2, 1, PHONE_WIDTH, 3.0, sharex=True)
-    for axes, name, x in zip(grid[:, 0], ("PV", _op_label(record)), (record.pv, record.op)):
-        axes.plot(record.t, x, color=BLACK, linewidth=0.8)
-        for a, b in runs_of(on):
-            axes.axvspan(a * record.Ts, b * record.Ts, color=RED, alpha=0.18, linewidth=0)
-        label(axes, "time (s)" if name != "PV" else "", name)
-    if record.sp is not None:
-        grid[0, 0].plot(record.t, record.sp, color=GREY, linestyle=":", linewidth=1.0)
-    return figure
 
 
 def fill_ranking(axes: Axes, probabilities: Mapping[str, float]) -> None:

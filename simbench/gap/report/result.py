@@ -14,7 +14,6 @@ from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.planning.menu import Trial
 from simbench.gap.report.ranked import LEAST_SHOWN, PERCENT, Gap, Ranked, numbers, words
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.gap.thresholds import COVERED, LIKELIER
@@ -39,7 +38,6 @@ class DiagnosisDetails:
     loops: ClosedLoops
     shrinkage: Shrinkage
     detectable: dict[str, tuple[float, str]]
-    trial: Trial | None = None  # the next test, as it is run
     # with the controller, the load or the plant that the record shows, where no known effect is
     # what is missing
     shown: Copy | None = None
@@ -75,9 +73,9 @@ class GapReport:
         simulations, distance (standard deviations between simulations).
     blocks : dict
         Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
-    next_test : dict or None
-        The next test of a fixed order: test, size, hold_s, settings, says; None, with its reason in
-        the notes, where none is recommended.
+    next_test : str or None
+        What would tell apart the effects between which this record does not decide, in a sentence;
+        None where it decides.
     notes : tuple of str
         What else a reader must know, a sentence each.
     conclusion : Conclusion
@@ -98,7 +96,7 @@ class GapReport:
     shrinkage: dict[str, float] | None
     remaining: tuple[Remaining, ...]
     blocks: dict[str, float]
-    next_test: dict[str, Any] | None
+    next_test: str | None
     notes: tuple[str, ...]
     conclusion: Conclusion
     behind: DiagnosisDetails = field(repr=False)
@@ -288,7 +286,7 @@ class GapReport:
         Returns
         -------
         str
-            The answer, what remains, the valve, the ranking and the next test, a line each.
+            The answer, what remains, the valve, the ranking and what to do next, a line each.
         """
         lines = [self.answer(), self.nearness(), *self.identified()]
         if self.remaining:
@@ -371,18 +369,17 @@ class GapReport:
         return [one.sentence() for one in self.remaining[:_MOST_LINES]]
 
     def next_line(self) -> list[str]:
-        """Return the next test in a sentence, in a list; empty where none is recommended.
+        """Return what would tell apart the effects that are left, in a list.
 
         Returns
         -------
         list of str
-            One sentence on the next test, or none where there is nothing to say.
+            One sentence, or none where there is nothing to say.
         """
-        one = self.next_test
         # what the conclusion about the valve says to do next is not said again
-        if one is None or self.conclusion.next == f"{one['test']}: {one['says']}":
+        if self.next_test is None or self.conclusion.next == self.next_test:
             return []
-        return [f"Next test, {one['test']}: {one['says']}."]
+        return [f"Next: {self.next_test}."]
 
 
 def _hedge(said: str, p: float) -> str:

@@ -15,7 +15,7 @@ from scipy.special import expit, logit
 from simbench.detectors.signal.fits.regression import friction_nats
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.decide.beside_tests import least_band, noise_of
+from simbench.gap.decide.recorded_mv import least_band, noise_of
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import size_penalty

@@ -16,7 +16,6 @@ COMMANDS = {
     "detect a folder": ["detect", "records"],
     "diagnose": ["diagnose", "rec.csv"],
     "gap diagnose": ["gap", "diagnose", "rec.csv", "--baseline", MODEL],
-    "gap plan": ["gap", "plan", "rec.csv", "--baseline", MODEL],
     "run": ["run", "smoke", "-o", "run", "--method", "horch,he", "--resume"],
     "score": ["score", "run"],
     "run --add": ["run", "run", "--add", "--method", "yamashita", "-o", "more"],

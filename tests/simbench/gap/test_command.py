@@ -13,15 +13,12 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-import simbench as sb
 from simbench.cli import main
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.files import write_record
 from simbench.gap import command
-from simbench.gap.report.ranked import Gap
 from simbench.loop.simulate import simulate
-from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, load_loop
 
 HEALTHY = {
@@ -158,33 +155,3 @@ def test_healthy_records_are_read_noted_and_repeated_on_the_page(place, tmp_path
     assert found["effect"] == "stiction"
     assert any(note.startswith("healthy: 1 record shows noise 0.1") for note in found["notes"])
     assert f"--healthy {place / 'healthy.csv'}" in (tmp_path / "gap.html").read_text()
-
-
-def test_a_plan_is_made_of_an_identified_loop_and_says_first_that_a_model_is_far(
-    place, capsys, monkeypatch
-):
-    record = str(place / "no_mv.csv")
-    assert main(["gap", "plan", record, "--identify", "--json"]) == 0
-    planned = json.loads(capsys.readouterr().out)
-    report = command.diagnose_files([record], None)
-    advised = report.next_test
-    first = planned["tests"][0]["id"] if planned["tests"] else None
-    assert first == (None if advised is None else advised["test"])
-    assert "far from the record" not in planned["why"]
-    assert sb.gap.plan(record, identify=True).as_json() == planned
-    with pytest.raises(SpecError, match="op_travl"):
-        sb.gap.plan(record, identify=True, limits={"op_travl": 1.0})
-    monkeypatch.setattr(Gap, "near", False)
-    assert main(["gap", "plan", record, "--identify"]) == 0
-    assert capsys.readouterr().out.startswith("The model is far from the record")
-    assert main(["gap", "plan", record]) == 2
-    assert "--identify" in capsys.readouterr().err
-
-
-def test_a_plan_from_python_keeps_within_the_limits_that_it_is_given():
-    loop = sb.Loop.from_table(HEALTHY)
-    record = loop.simulate(1).record.without_mv()
-    free, short = (sb.gap.plan(record, loop, limits=one) for one in (None, {"minutes": 1.0}))
-    assert free.to_frame().test.tolist() == [trial.id for trial in free.tests]
-    assert {"mv", "sp_steps"} <= set(free.to_frame().test)
-    assert any("more than the 1 allowed" in why for why in short.left_out)

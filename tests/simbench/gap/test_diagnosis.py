@@ -79,7 +79,6 @@ def assessed(*chosen, parameters=None, shown=(), s=None, rows=(), friction=0.5):
         friction=friction,
         valve_seen=False,
         mv_unexplained=False,
-        asked=(),
         load=(),
         tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0),
     )
@@ -132,11 +131,11 @@ def test_the_most_probable_is_named_and_a_second_of_another_block(p, chosen, nam
 def stubs(monkeypatch):
     seen = {}
 
-    def plan(assessed, probability, loops, **more):
-        seen.update(probability=probability, loops=loops, **more)
-        return SimpleNamespace(tests=(), next_test={"test": "bump", "says": "bump it"}, why="")
+    def tell_apart(ranking, mv_recorded):
+        seen.update(probability={one.effect: one.probability for one in ranking})
+        return "bump it"
 
-    monkeypatch.setattr(reporting, "plan", plan)
+    monkeypatch.setattr(reporting, "tell_apart", tell_apart)
     monkeypatch.setattr(
         reporting, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")}
     )

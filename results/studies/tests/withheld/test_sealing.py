@@ -134,10 +134,10 @@ def test_answering_resumes_and_tries_failures_again(theirs):
     first, second = (theirs / "answers" / f"{name}.json" for name in "ab")
     broken = ["a"]
 
-    def diagnose(record, baseline, tests):
+    def diagnose(record, baseline):
         if record.stem in broken:
             raise ValueError("no idea")
-        return {"effect": "none", "block": "none"}, None
+        return {"effect": "none", "block": "none"}
 
     assert answer(theirs, diagnose=diagnose) == 3
     assert "no idea" in json.loads(first.read_text())["error"]

@@ -5,7 +5,7 @@ none.
 import numpy as np
 import pytest
 
-from simbench.gap.decide.beside_tests import _drop_narrow, least_band
+from simbench.gap.decide.recorded_mv import _drop_narrow, least_band
 
 RNG = np.random.default_rng(1)
 WAVE = 50.0 + 5.0 * np.sin(np.arange(2000.0) / 40.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from simbench.gap.decide.evidence import LAB, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
+from simbench.gap.decide.evidence import LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.posterior import Posterior, chance_of_unknown, posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.thresholds import (
@@ -37,7 +37,7 @@ def weighed(on_top=None, worst=SOUND, friction=None, known=(), **nats):
 def test_rows_of_one_effect_add_up_and_law_and_samples_are_known():
     every = [
         Evidence("drift", PV, 9.0),
-        Evidence("drift", LAB, -4.0),
+        Evidence("drift", PV, -4.0),
         Evidence("detuning", LAW, TERM_NATS),
         Evidence("outliers", SAMPLES, TERM_NATS),
         Evidence("deadband", MV, 30.0),

@@ -85,7 +85,7 @@ def test_it_reads_as_the_report_does(name, pages, sticky, clean):
     sizes = [f"{size:.2f}" for size in (report.gap.before, report.gap.floor)]
     effects = [r.effect.replace("_", " ") for r in report.ranking]
     notes = [" ".join(note.split()) for note in report.notes]
-    next_test = [] if report.next_test is None else [report.next_test["says"]]
+    next_test = [] if report.next_test is None else [report.next_test]
     for words in (report.sentence(), COMMAND[0], *notes, *next_test, *sizes, *effects):
         assert words in text
     if name == "sticky":

@@ -15,7 +15,6 @@ from simbench.gap.report.pictures import (
     draw_blocks,
     draw_gap,
     draw_loops,
-    draw_shaded,
     draw_spectra,
     draw_traces,
     fill_ranking,
@@ -157,16 +156,6 @@ def test_a_simulation_that_runs_away_is_marked(share, warns, far, word):
         axes = draw("PV", {RECORD: record, FIXED: away}, slice(800)).axes[1]
         words = [t.get_text() for t in axes.texts]
         assert words == [f"runs beyond these axes,\nto {word}"] * warns
-
-
-def test_spells_are_shaded_in_both_panels():
-    upper, lower = draw_shaded(trace(), np.arange(800) // 100 % 4 == 1).axes
-    assert [(p.get_x(), p.get_x() + p.get_width()) for p in upper.patches] == [
-        (100.0, 200.0),
-        (500.0, 600.0),
-    ]
-    assert len(lower.patches) == 2
-    assert [len(axes.lines) for axes in (upper, lower)] == [2, 1]
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def report(
         "ranking": RANKING,
         "remaining": (),
         "blocks": SHARES,
-        "next_test": {"test": "bump", "says": "bump it"},
+        "next_test": "bump it",
         "notes": ("one", "two"),
     } | more
     return GapReport(
@@ -190,7 +190,7 @@ def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more()
         "It is 3.50 with K, T and Td fitted again and nothing added; simulations that differ only"
         " in their seeds are 0.80 apart (the floor).",
         "Of the gap above the floor, the effect removes 86 % (90 % interval 76 to 91 %).",
-        "Next test, bump: bump it.",
+        "Next: bump it.",
         "note: one",
         "note: two",
     ]
@@ -203,7 +203,7 @@ def test_what_is_unknown_is_booked_to_no_block():
 
 
 def test_the_next_test_is_said_once():
-    once = report(conclusion=replace(CONCLUSION, next="bump: bump it")).as_text()
+    once = report(conclusion=replace(CONCLUSION, next="bump it")).as_text()
     assert once.count("bump it") == 1
 
 
