@@ -110,38 +110,20 @@ _OBVIOUS = {
         "n": 2000,
     },
 }
-CASES = {
-    "stiction": "a sticky valve cycling in plain sight",
-    "healthy": "the same loop with an ideal valve under a wandering load",
-    "sine": "a healthy loop under a sine",
-    "noise": "noise alone",
-    "constant": "nothing ever moves",
-    "short": "20 samples",
-}
 
 
 @cache
 def example_record(case: str, process: str) -> LoopRecord:
-    """Return one of six records about whose valve nobody can be in doubt."""
-    rng = np.random.default_rng(3)
-    about = {"process": process, "kind": "flow" if process == "self-regulating" else "level"}
+    """Return one of three records about whose valve nobody can be in doubt: "stiction" (a sticky
+    valve cycling in plain sight), "healthy" (the same loop with an ideal valve under a wandering
+    load), "constant" (nothing ever moves).
+    """
     if case == "stiction":
         return example_loop(**_OBVIOUS[process])
-    if case == "dense":
-        return example_loop(
-            **{**_OBVIOUS[process], "Ts": 0.125, "n": 8 * int(_OBVIOUS[process]["n"])}
-        )
-    if case == "short":
-        return example_loop(**_OBVIOUS[process]).window(0, 20)
     if case == "healthy":
-        load = 0.2 * np.cumsum(rng.standard_normal(2500))
+        load = 0.2 * np.cumsum(np.random.default_rng(3).standard_normal(2500))
         return example_loop(**{**_OBVIOUS[process], "S": 0.0, "J": 0.0, "load": load})
-    if case == "sine":
-        op = 50.0 + 5.0 * np.sin(2 * np.pi * np.arange(2000.0) / 50.3)
-        return LoopRecord(op=op, pv=100.0 - op, mv=op, Ts=1.0, **about)
-    if case == "noise":
-        op, pv, mv = 50.0 + rng.standard_normal((3, 2000))
-        return LoopRecord(op=op, pv=pv, mv=mv, Ts=1.0, **about)
-    return LoopRecord(
-        op=np.full(2000, 50.0), pv=np.full(2000, 3.0), mv=np.full(2000, 50.0), Ts=1.0, **about
-    )
+    kind = "flow" if process == "self-regulating" else "level"
+    op = np.full(2000, 50.0)
+    pv = np.full(2000, 3.0)
+    return LoopRecord(op=op, pv=pv, mv=op, Ts=1.0, process=process, kind=kind)

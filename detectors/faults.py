@@ -21,6 +21,17 @@ LOG = (  # begins the name of a fault's log, in the system's folder of temporary
 # set where tests run: a fault of the program is a traceback there, no sentence
 RAISED = "SIMBENCH_RAISE"
 LOGS = 20  # kept there, the newest
+# the detector that is asked in this process, and the record that it is asked about, in words
+JUDGING: dict[str, str] = {}
+
+
+def describe_judging() -> str:
+    """Return which detector an interrupt met, and about which record it was asked; "" where none
+    was.
+    """
+    if "detector" not in JUDGING:
+        return ""
+    return f"while {JUDGING['detector']} judged {JUDGING.get('record', 'a record')}"
 
 
 def sentence_of(error: Exception, command: Sequence[str] = ()) -> str:

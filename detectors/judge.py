@@ -4,22 +4,24 @@ and that it oscillates, then run the method.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import sys
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext, redirect_stdout
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from simbench.detectors.errors import AnswerError, ParameterError, nearest
+from simbench.detectors.errors import AnswerError, ParameterError, nearest, printable
 from simbench.detectors.example_loop import example_record
+from simbench.detectors.faults import JUDGING
 from simbench.detectors.method import Method
-from simbench.detectors.plugins.asking import ask_worker
-from simbench.detectors.plugins.host import PluginError
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import Prepared, prepare
 from simbench.detectors.quality import resolution
-from simbench.detectors.record import LoopRecord
+from simbench.detectors.record import RECORDED_SIGNALS, LoopRecord
 from simbench.detectors.verdict import (
     NO_DECISION,
     NO_STICTION,
@@ -55,6 +57,7 @@ def judge(
     >>> judge(LoopRecord(op=np.sin(t / 8), pv=-np.sin(t / 8), Ts=1.0), ["horch"])[0].verdict
     'no_stiction'
     """
+    JUDGING["record"] = record.tag or "the record"
     blind = (prepare if halves else Prepared)(record.without_mv())
     sighted = replace(record, meta={})
     verdicts = []
@@ -75,28 +78,43 @@ def answer_of(
     does, it costs no other method its answer.
     """
     try:
-        return _ask(name, prepared, thresholds, raw), None
-    except Exception as wrong:  # a detector may fail in any way; the others must not
-        message = (
-            str(wrong) if isinstance(wrong, PluginError) else f"{type(wrong).__name__}: {wrong}"
-        )
-        error = " ".join(message.split())[:_LONGEST]
-        return Verdict(name, NO_DECISION, reason=f"{FAILED}{error}"), error
+        verdict = _ask(name, prepared, thresholds, raw)
+        error = None
+    except (Exception, SystemExit) as wrong:  # a detector may fail in any way; the others must not
+        error = printable(" ".join(f"{type(wrong).__name__}: {wrong}".split())[:_LONGEST])
+        verdict = Verdict(name, NO_DECISION, reason=f"{FAILED}{error}")
+    return verdict, error
 
 
 def _ask(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool) -> Verdict:
-    host = registry.host_of(name)
-    if host is not None:
-        return ask_worker(host, _ask_in_worker, name, prepared, thresholds, raw)
-    return judge_one(name, registry.load(name), prepared, raw, dict(thresholds))
+    module = registry.load(name)
+    JUDGING["detector"] = name
+    try:
+        with nullcontext() if registry.built_in(name) else _guarded(prepared.record):
+            return judge_one(name, module, prepared, raw, dict(thresholds))
+    finally:
+        # an interrupt leaves it there, and so names the detector
+        if not isinstance(sys.exc_info()[1], KeyboardInterrupt):
+            JUDGING.pop("detector", None)  # another thread may have been first
 
 
-def _ask_in_worker(
-    name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool
-) -> Verdict:
-    """Judge a record where this runs, in the plug-in's worker."""
-    registry.host_entries = False
-    return _ask(name, prepared, thresholds, raw)
+@contextmanager
+def _guarded(record: LoopRecord) -> Iterator[None]:
+    """Let a plug-in write neither into the record, which other methods see, nor to stdout, which is
+    the answer's.
+    """
+    signals = [x for s in RECORDED_SIGNALS if (x := getattr(record, s)) is not None]
+    writeable = [x.flags.writeable for x in signals]
+    try:
+        for x in signals:
+            x.flags.writeable = False
+        # the stream is the process's: of several threads the main one alone may change it
+        alone = threading.current_thread() is threading.main_thread()
+        with redirect_stdout(sys.stderr) if alone else nullcontext():
+            yield
+    finally:
+        for x, before in zip(signals, writeable, strict=True):
+            x.flags.writeable = before
 
 
 def refuse_wrong_forms(names: Iterable[str]) -> None:
@@ -114,11 +132,12 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
             continue
         record = example_record("stiction", module.METHOD.process[0])
         prepared = Prepared(record if module.METHOD.needs_mv else record.without_mv())
+        JUDGING["record"] = "an example record"
         try:
             _ask(name, prepared, module.METHOD.defaults(), raw=True)
         except AnswerError as wrong:
             raise AnswerError(f"detector {name!r}: {wrong}") from None
-        except Exception:
+        except (Exception, SystemExit):
             continue
         module.__dict__["form_is_right"] = True
 

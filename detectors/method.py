@@ -43,7 +43,6 @@ class Method:
     min_samples: int = 60  # fewer samples than this: no decision
     min_periods: float = 3.0  # fewer oscillation periods than this: no decision
     front_end: bool = True  # false for a method that has an oscillation test of its kind
-    reversible: bool = False  # whether its verdict is the same for the record read backwards
     cannot_cope: tuple[str, ...] = ()  # data-quality flags under which the method abstains
     # given the whole record as it came, neither the half that oscillates nor every so many-th
     # sample
@@ -52,8 +51,6 @@ class Method:
     takes_mv: bool = False
     # keyword arguments of `detect` that a user or a calibration may set
     thresholds: dict[str, Threshold] = field(default_factory=dict)
-    # cases of the contract test that do not apply to the method, each with the reason
-    exempt: dict[str, str] = field(default_factory=dict)
     # grids whose loops, of other seeds, the method's constants were fitted to
     fitted_on: tuple[str, ...] = ()
     # whether its numbers are weights that a classifier or a regression learned from such loops

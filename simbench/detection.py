@@ -1,7 +1,7 @@
 """Run detectors on a record, a file, a folder or a simulated run: the functions that notebooks and
 the command line call.
 
-The steps of `detect`: name the methods, start the plug-ins' processes, read the record
+The steps of `detect`: name the methods, load the plug-ins, read the record
 (`as_record`, or `read_records` and `read_folder` for files), weigh all evidence about it
 (`conclude`), judge it by every method (`judge`), and collect verdicts and conclusions in a
 `Report`.
@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.judge import judge, refuse_wrong_forms
-from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.folder import read_folder
@@ -127,7 +126,7 @@ def detect(
             known = {k: v for k, v in about.items() if k not in ("op", "pv", "sp", "mv")}
             return judge_files(source, asked, plugins=plugins, **known)
         record = repair_record(as_record(source, **about))
-        with registry.hosted(plugins) as added:
+        with registry.added(plugins) as added:
             names = choose_methods([*asked, *added])
             refuse_wrong_forms(names)
             verdicts = judge(record, names)
@@ -142,7 +141,6 @@ def judge_files(
     methods: Iterable[str] = ("all",),
     *,
     plugins: Iterable[str | Path] = (),
-    time_limit: float = SECONDS,
     concludes: bool | None = None,
     labels: str | Path | None = None,
     at_once: Callable[[Report], None] | None = None,
@@ -158,8 +156,6 @@ def judge_files(
         Method ids, "all", "fast", "full".
     plugins : iterable
         As in `detect`.
-    time_limit : float
-        Seconds that a plug-in may take for one record.
     concludes : bool, optional
         Whether all evidence about each record is weighed as well; by default with "all", "full"
         and "likelihood".
@@ -191,8 +187,8 @@ def judge_files(
     """
     asked = list(methods)
     concludes = _weighs(asked) if concludes is None else concludes
-    # 1. choose the methods; plug-ins answer in separate processes
-    with registry.hosted(plugins, time_limit) as added:
+    # 1. choose the methods
+    with registry.added(plugins) as added:
         names = choose_methods([*asked, *added])
         # 2. read the records
         known = {} if labels is None else read_labels(labels)

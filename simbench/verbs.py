@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from simbench.bench.score.check_result import Check
     from simbench.bench.score.result import Scores
-    from simbench.detectors.contract.engine import Contract
+    from simbench.detectors.contract import Contract
     from simbench.detectors.sources import Source
     from simbench.gap.stiction.causes import Causes
     from simbench.gap.stiction.conclusion import Conclusion
@@ -39,7 +39,6 @@ class _Settings(TypedDict, total=False):
     effect_plugins: Iterable[str | Path]
     plant_plugins: Iterable[str | Path]
     controller_plugins: Iterable[str | Path]
-    time_limit: float
     n: int | None
     keep: int
     fresh_seeds: bool
@@ -187,33 +186,32 @@ def check(
 
 
 def contract(path: str | Path) -> Contract:
-    """Check whether a file can be used by simbench: a detector, valve, effect, plant, controller or
-    grid.
+    """Check whether a file keeps the contract of a detector.
 
     Parameters
     ----------
     path : str or Path
-        The file (.py, or .toml of a grid); it runs in a process of its own.
+        The file (.py); it runs in this process.
 
     Returns
     -------
     Contract
-        kept, broken (one sentence for every point that does not hold) and notes.
+        kept, and broken: one sentence, with its line, for every point that does not hold.
 
     Raises
     ------
     ParameterError
-        For a file that is none of these.
+        For a file that is not there, or whose name is no id.
 
     Examples
     --------
-    >>> from simbench.loop.valves import deadband
-    >>> contract(deadband.__file__).kept
+    >>> from simbench.detectors.methods import horch
+    >>> contract(horch.__file__).kept
     True
     """
-    from simbench.contract import check_in_subprocess
+    from simbench.detectors.contract import check_detector
 
-    return check_in_subprocess(path)
+    return check_detector(path)
 
 
 def run(
@@ -240,7 +238,7 @@ def run(
         Worker processes; -1 = all cores.
     **settings
         Further arguments of `simbench.bench.execute.run.run_grid`: resume, n, sets,
-        axes, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins, time_limit,
+        axes, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins,
         keep, fresh_seeds, progress, backend, address, with_reference; and of
         `simbench.bench.execute.add.add_to_run`: add and answers, which add methods, or answers from
         files, to the finished run whose folder is `grid`.

@@ -87,13 +87,13 @@ PLUGINS = (
     "simbench.gap.effects",
     "simbench.figures",
 )
-HOSTS = ("simbench.detectors.__main__", "simbench.detectors.plugins.process")
+HOSTS = ("simbench.detectors.__main__",)
 ROOT = Path(__file__).parents[1]
 
 
 def doors(graph):
-    """Return the modules where a user comes in: verbs, public names, plug-ins, and what a host
-    process runs.
+    """Return the modules where a user comes in: verbs, public names, plug-ins, and
+    `python -m`.
     """
     modules = {"simbench.cli", *HOSTS} | graph.find_descendants("simbench.cli")
     for folder in PLUGINS:

@@ -29,9 +29,6 @@ METHOD = Method(
         "ngi_low": Threshold(NGI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: non-Gaussian"),
         "nli_low": Threshold(NLI_LOW, "-", -1.0, 1.0, "Choudhury 2004", "above: a pair stands out"),
     },
-    exempt={
-        "stiction": "a symmetric cycle has no even harmonics, and quadratic coupling cannot show"
-    },
 )
 
 

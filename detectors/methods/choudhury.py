@@ -76,7 +76,6 @@ METHOD = Method(
             "upper boundary by hand; 0: from the peak",
         ),
     },
-    exempt={"stiction": "step 1 is blind to a symmetric cycle, which has no even harmonics"},
 )
 
 

@@ -32,7 +32,6 @@ _DEAD = 1e-9  # of a signal's range over the record: what moves by less is at re
 METHOD = Method(
     title="ellipse fitted to PV over OP",
     source="Choudhury et al. 2006, Eq 11.15",
-    reversible=True,
     thresholds={
         "fitness_low": Threshold(
             0.6, "-", 0.0, 1.0, "Choudhury 2006", "at or above: the points form an ellipse"

@@ -31,7 +31,6 @@ METHOD = Method(
     title="axis ratio of the ellipse that PV draws over OP",
     source="GB/T 44693.2-2024, F.2, as open implementations have it",
     min_samples=100,
-    reversible=True,
     thresholds={
         "ratio_low": Threshold(
             0.3, "-", 0.0, 1.0, "open implementations of F.2: severe", "above: stiction"
@@ -44,12 +43,6 @@ METHOD = Method(
             "F.2; 0.5 in a later implementation",
             "below: no long axis, no decision",
         ),
-    },
-    exempt={
-        "stiction": (
-            "behind an integrator PV and OP keep so near one phase that the ellipse stays below the"
-            " bound"
-        )
     },
 )
 

@@ -27,7 +27,6 @@ METHOD = Method(
     title="odd cross-correlation of OP and PV",
     source="Horch 1999, Eqs 11.6-11.9",
     process=("self-regulating",),
-    reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
         "dtau_low": Threshold(

@@ -29,7 +29,6 @@ from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION, Verdi
 METHOD = Method(
     title="histogram of PV's second difference: Gaussian or camel",
     source="Horch 2006",
-    reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
         "bound": Threshold(

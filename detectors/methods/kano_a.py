@@ -28,7 +28,6 @@ METHOD = Method(
     title="time in which the valve stands still while OP moves",
     source="Kano et al. 2004, method A",
     needs_mv=True,
-    reversible=True,
     cannot_cope=("undersampled",),
     thresholds={
         "share_min": Threshold(0.35, "-", 0.0, 1.0, "own; the paper has none", "above: stiction"),

@@ -34,7 +34,6 @@ METHOD = Method(
         ),
     },
     published={"cleaned": 0.0},
-    exempt={"sine": "its R is 1 but for sampling, and so is the published bound"},
 )
 
 

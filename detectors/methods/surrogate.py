@@ -29,11 +29,6 @@ METHOD = Method(
     budget="full",
     min_periods=12.0,
     thresholds={"npi_low": Threshold(1.0, "-", -5.0, 20.0, "Thornhill 2005", "above: nonlinear")},
-    exempt={
-        "stiction": (
-            "every surrogate of a strict cycle keeps its harmonics and with them its predictability"
-        )
-    },
 )
 
 

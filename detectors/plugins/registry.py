@@ -6,20 +6,18 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import os
 import pkgutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from simbench.detectors.errors import ParameterError, UnknownName, UserError
+from simbench.detectors.errors import AnswerError, ParameterError, UnknownName
 from simbench.detectors.method import refuse_wrong_call, wrong_fields
-from simbench.detectors.plugins.host import SECONDS, Host
 
 
 class PluginFolder:
@@ -95,7 +93,8 @@ class PluginFolder:
         # as any other module: a plug-in may look itself up
         sys.modules[spec.name] = module
         try:
-            spec.loader.exec_module(module)
+            with redirect_stdout(sys.stderr):  # stdout is the answer's
+                spec.loader.exec_module(module)
         except (
             Exception,
             SystemExit,
@@ -263,92 +262,7 @@ RESERVED = ("all", "fast", "full", "oracle", "no_waveform", "rhythm", "always_no
 class _Detectors(PluginFolder):
     """The detectors; `NAME@published` is a detector with the thresholds of its source,
     `NAME@chapter` with the chapter's.
-
-    A user's files, and what other distributions publish, live in worker processes.
     """
-
-    def __init__(self, *given: Any, **named: Any) -> None:
-        super().__init__(*given, **named)
-        # whether what another distribution publishes lives in a worker; else it is imported here
-        self.host_entries = True
-        self._hosts: dict[str, tuple[tuple, Host]] = {}  # with the file they were made of
-
-    def add_hosted(self, *paths: str | Path, seconds: float = SECONDS) -> list[str]:
-        """Register files, each imported in a separate worker process; every plug-in known may
-        lose its worker anew.
-        """
-        if not 0.0 < seconds < 1e6:
-            raise ParameterError(f"time limit {seconds} s; a number above 0 is needed")
-        files = list(dict.fromkeys(Path(p).resolve() for p in paths))
-        names = [file.stem for file in files]
-        for file, name in zip(files, names, strict=True):
-            if name in self._hosts and file in self._hosts[name][0] and not file.exists():
-                continue  # it removed itself; its worker knows it still
-            self._free_name(file, names.count(name) > 1)
-            key = (file, file.stat().st_mtime_ns)
-            if name not in self._hosts or self._hosts[name][0] != key:
-                self.forget(name)
-                self._files[name] = self._stub(
-                    name, key, str(file), f"{self.kind} file {file}", seconds
-                )
-        for name, (file, host) in self._hosts.items():
-            host.strikes = 0
-            if name in names or not file:  # one that is published
-                host.seconds = seconds
-        return names
-
-    @contextmanager
-    def hosted(self, paths: Iterable[str | Path], seconds: float = SECONDS) -> Iterator[list[str]]:
-        """Register files for one question only; these, and what other distributions publish, live
-        in workers meanwhile.
-        """
-        entries = self.host_entries
-        try:
-            self._host_entries(True)
-            with self._forgetting():
-                yield self.add_hosted(*paths, seconds=seconds)
-        finally:
-            self._host_entries(entries)
-
-    def _host_entries(self, wanted: bool) -> None:
-        if wanted is not self.host_entries:
-            self.host_entries = wanted
-            for name in self._entry_points:
-                self.forget(name)
-
-    def host_of(self, name: str) -> Host | None:
-        """Return the worker process a plug-in lives in; None for those that live here."""
-        name = name.partition("@")[0]
-        if self.host_entries and name in self._entry_points and name not in self._files:
-            self.load(name)
-        return self._hosts[name][1] if name in self._hosts else None
-
-    def forget(self, name: str) -> None:
-        """Take a detector out again, and end its worker."""
-        super().forget(name)
-        if name in self._hosts:
-            self._hosts.pop(name)[1].close()
-
-    def _load_published(self, name: str) -> ModuleType | None:
-        point = self._entry_points.get(name)
-        if point is None or not self.host_entries:
-            return super()._load_published(name)
-        return self._stub(name, (), name, self._publisher_of(name, point), SECONDS)
-
-    def _stub(self, name: str, key: tuple, source: str, where: str, seconds: float) -> ModuleType:
-        """Start a plug-in's worker and return its replacement here: its attributes, and
-        functions that refuse.
-        """
-        host = Host(_describe_detector, source, seconds)
-        stub = ModuleType(name)
-        try:
-            stub.__dict__.update(detect=_refuse_here, __file__=None)
-            stub.__dict__.update(host.described())
-        except UserError as error:
-            host.close()
-            raise self._useless(where, str(error)) from None
-        self._hosts[name] = (key, host)
-        return stub
 
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
@@ -378,21 +292,16 @@ class _Detectors(PluginFolder):
         return [f"{name}@{PUBLISHED}" for name in self.names()]
 
 
-def _refuse_here(*_: Any, **__: Any) -> None:
-    raise ParameterError("this is a plug-in, which runs in its worker process only")
-
-
-def _describe_detector(source: str) -> dict[str, Any]:
-    """Import a detector in its worker, by its file or its published name, and return its
-    description; ParameterError where it describes no detector.
+def _refuse_wrong_detector(name: str, module: ModuleType) -> None:
+    """Raise ParameterError for a file whose METHOD is not whole, and AnswerError where `detect`
+    cannot be called with a record.
     """
-    methods.host_entries = False
-    module = methods.load(methods.add_file(source) if os.sep in source else source)
-    method = module.METHOD
-    for wrong in wrong_fields(method):
-        raise ParameterError(wrong)
-    refuse_wrong_call(module.detect, "prepared", method)
-    return {"METHOD": method, "__doc__": method.title}
+    for wrong in wrong_fields(module.METHOD):
+        raise ParameterError(f"detector {name!r} ({module.__file__}): {wrong}")
+    try:
+        refuse_wrong_call(module.detect, "prepared", module.METHOD)
+    except AnswerError as wrong:
+        raise AnswerError(f"detector {name!r}: {wrong}") from None
 
 
 methods = _Detectors(
@@ -403,3 +312,4 @@ methods = _Detectors(
     RESERVED,
     alone=("likelihood",),  # fits whole loops: seconds a record
 )
+methods.refuse = _refuse_wrong_detector

@@ -1,8 +1,7 @@
 """First order with dead time, written as a plug-in: its numbers are those of type "foptd", to the
 last bit.
 
-Try it: `simbench contract docs/example/my_foptd.py`, then `[plant] type = "my_foptd"` and
-`--plant-plugin my_foptd.py`.
+Try it: `[plant] type = "my_foptd"` and `--plant-plugin my_foptd.py`.
 """
 
 import numpy as np

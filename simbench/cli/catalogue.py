@@ -1,4 +1,4 @@
-"""The verbs `list` (what is available) and `contract` (check a plug-in)."""
+"""The verbs `list` (what is available) and `contract` (check a detector)."""
 
 from __future__ import annotations
 
@@ -18,22 +18,19 @@ def contract(
         Path,
         Argument(
             metavar="FILE",
-            help=(
-                "Check this file: a detector, valve, effect, plant, controller or plant simulator "
-                "(.py), or a grid (.toml)."
-            ),
+            help="Check this Python file of a detector.",
         ),
     ],
     as_json: Json = False,
 ) -> None:
-    """Check whether a plug-in can be used by simbench; exit 1 if it cannot.
+    """Check whether a file can be used as a detector; exit 1 if it cannot.
 
-    A plug-in is a Python file of yours that adds a detector, a valve model, an effect or a plant.
-    The contract is the list of names and functions that such a file must have.
+    The file must load, describe itself in METHOD, and answer with a Verdict on a sticky, a healthy,
+    a rescaled and a dead record, the same twice, without changing what it is given.
     """
-    from simbench.contract import check_in_subprocess
+    from simbench.detectors.contract import check_detector
 
-    report = check_in_subprocess(path)
+    report = check_detector(path)
     show_result(report, as_json)
     if not report.kept:
         raise Exit(1)

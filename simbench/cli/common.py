@@ -105,14 +105,6 @@ ValvePlugin = Annotated[Files, _file("valve model")]
 EffectPlugin = Annotated[Files, _file("effect")]
 PlantPlugin = Annotated[Files, _file("plant")]
 ControllerPlugin = Annotated[Files, _file("controller")]
-Limit = Annotated[
-    float,
-    Option(
-        "--time-limit",
-        metavar="S",
-        help="Stop a detector of a file that takes longer than this for one record (s).",
-    ),
-]
 
 
 def _span(signal: str) -> Any:

@@ -10,7 +10,6 @@ from typer import Argument, Exit, Option
 
 from simbench.cli.common import (
     Json,
-    Limit,
     MethodIds,
     Page,
     Plugin,
@@ -51,7 +50,6 @@ def detect(
         ),
     ] = None,
     plugin: Plugin = None,
-    time_limit: Limit = 60.0,
     why: Annotated[
         bool, Option("--why", help="Print each method's reason below the table.")
     ] = False,
@@ -97,7 +95,6 @@ def detect(
         method or ["all"],
         labels=labels,
         plugins=plugin or [],
-        time_limit=time_limit,
         concludes=True if html is not None else None,
         # a file is written before anything is printed: who reads the text may stop reading
         at_once=print_conclusion if not as_json and csv is None and html is None else None,

@@ -1,10 +1,15 @@
-"""Print the help of a verb, with its options in groups."""
+"""Run a verb, and print its help with the options in groups."""
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
+from typer import Exit
 from typer.core import TyperCommand
+
+from simbench.detectors.errors import masked
+from simbench.detectors.faults import describe_judging
 
 COMMON = "Options"
 # what every verb that reads a record takes is explained once
@@ -29,7 +34,6 @@ GROUPS = {
         "effect_plugin",
         "plant_plugin",
         "controller_plugin",
-        "time_limit",
     ),
     "Execution": ("jobs", "backend", "address", "resume", "seed", "fresh_seeds"),
     "Output": (
@@ -56,7 +60,16 @@ def group_of(name: str) -> str:
 
 
 class GroupedCommand(TyperCommand):
-    """A verb whose help lists its options under headings."""
+    """A verb whose help lists its options under headings, and that says what an interrupt met."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb; the command-line library would turn Ctrl-C into a bare exit code."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stop:
+            met = " ".join(["interrupted", describe_judging()]).rstrip()
+            print(masked(stop) or met, file=sys.stderr)
+            raise Exit(130) from None
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments first, then the options of each group."""

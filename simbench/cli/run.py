@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Exit, Option
+from typer import Option
 
 from simbench.cli.common import (
     Address,
@@ -20,7 +17,6 @@ from simbench.cli.common import (
     GridName,
     Jobs,
     Json,
-    Limit,
     PlantPlugin,
     Plugin,
     Resume,
@@ -72,7 +68,6 @@ def run(
     effect_plugin: EffectPlugin = None,
     plant_plugin: PlantPlugin = None,
     controller_plugin: ControllerPlugin = None,
-    time_limit: Limit = 60.0,
     backend: Backend = "loky",
     address: Address = None,
     resume: Resume = False,
@@ -185,46 +180,44 @@ def run(
         "backend": backend,
         "address": address,
         "resume": resume,
-        "time_limit": time_limit,
     }
     told = {}
-    with _interruptible():
-        if add or answers:
-            from simbench.bench.execute.add import add_to_run
+    if add or answers:
+        from simbench.bench.execute.add import add_to_run
 
-            _refuse_beside_add(grid, again, deciding)
-            folder, scores, told["added"] = add_to_run(
-                str(grid),
-                method or [],
-                out,
-                jobs,
-                add=add,
-                answers=answers or [],
-                with_reference=with_reference,
-                **working,
-            )
-        elif again is not None:
-            from simbench.bench.execute.repeat import run_again
+        _refuse_beside_add(grid, again, deciding)
+        folder, scores, told["added"] = add_to_run(
+            str(grid),
+            method or [],
+            out,
+            jobs,
+            add=add,
+            answers=answers or [],
+            with_reference=with_reference,
+            **working,
+        )
+    elif again is not None:
+        from simbench.bench.execute.repeat import run_again
 
-            _refuse_beside_again(grid, method, deciding)
-            folder, scores, told["again"] = run_again(again, out, jobs, **working)
-        elif grid is None:
-            raise ParameterError(
-                "GRID is missing: name a grid (`simbench list grids`), or give --again MANIFEST"
-            )
-        else:
-            out = out or Path("runs") / Path(grid).stem
-            plan: Any = grid
-            if is_records(grid):
-                from simbench.gap.benchmark.from_records import plan_of_records
+        _refuse_beside_again(grid, method, deciding)
+        folder, scores, told["again"] = run_again(again, out, jobs, **working)
+    elif grid is None:
+        raise ParameterError(
+            "GRID is missing: name a grid (`simbench list grids`), or give --again MANIFEST"
+        )
+    else:
+        out = out or Path("runs") / Path(grid).stem
+        plan: Any = grid
+        if is_records(grid):
+            from simbench.gap.benchmark.from_records import plan_of_records
 
-                made = plan_of_records(grid, out, deciding, resume=resume, jobs=jobs, **about)
-                say(made.as_text(), aside=True)
-                plan = made.grid
-                deciding = {"n": n}
-            folder, scores = run_scored(
-                plan, out, tuple(method or ["fast", ORACLE]), jobs, **deciding, **working
-            )
+            made = plan_of_records(grid, out, deciding, resume=resume, jobs=jobs, **about)
+            say(made.as_text(), aside=True)
+            plan = made.grid
+            deciding = {"n": n}
+        folder, scores = run_scored(
+            plan, out, tuple(method or ["fast", ORACLE]), jobs, **deciding, **working
+        )
     if scores is None or allow_failed:
         scores = score_run(folder, allow_failed=allow_failed)
     failed = read_failures(folder)
@@ -280,17 +273,3 @@ _DECIDING = {
     "fresh_seeds": "--fresh-seeds",
     "with_reference": "--with-reference",
 }
-
-
-@contextlib.contextmanager
-def _interruptible() -> Iterator[None]:
-    """End with exit code 130 and how to resume: the command-line library turns Ctrl-C into a bare
-    exit code.
-    """
-    from simbench.bench.execute.run import Interrupted
-
-    try:
-        yield
-    except Interrupted as stop:
-        print(stop, file=sys.stderr)
-        raise Exit(130) from None

@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from simbench.detectors.errors import ParameterError, RecordError, UserError
+from simbench.detectors.plugins.registry import PluginFolder
 from simbench.loop.effects import PLUGINS as EFFECTS
-from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES
+from simbench.loop.parameters import CONTROLLER_PLUGINS, PLANT_PLUGINS, VALVES, Choice, Number
+from simbench.loop.simulate import simulate
+from simbench.scenarios.spec import Loop
 
 FOLDERS = (VALVES, EFFECTS, PLANT_PLUGINS, CONTROLLER_PLUGINS)
 _Files = Iterable[str | Path]
 _LONGEST = 300  # characters of an error's text
+# the loop in which a part is tried, and how the part stands in it
+_LOOP: dict[str, Any] = {
+    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 1.0},
+    "controller": {"type": "PI", "Kc": 0.5, "Ti": 10.0},
+    "sampling": {"Ts": 1.0, "n": 3},
+}
+_IN_LOOP: dict[str, Callable[[str, dict], dict]] = {
+    "valve": lambda name, table: {"valve": {"model": name, **table}},
+    "effect": lambda name, table: {"effect": [{"name": name, **table}]},
+    "plant": lambda name, table: {"plant": {"type": name, "Td": 1.0, **table}},
+    "controller": lambda name, table: {"controller": {"type": name, **table}},
+}
 
 
 def add_parts(*files_of: _Files) -> None:
@@ -21,12 +38,41 @@ def add_parts(*files_of: _Files) -> None:
         folder.add_files(*files)
 
 
+def _try_parts(folder: PluginFolder, names: Iterable[str]) -> None:
+    """Run a loop for one step with each part; ParameterError for one that raises what is no refusal
+    of its parameters.
+    """
+    for name in names:
+        module = folder.load(name)
+        wanted = {k: r for k, r in module.PARAMETERS.items() if r.default is None}
+        table = {key: _value_of(rule) for key, rule in wanted.items()}
+        loop = {**_LOOP, **_IN_LOOP[folder.kind](name, table)}
+        try:
+            simulate(Loop.from_table(loop), 0)
+        except (UserError, ValueError):
+            continue  # a part may refuse what was chosen for it
+        except (Exception, SystemExit) as error:
+            raise ParameterError(
+                f"{folder.kind} {name!r} ({module.__file__}) fails in its first step:"
+                f" {error_text(error)}; one that runs is needed"
+            ) from error
+
+
+def _value_of(rule: Number | Choice) -> float | str:
+    """Return a value in the middle of a parameter's range, near its end where that is open."""
+    if isinstance(rule, Choice):
+        return rule.names[0]
+    low = rule.low if math.isfinite(rule.low) else 0.0
+    return 0.5 * (low + rule.high) if math.isfinite(rule.high) else low + 1.0
+
+
 @contextlib.contextmanager
 def added_parts(*files_of: _Files) -> Iterator[None]:
     """Register such files for the duration of a `with` block."""
     with contextlib.ExitStack() as stack:
         for folder, files in zip(FOLDERS, files_of, strict=False):
-            stack.enter_context(folder.added(files))
+            names = stack.enter_context(folder.added(files))
+            _try_parts(folder, names)
         yield
 
 
@@ -44,8 +90,8 @@ def naming_parts() -> Iterator[None]:
         if ours or not names:
             raise
         raise ParameterError(
-            f"the loop with {' and '.join(names)} fails: {error_text(error)}; `simbench contract"
-            " FILE` says what such a file needs"
+            f"the loop with {' and '.join(names)} fails: {error_text(error)}; parts that run are"
+            " needed"
         ) from error
 
 

@@ -1,14 +1,10 @@
-"""Plug-ins that stop at a record until what works them was killed: they themselves may end no other
-process.
-"""
+"""Plug-ins that stop at a record until their process was killed."""
 
 import os
 import signal
 import threading
 import time
 from pathlib import Path
-
-ABOVE = 1  # the worker of a plug-in is started by the worker of the run
 
 
 def stops(folder: Path, at: int = 20) -> str:
@@ -28,7 +24,7 @@ if seen.stat().st_size == {at}:
 
 
 def kill_when_it_stops(folder: Path, pid: int | None = None) -> threading.Thread:
-    """Kill a process, or whatever works the plug-in, once that has stopped."""
+    """Kill a process, or that of the plug-in, once that has stopped."""
     stop = folder / "stop"
 
     def run() -> None:
@@ -37,15 +33,9 @@ def kill_when_it_stops(folder: Path, pid: int | None = None) -> threading.Thread
             if time.monotonic() > until:
                 return
             time.sleep(0.02)
-        os.kill(pid or worker_of(int(stop.read_text())), signal.SIGKILL)
+        os.kill(pid or int(stop.read_text()), signal.SIGKILL)
         stop.unlink()
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
     return thread
-
-
-def worker_of(copy: int) -> int:
-    for _ in range(ABOVE):
-        copy = int(Path(f"/proc/{copy}/stat").read_bytes().rpartition(b")")[2].split()[1])
-    return copy

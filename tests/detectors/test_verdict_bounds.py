@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simbench.detectors.contract.detector import LoopRecord
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.judge import check_thresholds, judge, judge_one
 from simbench.detectors.methods import (
@@ -21,6 +20,7 @@ from simbench.detectors.methods import (
 )
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
 
 HUMP = np.sin(np.pi * (np.arange(40) + 0.5) / 40)
 

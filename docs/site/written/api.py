@@ -12,7 +12,6 @@ PACKAGES = ("simbench", "simbench.gap", "simbench.detectors", "simbench.scenario
 # what a plug-in's author calls in addition to them
 FURTHER = {
     "simbench.detectors.judge": ("judge",),
-    "simbench.contract": ("check_file", "check", "check_grid"),
     "simbench.figures": ("make_figures", "draw_path"),
     "simbench.catalogue": ("catalogue",),
     "simbench.scenarios.grid": ("load_grid",),

@@ -23,9 +23,9 @@ from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.score.rhythm import rhythm_features
 from simbench.bench.store import tables
 from simbench.detectors.compiled import one_thread
+from simbench.detectors.faults import JUDGING
 from simbench.detectors.judge import answer_of
 from simbench.detectors.method import Method
-from simbench.detectors.plugins.host import SECONDS
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
@@ -105,15 +105,13 @@ class SimulatedScenario:
 class PieceSettings:
     """How the records of a run are judged, the same for every piece.
 
-    `plugins` and `parts` are files outside the package, of detectors, which may take `time_limit`
-    seconds for a record, and of parts of loops; `own` are the caller's detectors; of each piece the
-    first `keep` records are handed back.
+    `plugins` and `parts` are files outside the package, of detectors and of parts of loops; `own`
+    are the caller's detectors; of each piece the first `keep` records are handed back.
     """
 
     methods: tuple[str, ...]
     plugins: tuple[str, ...] = ()
     keep: int = 0
-    time_limit: float = SECONDS
     parts: tuple[tuple[str, ...], ...] = ()
     own: Mapping[str, Any] = field(default_factory=dict)
 
@@ -123,10 +121,9 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
     its times.
     """
     began = time.perf_counter()
-    seconds = settings.time_limit
     methods = settings.methods
     add_parts(*settings.parts)
-    registry.add_hosted(*settings.plugins, seconds=seconds)
+    registry.add_files(*settings.plugins)
     registry.adopt({name: as_plugin(name, detector) for name, detector in settings.own.items()})
     chosen = {m: registry.load(m).METHOD.defaults() for m in methods if m != ORACLE}
     rng = np.random.default_rng([grid.content.seed, number])
@@ -240,6 +237,7 @@ def _judge_scenario(
         methods = (*chosen, *[ORACLE] * oracle)
         failed = [Verdict(m, NO_DECISION, reason=f"failed: {it.error}") for m in methods]
         return None, [Answer(verdict, it.error, 0.0) for verdict in failed]
+    JUDGING["record"] = f"scenario {it.ident}"
     prepared, answers = judge_record(it.run.record, chosen)
     if oracle:
         since = time.perf_counter()

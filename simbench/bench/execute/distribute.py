@@ -20,6 +20,7 @@ from joblib import Parallel, delayed, effective_n_jobs, parallel_config
 
 from simbench.bench.execute.compute_piece import Receipt
 from simbench.bench.store.folder import RunError
+from simbench.detectors.faults import describe_judging
 from simbench.safe_path import safe_path
 
 BACKENDS = ("loky", "dask", "ray")
@@ -41,14 +42,16 @@ _LOOK = 1.0  # s between two looks of a worker at its parent
 
 
 @contextlib.contextmanager
-def workers(backend: str, address: str | None, jobs: int, hosts: bool = False) -> Iterator[Runner]:
+def workers(
+    backend: str, address: str | None, jobs: int, plugins: bool = False
+) -> Iterator[Runner]:
     """Yield a function that has pieces computed by workers and yields each receipt when it is
-    there; `hosts` tells that they have processes of their own, for plug-ins.
+    there; with plug-ins, one of which may end its process, workers are no copies of this one.
     """
     if backend == "loky" and jobs == 1:
         yield lambda task, missing: (task(number, groups) for number, groups in missing)
         return
-    if backend == "loky" and not hosts and _may_fork():
+    if backend == "loky" and not plugins and _may_fork():
         yield partial(_work_in_copies, effective_n_jobs(jobs))
         return
     with contextlib.ExitStack() as stack:
@@ -146,9 +149,15 @@ def _begin() -> None:
     """Set up a worker process: Ctrl-C reaches the whole process group, and the parent alone decides
     what becomes of it.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, _tell)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+
+
+def _tell(*_: object) -> None:
+    """Tell what this worker is judging: a detector that hangs is found by that."""
+    if met := describe_judging():
+        os.write(2, f"a worker is interrupted {met}\n".encode())
 
 
 def _end_with(parent: int) -> None:

@@ -1,7 +1,7 @@
 """Run a grid: compute its pieces in parallel and write each to disk when it is complete, so that an
 interrupted run can continue.
 
-`run_grid` names the steps from a grid to the two tables: read the grid, host the plug-ins, choose
+`run_grid` names the steps from a grid to the two tables: read the grid, load the plug-ins, choose
 the methods, refuse what cannot run, describe the run in its manifest, compute all pieces
 (`compute_piece` simulates and judges one), and join them.
 """
@@ -34,6 +34,7 @@ from simbench.bench.store.benchmark import is_stored, stored_grid
 from simbench.bench.store.folder import RunError, write_file
 from simbench.bench.store.manifest import SOURCES, refuse_unlike, run_key
 from simbench.detectors.errors import UserError, nearest
+from simbench.detectors.faults import describe_judging
 from simbench.detectors.judge import refuse_wrong_forms
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
@@ -77,7 +78,7 @@ def run_grid(
         Worker processes; -1 uses all cores.
     **options
         Fields of `RunOptions`: plugins, valve_plugins, effect_plugins,
-        plant_plugins, controller_plugins, time_limit, own, backend, address, resume, n, sets, axes,
+        plant_plugins, controller_plugins, own, backend, address, resume, n, sets, axes,
         fresh_seeds, keep, progress, with_reference, like.
 
     Returns
@@ -120,7 +121,7 @@ def run_scored(
     adopted = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
     with (
         registry.adopted(adopted),
-        registry.hosted(files, asked.time_limit) as added,
+        registry.added(files) as added,
         added_parts(*parts),
     ):
         names = choose_with_oracle(methods, added)
@@ -129,8 +130,8 @@ def run_scored(
         if asked.like is not None:
             refuse_unlike(asked.like, manifest)
         folder = local_path(Path("runs") / plan.name if out is None else out)
-        hosts = bool(files or adopted or any(parts))
-        with workers(asked.backend, asked.address, jobs, hosts) as run, pieces.held(folder):
+        apart = bool(files or adopted or any(parts))
+        with workers(asked.backend, asked.address, jobs, apart) as run, pieces.held(folder):
             pieces.open_run(folder, manifest, asked.resume)
             if pieces.is_finished(folder):
                 return folder, None
@@ -230,7 +231,6 @@ def _work_settings(
         methods=tuple(names),
         plugins=files,
         keep=asked.keep,
-        time_limit=asked.time_limit,
         parts=parts,
         own=asked.own or {},
     )
@@ -311,7 +311,8 @@ def _resumable(folder: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        raise Interrupted(f"interrupted: {pieces.standing(folder)}") from None
+        met = " ".join(["interrupted", describe_judging()]).rstrip()
+        raise Interrupted(f"{met}: {pieces.standing(folder)}") from None
     except UserError as error:
         raise RunError(f"{error}; {pieces.standing(folder)}") from error
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from simbench.detectors.plugins.host import SECONDS
-
 
 @dataclass(frozen=True)
 class RunOptions:
@@ -18,8 +16,6 @@ class RunOptions:
     ----------
     plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins : iterable of Path
         Files of detectors and of parts of loops that do not belong to the package.
-    time_limit : float
-        Seconds that a detector of a file may take for one record.
     own : mapping of str to detector
         Detectors of the caller, by name.
     backend : {"loky", "dask", "ray"}
@@ -54,7 +50,6 @@ class RunOptions:
     keep: int = 0
     progress: bool | None = None
     n: int | None = None
-    time_limit: float = SECONDS
     valve_plugins: Iterable[str | Path] = ()
     effect_plugins: Iterable[str | Path] = ()
     plant_plugins: Iterable[str | Path] = ()

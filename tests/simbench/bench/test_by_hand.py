@@ -21,7 +21,7 @@ from simbench.bench.score.pairing import pair
 from simbench.bench.score.ranks import loops_needed, rank_methods
 from simbench.bench.store import manifest
 from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA, encode
-from simbench.detectors.contract.detector import LoopRecord
+from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.summary import level_ends
 from simbench.detectors.verdict import Verdict
 from simbench.loop.motion import Motion, largest_sine, motion

@@ -191,7 +191,6 @@ OPTIONS = [
     "--kick",
     "--param",
     "-j",
-    "--time-limit",
     "--address",
     "--backend",
     "-o",

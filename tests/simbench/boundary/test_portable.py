@@ -91,16 +91,6 @@ def test_every_module_imports(blocked):
     blocked(EVERYTHING)
 
 
-def test_nothing_of_a_plug_in_is_started_or_imported_before_one_is_named(blocked):
-    names = "'fcntl', 'resource', 'simbench.detectors.plugins.process'"
-    printed = blocked(
-        "import sys, simbench.cli, simbench.detection\n"
-        f"print([m for m in ({names}) if m in sys.modules])",
-        False,
-    )
-    assert "simbench.detectors.plugins.process" not in printed
-
-
 @pytest.mark.parametrize(
     ("jobs", "whole"), [(1, False), pytest.param(2, True, marks=pytest.mark.slow)]
 )
@@ -116,30 +106,3 @@ def test_commands_answer_with_the_same_bits_as_without_the_blockade(blocked, tmp
     assert answers[0] == answers[1]
     for free, other in zip(*tables):
         pd.testing.assert_frame_equal(free, other[free.columns], check_exact=True)
-
-
-def test_a_plug_in_is_asked_in_a_process_of_its_own_and_says_what_is_lacking(blocked, tmp_path):
-    (tmp_path / "mine.py").write_text(PLUGIN)
-    printed = blocked(f"""
-import os, sys
-from simbench.detection import detect
-from simbench.detectors.record import LoopRecord
-sys.stderr = sys.stdout
-wave = [50 + k % 7 for k in range(600)]
-record = LoopRecord(wave, wave[::-1], 1.0)
-for verdict in detect(record, ["horch"], plugins=[{str(tmp_path / "mine.py")!r}]):
-    print(verdict.method, verdict.reason.replace(f"process {{os.getpid()}}", "the same process"))
-""")
-    assert "mine process" in printed
-    assert "the same process" not in printed
-    assert "no limit on memory" in printed
-
-
-PLUGIN = """
-import os
-from simbench.detectors.method import Method
-from simbench.detectors.verdict import Verdict
-METHOD = Method(title="mine", source="nobody", front_end=False)
-def detect(prepared):
-    return Verdict("x", "stiction", 1.0, reason=f"process {os.getpid()}")
-"""

@@ -110,7 +110,6 @@ WRONG = [
     ("detect REC --labels REC", "label"),
     ("detect REC --plugin none.py", "none.py"),
     ("detect REC --plugin LOOP", "loop.toml"),
-    ("detect REC --time-limit x", "time-limit"),
     ("diagnose REC --picture REC", "written over"),
     ("check DIR", "against"),
     ("check DIR --against DIR", "run"),
@@ -210,7 +209,6 @@ WRONG = [
     ("gap diagnose SHARE --identify", "--op-span"),
     ("gap diagnose REC --baseline LOOP --html OUT --write-loop OUT", "two outputs"),
     ("gap diagnose REC --baseline LOOP --picture DIR", "folder"),
-    ("run smoke -o OUT --time-limit 0 --plugin REC", "time limit"),
     ("figure table-11-9 -o DIR", "table"),
     ("figure fig-11-4 fig-9 -o DIR", "fig-11-9"),
     ("figure fig-11-4 -o DIR --isdb none.mat", "none.mat"),
@@ -228,7 +226,6 @@ WRONG = [
     ("check DIR --margin x", "margin"),
     ("check REC --against DIR", "rec.csv"),
     ("run smoke -o OUT --backend slurm", "slurm"),
-    ("run smoke -o OUT --time-limit nan", "time limit"),
     ("list figures --jsn", "--json"),
     ("list effekte", "effects"),
 ]

@@ -1,3 +1,0 @@
-"""Tests that every detector must pass, on plain, rescaled and dead records; `simbench contract
-FILE` runs them.
-"""
