@@ -89,7 +89,7 @@ def test_a_run_without_loss_passes_and_its_table_is_a_comment(baseline, tmp_path
     assert (code, job.result()) in ((0, "result=same"), (3, "result=cannot tell"))
     summary = (tmp_path / "summary_of_the_job.md").read_text()
     assert summary.startswith("### Detector check: ")
-    assert re.search(r"^\| \d+=? \| fuller \|", summary, re.MULTILINE)
+    assert re.search(r"^\| +\| \d+=? +\| fuller ", summary, re.MULTILINE)
     assert "procedure" in summary
     assert re.search(r"benchmark ci-\d", summary)
     assert job.step(COMMENT) == 0

@@ -71,7 +71,7 @@ def score(
         Option(
             metavar="FILE",
             help="Write the ranking, or what --paired or --by prints, as a table for a paper (.tex,"
-            " .md), as numbers (.csv), or as a picture (.svg, .pdf, .png).",
+            " .md) or as numbers (.csv), or the ranking as a picture (.svg, .pdf, .png).",
         ),
     ] = None,
     cost: Annotated[

@@ -1,16 +1,12 @@
 """Write what is asked of the scores of a run to one file: a table or a picture."""
 
 from pathlib import Path
-from typing import Any
-
-from matplotlib.axes import Axes
 
 from simbench.bench.score.show import paper
 from simbench.bench.score.show.asked import Asked
 from simbench.bench.score.show.picture import sides
 from simbench.bench.store.benchmark import benchmark_text, benchmark_version
 from simbench.detectors.errors import ParameterError
-from simbench.figures import _critical_difference
 from simbench.figures._style import write_picture
 
 
@@ -19,7 +15,12 @@ def write_asked(asked: Asked, path: Path) -> None:
     if asked.paired and asked.axes:
         raise ParameterError(f"--to {path}: one table is written; give one of --paired and --by")
     if path.suffix.lower() in (".svg", ".pdf", ".png"):
-        write_picture(_picture(asked), path)
+        if asked.paired or asked.axes:
+            raise ParameterError(
+                f"--to {path}: a picture is of the ranking; .tex, .md or .csv is needed with"
+                " --paired and --by"
+            )
+        write_picture(sides(asked.scores.rows(asked.truth)).figure, path)
         return
     paper.table_kind(path)
     about = paper.caption(asked.scores, asked.truth)
@@ -41,13 +42,3 @@ def write_asked(asked: Asked, path: Path) -> None:
         numbers = paper.ranking_numbers(asked.scores, asked.truth)
         text = paper.ranking_text(asked.scores, asked.truth)
     paper.write(path, numbers.assign(benchmark=version), text, about)
-
-
-def _picture(asked: Asked) -> Any:
-    """Return the picture of a ranking, of pairs, or of rates over axes."""
-    if asked.comparison is not None:
-        return _critical_difference.draw(_critical_difference.ranks_of(asked.comparison))
-    if not asked.axes:
-        return sides(asked.scores.rows(asked.truth)).figure
-    axes = asked.scores.plot(asked.axes)
-    return (axes if isinstance(axes, Axes) else axes.flat[0]).figure

@@ -6,15 +6,11 @@ from simbench.bench.store.benchmark import benchmark_text
 from simbench.html.document import Section, write
 from simbench.report import (
     axes,
-    disagreement,
     failures,
     maps,
     overview,
-    pairs,
     provenance,
-    resolution_curve,
     roc,
-    slowest,
     summary,
 )
 from simbench.report.data import RunData
@@ -22,13 +18,9 @@ from simbench.report.data import RunData
 _SECTIONS = (
     summary,
     overview,
-    pairs,
-    resolution_curve,
     maps,
     roc,
     axes,
-    disagreement,
-    slowest,
     failures,
     provenance,
 )

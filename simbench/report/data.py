@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pyarrow.compute as pc
 
@@ -14,8 +13,6 @@ from simbench.bench.score.scoring import Scores, score_book
 from simbench.bench.score.shipped import read_joined
 from simbench.bench.store.reading import CODES, RunArrays, read_table
 from simbench.detectors.verdict import NO_DECISION, STICTION
-
-REPORTED_TRUTHS = ("sticky", "predicted", "refined", "theory", "cycled")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +51,6 @@ class RunData:
         return str(self.book.manifest["methods"][method].get("role", "stiction"))
 
     @cached_property
-    def truths(self) -> pd.DataFrame:
-        """The five truths of every scenario."""
-        return read_table(self.folder, "scenarios", REPORTED_TRUTHS).to_pandas()
-
-    @cached_property
     def errors(self) -> pd.DataFrame:
         """Detectors that raised and scenarios that could not be run: method, scenario, error."""
         names = {"scenario_id": "scenario"}
@@ -79,11 +71,3 @@ class RunData:
             self.folder, "verdicts", ["method", "reason", "verdict", "error"], undecided
         )
         return table.select(["method", "reason"]).to_pandas()
-
-    @cached_property
-    def times(self) -> pd.DataFrame:
-        """Milliseconds of every method (columns) on every scenario (rows)."""
-        ids = np.char.decode(self.book.ids, "ascii")
-        return pd.DataFrame(
-            1000.0 * self.book.runtime.T, index=ids, columns=list(self.book.methods)
-        )

@@ -15,7 +15,6 @@ from simbench.bench.score.compare import Comparison, compare
 from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, group_of, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.show import picture
-from simbench.bench.score.show.resolution_curve import resolution_curve
 from simbench.bench.score.show.table import headline
 from simbench.bench.score.show.whole_table import full_text
 from simbench.bench.score.tally import RATES
@@ -164,7 +163,7 @@ class Scores:
         -------
         Scores
             `compare` of them compares each with every method of the run, and corrects p for these
-            pairs; `along` and `plot` show them alone.
+            pairs; `along` shows them alone.
 
         Raises
         ------
@@ -285,7 +284,6 @@ class Scores:
             "disagreement": _records(self.disagreement),
             "left_out": _records(self.left_out),
             "by_cause": _records(self.by_cause),
-            "resolution_curve": [] if self.book is None else _records(self.resolution_curve()),
             "quantification": _records(self.quantification),
         }
 
@@ -324,22 +322,6 @@ class Scores:
         """
         return self._of_chosen(along(self._answers(), axis, truth))
 
-    def resolution_curve(self) -> pd.DataFrame:
-        """Return how much of a valve's corner each method needs, on a grid whose echoes of sticky
-        loops end at several frequencies (chapter; others with `--axis cut=1.5,2,3,4,6,8`).
-
-        Returns
-        -------
-        DataFrame
-            A row for every method and cut (the multiple of the cycle's frequency above which
-            nothing of the valve's error is left in an echo): n echoes, the share of them called
-            sticky (called), n siblings (the sticky loops of the same blocks) and their share
-            (called_siblings), and told_apart, the difference of the two shares, the mean over all
-            cuts; each with its 95 % interval (_lo, _hi). The method that tells them apart best
-            comes first; no row without such echoes.
-        """
-        return resolution_curve(self._answers())
-
     def compare(self, truth: str = "cycled") -> Comparison:
         """Compare every two methods, scenario by scenario.
 
@@ -367,31 +349,20 @@ class Scores:
             raise UserError("these scores hold no answers; score the folder of a run")
         return self.book
 
-    def plot(self, by: str | Sequence[str] | None = None, **options: Any) -> Any:
-        """Draw each method's cost on oscillating loops, with its interval; or its shares over one
-        axis of the grid, or its accuracy over two.
+    def plot(self, **options: Any) -> Any:
+        """Draw each method's cost on oscillating loops, with its interval.
 
         Parameters
         ----------
-        by : str or sequence of str, optional
-            One axis or two, as in `along`.
         **options
             As `pandas.DataFrame.plot` takes them, such as figsize.
 
         Returns
         -------
-        matplotlib.axes.Axes or array of them
-            Bars of cost (0 to 1), the lowest on top; with one axis a line per method in three
-            panels, accuracy, sensitivity and false positives (0 to 1); with two a map of accuracy
-            per method, or of methods that were chosen (`of`) three maps each.
+        matplotlib.axes.Axes
+            Bars of cost (0 to 1), the lowest on top.
         """
-        if by is None:
-            return picture.bars(self.ranking(), **options)
-        axes = [by] if isinstance(by, str) else list(by)
-        if len(axes) == 1:
-            return picture.lines(self.along(axes[0]), axes[0], **options)
-        shares = picture.PANELS if self.chosen else picture.PANELS[:1]
-        return picture.maps(self.along(axes), axes, shares, **options)
+        return picture.bars(self.ranking(), **options)
 
     def __repr__(self) -> str:
         """Return one line."""

@@ -57,7 +57,6 @@ _LEFT_OUT = (
     "paper",
     "part_files",
     "picture",
-    "resolution_curve",
     "result",
     "several_seeds",
     "shipped",

@@ -85,12 +85,9 @@ def test_sections_come_summary_first_and_provenance_last(report):
     assert titles == [
         "Summary",
         "Overview",
-        "Pairs",
         "Maps",
         "ROC",
         "By axis",
-        "Where the labels disagree",
-        "Slowest detectors",
         "Failures and abstentions",
         "Provenance",
     ]

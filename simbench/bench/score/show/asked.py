@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from simbench.bench.score.show.picture import PANELS
 from simbench.bench.score.show.table import along_lines, two_way_lines
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from simbench.bench.score.compare import Comparison
+
+PANELS = ("accuracy", "sensitivity", "false_positives")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +42,7 @@ def ranking_numbers(scores: Any, truth: str = "cycled") -> pd.DataFrame:
 
 def ranking_text(scores: Any, truth: str = "cycled") -> pd.DataFrame:
     """Return the ranking as a paper prints it: values with their 95 % intervals, = after a rank
-    that several methods share; a file has the groups as headings.
+    that several methods share.
     """
     rows = []
     for r in ranking_numbers(scores, truth).to_dict("records"):
@@ -109,36 +109,11 @@ def write(path: str | Path, numbers: pd.DataFrame, text: pd.DataFrame, about: st
 
 
 def _format_table(kind: str, text: pd.DataFrame, about: str) -> str:
-    groups = list(text["Group"]) if "Group" in text else [""] * len(text)
-    text = text.drop(columns="Group", errors="ignore")
-    wide = text.shape[1]
+    """Return a table as LaTeX or as Markdown, below what it is about."""
     if kind == ".md":
-        cells = [[str(x).replace("|", r"\|") for x in row] for row in text.to_numpy()]
-        body = _under_groups(cells, groups, lambda name: ["", f"*{name}*", *[""] * (wide - 2)])
-        rows = [list(text.columns), ["---"] * wide, *body]
-        return "\n".join([about, "", *("| " + " | ".join(row) + " |" for row in rows), ""])
-    before, rule, rest = text.to_latex(
-        index=False, escape=True, column_format="l" * wide
-    ).partition("\\midrule\n")
-    lines, end, after = rest.partition("\\bottomrule")
-    body = _under_groups(
-        lines.splitlines(),
-        groups,
-        lambda name: f"\\midrule\n\\multicolumn{{{wide}}}{{l}}{{\\emph{{{name}}}}} \\\\",
-    )
-    table = before + rule + "\n".join([*body, end + after])
+        return f"{about}\n\n{text.to_markdown(index=False, disable_numparse=True)}\n"
+    table = text.to_latex(index=False, escape=True, column_format="l" * text.shape[1])
     return f"% {about}\n% needs the package booktabs\n{table}"
-
-
-def _under_groups(rows: Sequence[Any], groups: Sequence[str], heading: Callable) -> list[Any]:
-    """Return rows with a heading above the first of each group that has a name."""
-    out = []
-    before = ""
-    for row, group in zip(rows, groups, strict=True):
-        out += [heading(group)] if group and group != before else []
-        out.append(row)
-        before = group
-    return out
 
 
 def _shares(row: dict[str, Any], names: Sequence[str]) -> dict[str, str]:

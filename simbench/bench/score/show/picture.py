@@ -1,25 +1,17 @@
-"""Pictures of scores for notebooks: costs as bars, shares over an axis as lines, accuracy over two
-axes as maps.
-"""
+"""Pictures of a ranking: costs as bars, and what each method is right on."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from simbench.bench.score.names import LEAST, loops_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _DPI = 200  # of a picture that is saved as pixels
-PANELS = ("accuracy", "sensitivity", "false_positives")
-_SIDE = 3  # maps beside each other
 # parts of a bar, in the order in which they stand
 _ANSWERS = {"right": "tab:blue", "no decision": "0.85", "wrong": "tab:red"}
-_PALE = 0.35  # opacity of a cell of fewer than `LEAST` loops
 
 
 def bars(ranking: pd.DataFrame, **options: Any) -> Any:
@@ -34,8 +26,11 @@ def bars(ranking: pd.DataFrame, **options: Any) -> Any:
         "color": ["0.8" if np.isnan(rank) else "tab:blue" for rank in rows["rank"]],
     }
     if "ax" not in options:
+        # here, for it takes a third of a second to load
+        import matplotlib.pyplot as plt
+
         size = options.pop("figsize", (7.0, 0.9 + 0.27 * len(rows)))
-        options["ax"] = _figure(1, 1, size)[0, 0]
+        options["ax"] = plt.subplots(figsize=size, dpi=_DPI, layout="constrained")[1]
     return rows["cost"].plot.barh(**{**look, **options})
 
 
@@ -81,83 +76,3 @@ def sides(rows: pd.DataFrame) -> Any:
     parts = figure[0, 0].get_legend_handles_labels()
     whole.legend(*parts, loc="outside lower center", ncols=3)
     return figure[0, 0]
-
-
-def lines(rows: pd.DataFrame, axis: str, **options: Any) -> Any:
-    """Draw the shares of each method over the values of an axis."""
-    values = list(dict.fromkeys(rows[axis]))
-    wide = rows.pivot(index=axis, columns="method").loc[values]
-    panels = options.pop("ax", None)
-    if panels is None:
-        panels = _figure(1, len(PANELS), options.pop("figsize", (11.0, 4.0)), sharey=True)[0]
-    look = {"marker": "o", "ylim": (-0.02, 1.02), "xlabel": axis, "ylabel": "share of loops"}
-    # every panel shows every value, also one at which no loop has a rate
-    look |= {"xticks": range(len(values)), "xlim": (-0.3, len(values) - 0.7)}
-    look |= {"rot": 20, "colormap": "tab20", "legend": False}
-    for axes, name in zip(panels, PANELS, strict=True):
-        wide[name].plot(ax=axes, **{**look, "title": name.replace("_", " "), **options})
-    # beside the curves, none of which it may hide
-    panels[-1].legend(
-        loc="center left", bbox_to_anchor=(1.0, 0.5), title="method", fontsize="small"
-    )
-    return panels
-
-
-def maps(
-    rows: pd.DataFrame, by: Sequence[str], of: Sequence[str] = PANELS[:1], **options: Any
-) -> Any:
-    """Draw some shares of each method over two axes, with the number of loops in each cell; cells
-    of few loops are pale.
-    """
-    first, second = by
-    drawn = [(method, name) for method in dict.fromkeys(rows["method"]) for name in of]
-    down, across = (list(dict.fromkeys(rows[name])) for name in (first, second))
-    side = min(_SIDE, len(drawn))
-    deep = -(-len(drawn) // side)
-    size = (side * (0.9 + 0.55 * len(across)), deep * (0.9 + 0.42 * len(down)))
-    panels = options.pop("ax", None)
-    if panels is None:
-        panels = _figure(deep, side, options.pop("figsize", size)).ravel()
-    image = None
-    for axes, (method, name) in zip(panels, drawn, strict=False):
-        mine = rows[rows.method == method]
-        wide = mine.assign(n=loops_of(mine, name)).pivot(index=first, columns=second)
-        shares, n = (wide[x].reindex(index=down, columns=across) for x in (name, "n"))
-        few = n.to_numpy() < LEAST
-        # few colours in a mesh: a page then holds lines, and no embedded image
-        edges = [np.arange(k + 1) - 0.5 for k in shares.shape]
-        for shown, alpha in ((few, _PALE), (~few, 1.0)):
-            values = np.where(shown, shares, np.nan)
-            look = {"vmin": 0.0, "vmax": 1.0, "cmap": _colours(), "alpha": alpha, **options}
-            image = axes.pcolormesh(edges[1], edges[0], values, **look)
-        axes.invert_yaxis()
-        for (i, j), share in np.ndenumerate(shares.to_numpy()):
-            if np.isfinite(share):
-                ink = "white" if share < 0.55 and not few[i, j] else "black"
-                text = f"{share:.2f}\n{n.to_numpy()[i, j]:.0f}"
-                axes.text(j, i, text, ha="center", va="center", fontsize=6, color=ink)
-        axes.set_xticks(range(len(across)), across, fontsize=7)
-        axes.set_yticks(range(len(down)), down, fontsize=7)
-        title = method if len(of) == 1 else f"{method}: {name.replace('_', ' ')}"
-        axes.set(xlabel=second, ylabel=first, title=title)
-    for axes in panels[len(drawn) :]:
-        axes.set_axis_off()
-    if image is not None:
-        bar = panels[0].figure.colorbar(image, ax=list(panels), shrink=0.6, aspect=40)
-        what = of[0] if len(of) == 1 else "share"
-        bar.set_label(f"{what}; below it the number of loops, pale: fewer than {LEAST}")
-    return panels
-
-
-def _colours() -> Any:
-    from matplotlib import colormaps
-
-    return colormaps["cividis"].resampled(20)
-
-
-def _figure(rows: int, columns: int, size: tuple[float, float], **options: Any) -> Any:
-    """Return the axes of a new figure, which leaves room for every name."""
-    import matplotlib.pyplot as plt
-
-    look = {"figsize": size, "dpi": _DPI, "layout": "constrained", "squeeze": False, **options}
-    return plt.subplots(rows, columns, **look)[1]

@@ -45,7 +45,6 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     sections = (
         _still(scores, truth),
         _causes(scores),
-        _resolved_corners(scores),
         _over_no_waveform(scores, truth),
         _details(scores, truth),
         _left_out(scores),
@@ -98,31 +97,6 @@ def _causes(scores: Any) -> list[str]:
     of_each = "; ".join(f"{c} {rows[rows.cause == c].n.max()}" for c in causes)
     title = f"false positives by cause, loops that the valve does not make cycle ({of_each})"
     return [*wrap(title), *columns(lines)] if causes else []
-
-
-def _resolved_corners(scores: Any) -> list[str]:
-    """Return which share of the echoes is called sticky, over the frequency at which they end, and
-    which of their sticky siblings.
-    """
-    rows = scores.resolution_curve()
-    names = _mark_methods(scores)
-    if rows.empty:
-        return []
-    cuts = sorted(rows["cut"].unique())
-    lines = [("method", *(f"{cut:g}" for cut in cuts), "sticky", "told apart")]
-    for method, of in rows.groupby("method", sort=False):
-        known = {r.cut: rate_text(r.called, r.n < LEAST) for r in of.itertuples()}
-        one = of.iloc[0]
-        sticky = rate_text(one.called_siblings, one.siblings < LEAST)
-        apart = f"{one.told_apart:.2f} ({one.told_apart_lo:.2f} to {one.told_apart_hi:.2f})"
-        shares = (known.get(cut, "") for cut in cuts)
-        lines.append((names.get(method, method), *shares, sticky, apart))
-    title = wrap(
-        "resolution: share of echoes called sticky, over the multiple of the cycle's frequency"
-        " above which nothing of the valve's error is left; of their sticky siblings; and the"
-        " difference, its mean over these, with a 95 % interval"
-    )
-    return [*title, *columns(lines)]
 
 
 def _over_no_waveform(scores: Any, truth: str) -> list[str]:

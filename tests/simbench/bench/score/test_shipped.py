@@ -197,4 +197,3 @@ def test_the_page_of_shipped_verdicts_says_what_is_not_stored(tmp_path, capsys):
     assert main(["score", run, "--report", str(page)]) == 0
     text = page.read_text(encoding="utf-8")
     assert "Rows no_waveform and rhythm need the records" in text
-    assert "The times of these verdicts were not stored." in text
