@@ -34,15 +34,6 @@ ALL = "all rules"
 
 # each rule, and what stands in its place when it is off
 RULES: dict[str, dict[str, Any]] = {
-    "what any loop does by itself is no evidence": {
-        "simbench.gap.decide.assess._effects_of_any_loop": lambda s, base, candidates: {}
-    },
-    "nothing is lacking where no effect is likely and the simulation is near": {
-        "simbench.gap.decide.posterior.Posterior.enough": lambda self: self
-    },
-    "the distance from the baseline as given parts none and unknown": {
-        "simbench.gap.decide.posterior.Posterior.parted": lambda self, apart: self
-    },
     "what is not likely is unknown where the simulation stays far": {
         "simbench.gap.decide.posterior.Posterior.far": lambda self, times, block: self
     },
@@ -75,7 +66,7 @@ def asked(
     world: str, seed: int, i: int, entry: dict[str, Any], rules: Sequence[str]
 ) -> dict[str, Any]:
     """Draw one record, and return its truth and the answer with all rules and without each; a
-    foreign effect that the library knows after all is named rightly by its own name too.
+    foreign effect that the library knows after all is named rightly by its own name alone.
     """
     item = load_world(world).draw(seed, i, entry)
     row: dict[str, Any] = {"true": right_names(item.answer)}

@@ -24,7 +24,7 @@ from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.report import columns
 from simbench.gap.closed_loop.copies import archived, copies
 from simbench.gap.closed_loop.gap import measure, simulate_runs, within_reach
-from simbench.gap.folder import diagnose_folder
+from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
 from simbench.parallel import run_parallel
@@ -63,20 +63,34 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("folders", nargs="+")
     parser.add_argument("-j", "--jobs", type=int, default=1)
     asked = parser.parse_args(words)
-    answers = diagnose_folder(asked.folders, identify=True, jobs=asked.jobs)
-    print(answers.as_text())
     records: dict[str, LoopRecord] = {}
     for folder in asked.folders:
         records |= read_folder(folder)[0]
-    calls = [delayed(black_box)(records[name]) for name in answers.answers]
-    boxes = dict(zip(answers.answers, run_parallel(calls, asked.jobs, "black boxes"), strict=True))
-    print("\n".join(["", *compared({n: a["gap"] for n, a in answers.answers.items()}, boxes)]))
+
+    # the diagnosis of every record that it does not refuse, and the black box of the same
+    calls = [delayed(_gap_of)(record) for record in records.values()]
+    answers = dict(zip(records, run_parallel(calls, asked.jobs, "diagnosed"), strict=True))
+    gaps = {name: gap for name, gap in answers.items() if gap is not None}
+    calls = [delayed(black_box)(records[name]) for name in gaps]
+    boxes = dict(zip(gaps, run_parallel(calls, asked.jobs, "black boxes"), strict=True))
+    print("\n".join(compared(gaps, boxes)))
     return 0
+
+
+def _gap_of(record: LoopRecord) -> dict[str, float] | None:
+    """Return the gap of a diagnosis of the identified loop; None where it is refused."""
+    try:
+        return diagnose(record, identify=True).as_json()["gap"]
+    except UserError:
+        return None
 
 
 def compared(gaps: dict[str, dict[str, float]], boxes: dict[str, Box | None]) -> list[str]:
     """Return how often diagnosis and black box are near, and both distances of every record."""
     near = {
+        "the plain loop": [
+            within_reach(gap["before"], gap["plant_floor"]) for gap in gaps.values()
+        ],
         "the diagnosis": [within_reach(gap["after"], gap["plant_floor"]) for gap in gaps.values()],
         "the black box": [
             box is not None and within_reach(box.distance, box.plant_floor)

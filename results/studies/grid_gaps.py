@@ -25,8 +25,8 @@ from simbench.detectors.records.labels import read_labels
 from simbench.detectors.report.report import columns
 from simbench.gap.benchmark import measure
 from simbench.gap.benchmark.classifier import tell_apart
-from simbench.gap.benchmark.draw import draw_loops, sample_of, with_nuisances
 from simbench.gap.benchmark.from_records import grid_from_records
+from simbench.gap.benchmark.loops import describe, draw_loops, with_nuisances
 from simbench.gap.benchmark.nuisances import ADDITIONS
 from simbench.parallel import run_parallel
 from simbench.scenarios.expansion import Grid
@@ -42,10 +42,10 @@ Records = Mapping[str, LoopRecord]
 
 def told(grid: Grid, records: Records, units: Mapping[str, str]) -> str:
     """Return how well a grid is told from records, with its interval."""
-    recorded = sample_of(list(records.values()), [units.get(name, name) for name in records])
     drawn = draw_loops(grid, LOOPS, SEED)
-    simulated = sample_of([d.record for d in drawn], [units.get(d.unit, d.unit) for d in drawn])
-    auc = tell_apart(simulated, recorded, SEED)
+    whose = [units.get(name, name) for name in (*(d.unit for d in drawn), *records)]
+    simulated = describe([d.record for d in drawn])
+    auc, _ = tell_apart(simulated, describe(list(records.values())), whose, SEED)
     return f"{auc.value:.2f} ({auc.lo:.2f} to {auc.hi:.2f})"
 
 
@@ -98,12 +98,12 @@ def known_difference(name: str, draw: int) -> tuple[str, float, float]:
     here, there = drawn[::2], drawn[1::2]
     lent = [one.record for one in here]
     changed = with_nuisances(there, [(name, 1.0)], lent, seed + 1)
-    recorded = sample_of([one.record for one in changed], [f"r {one.unit}" for one in changed])
-    lent = [one.record for one in changed]
-    search = measure.Search(list(here), lent, recorded, seed, 1)
-    before = search.asked([()])[0]
-    singles = search.asked([((one, 1.0),) for one in ADDITIONS])
-    best = min(singles, key=lambda one: one.distance)
+    recorded = {f"r {one.unit} {k}": one.record for k, one in enumerate(changed)}
+    units = {name: name.rpartition(" ")[0] for name in recorded}
+    search = measure.Search(list(here), recorded, units, seed, 1)
+    before = search.ask([()])[0]
+    singles = search.ask([((one, 1.0),) for one in ADDITIONS])
+    best = min(singles, key=lambda one: one.certain)
     right = next(one for one in singles if one.chosen[0][0] == name)
     return ADDITIONS[best.chosen[0][0]].block, before.auc.value, right.auc.value
 
@@ -131,11 +131,10 @@ def of_known(draws: int, jobs: int) -> list[str]:
 
 def _no_difference(draw: int) -> float:
     drawn = draw_loops(settled_grid("chapter"), 2 * KNOWN_LOOPS, SEED + draw)
-    one, other = (
-        sample_of([d.record for d in side], [f"{name} {d.unit}" for d in side])
-        for name, side in (("s", drawn[::2]), ("r", drawn[1::2]))
-    )
-    return tell_apart(one, other, SEED + draw).value
+    sides = drawn[::2], drawn[1::2]
+    whose = [f"{name} {d.unit}" for name, side in zip("sr", sides, strict=True) for d in side]
+    one, other = (describe([d.record for d in side]) for side in sides)
+    return tell_apart(one, other, whose, SEED + draw)[0].value
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -5,20 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Exit, Option
+from typer import Argument, Option
 
 from simbench.cli.common import (
     EffectPlugin,
     Jobs,
     Json,
-    Page,
     Seed,
     examples,
     gap_app,
     grid_completion,
-    method_completion,
     reads,
-    say,
     show_result,
 )
 from simbench.detectors.errors import ParameterError
@@ -55,9 +52,8 @@ def gap_diagnose(
     records: Annotated[
         list[Path],
         Argument(
-            metavar="REC.csv ...|FOLDER ...",
-            help="Read these records of one loop, which are judged together; or folders, each"
-            " record of which is judged by itself, once where it is in several.",
+            metavar="REC.csv ...",
+            help="Read these records of one loop, which are judged together.",
         ),
     ],
     baseline: Annotated[
@@ -104,31 +100,9 @@ def gap_diagnose(
     the missing effect added. The repeatability floor is the distance between two simulations that
     differ only in their seeds; no model comes nearer. The table lists the effects with their
     probabilities and estimated parameters.
-
-    Files need --baseline or --identify. Of a folder every record is diagnosed by itself, and the
-    effects are counted; without either option each is compared with the loop file of its name
-    beside it, and identified where there is none. What cannot be diagnosed is listed with its
-    reason, and the exit code is 1.
     """
     from simbench.gap.command import DiagnosisFiles, diagnose_files
 
-    if any(record.is_dir() for record in records):
-        for option, value in (
-            ("--write-loop", write_loop),
-            ("--picture", picture),
-            ("--healthy", healthy),
-            ("--window", window),
-            ("--effect-plugin", effect_plugin),
-        ):
-            if value:
-                raise ParameterError(f"{option} is for the records of one loop, not for a folder")
-        for record in records:
-            if not record.is_dir():
-                raise ParameterError(
-                    f"gap diagnose: {record} is no folder; either records or folders are needed"
-                )
-        _diagnose_folders(records, baseline, identify, jobs, html, as_json, about)
-        return
     _refuse_both("gap diagnose", baseline, identify)
     report = diagnose_files(
         records,
@@ -149,34 +123,10 @@ def _refuse_both(verb: str, baseline: Path | None, identify: bool) -> None:
         raise ParameterError(f"{verb} needs either --baseline LOOP.toml or --identify")
 
 
-def _diagnose_folders(
-    folders: list[Path],
-    baseline: Path | None,
-    identify: bool,
-    jobs: int,
-    html: Path | None,
-    as_json: bool,
-    about: dict,
-) -> None:
-    from simbench.files import refuse_own_input
-    from simbench.gap.folder import diagnose_folder
-
-    refuse_own_input([html], [*folders, baseline])
-    if baseline is not None:
-        _refuse_both("gap diagnose", baseline, identify)
-    found = diagnose_folder(folders, baseline, jobs, identify=identify, **about)
-    show_result(found, as_json)
-    if html is not None:
-        found.write_page(html)
-        say(f"page: {html.resolve()}", as_json)
-    if found.refused:
-        raise Exit(1)
-
-
 @gap_app.command(
     "grid",
     epilog=examples(
-        "gap grid chapter records -j 4 --html gap.html",
+        "gap grid chapter records -j 4 --picture gap.svg",
         "gap grid own.toml records --labels records.csv --json",
     ),
 )
@@ -193,15 +143,6 @@ def gap_grid(
     folder: Annotated[
         Path, Argument(metavar="FOLDER", help="Read the records of this folder, at least 10.")
     ],
-    method: Annotated[
-        list[str] | None,
-        Option(
-            metavar="ID",
-            help="Compare the accuracy of these methods: ids, or the groups fast and full; may be"
-            " repeated [fast].",
-            autocompletion=method_completion,
-        ),
-    ] = None,
     n: Annotated[int, Option(metavar="N", help="Draw this many loops from the grid.")] = 130,
     labels: Annotated[
         Path | None,
@@ -213,7 +154,6 @@ def gap_grid(
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = 1,
-    html: Page = None,
     picture: Annotated[
         Path | None, Option(help="Draw the answer to this file (SVG, PNG or PDF).")
     ] = None,
@@ -226,10 +166,9 @@ def gap_grid(
     A classifier learns to tell records from simulations by features that have no unit; it is asked
     about units that it has not seen. The area under its ROC curve (AUC) is 1 where any record can
     be told from the grid, and 0.5 where none can. Effects of the library are added to every loop
-    of the grid, one at a time and together, to see which of them brings the AUC down, and what it
-    costs each detector.
+    of the grid, one at a time and together, to see which of them brings the AUC down.
 
-    It takes a few minutes; -j 2 halves them.
+    It takes a minute or two; -j 2 halves them.
     """
     from simbench.gap.command import grid_files
 
@@ -237,9 +176,7 @@ def gap_grid(
         grid,
         folder,
         labels=labels,
-        html=html,
         picture=picture,
-        methods=method or ["fast"],
         n=n,
         seed=seed,
         jobs=jobs,

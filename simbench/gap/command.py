@@ -134,7 +134,6 @@ def grid_files(
     folder: str | Path,
     *,
     labels: str | Path | None = None,
-    html: str | Path | None = None,
     picture: str | Path | None = None,
     **options: Any,
 ) -> GridGap:
@@ -142,23 +141,17 @@ def grid_files(
     units.
     """
     # here, for it loads the benchmark
+    from simbench.figures._style import write_picture
     from simbench.gap.benchmark.measure import grid as grid_gap
 
-    refuse_own_input([html, picture], [folder, labels])
+    refuse_own_input([picture], [folder, labels])
     if picture is not None:
         picture_kind(picture)
     table = {} if labels is None else read_labels(labels)
     units = {name: row["unit_group"] for name, row in table.items()}
     found = grid_gap(grid, folder, units=units, **options)
     if picture is not None:
-        from simbench.figures._style import write_picture
-        from simbench.gap.benchmark.page import draw
-
-        write_picture(draw(found), picture)
-    if html is not None:
-        from simbench.gap.benchmark.page import write_page
-
-        write_page(found, html)
+        write_picture(found.plot(), picture)
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from simbench.detectors.errors import Refusal
@@ -11,7 +11,7 @@ from simbench.gap.candidates import find_look_alikes, smallest_detectable
 from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
-from simbench.gap.decide.assess import NOISE_EFFECT, Assessment
+from simbench.gap.decide.assess import Assessment
 from simbench.gap.decide.evidence import known_by
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.effects import is_friction
@@ -21,8 +21,8 @@ from simbench.gap.report.result import DiagnosisDetails, GapReport
 from simbench.gap.situation import load_memory
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import at_rest, from_posterior, from_record, without
+from simbench.gap.stiction.deniable import deniable
 from simbench.gap.stiction.friction import stands
-from simbench.gap.stiction.visible import visible_in
 from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
 from simbench.loop import resolve
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
@@ -43,11 +43,10 @@ def report(
 ) -> GapReport:
     """Turn evidence and simulations into the answer."""
     s = assessment.situation
-    weights = _with_gap(assessment, weights, runs)
     shown = None
     stated = s.trusted and bool(resolve.friction(s.baseline))
     if s.trusted and loops is None and not stated and weights.friction < DENIED_BELOW:
-        shown = visible_in(assessment)
+        shown = deniable(assessment)
         if shown.open:
             weights = weights.with_friction(DENIED_BELOW)
     weights, main, left = _beside_simulations(assessment, weights, runs)
@@ -91,7 +90,7 @@ def report(
         remaining=left,
         blocks=weights.shares,
         next_test=advice,
-        notes=tuple(_notes(assessment, lines, named, main)),
+        notes=tuple(_notes(assessment, main)),
         conclusion=replace(conclusion, notes=s.record.notes),
         # of friction the conclusion says what would have shown
         behind=DiagnosisDetails(
@@ -115,32 +114,12 @@ def _beside_simulations(
     named = name_effects(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
     known = known_by(assessment.rows)
-    if not known and _needs_none(weights, main):
-        weights = weights.enough()
-        main = runs.shrink([e for e in name_effects(weights, assessment) if e in EFFECTS])
     if not known and _lacks_unknown(weights, main):
         far = remaining(assessment.situation, main.features)
         block = far[0].block if far else "disturbance"
         weights = weights.far(main.after / (NEAR * main.plant_floor), block)
         main = runs.shrink([])
     return weights, main, remaining(assessment.situation, main.features)
-
-
-def _needs_none(weights: Posterior, main: Shrinkage) -> bool:
-    """Return whether the simulation without an effect is near the record, and no effect has a
-    probability of which less is denied.
-    """
-    first = weights.first
-    unlikely = first in EFFECTS and weights.probability[first] < DENIED_BELOW
-    return unlikely and within_reach(main.before, main.plant_floor)
-
-
-def _with_gap(assessment: Assessment, weights: Posterior, runs: ClosedLoops) -> Posterior:
-    """Return the posterior in which the distance from a baseline that was given tells whether
-    anything unknown is lacking.
-    """
-    apart = runs.gap_as_given(assessment.load) if assessment.situation.trusted else None
-    return weights if apart is None else weights.parted(apart)
 
 
 def _lacks_unknown(weights: Posterior, main: Shrinkage) -> bool:
@@ -176,10 +155,6 @@ def _ranking(
             rival = runs.rival([e], effects)
             if rival is not None:
                 sizes[e] = rival.before, rival.after
-    what = {e: "noise" if e == NOISE_EFFECT else "load" for e in assessment.ordinary}
-    most: dict[str, float] = {}
-    for e, size in assessment.ordinary.items():
-        most[what[e]] = max(size, most.get(what[e], 0.0))
     return [
         Ranked(
             e,
@@ -188,22 +163,16 @@ def _ranking(
             *sizes.get(e, (None, None)),
             assessment.parameters.get(e, {}),
             _group(e, assessment),
-            most if e == NONE else {},
         )
         for e, p in ranking
     ]
 
 
 def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
-    """Return the answers that the record cannot tell from one, itself among them: effects that are
-    alike, and none where an effect is no larger than it may be by itself.
-    """
-    if answer == NONE:
-        return NONE, *assessment.ordinary
-    if answer == UNKNOWN:
-        return (UNKNOWN,)
-    same = find_look_alikes(answer, assessment.situation, assessment.parameters.get(answer))
-    return (*same, NONE) if answer in assessment.ordinary else same
+    """Return the answers that the record cannot tell from one, itself among them."""
+    if answer in (NONE, UNKNOWN):
+        return (answer,)
+    return find_look_alikes(answer, assessment.situation, assessment.parameters.get(answer))
 
 
 def _shrinkage(main: Shrinkage, named: Sequence[str], shown: bool) -> dict[str, float] | None:
@@ -217,15 +186,11 @@ def _shrinkage(main: Shrinkage, named: Sequence[str], shown: bool) -> dict[str, 
 
 def _notes(
     assessment: Assessment,
-    lines: Mapping[str, Ranked],
-    named: Sequence[str],
     main: Shrinkage,
 ) -> list[str]:
     """Return what else a reader must know, a sentence each."""
     s = assessment.situation
     notes = [*s.notes, *(f"{block}: {why}" for block, why in assessment.unexplained.items())]
-    if named[0] == NONE and (note := lines[NONE].ordinary_note()):
-        notes.insert(0, note)
     if not main.resolvable and within_reach(main.after, main.plant_floor):
         notes.append(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"

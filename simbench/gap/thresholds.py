@@ -47,8 +47,8 @@ _CAUSES = (
 )
 _SEEDS = "python -m results.studies.plant.gap_seeds (results/gap_seeds.txt)"
 _WITHHELD = "python -m results.studies.withheld make, answer, open (results/withheld/)"
-_SITES = "python -m results.studies.missing (results/missing.txt)"
-_MISSING = "learned on ten sites, judged by ten others: " + _SITES
+
+
 _DEVELOPMENT = "development records of simulators that are no longer kept"
 _CHOICE = "a choice, not a measurement"
 
@@ -135,15 +135,8 @@ NARROWEST = AnswerThreshold(
     "below which a band may be there though stiction is denied",
     f"a choice; 7 of 17 sticky valves that are denied have a narrower one: {_DENIALS}",
 )
-CLEARLY = AnswerThreshold(
-    0.88,
-    "probability",
-    "from which stiction put into the loop counts as called, where no search may miss it",
-    _CHOICE,
-)
-CALLED = AnswerThreshold(
-    6, "of 8 simulations", "in which stiction of a size must be called", _CHOICE
-)
+
+
 REVERSALS = AnswerThreshold(
     6, "turns of OP", "by more than S, that friction of this size needs", "three cycles of a valve"
 )
@@ -270,26 +263,8 @@ NOMINAL = AnswerThreshold(
     "by which a baseline's gain, time constant and dead time may be off without being a gap",
     _CHOICE,
 )
-UNSEEN = AnswerThreshold(
-    -0.44,
-    "log-odds",
-    "of unknown against none, where tests and distance are as without any effect; even odds before"
-    " looking",
-    _MISSING,
-)
-PER_TESTED = AnswerThreshold(
-    0.28, "log-odds", "of unknown, per log-odds that residual tests give it", _MISSING
-)
-PER_APART = AnswerThreshold(
-    0.85,
-    "log-odds",
-    "of unknown, per unit of ln(how many times as far the record is from simulations of its"
-    " baseline as given as these are from each other)",
-    _MISSING,
-)
-MORE_NOISE = AnswerThreshold(
-    1.1, "times the stated noise", "from which it is told that there is more", _WITHHELD
-)
+
+
 MV_TRUE = AnswerThreshold(
     0.9, "probability", "that a recorded MV is the position of the valve, before looking", _CHOICE
 )
@@ -346,18 +321,8 @@ FEWEST_SWINGS = AnswerThreshold(
 LARGER = AnswerThreshold(
     1.5, "times the stated load", "beyond which it is more than stated", _CHOICE
 )
-DRIFT_OF_A_DAY = AnswerThreshold(
-    3.0,
-    "% of travel",
-    "to which ordinary loads drift over a record",
-    "17 of 19 healthy records of one simulator; drifts that were effects went 3.3 to 18",
-)
-PETTY_STEPS = AnswerThreshold(
-    1.0,
-    "% of travel",
-    "up to which jumps of the load are ordinary",
-    "five healthy records: .03 to .5",
-)
+
+
 TERM_EXPLAINS = AnswerThreshold(
     0.6,
     "share of what the law leaves",

@@ -37,9 +37,9 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.files import folder
+from simbench.gap.stiction.deniable import deniable
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.probability import log_odds, probability, verdict
-from simbench.gap.stiction.visible import visible
 from simbench.gap.thresholds import CLAIMED_FROM, DENIED_BELOW, HARDLY_SEEN, LIKELIER, SEEN
 from simbench.progress import Progress
 from simbench.scenarios.settled import settled_grid
@@ -95,7 +95,7 @@ def asked(one: Drawn) -> dict[str, Any]:
     return about | {
         "evidence": [e.gain, e.share, e.cycles, e.pace],
         "unclaimed": bool(weighed.unclaimed),
-        "open": bool(visible(weighed.assessment).open),
+        "open": bool(deniable(weighed.assessment).open),
     }
 
 

@@ -30,8 +30,9 @@ def test_a_rule_stays_that_is_worth_one_answer_of_a_hundred_and_no_chance():
 
 def test_a_foreign_effect_that_the_library_knows_is_named_rightly_by_its_own_name_too():
     foreign = {"effect": "unknown", "effect2": "", "foreign": "missed_scans"}
-    assert right_names(foreign) == {"unknown", "missed_executions"}
-    assert right_names(foreign | {"foreign": "frozen_sensor"}) == {"unknown", "frozen_sensor"}
+    assert right_names(foreign) == {"missed_executions"}
+    assert right_names(foreign | {"foreign": "frozen_sensor"}) == {"frozen_sensor"}
+    assert right_names(foreign | {"foreign": "nobody_s"}) == {"unknown"}
     assert right_names({"effect": "drift", "effect2": "stiction"}) == {"drift", "stiction"}
 
 

@@ -23,11 +23,12 @@ def test_the_black_box_of_a_linear_loop_is_near_it():
 
 
 def test_a_record_without_a_box_is_not_near():
-    gaps = {n: {"after": 1.0, "plant_floor": 1.0} for n in ("a", "b", "c", "d")}
+    gaps = {n: {"before": 2.0, "after": 1.0, "plant_floor": 1.0} for n in ("a", "b", "c", "d")}
     boxes = {"a": Box(1.4, 1.0), "b": Box(1.6, 1.0), "c": None, "d": Box(0.9, 1.0)}
     lines = compared(gaps, boxes)
-    assert lines[:3] == ["Near of 4 records:", "  the diagnosis  1.00", "  the black box  0.50"]
-    assert lines[5].split() == ["a", "1.00", "1.00", "1.40", "1.00"]
+    near = ["  the plain loop 0.00", "  the diagnosis  1.00", "  the black box  0.50"]
+    assert lines[:4] == ["Near of 4 records:", *near]
+    assert lines[6].split() == ["a", "1.00", "1.00", "1.40", "1.00"]
 
 
 @pytest.mark.parametrize("op", [50.0])

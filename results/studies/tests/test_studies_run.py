@@ -20,7 +20,6 @@ SMALLEST = {
 LARGER = {
     "admission": "--seed 1 -n 1 --rule exact -j 1",
     "healthy": "-n 0 --none 1 -j 1",
-    "missing": "-n 20 -j 1",
     "nuisances": "-n 2 -j 1",
     "plant.calibration": "-n 2 --seed 1 -j 1 {}",
     "plant.denials": "-n 1 --sound 1 -j 1",

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simbench.loop.effects import Vocabulary
+from simbench.loop.effects import EFFECTS, Vocabulary
 
 # in this order since the first set was sealed: a seed means the same records for ever, whatever
 # effects are added or installed
@@ -51,11 +51,12 @@ KNOWN_AS = {
 
 def right_names(answer: Mapping[str, Any]) -> set[str]:
     """Return the effects of which each is a right answer: one or two; of a foreign one `unknown`,
-    or its name where the library knows it after all.
+    or its name alone where the library knows it after all.
     """
-    foreign = answer.get("foreign")
-    names = (answer["effect"], answer.get("effect2"), KNOWN_AS.get(foreign, foreign))
-    return {name for name in names if name}
+    foreign = KNOWN_AS.get(answer.get("foreign"), answer.get("foreign"))
+    if foreign in EFFECTS:
+        return {foreign}
+    return {name for name in (answer["effect"], answer.get("effect2")) if name}
 
 
 class Item(NamedTuple):

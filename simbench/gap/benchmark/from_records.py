@@ -62,19 +62,6 @@ class RecordsGrid:
         return "\n".join(lines)
 
 
-def read_grid(
-    path: str | Path, *, seed: int = 0, jobs: int = 1, kept: Path | None = None, **about: Any
-) -> RecordsGrid:
-    """Return the grid of the loops that copy the record, or the records of the folder, at a path;
-    `about` is what is known of them, as in `read_record`.
-    """
-    records, refused = read_folder(path, **about)
-    name = Path(path).stem
-    name = f"{name} records" if name in grid_names() else name
-    found = grid_from_records(records, name, seed=seed, jobs=jobs, kept=kept)
-    return replace(found, left_out={**refused, **found.left_out})
-
-
 def plan_of_records(
     path: str | Path,
     out: Path,
@@ -103,7 +90,11 @@ def plan_of_records(
         raise ParameterError(
             f"folder {out} is not empty; continue its run with --resume, or choose another"
         )
-    return read_grid(path, seed=int(seed), jobs=jobs, kept=out / ".near", **about)
+    records, refused = read_folder(path, **about)
+    name = Path(path).stem
+    name = f"{name} records" if name in grid_names() else name
+    found = grid_from_records(records, name, seed=int(seed), jobs=jobs, kept=out / ".near")
+    return replace(found, left_out={**refused, **found.left_out})
 
 
 def grid_from_records(

@@ -27,23 +27,16 @@ class NearLoop:
     """The loop that copies a record, its valve sound, and the S (%) from which friction would show
     in the record.
 
-    `digest` is the record's; `friction` whether the model that was fitted had friction, which was
-    then taken out.
+    `digest` is the record's.
     """
 
     digest: str
     loop: Loop
     S: float
-    friction: bool
 
     def as_json(self) -> dict[str, Any]:
         """Return it as JSON types."""
-        return {
-            "digest": self.digest,
-            "loop": self.loop.to_table(),
-            "S": self.S,
-            "friction": self.friction,
-        }
+        return {**vars(self), "loop": self.loop.to_table()}
 
     @classmethod
     def from_json(cls, kept: dict[str, Any]) -> NearLoop:
@@ -82,7 +75,7 @@ def loop_of(report: GapReport, record: LoopRecord) -> NearLoop:
         raise RecordError(f"no loop is near the record: the nearest is {far}")
     S = max(WORTH_REPAIRING, NARROWEST * op_range(np.asarray(situation.op)))
     loop = _without_friction(runs.corrected(effects))
-    return NearLoop(record_hash(record), loop, float(S), bool(effects))
+    return NearLoop(record_hash(record), loop, float(S))
 
 
 def _without_friction(loop: Loop) -> Loop:

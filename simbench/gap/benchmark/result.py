@@ -1,56 +1,42 @@
-"""GridGap: how a grid's records differ from recorded ones, as text, JSON, page and picture."""
+"""GridGap: how a grid's records differ from recorded ones, as text, JSON and picture."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
-import numpy as np
+from matplotlib.figure import Figure
 
 from simbench.bench.statistics import Estimate
 from simbench.detectors.report.report import columns
+from simbench.figures._style import BLUE, GREY, label, panels, styled
 
-AUC = "AUC of recorded or simulated"
 _CHANCE = 0.5
 _SHOWN = 12  # nuisances in the table on the screen
 
 
 @dataclass(frozen=True)
-class MethodAccuracy:
-    """How right methods are on some loops: the mean of the shares of sticky and of healthy loops
-    that a method answers right, half of one that it does not decide, None where one kind is
-    missing; and how many loops there are of both.
-    """
-
-    right: Mapping[str, float | None]
-    sticky: int
-    healthy: int
-
-
-@dataclass(frozen=True)
 class TriedAddition:
-    """How well the loops with some nuisances, each in a strength, are told from the records: AUC
-    with its interval, and by the features of each block alone; `loops` could be simulated so.
+    """How well the loops with some nuisances, each in a strength, are told from the records: AUC,
+    and the mean probability that the classifier gives to the truth; `loops` could be simulated so.
     """
 
     chosen: tuple[tuple[str, float], ...]
     auc: Estimate
-    blocks: Mapping[str, float]
+    certain: float
     loops: int
-
-    @property
-    def distance(self) -> float:
-        """Mean of the AUC and those of the blocks: it still moves where one block alone tells all
-        records apart. No block is nearer than chance.
-        """
-        return float(np.mean([max(x, _CHANCE) for x in (self.auc.value, *self.blocks.values())]))
 
     def name(self) -> str:
         """Return the nuisances in words."""
         names = [n + ("" if size == 1.0 else f" x {size:g}") for n, size in self.chosen]
-        return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+        return " and ".join(names)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        added = [{"name": n, "strength": s} for n, s in self.chosen]
+        numbers = {"auc": self.auc.value, "lo": self.auc.lo, "hi": self.auc.hi}
+        return {"added": added, **numbers, "loops": self.loops}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +55,8 @@ class GridGap:
         Each addition that brings the grid nearer by itself, the best first.
     together : tuple of TriedAddition
         The best with one, two, ... additions.
-    accuracy : mapping of tuple to MethodAccuracy
-        How right the methods are, by the additions.
+    block : str
+        Block of the addition that brings the grid nearest by itself, "none" where none does.
     refused : mapping of str to str
         Why a file is no record.
     """
@@ -82,7 +68,7 @@ class GridGap:
     before: TriedAddition
     singles: tuple[TriedAddition, ...]
     together: tuple[TriedAddition, ...]
-    accuracy: Mapping[tuple[tuple[str, float], ...], MethodAccuracy]
+    block: str
     refused: Mapping[str, str]
 
     def __repr__(self) -> str:
@@ -94,7 +80,7 @@ class GridGap:
         """AUC of "recorded or simulated?" on the grid as it is, with its 95 % interval."""
         return self.before.auc
 
-    @cached_property
+    @property
     def after(self) -> TriedAddition:
         """The grid with all nuisances that help together."""
         return self.together[-1] if self.together else self.before
@@ -103,19 +89,6 @@ class GridGap:
     def effect(self) -> str:
         """The nuisance that brings the grid nearest by itself, "none" where none does."""
         return self.together[0].chosen[0][0] if self.together else "none"
-
-    @property
-    def block(self) -> str:
-        """The block that tells the records apart: that of `effect`; where no nuisance helps, the
-        block whose features tell most, "none" where the grid cannot be told from the records.
-        """
-        from simbench.gap.benchmark.nuisances import ADDITIONS
-
-        if self.together:
-            return ADDITIONS[self.effect].block
-        if self.auc.lo <= _CHANCE:
-            return "none"
-        return max(self.before.blocks, key=lambda b: self.before.blocks[b])
 
     def sentence(self) -> str:
         """Return the answer in one sentence.
@@ -136,120 +109,64 @@ class GridGap:
         Returns
         -------
         dict
-            AUC, blocks, additions and accuracies.
+            AUC, block, effect and additions.
         """
-
-        def told(one: TriedAddition) -> dict[str, Any]:
-            asked = self.accuracy.get(one.chosen)
-            return {
-                "added": [{"name": n, "strength": s} for n, s in one.chosen],
-                "auc": one.auc.value,
-                "lo": one.auc.lo,
-                "hi": one.auc.hi,
-                "blocks": dict(one.blocks),
-                "loops": one.loops,
-                "accuracy": {} if asked is None else dict(asked.right),
-            }
-
         return {
             "grid": self.grid,
             "loops": self.loops,
             "records": self.records,
             "units": self.units,
-            "auc": {"value": self.auc.value, "lo": self.auc.lo, "hi": self.auc.hi},
+            "auc": self.auc._asdict(),
             "block": self.block,
             "effect": self.effect,
-            "before": told(self.before),
-            "singles": [told(one) for one in self.singles],
-            "together": [told(one) for one in self.together],
+            "before": self.before.as_json(),
+            "singles": [one.as_json() for one in self.singles],
+            "together": [one.as_json() for one in self.together],
             "refused": dict(self.refused),
         }
 
     def as_text(self) -> str:
-        """Return the answer and three tables for a terminal.
+        """Return the answer and a table for a terminal.
 
         Returns
         -------
         str
             Lines for a terminal.
         """
-        lines = [self.sentence(), f"Plainest: {self.block}.", ""]
-        lines += [f"{AUC}, by the features of one block, before and after:"]
-        lines += columns(self.block_rows())
+        lines = [self.sentence()]
         if self.singles:
-            lines += ["", f"{AUC}, with one effect or nuisance added to every loop of the grid:"]
-            lines += columns(self.single_rows()[: _SHOWN + 1])
-        if self.accuracy:
-            counts = self.accuracy[self.before.chosen]
-            lines += [
-                "",
-                "Accuracy of the detectors (0.5: no better than chance) on the grid's"
-                f" {counts.sticky} sticky and {counts.healthy} healthy loops:",
-            ]
-            lines += columns(self.accuracy_rows([self.before, self.after]))
-        lines += [
-            "",
-            f"{self.loops} loops of the grid, {self.records} records of {self.units} units.",
-        ]
+            lines += ["", "With one effect or nuisance added to every loop of the grid:"]
+            rows = [("added", "AUC"), ("nothing", _words(self.auc))]
+            rows += [(one.name(), _words(one.auc)) for one in self.singles[:_SHOWN]]
+            lines += columns(rows)
+        lines += ["", f"{self.loops} loops, {self.records} records of {self.units} units."]
         if self.refused:
             lines.append(f"{len(self.refused)} files are no records: {', '.join(self.refused)}.")
         return "\n".join(lines)
 
-    def block_rows(self) -> list[tuple[str, ...]]:
-        """Return a head and a row per block, the plainest first.
+    @styled
+    def plot(self) -> Figure:
+        """Draw the AUC of the grid as it is, and after each addition, with 95 % intervals.
 
         Returns
         -------
-        list of tuple of str
-            The block, and its AUC before and after.
+        matplotlib.figure.Figure
+            One point with its interval for each step.
         """
-        order = sorted(self.before.blocks, key=lambda b: -self.before.blocks[b])
-        rows = [("all", self.before.auc.value, self.after.auc.value)]
-        rows += [(b, self.before.blocks[b], self.after.blocks[b]) for b in order]
-        return [("block", "before", "after"), *((b, f"{x:.2f}", f"{y:.2f}") for b, x, y in rows)]
-
-    def single_rows(self) -> list[tuple[str, ...]]:
-        """Return a head and a row per nuisance that brings the grid nearer, the best first: the AUC
-        by all features, and by those of its block.
-
-        Returns
-        -------
-        list of tuple of str
-            The addition, its block, and its AUC.
-        """
-        from simbench.gap.benchmark.nuisances import ADDITIONS
-
-        rows = [("added", "block", "all", "its block", "before")]
-        for one in self.singles:
-            block = ADDITIONS[one.chosen[0][0]].block
-            numbers = (one.auc.value, one.blocks[block], self.before.blocks[block])
-            rows.append((one.name(), block, *(f"{x:.2f}" for x in numbers)))
-        return rows
-
-    def accuracy_rows(self, several: Iterable[TriedAddition] = ()) -> list[tuple[str, ...]]:
-        """Return a head and a row per method: its accuracy on the grid with some sets of
-        nuisances, without any set on all that were asked about.
-
-        Parameters
-        ----------
-        several : iterable of TriedAddition
-            Sets of additions.
-
-        Returns
-        -------
-        list of tuple of str
-            The method, and its accuracy with each set.
-        """
-        asked = several or (self.before, *self.singles, self.after)
-        sets = {one.chosen: one for one in asked if one.chosen in self.accuracy}
-        heads = ["as it is", *(f"with {one.name()}" for chosen, one in sets.items() if chosen)]
-        if several:
-            heads = ["as it is", "with what helps"][: len(sets)]
-        said = [self.accuracy[chosen].right for chosen in sets]
-        rows = [
-            (m, *("-" if told[m] is None else f"{told[m]:.2f}" for told in said)) for m in said[0]
-        ]
-        return [("method", *heads), *rows]
+        steps = [self.before, *self.together]
+        figure, axes = panels(1, 1, 6.0, 1.2 + 0.35 * len(steps))
+        (place,) = axes.ravel()
+        for k, one in enumerate(steps):
+            colour = BLUE if k else GREY
+            place.plot([one.auc.lo, one.auc.hi], [-k, -k], color=colour)
+            place.plot(one.auc.value, -k, "o", color=colour)
+        names = ["as it is", *(f"+ {one.chosen[-1][0]}" for one in self.together)]
+        place.set_yticks([-k for k in range(len(steps))], names)
+        place.axvline(_CHANCE, color=GREY, linestyle="--", linewidth=0.8)
+        place.set_xlim(0.3, 1.02)
+        place.margins(y=0.2)
+        label(place, "AUC of recorded or simulated", "")
+        return figure
 
 
 def _words(auc: Estimate) -> str:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import Fitted
-from simbench.gap.closed_loop.as_given import gap_as_given
 from simbench.gap.closed_loop.copies import Copy, shown
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
 from simbench.gap.closed_loop.level import kick_of, level, moved
@@ -91,13 +90,6 @@ class ClosedLoops:
         if set(effects) == set(f.chosen):
             return f.final
         return next((f.candidates[e].fit for e in effects if e in f.candidates), f.base)
-
-    def gap_as_given(self, load: Sequence[str]) -> float | None:
-        """Return how far the record is from simulations of the baseline as given, with what an
-        ordinary load does in it.
-        """
-        loop = self.loop(load, plant="baseline")
-        return gap_as_given(self.fitted.situation, loop, self.seed)
 
     def _runs(
         self, effects: Sequence[str], under: Sequence[str], plant: str = "fitted"

@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from simbench.gap.candidates import (
     Candidate,
     Fitted,
@@ -35,7 +33,6 @@ from simbench.gap.thresholds import (
     LEAST_NATS,
     LIKELIER,
     MEMORY_LIMIT,
-    MORE_NOISE,
     SECOND_NATS,
     SHIFTS_LIMIT,
     TERM_NATS,
@@ -67,9 +64,6 @@ class Assessment(Fitted):
     other_records: tuple[Assessment, ...] = ()
     # probability of friction where it is weighed apart: in an identified loop
     friction: float | None = None
-    # loads (% of travel) and noise (factor of the stated one) that are more than the baseline
-    # states and no more than any loop has
-    ordinary: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def first(self) -> str:
@@ -142,7 +136,6 @@ def assess(situation: Situation, friction: float | None = None) -> Assessment:
         valve_seen=bool(maps),
         friction=friction,
         load=() if fits.load is None else (fits.load.effect,),
-        ordinary=_ordinary(s, bare, fits.plain, fits.sizes),
     )
 
 
@@ -265,23 +258,6 @@ def _rows(
         for e, (source, nats) in seen.items()
         if e not in s.proven and e not in s.stated
     ]
-
-
-def _ordinary(
-    s: Situation, bare: Fit, plain: Mapping[str, Candidate], sizes: Mapping[str, float]
-) -> dict[str, float]:
-    """Return the loads that explain the record better than none, and noise beyond the stated one,
-    each with its size, that are ordinary of a loop of which no healthy record is given.
-    """
-    if s.data.measured or not s.trusted:
-        return {}
-    out = {
-        e: size for e, size in sizes.items() if size and plain[e].log_likelihood_gain > LEAST_NATS
-    }
-    stated = float(np.hypot(s.data.noise, s.data.resolution / np.sqrt(12.0)))
-    if s.data.noise > 0.0 and bare.theta["noise_std"] > MORE_NOISE * stated:
-        out[NOISE_EFFECT] = bare.theta["noise_std"] / stated
-    return out
 
 
 def _choose_effects(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, logit, softmax
+from scipy.special import expit, softmax
 
 from simbench.gap.decide.evidence import Evidence, known_by, nats_of
 from simbench.gap.effects import is_friction
@@ -15,15 +15,11 @@ from simbench.gap.thresholds import (
     EDGE,
     LEAST_NATS,
     OF_TWO,
-    PER_APART,
-    PER_TESTED,
     SECOND_NATS,
     TEMPERATURE,
-    UNSEEN,
 )
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
-TESTED = (1e-3, 1.0 - 1e-3)  # no residual test is surer than that
 _DIGITS = 14  # of a sum of probabilities, which floats round in the 16th
 _SMALLEST = 1e-300  # stands for a probability that is too small for a number
 
@@ -72,26 +68,6 @@ class Posterior:
         by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
         return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
 
-    def parted(self, apart: float) -> Posterior:
-        """Return the posterior in which what no effect has is parted anew between none and unknown,
-        where the record is `apart` times as far from simulations of its baseline as these are from
-        each other.
-        """
-        p = self.probability
-        rest = p[NONE] + p[UNKNOWN]
-        share = chance_of_unknown(p[UNKNOWN] / max(rest, _SMALLEST), apart)
-        return replace(self, probability=p | {UNKNOWN: share * rest, NONE: (1.0 - share) * rest})
-
-    def enough(self) -> Posterior:
-        """Return the posterior where no effect is needed: none has what all effects but friction
-        had.
-        """
-        p = {
-            e: v if e in (NONE, UNKNOWN) or is_friction(e) else 0.0
-            for e, v in self.probability.items()
-        }
-        return replace(self, probability={**p, NONE: p[NONE] + 1.0 - sum(p.values())})
-
     def far(self, times: float, block: str) -> Posterior:
         """Return the posterior where no effect is likelier than not, and simulations with the
         likeliest answer stay `times` as far from the record as is near, most in one block.
@@ -105,14 +81,6 @@ class Posterior:
         q = min(max(doubt(times), stuck / rest), EDGE)
         moved = {e: v if is_friction(e) else (1.0 - q) * v for e, v in p.items()}
         return Posterior({**moved, UNKNOWN: moved[UNKNOWN] + q * rest}, block)
-
-
-def chance_of_unknown(tested: float, apart: float) -> float:
-    """Return the share of `unknown` where no effect is lacking: `tested` is what residual tests
-    give it, `apart` as in `Posterior.parted`.
-    """
-    odds = float(logit(np.clip(tested, *TESTED)))
-    return float(expit(UNSEEN + PER_TESTED * odds + PER_APART * np.log(apart)))
 
 
 def doubt(times: float) -> float:

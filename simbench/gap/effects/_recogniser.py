@@ -34,9 +34,10 @@ class Recogniser:
     proven : callable
         What the controller's law or single samples show without doubt.
     ordinary : callable, optional
-        Of what loads and archives do by themselves as well: how far (% of travel) the load moves
-        where the fit shows no more than that, 0 where it is no load; None where it is more. What
-        is ordinary is in every model, and no evidence.
+        Of what loads and archives do by themselves as well, as the baseline or healthy records
+        state, or an identified loop has it: how far (% of travel) the load moves where the fit
+        shows no more than that, 0 where it is no load; None where it is more. It is in every
+        model, and no evidence.
     by_mv : callable, optional
         Of a valve: MV given OP.
     band : callable, optional

@@ -12,7 +12,7 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec, input_gain
 from simbench.gap.likelihood.search import fit_likeliest
 from simbench.gap.situation import Situation
-from simbench.gap.thresholds import DRIFT_OF_A_DAY, LARGER
+from simbench.gap.thresholds import LARGER
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -43,16 +43,13 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 
 def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
-    """Return how far (%) a load drifts that goes no further than on an ordinary day, or than the
-    baseline or healthy records state; None beyond. The load of an identified loop is its own.
+    """Return how far (%) a load drifts that goes no further than healthy records show; None beyond.
+    The load of an identified loop is its own.
     """
     data = s.data
-    n = s.record.n
-    # the ramp runs over all records that are fitted as one
-    ramp = fit.beta[-1] * n / data.n
-    walk = fit.theta["load_walk"] * np.sqrt(n)
-    most = max(0.0 if data.measured else DRIFT_OF_A_DAY, LARGER * data.loads.get("slow", 0.0))
-    near = np.hypot(ramp, walk) < most * abs(input_gain(fit, data))
+    walk = fit.theta["load_walk"] * np.sqrt(s.record.n)
+    most = LARGER * data.loads.get("slow", 0.0)
+    near = np.hypot(fit.beta[-1], walk) < most * abs(input_gain(fit, data))
     return travel(numbers(fit, s), s.record.duration) if near or not s.trusted else None
 
 

@@ -14,15 +14,12 @@ from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec, input_gain, size_penalty
 from simbench.gap.likelihood.search import SMOOTH
 from simbench.gap.situation import Situation
-from simbench.gap.thresholds import LARGER, PETTY_STEPS
+from simbench.gap.thresholds import LARGER
 
 _AT_ONCE = 16  # number of jumps looked for before the load's other numbers are fitted again
 _APART = 5  # samples between jumps: two that are closer, there and back, are one wild reading
 _NATS_OF_A_JUMP = 1.0  # nats beyond their price, for which jumps are added
 _LEFT = 0.7  # share of the load that the search with jumps begins from
-# share of the load that must be left with the jumps where the baseline states no load: then one
-# that only jumps is ordinary
-_REMAINING = 0.25
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
@@ -134,18 +131,14 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 
 def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
-    """Return the size (%) of jumps that may be all that an ordinary load does: a single one, petty,
-    stated, fading, or with nothing else; None of more. The load of an identified loop is its own.
+    """Return the size (%) of jumps that go no further than healthy records show, of a single one or
+    of those that fade beside such records; None of more. The load of an identified loop is its own.
     """
     data = s.data
-    n = s.record.n
-    # one in as many samples as the record has
-    once = len(fit.spec.jumps) * n <= data.n + n - 1
-    day = max(0.0 if data.measured else PETTY_STEPS, LARGER * data.loads.get("steps", 0.0))
-    petty = fit.theta["load_jump"] < day * abs(input_gain(fit, data))
-    alone = not data.loads and fit.theta["load"] < _REMAINING * base.theta["load"]
-    plain = not s.trusted or once or petty or alone or fit.spec.fade
-    return float(numbers(fit, s)["size"]) if plain else None
+    most = LARGER * data.loads.get("steps", 0.0)
+    petty = fit.theta["load_jump"] < most * abs(input_gain(fit, data))
+    known = data.measured and (petty or len(fit.spec.jumps) == 1 or fit.spec.fade)
+    return float(numbers(fit, s)["size"]) if known or not s.trusted else None
 
 
 RECOGNISER = Recogniser(

@@ -66,8 +66,8 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
 
 
 def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
-    """Return the amplitude (%) of a sine that the baseline states, or of so few periods that it is
-    an ordinary load that wanders, by healthy records as far; None of any other.
+    """Return the amplitude (%) of a sine that healthy records show, or of so few periods that it is
+    a load that wanders as far as theirs, or as that of an identified loop does; None of any other.
     """
     period = fit.theta["period"]
     amplitude = float(np.hypot(*fit.beta[-2:]))
@@ -75,8 +75,8 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
         abs(np.log(period / p)) < _SAME_PERIOD and amplitude < LARGER * a for p, a in s.data.sines
     )
     p = numbers(fit, s)
-    far = s.data.measured and float(p["amplitude"]) > LARGER * s.data.loads["slow"]
-    plain = stated or (wanders(p, s.record.duration) and not far)
+    near = float(p["amplitude"]) <= LARGER * s.data.loads.get("slow", 0.0)
+    plain = stated or (wanders(p, s.record.duration) and (near or not s.trusted))
     return float(p["amplitude"]) if plain else None
 
 

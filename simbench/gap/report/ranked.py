@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from simbench.gap.closed_loop.gap import within_reach
-from simbench.loop.effects import EFFECTS, NONE
+from simbench.loop.effects import EFFECTS
 
 PERCENT = "% of travel"  # unit of S and J where OP is a percentage
 LEAST_SHOWN = 0.005  # probability from which an explanation is shown: what does not round to 0 %
@@ -27,31 +27,15 @@ class Ranked:
     gap_after: float | None
     parameters: dict[str, float | str]
     group: tuple[str, ...] = ()
-    ordinary: dict[str, float] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the line in JSON types; `ordinary` is a key only where there is something."""
-        line = asdict(self) | {"group": list(self.group)}
-        return line if self.ordinary else {k: v for k, v in line.items() if k != "ordinary"}
+        """Return the line in JSON types."""
+        return asdict(self) | {"group": list(self.group)}
 
     def as_answer(self) -> dict[str, Any]:
         """Return the line as an effect of the answer."""
         kept = ("block", "effect", "parameters", "probability")
-        answer = {key: getattr(self, key) for key in kept}
-        return answer | ({"ordinary": self.ordinary} if self.ordinary else {})
-
-    def ordinary_note(self) -> str:
-        """Return in words what is more than the baseline states; "" for nothing."""
-        said = {
-            "load": "a load that moves by {:.2g} % of travel, which the loop file does not state",
-            "noise": "{:.2g} times the noise that the loop file states",
-        }
-        more = " and ".join(said[what].format(size) for what, size in self.ordinary.items())
-        names = " or ".join(words(e) for e in self.group if e != NONE)
-        return more and (
-            f"ordinary or an effect: the record has {more}; records of healthy operation"
-            f" (--healthy) tell whether that is ordinary or {names}"
-        )
+        return {key: getattr(self, key) for key in kept}
 
 
 @dataclass(frozen=True)

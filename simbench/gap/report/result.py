@@ -141,7 +141,7 @@ class GapReport:
         lines = pd.DataFrame(
             [{**asdict(r), "parameters": self._sizes(r.effect, r.parameters)} for r in self.ranking]
         )
-        return lines.drop(columns=["group", "ordinary"])
+        return lines.drop(columns="group")
 
     def plot(self, most: int = 6) -> Any:
         """Draw the most probable effects.

@@ -18,6 +18,7 @@ from simbench.gap.intake.partial import Partial
 from simbench.gap.likelihood.second_order import positioner
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.stiction.altered import steady
+from simbench.gap.stiction.deniable import Deniable
 from simbench.gap.stiction.friction import (
     FRICTION,
     OUTSIDE,
@@ -27,7 +28,6 @@ from simbench.gap.stiction.friction import (
 )
 from simbench.gap.stiction.probability import probability
 from simbench.gap.stiction.sizes import Size, sizes_of
-from simbench.gap.stiction.visible import Visible
 from simbench.scenarios.spec import Loop
 
 _ARCHIVE = (
@@ -58,7 +58,7 @@ class CandidateLoops:
     notes: tuple[str, ...]
     gain: float = 0.0
     outside: float = 0.0
-    shown: Visible | None = None
+    shown: Deniable | None = None
     unclaimed: str = ""
     of_mv: tuple[str, ...] = ()
     closed: ClosedLoops | None = None

@@ -26,10 +26,10 @@ from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.cascade import slave_note
 from simbench.gap.stiction.causes import Cause, Causes, find_causes
+from simbench.gap.stiction.deniable import Deniable
 from simbench.gap.stiction.friction import stands
 from simbench.gap.stiction.probability import verdict
 from simbench.gap.stiction.sizes import Size, describe_sizes, sizes_of
-from simbench.gap.stiction.visible import Visible
 from simbench.gap.thresholds import LIKELIER, SEIZED
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
@@ -172,7 +172,7 @@ def from_posterior(
     weights: Posterior,
     named: Sequence[str],
     assessment: Assessment,
-    shown: Visible | None,
+    shown: Deniable | None,
     test: str | None,
 ) -> Conclusion:
     """Conclude from the posterior of all effects, given a loop file: `shown` is which stiction the
@@ -199,7 +199,7 @@ def from_posterior(
     elif first == NONE:
         to_do = _NOTHING
     elif first == UNKNOWN:
-        to_do = "plan a test that shows what the simulation lacks with `simbench gap plan`"
+        to_do = "check the loop file, and record the valve position MV with OP"
     else:
         to_do = f"add {words} to the simulation (`--write-loop`)"
     S, J = sizes or (None, None)
@@ -208,7 +208,7 @@ def from_posterior(
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do, (), S, J, above)
 
 
-def _open_to_do(answer: str, swings: bool, shown: Visible | None) -> str:
+def _open_to_do(answer: str, swings: bool, shown: Deniable | None) -> str:
     """Return what to do where stiction is claimed or open: the period is watched only of a loop
     that swings.
     """

@@ -33,6 +33,7 @@ from simbench.gap.likelihood.valves import friction_regressed
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.any_spectrum import nats_of
+from simbench.gap.stiction.deniable import Deniable, deniable
 from simbench.gap.stiction.measured import measured_samples, op_range, unheld
 from simbench.gap.stiction.position import (
     Scale,
@@ -45,7 +46,6 @@ from simbench.gap.stiction.position import (
     worth,
 )
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability
-from simbench.gap.stiction.visible import Visible, visible
 from simbench.gap.thresholds import (
     CLAIMED_FROM,
     DENIED_BELOW,
@@ -97,7 +97,7 @@ class Friction:
     assessment: Assessment
     evidence: FrictionEvidence
     views: tuple[Assessment, ...] = ()
-    shown: Visible | None = None
+    shown: Deniable | None = None
     unclaimed: str = ""
     told: Told | None = None
 
@@ -162,7 +162,7 @@ def _ask_what_shows(weighed: Friction) -> Friction:
     """Return what was weighed, with what would have shown where it speaks against friction."""
     if probability(log_odds(weighed.evidence)) >= DENIED_BELOW:
         return weighed
-    return replace(weighed, shown=visible(weighed.assessment))
+    return replace(weighed, shown=deniable(weighed.assessment))
 
 
 def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:

@@ -41,7 +41,7 @@ RIGHT = [
     "confirm gain-change LOOP --picture PIC",
     "confirm travel LOOP --picture PIC",
     "gap diagnose REC --baseline LOOP --html OUT -j 1",
-    "gap grid GRID RECS --method METHOD --html OUT",
+    "gap grid GRID RECS --picture PIC",
     "simulate LOOP --seeds 2 --set controller.Kc=1",
 ]
 # what stands for a word where another is wrong, and wrong words with what the sentence then holds

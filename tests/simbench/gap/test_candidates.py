@@ -12,13 +12,11 @@ from recorded import FLOW, LOADED, recorded
 from results.studies.withheld.score import true_circumstances
 from simbench.gap.candidates import (
     find_look_alikes,
-    fit_beside_load,
     fit_candidates,
     possible_effects,
     proven,
     smallest_detectable,
 )
-from simbench.gap.decide.assess import assess
 from simbench.gap.effects import NOT_IN_PLANT, recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
@@ -163,31 +161,6 @@ JUMPING = ("load_steps", "valve_lag", "extra_lag", "sensor_lag", "gain_mismatch"
 def jump(amplitude, start):
     """Return a load step: a ramp of one sample."""
     return {"type": "ramp", "amplitude": amplitude, "period": 1.0, "start": start}
-
-
-@pytest.mark.parametrize("lagging", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_a_load_that_does_nothing_but_jump_is_an_ordinary_one_and_hides_no_other_effect(lagging):
-    steps = {"disturbance": [jump(4.0, 150), jump(7.0, 360), jump(6.0, 600)]}
-    s = situation(**steps, effect=[{"name": "valve_lag", "tau": 8.0}] if lagging else [])
-    engine = Engine(s.data, load_memory(s))
-    bare = engine.base()
-    first = fit_candidates(engine, bare, JUMPING)
-    assert first["load_steps"].log_likelihood_gain > 40
-    load = first.pop("load_steps")
-    assert recogniser("load_steps").ordinary(load.fit, bare, s)
-    fitted = fit_beside_load(engine, load, first)
-    best = max(fitted, key=lambda e: fitted[e].log_likelihood_gain)
-    if lagging:
-        assert best in {"valve_lag", "extra_lag", "sensor_lag"}
-        assert fitted[best].log_likelihood_gain > 20
-    else:
-        assert fitted[best].log_likelihood_gain < 6
-
-
-def test_a_load_that_is_in_every_model_is_told_with_its_size():
-    """It is judged against the model without it: over its own, little would be left of it."""
-    s = situation(disturbance=[jump(4.0, 150), jump(7.0, 360), jump(6.0, 600)])
-    assert assess(s).ordinary == {"load_steps": pytest.approx(5.7, abs=1.0)}
 
 
 def test_jumps_of_a_load_that_wanders_are_an_event():

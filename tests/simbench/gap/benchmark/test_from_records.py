@@ -17,7 +17,12 @@ from simbench.detectors.errors import ParameterError, RecordError, Refusal, User
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import STICTION
 from simbench.files import write_record
-from simbench.gap.benchmark.from_records import JUMPS, SIZES, grid_from_records, read_grid
+from simbench.gap.benchmark.from_records import (
+    JUMPS,
+    SIZES,
+    grid_from_records,
+    plan_of_records,
+)
 from simbench.gap.benchmark.near_loop import NearLoop, near_loop
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
@@ -78,7 +83,6 @@ def test_loads_are_fresh(made):
 
 def test_the_friction_of_the_record_is_taken_out(made):
     near = made.loops["stuck"]
-    assert near.friction
     assert near.loop.valve.name == "ideal"
     assert all(EFFECTS[e.name].block != "valve" for e in near.loop.effect)
     assert simulate_with_truth(near.loop, 3)[1].answer != YES
@@ -184,6 +188,6 @@ def test_a_record_without_a_loop_is_named(records):
 def test_a_folder_without_records_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("id,label\none,stiction\n")
     with pytest.raises(UserError, match="no loop record found"):
-        read_grid(tmp_path)
+        plan_of_records(tmp_path, tmp_path / "run", {})
     write_record(_record(1), tmp_path / "quiet.csv")
-    assert list(read_grid(tmp_path).loops) == ["quiet"]
+    assert list(plan_of_records(tmp_path, tmp_path / "run", {}).loops) == ["quiet"]

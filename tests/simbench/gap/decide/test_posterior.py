@@ -7,7 +7,7 @@ import pytest
 from scipy.special import expit
 
 from simbench.gap.decide.evidence import LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
-from simbench.gap.decide.posterior import Posterior, chance_of_unknown, posterior
+from simbench.gap.decide.posterior import Posterior, posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.thresholds import (
     DENIED_BELOW,
@@ -199,30 +199,6 @@ def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_it
     assert far.friction == pytest.approx(friction)
     assert sum(far.probability.values()) == pytest.approx(1.0)
     assert far.probability["drift"] > 0.0
-
-
-@pytest.mark.parametrize("apart", [0.8, 2.0, 6.0])
-def test_the_distance_parts_none_and_unknown_and_leaves_every_effect_its_probability(apart):
-    w = weighed(stiction=5.0, drift=9.0)
-    p, q = w.probability, w.parted(apart).probability
-    assert {e: q[e] for e in EFFECTS} == {e: p[e] for e in EFFECTS}
-    assert q[NONE] + q[UNKNOWN] == pytest.approx(p[NONE] + p[UNKNOWN])
-    share = chance_of_unknown(p[UNKNOWN] / (p[NONE] + p[UNKNOWN]), apart)
-    assert q[UNKNOWN] == pytest.approx(share * (p[NONE] + p[UNKNOWN]))
-
-
-def test_residual_tests_and_distance_speak_for_what_nobody_knows():
-    assert chance_of_unknown(0.1, 1.0) < 0.5 < chance_of_unknown(0.1, 6.0)
-    assert chance_of_unknown(0.1, 2.0) < chance_of_unknown(0.9, 2.0)
-    assert 0.0 < chance_of_unknown(0.0, 0.5) < chance_of_unknown(1.0, 50.0) < 1.0
-
-
-def test_enough_gives_none_what_all_effects_but_friction_had():
-    w = weighed(friction=0.3, stiction=2.0, drift=9.0)
-    near = w.enough()
-    assert near.friction == pytest.approx(0.3)
-    assert near.probability["drift"] == 0.0
-    assert sum(near.probability.values()) == pytest.approx(1.0)
 
 
 def test_the_blocks_shares_are_the_sums_of_what_lies_in_them():

@@ -84,11 +84,8 @@ def test_jumps_and_walks_of_the_load_are_known_by_their_size():
         ({"name": "oscillation", "amplitude": 0.9, "period": 250.0}, {"oscillation"}),
     ],
 )
-def test_what_is_ordinary_of_any_loop_is_an_effect_where_healthy_records_have_none(
-    healthy, effect, names
-):
+def test_what_healthy_records_have_not_is_an_effect(healthy, effect, names):
     record = recorded(3, effect)
-    assert diagnose(record, loop).effect == "none"
     assert diagnose(record, loop, healthy=healthy).effect in names
 
 
@@ -96,7 +93,8 @@ def test_what_healthy_records_have_is_no_effect():
     record, before = recorded(7, loads=(LOAD, SINE)), [recorded(5, loads=(LOAD, SINE))]
     assert diagnose(record, loop).effect == "oscillation"
     found = diagnose(record, loop, healthy=before)
-    assert found.effect == "none"
+    assert found.effect != "oscillation"
+    assert found.effects[0]["probability"] < 0.5
     assert any("1 record shows noise" in note and "a sine of 90 s" in note for note in found.notes)
 
 
@@ -140,31 +138,10 @@ def test_a_fit_pays_for_more_load_than_healthy_records_have(healthy, times, pric
     assert free - held == pytest.approx(price, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("effect", "what", "size"),
-    [
-        ({"name": "load_drift", "rate": 0.0016, "walk": 0.0}, "load", 2.4),
-        ({"name": "oscillation", "amplitude": 0.9, "period": 250.0}, "load", 0.9),
-        ({"name": "noise", "factor": 1.2}, "noise", 1.2),
-    ],
-)
-def test_without_healthy_records_what_may_be_ordinary_is_told_with_its_size(effect, what, size):
-    found = diagnose(recorded(3, effect), loop)
-    answers = {line["effect"]: line for line in found.as_json()["ranking"]}
-    assert found.effect == "none"
-    assert answers["none"]["ordinary"] == {what: pytest.approx(size, rel=0.15)}
-    assert found.as_json()["effects"][0]["ordinary"] == answers["none"]["ordinary"]
-    assert answers["none"]["group"] == ["none", effect["name"]]
-    assert answers[effect["name"]]["group"][-1] == "none"
-    assert found.notes[0].startswith("ordinary or an effect: the record has ")
-    assert found.notes[0].endswith(f"is ordinary or {effect['name'].replace('_', ' ')}")
-
-
 def test_with_healthy_records_or_nothing_to_tell_no_answer_is_left_open(healthy):
     for given in ([], healthy):
         record = recorded(3) if not given else recorded(3, {"name": "noise", "factor": 1.05})
         ranking = diagnose(record, loop, healthy=given).as_json()["ranking"]
-        assert not any("ordinary" in line for line in ranking)
         assert all(("none" in line["group"]) == (line["effect"] == "none") for line in ranking)
         assert all(line["effect"] in line["group"] for line in ranking)
 

@@ -28,7 +28,7 @@ from simbench.gap import conclude, diagnose
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import WORDS, from_posterior, from_record
-from simbench.gap.stiction.visible import Visible
+from simbench.gap.stiction.deniable import Deniable
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
@@ -222,7 +222,7 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
 ):
     record, loops = weighed(effects)
     monkeypatch.setattr(CandidateLoops, "probability", p)
-    shown = Visible(2.0) if verdict == NO_STICTION else None
+    shown = Deniable(2.0) if verdict == NO_STICTION else None
     c, _ = from_record(Prepared(record), replace(loops, shown=shown))
     assert c.verdict == verdict
     assert contradictions(c.as_json()) == []
@@ -231,8 +231,8 @@ def test_the_probability_decides_whether_the_loop_oscillates_or_not(
 
 
 def test_with_a_loop_file_a_record_in_which_no_friction_would_show_denies_none(monkeypatch):
-    why = "no size of stiction that was tried would have shown"
-    monkeypatch.setattr(REPORTING, "visible_in", lambda view: Visible(np.inf, why))
+    why = "friction cannot be ruled out"
+    monkeypatch.setattr(REPORTING, "deniable", lambda view: Deniable(np.inf, why))
     record = simulate(load_loop(EXAMPLE), 3).record.without_mv()
     report = diagnose(record, load_loop(EXAMPLE))
     c, shares = report.conclusion, {r.effect: r.probability for r in report.ranking}
@@ -256,7 +256,7 @@ def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_with_the_lag
     # behind the filter three times the stated noise is as large as the stated one: of which lag it
     # is, MV must tell
     assert informed.cause.endswith(" lag")
-    assert informed.next.startswith("mv:")
+    assert informed.next.startswith("the valve position (MV) recorded with OP would tell")
     p = {r.effect: r.probability for r in report.ranking}
     friction = sum(p.get(effect, 0.0) for effect in FRICTION)
     assert informed.probability == pytest.approx(friction)

@@ -1,5 +1,5 @@
-"""Draw loops from a grid, and simulate them as they are or with nuisances: their records' features,
-what they are labelled, and what detectors say of them.
+"""Draw loops from a grid, simulate them as they are or with something added, and describe records
+by features that have no unit.
 """
 
 from __future__ import annotations
@@ -11,20 +11,19 @@ from zlib import crc32
 import numpy as np
 
 from simbench.bench.scenario.resolve import resolve
-from simbench.bench.scenario.truth import NO, YES, simulate_with_truth
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import UserError
-from simbench.detectors.judge import judge
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.verdict import NO_DECISION, STICTION
-from simbench.gap.benchmark.classifier import FeatureSample
-from simbench.gap.benchmark.features import describe
 from simbench.gap.benchmark.nuisances import ADDITIONS, Source
-from simbench.gap.benchmark.result import MethodAccuracy
+from simbench.gap.closed_loop.summary_features import features
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.expansion import Grid
 from simbench.scenarios.spec import Loop
+
+_SMALLEST = 1e-12
+# a nuisance by its name, and its strength
+Chosen = tuple[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +34,6 @@ class DrawnLoop:
     seed: int
     unit: str
     record: LoopRecord
-
-
-# a nuisance by its name, and its strength
-Chosen = tuple[str, float]
 
 
 def draw_loops(grid: Grid, n: int, seed: int) -> list[DrawnLoop]:
@@ -52,6 +47,8 @@ def draw_loops(grid: Grid, n: int, seed: int) -> list[DrawnLoop]:
     for index in order:
         if len(drawn) >= n:
             break
+
+        # some of the group's loops that are ranked; what cannot be simulated is passed over
         ranked = [s for s in resolve(grid.group(index)) if s.tags.get("ranked", 1.0) != 0.0]
         for k in rng.permutation(len(ranked))[:each].tolist():
             one = ranked[k]
@@ -85,43 +82,22 @@ def with_nuisances(
         # a plant in powers of z has one sampling period alone
         except (UserError, SpecError):
             continue
-        if np.isfinite(record.pv).all() and np.ptp(record.op) > 0.0 and np.ptp(record.pv) > 0.0:
+        if np.isfinite(record.pv).all():
             found.append(DrawnLoop(loop, one.seed, one.unit, record))
     return found
 
 
-def sample_of(records: Sequence[LoopRecord], units: Sequence[str]) -> FeatureSample:
-    """Return records by their features."""
-    with one_thread():
-        rows = [describe(record) for record in records]
-    blocks = tuple(block for block, _ in rows[0])
-    return FeatureSample(np.array([list(row.values()) for row in rows]), tuple(units), blocks)
-
-
-def accuracy_on(drawn: Sequence[DrawnLoop], methods: Sequence[str]) -> MethodAccuracy:
-    """Return how right methods are on loops that cycle because of their valve and on those that do
-    not; others are not counted.
+def describe(records: Sequence[LoopRecord]) -> np.ndarray:
+    """Return the features of records, shape (records, features): those of the diagnosis, of OP and
+    of the error in units of their standard deviations.
     """
-    kinds = []
-    said = []
+    rows = []
     with one_thread():
-        for one in drawn:
-            try:
-                run, cycled = simulate_with_truth(one.loop, one.seed)
-            except UserError:
-                continue
-            if cycled.answer in (YES, NO):
-                kinds.append(cycled.answer == YES)
-                said.append([v.verdict for v in judge(run.record.without_mv(), methods)])
-    sticky = np.array(kinds, dtype=bool)
-    right: dict[str, float | None] = dict.fromkeys(methods)
-    if 0 < sticky.sum() < sticky.size:
-        credit = np.array(
-            [
-                [0.5 if v == NO_DECISION else float((v == STICTION) == kind) for v in row]
-                for row, kind in zip(said, kinds, strict=True)
-            ]
-        )
-        means = 0.5 * (credit[sticky].mean(axis=0) + credit[~sticky].mean(axis=0))
-        right = dict(zip(methods, means.tolist(), strict=True))
-    return MethodAccuracy(right, int(sticky.sum()), int((~sticky).sum()))
+        for record in records:
+            op = np.asarray(record.op, float)
+            pv = np.asarray(record.pv, float)
+            error = pv - (pv.mean() if record.sp is None else np.asarray(record.sp, float))
+            op = (op - op.mean()) / (np.std(op) + _SMALLEST)
+            error = (error - error.mean()) / (np.std(error) + _SMALLEST)
+            rows.append(list(features(op, error, np.zeros(record.n)).values()))
+    return np.nan_to_num(np.array(rows, dtype=float))

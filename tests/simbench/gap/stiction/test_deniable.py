@@ -1,6 +1,4 @@
-"""Only friction of a size that would have shown is denied, and the size is said; given the loop,
-friction of that size is called in simulations.
-"""
+"""Only friction of a size that the valve was asked to move by is denied, and the size is said."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +9,10 @@ from recorded import LOADED_FAST
 
 from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import NO_STICTION, STICTION
-from simbench.gap import diagnose
-from simbench.gap.stiction import visible as module
 from simbench.gap.stiction.conclusion import judged
+from simbench.gap.stiction.deniable import largest_asked
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.measured import op_range
-from simbench.gap.stiction.visible import largest_asked, visible_in
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -28,42 +24,15 @@ SOUND = LOADED_FAST | {
 }
 
 
-MODEL = SOUND | {"noise": {"std": 0.1}}
-
-
 @pytest.fixture(scope="module")
 def denied():
     return friction(simulate(Loop.from_table(SOUND), 3).record.without_mv())
-
-
-@pytest.fixture(scope="module")
-def known():
-    """Return the assessment of a record of a healthy loop whose file is given."""
-    loop = Loop.from_table(MODEL)
-    return diagnose(simulate(loop, 3).record.without_mv(), loop).behind.found
 
 
 def test_what_is_denied_is_no_less_than_a_share_of_what_op_did(denied):
     assert denied.probability < 0.2
     moved = op_range(denied.assessment.situation.op)
     assert pytest.approx(max(1.0, 0.2 * moved)) == denied.shown.S
-
-
-def test_given_the_loop_the_size_that_would_have_shown_is_called_in_three_quarters(known):
-    S, called = visible_in(known).S, 0
-    assert 0.0 < S <= largest_asked(known.situation.op)
-    sticky = Loop.from_table(MODEL | {"valve": {"model": "choudhury", "S": S, "J": 0.5 * S}})
-    for seed in range(4):
-        record = simulate(sticky, seed, kick=S).record.without_mv()
-        called += diagnose(record, Loop.from_table(MODEL)).conclusion.verdict == STICTION
-    assert called >= 3
-
-
-def test_given_the_loop_nothing_is_denied_where_no_size_shows(known, monkeypatch):
-    monkeypatch.setattr(module, "_probability", lambda view, op, pv, S: 0.5)
-    found = visible_in(known)
-    assert np.isinf(found.S)
-    assert "no size of stiction that was tried would have shown" in found.open
 
 
 def test_with_few_samples_a_period_nothing_is_denied_and_the_pace_is_said():

@@ -1,0 +1,101 @@
+"""Find from which size of stiction on a record denies it: the valve was asked to move by so much.
+
+Between two samples that are too far apart a slip goes unseen, and a valve rests that nothing asks
+to move.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from simbench.detectors.signal.oscillation import find_oscillation
+from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.decide.assess import Assessment
+from simbench.gap.decide.recorded_mv import least_band
+from simbench.gap.situation import Situation
+from simbench.gap.stiction.altered import FRICTION
+from simbench.gap.stiction.measured import op_range
+from simbench.gap.thresholds import (
+    FEWEST_PER_PERIOD,
+    INTEGRAL,
+    NARROWEST,
+    REVERSALS,
+    WORTH_REPAIRING,
+)
+from simbench.scenarios.spec import Loop
+
+_PACE = 30.0  # samples per period that are asked for
+
+
+@dataclass(frozen=True)
+class Deniable:
+    """The S (%) from which stiction can be denied, infinite where it cannot; `open` why not, ""
+    where it can; `again` how to record again, where that is why.
+    """
+
+    S: float
+    open: str = ""
+    again: str = ""
+
+    def sentence(self, percent: float, unit: str) -> str:
+        """Return what is not denied, S in a unit of which one % of travel is `percent`."""
+        return self.open or f"friction smaller than {self.size(percent, unit)} cannot be excluded"
+
+    def size(self, percent: float, unit: str) -> str:
+        """Return the S from which stiction is denied, in such a unit, "" where it is not."""
+        return "" if self.open else f"S = {self.S * percent:.2g} {unit}"
+
+
+def deniable(view: Assessment) -> Deniable:
+    """Return which stiction a record denies, by its position of the valve where it has one."""
+    s = view.situation
+    if s.record.mv is not None:
+        return _by_mv(s)
+    swing = find_oscillation(s.op, np.asarray(s.record.pv), s.record.Ts)
+    pace = swing.period_s / s.record.Ts if swing.sustained else math.inf
+    if pace < FEWEST_PER_PERIOD:
+        return Deniable(
+            math.inf,
+            f"{pace:.2g} samples per period are too few to rule friction out",
+            f"record OP and PV every {swing.period_s / _PACE:.2g} s or faster",
+        )
+    if not swing.sustained and not _integrates(_without_friction(view), s.record.duration):
+        return Deniable(
+            math.inf,
+            "friction cannot be ruled out: no integral action moves OP until a valve that sticks"
+            f" moves, and by most of its range OP turned fewer than {REVERSALS:g} times",
+        )
+    return Deniable(max(WORTH_REPAIRING, NARROWEST * op_range(s.op)))
+
+
+def _by_mv(s: Situation) -> Deniable:
+    """Return which stiction MV would have shown: any band that it tells and OP turns through."""
+    least = least_band(np.asarray(s.record.mv))
+    asked = largest_asked(s.op)
+    if least <= asked:
+        return Deniable(least)
+    why = f"OP turned by more than {asked:.2g} % under {REVERSALS:g} times, which MV hardly shows"
+    return Deniable(math.inf, why)
+
+
+def _without_friction(view: Assessment) -> Loop:
+    """Return the loop that was fitted to a record, without friction."""
+    return ClosedLoops(view, 0).loop([e for e in view.situation.proven if e != FRICTION])
+
+
+def largest_asked(op: np.ndarray) -> float:
+    """Return the largest S (unit of OP) by which OP (n,) turned several times: a valve is asked to
+    reverse through it.
+    """
+    turns = [scipy.signal.find_peaks(x, prominence=1e-9)[1]["prominences"] for x in (op, -op)]
+    sizes = np.sort(np.concatenate(turns))[::-1]
+    return float(sizes[int(REVERSALS) - 1]) if sizes.size >= REVERSALS else 0.0
+
+
+def _integrates(loop: Loop, duration: float) -> bool:
+    Ti = loop.controller.Ti
+    return Ti is not None and Ti < INTEGRAL * duration
