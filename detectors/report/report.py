@@ -32,7 +32,7 @@ _RANKED = ("record", "conclusion", PROBABILITY, "cause", "event", "reason", "nex
 
 
 class ShownConclusion(Protocol):
-    """The conclusion of all evidence about one valve, as `simbench.detection` adds it."""
+    """The conclusion of all evidence about one valve, as `simbench.verbs` adds it."""
 
     def as_lines(self) -> list[str]:
         """Return verdict with probability and cause, reason, next step."""

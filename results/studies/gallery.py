@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from simbench.catalogue import FIGURES
+from simbench.figures._folder import FIGURES
 from simbench.figures._loops import numbers_line
 from simbench.figures._make import figure_ids
 from simbench.files import whole_file

@@ -31,7 +31,7 @@ _VERBS = {
     "check": "simbench.bench.score.check",
     "gap": "simbench.gap.diagnosis",
     "figure": "simbench.figures",
-    "detect": "simbench.detection",
+    "detect": "simbench.verbs",
 }
 # Python knows these folders by another name than git
 _FOLDERS = {"simbench/detectors/": "detectors/", "simbench/scenarios/": "scenarios/"}
@@ -109,7 +109,7 @@ def _started_by(commands: Iterable[str]) -> Iterable[str]:
             if verb in _VERBS:
                 yield _VERBS[verb]
         if command.startswith("make "):
-            yield "simbench.detection"
+            yield "simbench.verbs"
 
 
 def _files_of(module: str) -> tuple[str, str]:

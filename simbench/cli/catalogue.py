@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Exit
 
 from simbench.cli.common import Json, app, examples, show, show_result
 from simbench.detectors.errors import ParameterError, nearest
 from simbench.detectors.report.report import columns
+
+if TYPE_CHECKING:
+    from simbench.scenarios.expansion import Grid
+
+LISTED_KINDS = ("detectors", "valves", "grids", "effects", "figures")
 
 
 @app.command(epilog=examples("contract my_detector.py"))
@@ -55,7 +61,7 @@ def list_(
     simulation may lack, such as sensor lag. The thresholds are those of the conclusion and of the
     diagnosis, each with its unit.
     """
-    from simbench.catalogue import LISTED_KINDS, catalogue
+    from simbench.cli.catalogue import LISTED_KINDS, catalogue
     from simbench.gap import thresholds
 
     kinds = (*LISTED_KINDS, "thresholds")
@@ -77,3 +83,46 @@ def _lines_of(rows: list[dict[str, Any]]) -> list[str]:
         head = ("grid", "AUC", "what it is for (AUC: how plainly it is told from recorded loops)")
         lines = [head, *((n, auc, says) for (n, says), auc in zip(lines, aucs, strict=True))]
     return columns(lines)
+
+
+def catalogue(what: str) -> list[dict[str, Any]]:
+    """List the plug-ins of one kind.
+
+    Examples
+    --------
+    >>> [row["name"] for row in catalogue("valves") if row["name"] == "choudhury"]
+    ['choudhury']
+    """
+    if what == "grids":
+        from simbench.scenarios.grid import load_grid
+        from simbench.scenarios.packaged import grid_names
+
+        return [_grid_row(load_grid(name)) for name in grid_names()]
+    # here, for other verbs load neither valves nor figures
+    from simbench.detectors.plugins.registry import methods
+    from simbench.figures._folder import FIGURES
+    from simbench.loop.effects import PLUGINS
+    from simbench.loop.parameters import VALVES
+
+    folder = {"detectors": methods, "valves": VALVES, "effects": PLUGINS, "figures": FIGURES}[what]
+    rows = []
+    for name in folder.every_name():
+        module = folder.load(name)
+        source = module.METHOD.source if what == "detectors" else module.SOURCE
+        # a figure's public id is its file name with hyphens
+        shown = name.replace("_", "-") if what == "figures" else name
+        rows.append({"name": shown, "says": _first_sentence(module), "source": source})
+    return rows
+
+
+def _grid_row(grid: Grid) -> dict[str, Any]:
+    """Return what a grid is for, its source, and the AUC with which its loops are told from
+    recorded ones.
+    """
+    told = grid.content.told_from_recorded
+    about = {"name": grid.name, "says": grid.title, "source": grid.source}
+    return {**about, "told_from_recorded": told}
+
+
+def _first_sentence(module: ModuleType) -> str:
+    return " ".join((module.__doc__ or "").strip().split("\n\n")[0].split()).rstrip(".")

@@ -78,9 +78,9 @@ def detect(
     that share an oscillation have the same event number. A file that is no record is listed with
     its reason, and the exit code is 1.
     """
-    from simbench.detection import judge_files
     from simbench.detectors.report.report import describe_failures, table
     from simbench.files import refuse_kind, refuse_own_input
+    from simbench.verbs import judge_files
 
     refuse_kind(csv or "")
     refuse_own_input([csv, html], [path, labels, *(plugin or [])])

@@ -54,7 +54,7 @@ class Drawn:
 
 def figure_ids() -> list[str]:
     """Return the ids of all figures, in the order of the chapter."""
-    from simbench.catalogue import FIGURES
+    from simbench.figures._folder import FIGURES
 
     def place(name: str) -> tuple:
         parts = name.split("-")
@@ -176,7 +176,7 @@ def figure(
 
 def refuse_numbers(name: str, numbers: Mapping[str, float]) -> None:
     """Refuse numbers for a figure that shows no loop; the loops themselves refuse others."""
-    from simbench.catalogue import FIGURES
+    from simbench.figures._folder import FIGURES
 
     data = FIGURES.load(name.replace("-", "_")).data
     if numbers and "loops" not in inspect.signature(data).parameters:
@@ -206,7 +206,7 @@ def caption(name: str, changed: str = "") -> str:
     >>> caption("fig-11-1").split(":")[0]
     'Figure 11.1'
     """
-    from simbench.catalogue import FIGURES
+    from simbench.figures._folder import FIGURES
 
     module = FIGURES.load(name.replace("-", "_"))
     title, _, rest = (module.__doc__ or "").partition("\n\n")
@@ -255,7 +255,7 @@ def _lacking(name: str, given: Mapping[str, str | Path | None]) -> str:
 
 
 def _wants(name: str) -> list[str]:
-    from simbench.catalogue import FIGURES
+    from simbench.figures._folder import FIGURES
 
     figure = FIGURES.load(name.replace("-", "_"))
     return [p for p in inspect.signature(figure.data).parameters if p in NEEDS]
@@ -297,7 +297,7 @@ def _draw_figure(
     """Return a figure's table, its picture, on which the loops' numbers stand, and what was changed
     in it.
     """
-    from simbench.catalogue import FIGURES
+    from simbench.figures._folder import FIGURES
     from simbench.figures._style import GREY
 
     module = FIGURES.load(name.replace("-", "_"))

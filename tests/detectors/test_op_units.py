@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simbench.detection import detect
 from simbench.detectors.example_loop import example_record
 from simbench.detectors.record import LoopRecord
+from simbench.verbs import detect
 
 
 def test_a_share_of_one_is_asked_for_its_span():

@@ -17,11 +17,11 @@ from importlib.metadata import version
 import pytest
 import typer
 
-from simbench import cli, detection
+from simbench import cli, verbs
 from simbench.detectors import faults
 from simbench.gap.stiction.conclusion import judged
-from simbench.notebook import Loop
 from simbench.scenarios.plant import Controller
+from simbench.theory.public_loop import Loop
 
 FAST = ["--method", "horch,he,kano_a,procedure"]
 
@@ -67,13 +67,13 @@ def test_the_summary_and_the_table_come_first_and_reasons_on_request(folder, cap
 
 def test_the_conclusion_is_printed_before_a_method_is_asked(folder, capsys, monkeypatch):
     whole = printed(capsys, "detect", folder / "sticky.csv", *FAST, "--method", "likelihood").out
-    asked, seen = detection.judge, []
+    asked, seen = verbs.judge, []
 
     def judge(record, names):
         seen.append(capsys.readouterr().out)
         return asked(record, names)
 
-    monkeypatch.setattr(detection, "judge", judge)
+    monkeypatch.setattr(verbs, "judge", judge)
     rest = printed(capsys, "detect", folder / "sticky.csv", *FAST, "--method", "likelihood").out
     assert seen[0].splitlines()[1].startswith("Stiction (probability of stiction")
     assert rest.startswith("Methods: ")
@@ -160,7 +160,7 @@ def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
 
 def test_colour_is_for_terminals_alone(folder, capsys):
     assert "\x1b[" not in printed(capsys, "detect", folder / "sticky.csv", *FAST).out
-    from simbench.detection import judge_files
+    from simbench.verbs import judge_files
 
     assert "\x1b[31mstiction" in judge_files(folder / "sticky.csv", ["he"]).as_text(colour=True)
 
@@ -182,12 +182,14 @@ def test_the_version_is_the_packages(capsys):
     assert printed(capsys, "--version").out.strip() == version("stiction-simbench")
 
 
-def verbs(command, path=()):
+def every_verb(command, path=()):
     for name, one in command.commands.items():
-        yield from verbs(one, (*path, name)) if hasattr(one, "commands") else [((*path, name), one)]
+        yield from (
+            every_verb(one, (*path, name)) if hasattr(one, "commands") else [((*path, name), one)]
+        )
 
 
-VERBS = dict(verbs(typer.main.get_command(cli.app)))
+VERBS = dict(every_verb(typer.main.get_command(cli.app)))
 
 
 @pytest.mark.parametrize("verb", VERBS, ids=" ".join)

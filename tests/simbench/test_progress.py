@@ -9,7 +9,7 @@ import time
 import pytest
 
 from simbench import cli, progress
-from simbench.catalogue import LISTED_KINDS
+from simbench.cli.catalogue import LISTED_KINDS
 
 
 def test_a_log_gets_whole_lines_no_more_often_than_allowed(monkeypatch, capsys):

@@ -13,7 +13,6 @@ PACKAGES = ("simbench", "simbench.gap", "simbench.detectors", "simbench.scenario
 FURTHER = {
     "simbench.detectors.judge": ("judge",),
     "simbench.figures": ("make_figures", "draw_path"),
-    "simbench.catalogue": ("catalogue",),
     "simbench.scenarios.grid": ("load_grid",),
 }
 

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from results.studies.chapter.row import Row, Source
-from simbench.catalogue import FIGURES
 from simbench.confirm.travel import travel_test
 from simbench.detectors.judge import judge
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import STICTION
 from simbench.figures._cycles import sustained_cycle
+from simbench.figures._folder import FIGURES
 
 NOISE = 0.05  # of PV's standard deviation
 

@@ -12,7 +12,6 @@ from results.studies.chapter._bench import cycle_of, healthy, loops, record_of
 from results.studies.chapter.row import Row, Source
 from results.studies.coupled_loops import drawn_pair, find_culprit
 from simbench.bench.scenario.truth import simulate_with_truth
-from simbench.catalogue import FIGURES
 from simbench.confirm.rig import run_rig
 from simbench.detectors.judge import judge
 from simbench.detectors.methods.choudhury import _most_regular
@@ -36,6 +35,7 @@ from simbench.detectors.signal.half_cycles import (
 )
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.figures._folder import FIGURES
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 from simbench.loop.valves import characteristic

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from results.studies.chapter.row import Row, Source, loop, missing, number
-from simbench.catalogue import FIGURES
 from simbench.detectors.judge import judge
 from simbench.detectors.methods.horch import correlation_indices
 from simbench.detectors.methods.yamashita import movement_indices
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.detectors.signal.half_cycles import misfit, sines, two_line_misfit, typical_means
+from simbench.figures._folder import FIGURES
 
 REPRODUCED_NOT = "not reproduced; without conditioning {raw:.2f}; the verdict is the same"
 HORCH = {

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from results.studies.chapter.row import Row, Source
-from simbench.catalogue import FIGURES
 from simbench.detectors.signal.half_cycles import split
+from simbench.figures._folder import FIGURES
 from simbench.scenarios.spec import Loop
 from simbench.theory.describing import first_harmonic, stiction
 from simbench.theory.predict import predict

@@ -56,6 +56,7 @@ _LEFT_OUT = (
     "pairing",
     "paper",
     "part_files",
+    "public_loop",
     "picture",
     "result",
     "several_seeds",

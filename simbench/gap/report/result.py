@@ -22,7 +22,7 @@ from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
 if TYPE_CHECKING:
     import pandas as pd
 
-    from simbench.notebook import Loop
+    from simbench.theory.public_loop import Loop
 
 CONFIDENCE = 0.9  # share of sets that hold the truth
 
@@ -195,7 +195,7 @@ class GapReport:
         Loop
             A loop to simulate in place of the baseline.
         """
-        from simbench.notebook import Loop
+        from simbench.theory.public_loop import Loop
 
         shown = self.behind.shown
         fixed = self.behind.loops.corrected(self.named) if shown is None else shown.loop

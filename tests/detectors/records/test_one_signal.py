@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from simbench.detection import judge_files
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records.folder import read_folder
 from simbench.detectors.records.io import read_record
 from simbench.detectors.records.one_signal import signal_files
+from simbench.verbs import judge_files
 
 N = 300
 K = np.arange(N)

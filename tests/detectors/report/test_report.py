@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from simbench.cli import main
-from simbench.detection import judge_files
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import Report, choose_methods, columns, score_units
 from simbench.detectors.report.summary import own_reason, sentence
 from simbench.detectors.verdict import Verdict
+from simbench.verbs import judge_files
 
 KEYS = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 

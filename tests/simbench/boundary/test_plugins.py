@@ -16,10 +16,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from simbench.detection import detect
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.record import LoopRecord
+from simbench.verbs import detect
 from tests.simbench.boundary.conftest import answer_to, refused, sampled
 from tests.simbench.boundary.test_records import csv
 

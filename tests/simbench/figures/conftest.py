@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from simbench.catalogue import FIGURES
+from simbench.figures._folder import FIGURES
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
 

@@ -15,10 +15,11 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 
 import simbench as sb
-from simbench.catalogue import FIGURES, catalogue
 from simbench.cli import main
+from simbench.cli.catalogue import catalogue
 from simbench.detectors.errors import RecordError, UnknownName, UserError
 from simbench.figures import make_figures
+from simbench.figures._folder import FIGURES
 from simbench.figures._loops import pi_loop
 from simbench.figures._make import figure_ids
 from simbench.figures._records import NeedsRecord

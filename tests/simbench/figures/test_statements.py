@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from simbench.catalogue import FIGURES
 from simbench.detectors.judge import judge
 from simbench.detectors.signal.half_cycles import split
 from simbench.figures._correlation import marks
 from simbench.figures._fits import eta, half_cycle_fits
+from simbench.figures._folder import FIGURES
 from simbench.loop.simulate import simulate
 from simbench.theory.predict import predict
 

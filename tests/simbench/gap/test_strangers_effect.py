@@ -87,7 +87,7 @@ WORK = """
 import json, sys
 
 from simbench.scenarios.spec import Loop
-from simbench.catalogue import catalogue
+from simbench.cli.catalogue import catalogue
 from simbench.gap import diagnose
 from simbench.loop.simulate import simulate
 

@@ -7,8 +7,8 @@ from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.report.ranked import Gap, Ranked, numbers, words
 from simbench.gap.report.result import GapReport
 from simbench.gap.stiction.conclusion import Conclusion
-from simbench.notebook import Loop
 from simbench.scenarios import spec
+from simbench.theory.public_loop import Loop
 
 LOOP = Loop(
     plant={"type": "foptd", "K": 1, "T": 10, "Td": 2},

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from recorded import LOADED_FAST
 
-from simbench.detection import detect
 from simbench.detectors.errors import Refusal
 from simbench.detectors.prepared import Prepared
 from simbench.gap.stiction import causes
@@ -20,6 +19,7 @@ from simbench.gap.stiction.margins import Margins, margins
 from simbench.loop.effects import BLOCKS
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
+from simbench.verbs import detect
 
 LOOP = LOADED_FAST
 SINE = {"type": "sine", "amplitude": 2.0, "period": 200.0, "at": "output"}

@@ -1,4 +1,4 @@
-"""For notebooks: a loop that simulates and plots itself."""
+"""`simbench.Loop`: a loop that simulates itself, predicts its cycle and plots itself."""
 
 from __future__ import annotations
 
