@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from numpy.typing import ArrayLike
 
@@ -38,6 +38,7 @@ from simbench.detectors.views import page_part
 if TYPE_CHECKING:
     import pandas as pd
 
+    from simbench.bench.execute.run_options import RunOptions
     from simbench.bench.score.check_result import Check
     from simbench.bench.score.result import Scores
     from simbench.detectors.contract import Contract
@@ -277,28 +278,6 @@ def _read_all(
     return {None if alone else name: record for name, record in records.items()}, refused, alone
 
 
-class _Settings(TypedDict, total=False):
-    """Further settings of a run."""
-
-    resume: bool
-    sets: Mapping[str, Any] | None
-    axes: Mapping[str, Sequence[Any]] | None
-    plugins: Iterable[str | Path]
-    valve_plugins: Iterable[str | Path]
-    effect_plugins: Iterable[str | Path]
-    plant_plugins: Iterable[str | Path]
-    controller_plugins: Iterable[str | Path]
-    n: int | None
-    keep: int
-    fresh_seeds: bool
-    with_reference: bool
-    progress: bool | None
-    add: bool
-    answers: Iterable[str | Path]
-    backend: Literal["loky", "dask", "ray"]
-    address: str | None
-
-
 @dataclass(frozen=True)
 class LoopDiagnosis:
     """What makes one loop oscillate.
@@ -469,7 +448,9 @@ def run(
     *,
     out: str | Path | None = None,
     jobs: int = 1,
-    **settings: Unpack[_Settings],
+    add: bool = False,
+    answers: Iterable[str | Path] = (),
+    **options: Unpack[RunOptions],
 ) -> Path:
     """Simulate a grid of scenarios, judge every record by every method, and write both tables.
 
@@ -485,12 +466,12 @@ def run(
         Folder of the run; runs/GRID when absent.
     jobs : int
         Worker processes; -1 = all cores.
-    **settings
-        Further arguments of `simbench.bench.execute.run.run_grid`: resume, n, sets,
-        axes, plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins,
-        keep, fresh_seeds, progress, backend, address, with_reference; and of
-        `simbench.bench.execute.add.add_to_run`: add and answers, which add methods, or answers from
-        files, to the finished run whose folder is `grid`.
+    add : bool
+        Add the methods to the finished run whose folder is `grid`.
+    answers : iterable of str or Path
+        Files of answers that are added to that run.
+    **options
+        Keys of `simbench.bench.execute.run_options.RunOptions`: n, sets, axes, plugins, resume, ...
 
     Returns
     -------
@@ -514,23 +495,20 @@ def run(
     from simbench.bench.store.benchmark import is_records
     from simbench.scenarios.expansion import Grid
 
-    names, own = named_methods(methods)
-    if not (settings.get("add") or settings.get("answers")):
-        settings.pop("add", None)
-        settings.pop("answers", None)
-        if is_records(grid):
-            from simbench.gap.benchmark.from_records import plan_of_records
+    # add to a finished run
+    if add or answers:
+        if isinstance(grid, Grid):
+            raise UserError("add and answers add methods to a finished run: its folder is needed")
+        return add_to_run(grid, methods, out, jobs, add=add, answers=answers, **options).folder
 
-            out = Path("runs") / Path(str(grid)).stem if out is None else Path(out)
-            keys = ("sets", "axes", "fresh_seeds", "with_reference")
-            deciding = {key: settings.pop(key) for key in keys if key in settings}
-            resume = settings.get("resume", False)
-            grid = plan_of_records(str(grid), out, deciding, resume=resume, jobs=jobs).grid
-        return run_grid(grid, out, names, jobs, own=own, **settings)
-    if isinstance(grid, Grid):
-        raise UserError("add and answers add methods to a finished run: its folder is needed")
-    add = {"add": False, **settings}
-    return add_to_run(grid, names, out, jobs, own=own, **add).folder
+    # make a grid of records
+    if is_records(grid):
+        from simbench.gap.benchmark.from_records import plan_of_records
+
+        out = Path("runs") / Path(str(grid)).stem if out is None else Path(out)
+        grid = plan_of_records(str(grid), out, options, jobs=jobs).grid
+        options["sets"] = None
+    return run_grid(grid, out, methods, jobs, **options)
 
 
 def score(folder: str | Path) -> Scores:

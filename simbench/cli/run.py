@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from typer import Option
 
@@ -32,6 +32,9 @@ from simbench.cli.common import (
     where_more_is,
 )
 from simbench.detectors.errors import ParameterError
+
+if TYPE_CHECKING:
+    from simbench.bench.execute.run_options import RunOptions
 
 
 @app.command(
@@ -164,20 +167,18 @@ def run(
         k: [number(v) for v in str(values).split(",")]
         for k, values in pairs(axis or [], "--axis", text=True).items()
     }
-    deciding: dict[str, Any] = {
+    options: RunOptions = {
         "n": n,
         "sets": pairs(sets or [], "--set"),
         "axes": axes,
         "fresh_seeds": fresh_seeds,
         "with_reference": with_reference,
-    }
-    working: dict[str, Any] = {
         "plugins": plugin or [],
         "valve_plugins": valve_plugin or [],
         "effect_plugins": effect_plugin or [],
         "plant_plugins": plant_plugin or [],
         "controller_plugins": controller_plugin or [],
-        "backend": backend,
+        "backend": cast("Any", backend),  # checked where the run begins
         "address": address,
         "resume": resume,
     }
@@ -185,22 +186,15 @@ def run(
     if add or answers:
         from simbench.bench.execute.add import add_to_run
 
-        _refuse_beside_add(grid, again, deciding)
+        _refuse_beside_add(grid, again)
         folder, scores, told["added"] = add_to_run(
-            str(grid),
-            method or [],
-            out,
-            jobs,
-            add=add,
-            answers=answers or [],
-            with_reference=with_reference,
-            **working,
+            str(grid), method or [], out, jobs, add=add, answers=answers or [], **options
         )
     elif again is not None:
         from simbench.bench.execute.repeat import run_again
 
-        _refuse_beside_again(grid, method, deciding)
-        folder, scores, told["again"] = run_again(again, out, jobs, **working)
+        _refuse_beside_again(grid, method)
+        folder, scores, told["again"] = run_again(again, out, jobs, **options)
     elif grid is None:
         raise ParameterError(
             "GRID is missing: name a grid (`simbench list grids`), or give --again MANIFEST"
@@ -211,13 +205,11 @@ def run(
         if is_records(grid):
             from simbench.gap.benchmark.from_records import plan_of_records
 
-            made = plan_of_records(grid, out, deciding, resume=resume, jobs=jobs, **about)
+            made = plan_of_records(grid, out, options, jobs=jobs, **about)
             say(made.as_text(), aside=True)
             plan = made.grid
-            deciding = {"n": n}
-        folder, scores = run_scored(
-            plan, out, tuple(method or ["fast", ORACLE]), jobs, **deciding, **working
-        )
+            options["sets"] = None
+        folder, scores = run_scored(plan, out, method or ["fast", ORACLE], jobs, **options)
     if scores is None or allow_failed:
         scores = score_run(folder, allow_failed=allow_failed)
     failed = read_failures(folder)
@@ -231,8 +223,8 @@ def run(
     end_by_failures(failed, allow_failed)
 
 
-def _refuse_beside_add(grid: str | None, again: Path | None, deciding: dict[str, Any]) -> None:
-    """Refuse what decides the loops of a run, where methods are added to a finished one."""
+def _refuse_beside_add(grid: str | None, again: Path | None) -> None:
+    """Refuse --add and --answers without a finished run to add to."""
     from simbench.bench.store.benchmark import is_stored
 
     if grid is None or not is_stored(grid):
@@ -240,36 +232,17 @@ def _refuse_beside_add(grid: str | None, again: Path | None, deciding: dict[str,
             f"--add and --answers add methods to a finished run; GRID is {grid}: the folder of a"
             " run is needed"
         )
-    given = ["--again"] * (again is not None)
-    given += [
-        option
-        for key, option in _DECIDING.items()
-        if key != "with_reference" and deciding[key] not in (None, False, {})
-    ]
-    if given:
+    if again is not None:
         raise ParameterError(
-            f"--add and --answers take the loops of {grid} as they stand; leave out"
-            f" {', '.join(given)}"
+            f"--add and --answers take the loops of {grid} as they stand; leave out --again"
         )
 
 
-def _refuse_beside_again(
-    grid: str | None, method: list[str] | None, deciding: dict[str, Any]
-) -> None:
-    """Refuse what the manifest of --again decides."""
+def _refuse_beside_again(grid: str | None, method: list[str] | None) -> None:
+    """Refuse a grid and methods beside the manifest that states them."""
     given = [f"GRID {grid}"] * (grid is not None) + ["--method"] * bool(method)
-    given += [option for key, option in _DECIDING.items() if deciding[key] not in (None, False, {})]
     if given:
         raise ParameterError(
             f"--again takes grid, methods and settings from the manifest; leave out"
             f" {', '.join(given)}"
         )
-
-
-_DECIDING = {
-    "n": "--n",
-    "sets": "--set",
-    "axes": "--axis",
-    "fresh_seeds": "--fresh-seeds",
-    "with_reference": "--with-reference",
-}

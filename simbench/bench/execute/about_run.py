@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from simbench.bench.execute.run_options import RunOptions
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.shipped import REFERENCE
 from simbench.bench.store.benchmark import grid_settings
@@ -23,21 +22,18 @@ from simbench.scenarios.sample import Sample
 
 
 def describe_run(
-    plan: Grid, names: Sequence[str], asked: RunOptions, digests: Mapping[str, str]
+    plan: Grid, names: Sequence[str], digests: Mapping[str, str], with_reference: bool
 ) -> dict[str, Any]:
     """Return the manifest: everything that decides the numbers of the run."""
-    sources = {
-        f"own {name}": _source_digest(detector) for name, detector in (asked.own or {}).items()
-    }
     return describe(
         {
             **grid_settings(plan),
             "scenarios": len(plan),
             "methods": {n: about_method(n) for n in names},
-            "plugins": {**digests, **sources},
+            "plugins": {**digests},
             "command": printable(masked(" ".join(sys.argv))),
             **({"points": plan.points} if isinstance(plan, Sample) else {}),
-            **({REFERENCE: True} if asked.with_reference else {}),
+            **({REFERENCE: True} if with_reference else {}),
         }
     )
 
@@ -50,6 +46,11 @@ def digests_of(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
         for f in files
         if Path(f).is_file()
     }
+
+
+def digests_of_own(own: Mapping[str, Any]) -> dict[str, str]:
+    """Return a digest of each of the caller's detectors, by its name."""
+    return {f"own {name}": _source_digest(detector) for name, detector in own.items()}
 
 
 def _source_digest(detector: Any) -> str:

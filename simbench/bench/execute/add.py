@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +18,7 @@ from simbench.bench.execute import pieces
 from simbench.bench.execute.answers_file import Answers, read_answers
 from simbench.bench.execute.compute_piece import Answer, Receipt, verdict_row
 from simbench.bench.execute.run import choose_with_oracle, run_scored
+from simbench.bench.execute.run_options import RunOptions, list_deciding
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
@@ -32,6 +33,7 @@ from simbench.bench.store.manifest import FROM_FILE, SOURCES, read_manifest, ref
 from simbench.bench.store.reading import read_table, table_parts
 from simbench.bench.store.tables import VERDICT_SCHEMA, as_parquet, as_table
 from simbench.detectors.errors import masked, printable
+from simbench.detectors.sources import Detector, Methods, named_methods
 from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.files import refuse_taken
 
@@ -85,14 +87,13 @@ class _Addition:
 
 def add_to_run(
     folder: str | Path,
-    methods: Iterable[str] = (),
+    methods: Methods = (),
     out: str | Path | None = None,
     jobs: int = 1,
     *,
     add: bool = True,
     answers: Iterable[str | Path] = (),
-    with_reference: bool = False,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> Added:
     """Add methods to a finished run.
 
@@ -100,9 +101,9 @@ def add_to_run(
     ----------
     folder : str or Path
         Folder of the run. It is replaced when the run with the further methods is complete.
-    methods : iterable of str
-        Ids of methods, or groups of them, that are asked about the loops of the run; those that the
-        run has are left out.
+    methods : str, function, object with `detect`, or iterable of them
+        Ids of methods, groups of them, and detectors of the caller, that are asked about the loops
+        of the run; those of the package that the run has are left out.
     out : str or Path, optional
         New folder for the run with the further methods; `folder` then stays as it is.
     jobs : int
@@ -112,10 +113,9 @@ def add_to_run(
     answers : iterable of str or Path
         Files of answers, as `read_answers` reads them. A method that left out a record gave no
         decision there.
-    with_reference : bool
-        Score the run with the shipped verdicts on its grid from here on.
     **options
-        Plug-ins of detectors, and what decides no numbers: keys of `RunOptions`.
+        Keys of `RunOptions`, but for those that decide the loops; with `with_reference` the run is
+        scored with the shipped verdicts on its grid from here on.
 
     Returns
     -------
@@ -137,6 +137,13 @@ def add_to_run(
     >>> add_to_run(first, ["horch"]).told
     'added: horch'
     """
+    given = list_deciding(options, but=["with_reference"])
+    if given:
+        raise RunError(
+            f"--add and --answers take the loops of {folder} as they stand; leave out"
+            f" {', '.join(given)}"
+        )
+    with_reference = options.pop("with_reference", False)
     shown = Path(folder if out is None else out)
     folder = Path(folder).resolve()
     target = shown.resolve()
@@ -149,7 +156,7 @@ def add_to_run(
                 refuse_taken(out)
             if with_reference:
                 shipped(str(stated["grid"]))
-            asked = _methods_to_ask(folder, stated, methods, options) if add else []
+            asked = _methods_to_ask(folder, stated, methods, options) if add else {}
             records = _records_of(folder)
             given = [(Path(file), read_answers(file, records)) for file in answers]
             _refuse_known(folder, stated, asked, given)
@@ -157,7 +164,8 @@ def add_to_run(
                 shutil.rmtree(work / _ADDED, ignore_errors=True)  # of a call that was killed
             additions = [_join_answers(folder, file, of) for file, of in given]
             if add:
-                additions += [_ask_methods(folder, work / _ADDED, asked, jobs, options)]
+                run_scored(folder, work / _ADDED, asked.values(), jobs, **options)
+                additions.append(_read_added(folder, work / _ADDED))
             scores = _join(folder, work / _JOINED, stated, additions, with_reference)
             _exchange(target, work)
         finally:
@@ -206,18 +214,18 @@ def _read_finished(folder: Path) -> dict[str, Any]:
 
 
 def _methods_to_ask(
-    folder: Path, stated: Mapping[str, Any], methods: Iterable[str], options: Mapping[str, Any]
-) -> list[str]:
-    """Return the methods of the package that the run lacks, then the detectors that are given as
-    files or by the caller.
+    folder: Path, stated: Mapping[str, Any], methods: Methods, options: RunOptions
+) -> dict[str, Detector]:
+    """Return by their names the methods of the package that the run lacks, then the detectors that
+    are given as files or by the caller.
     """
     refuse_other_code(folder, stated)
-    files = [Path(file).stem for file in options.get("plugins") or ()]
-    plugins = [*dict.fromkeys([*files, *(options.get("own") or ())])]
+    words, own = named_methods(methods)
+    plugins = {Path(file).stem: Path(file).stem for file in options.get("plugins", ())} | own
     for name in plugins:
         if name in stated["methods"]:
             raise RunError(f"{folder} has a method {name!r} already; another name is needed")
-    words = [word.strip() for text in methods for word in text.split(",")]
+    words = [word.strip() for text in words for word in text.split(",")]
     names = choose_with_oracle([word for word in words if word not in plugins], [])
     lacking = [name for name in names if name not in stated["methods"]]
     if not lacking and not plugins:
@@ -226,7 +234,7 @@ def _methods_to_ask(
             f"{folder} has all methods that are asked for ({known}); name others with --method or"
             " --plugin"
         )
-    return [*lacking, *plugins]
+    return {name: name for name in lacking} | plugins
 
 
 def _records_of(folder: Path) -> set[str]:
@@ -237,7 +245,7 @@ def _records_of(folder: Path) -> set[str]:
 def _refuse_known(
     folder: Path,
     stated: Mapping[str, Any],
-    asked: Sequence[str],
+    asked: Iterable[str],
     given: Sequence[tuple[Path, Answers]],
 ) -> None:
     """Refuse answers of a method that the run has, or that another file has."""
@@ -251,11 +259,8 @@ def _refuse_known(
             there[name] = str(file)
 
 
-def _ask_methods(
-    folder: Path, place: Path, methods: Sequence[str], jobs: int, options: Mapping[str, Any]
-) -> _Addition:
-    """Ask methods about the loops of a run, in a run of their own."""
-    run_scored(folder, place, methods, jobs, **options)
+def _read_added(folder: Path, place: Path) -> _Addition:
+    """Return the methods that were asked about the loops of a run in a run of their own."""
     manifest = read_manifest(place)
     hashes = [
         read_table(where, "scenarios", ["scenario_id", "record_hash"]).sort_by("scenario_id")

@@ -16,7 +16,6 @@ import pyarrow.parquet as pq
 
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
 from simbench.bench.execute.run import read_plan
-from simbench.bench.execute.run_options import RunOptions
 from simbench.bench.execute.settle_group import settled
 from simbench.detectors.errors import ParameterError, Refusal
 from simbench.detectors.record import LoopRecord
@@ -77,7 +76,7 @@ def write_records(
     """
     out = Path(out)
     refuse_taken(out)
-    plan = read_plan(grid, RunOptions(n=n, sets=sets))
+    plan = read_plan(grid, {"n": n, "sets": sets})
     refuse_too_large(size_of(plan, 0, 0), plan.name)
     refuse_wrong_parts(plan)
     make_folder(out.absolute().parent)

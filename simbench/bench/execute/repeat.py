@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 from simbench.bench.execute.run import run_scored
+from simbench.bench.execute.run_options import RunOptions, list_deciding
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE
 from simbench.bench.store.benchmark import OF_RUN, SETTLED, grid_of_run
@@ -41,7 +42,10 @@ class Repeated(NamedTuple):
 
 
 def run_again(
-    manifest: str | Path, out: str | Path | None = None, jobs: int = 1, **options: Any
+    manifest: str | Path,
+    out: str | Path | None = None,
+    jobs: int = 1,
+    **options: Unpack[RunOptions],
 ) -> Repeated:
     """Run again what a manifest states.
 
@@ -55,7 +59,7 @@ def run_again(
     jobs : int
         Worker processes; -1 uses all cores.
     **options
-        What does not decide numbers, and the files of plug-ins: keys of `RunOptions`.
+        Keys of `RunOptions`, but for those that decide the loops.
 
     Returns
     -------
@@ -77,6 +81,12 @@ def run_again(
     >>> run_again(first / "manifest.json", place / "second").told
     'all 4 records have the bits that the manifest states'
     """
+    given = list_deciding(options)
+    if given:
+        raise RunError(
+            f"--again takes grid, methods and settings from the manifest; leave out"
+            f" {', '.join(given)}"
+        )
     file = Path(manifest)
     where, name = (file, MANIFEST) if file.is_dir() else (file.parent, file.name)
     stated = read_manifest(where, name)
@@ -98,8 +108,7 @@ def run_again(
         [name for name in asked if name not in own_methods(stated)],
         jobs,
         like={**stated, "methods": asked},
-        with_reference=bool(stated.get(REFERENCE)),
-        **options,
+        **{**options, "with_reference": bool(stated.get(REFERENCE))},
     )
     return Repeated(folder, scores, compared(stated, read_manifest(folder)))
 

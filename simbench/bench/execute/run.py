@@ -14,15 +14,15 @@ import secrets
 import signal
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Unpack, cast
 
 import cloudpickle
 
 from simbench.bench.execute import pieces
-from simbench.bench.execute.about_run import describe_run, digests_of
+from simbench.bench.execute.about_run import describe_run, digests_of, digests_of_own
 from simbench.bench.execute.compute_piece import PieceSettings, Receipt, compute_piece
 from simbench.bench.execute.distribute import BACKENDS, Runner, workers
 from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
@@ -38,7 +38,7 @@ from simbench.detectors.faults import describe_judging
 from simbench.detectors.judge import refuse_wrong_forms
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
-from simbench.detectors.sources import as_plugin
+from simbench.detectors.sources import Methods, as_plugin, named_methods
 from simbench.files import local_path
 from simbench.loop.part_files import added_parts
 from simbench.scenarios.expansion import Grid, chunks
@@ -59,9 +59,9 @@ class Interrupted(KeyboardInterrupt):
 def run_grid(
     grid: str | Path | Grid,
     out: str | Path | None = None,
-    methods: Iterable[str] = ("fast",),
+    methods: Methods = ("fast",),
     jobs: int = 1,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> Path:
     """Simulate a grid, judge every record by detectors, and write both tables.
 
@@ -72,14 +72,12 @@ def run_grid(
         under their ids, or a grid already read.
     out : str or Path, optional
         Folder of the run; runs/NAME by default.
-    methods : iterable of str
-        Method ids, "fast", "full" and "oracle".
+    methods : str, function, object with `detect`, or iterable of them
+        Method ids, "fast", "full" and "oracle", and detectors of the caller.
     jobs : int
         Worker processes; -1 uses all cores.
     **options
-        Fields of `RunOptions`: plugins, valve_plugins, effect_plugins,
-        plant_plugins, controller_plugins, own, backend, address, resume, n, sets, axes,
-        fresh_seeds, keep, progress, with_reference, like.
+        Keys of `RunOptions`.
 
     Returns
     -------
@@ -106,40 +104,49 @@ def run_grid(
 def run_scored(
     grid: str | Path | Grid,
     out: str | Path | None = None,
-    methods: Iterable[str] = ("fast",),
+    methods: Methods = ("fast",),
     jobs: int = 1,
-    **options: Any,
+    *,
+    like: Mapping[str, Any] | None = None,
+    **options: Unpack[RunOptions],
 ) -> tuple[Path, Scores | None]:
-    """Run a grid as `run_grid` does, and return its scores, too; None where the run was whole."""
+    """Run a grid as `run_grid` does, and return its scores, too; None where the run was whole.
+
+    `like` is the manifest of a run that this one repeats; another grid, method or plug-in is
+    refused before anything is simulated.
+    """
     began = time.perf_counter()
-    asked = RunOptions(**options)
-    plan = read_plan(grid, asked)
-    files, parts = _plugin_files(asked)
+    plan = read_plan(grid, options)
+    files, parts = _plugin_files(options)
+    asked, own = named_methods(methods)
     # read before any plug-in runs, as one may move the file it is in
     digests = digests_of(("", files), *zip(KINDS_OF_PART, parts))
     sources = {Path(f).name: Path(f).read_bytes() for f in _all_there(files, *parts)}
-    adopted = {name: as_plugin(name, detector) for name, detector in (asked.own or {}).items()}
+    adopted = {name: as_plugin(name, detector) for name, detector in own.items()}
     with (
         registry.adopted(adopted),
         registry.added(files) as added,
         added_parts(*parts),
     ):
-        names = choose_with_oracle(methods, added)
-        _refuse_wrong_run(plan, names, asked)
-        manifest = describe_run(plan, names, asked, digests)
-        if asked.like is not None:
-            refuse_unlike(asked.like, manifest)
+        names = choose_with_oracle(asked, added)
+        _refuse_wrong_run(plan, names)
+        with_reference = options.get("with_reference", False)
+        manifest = describe_run(plan, names, {**digests, **digests_of_own(own)}, with_reference)
+        if like is not None:
+            refuse_unlike(like, manifest)
         folder = local_path(Path("runs") / plan.name if out is None else out)
-        apart = bool(files or adopted or any(parts))
-        with workers(asked.backend, asked.address, jobs, apart) as run, pieces.held(folder):
-            pieces.open_run(folder, manifest, asked.resume)
+        apart = bool(files or own or any(parts))
+        backend = options.get("backend", "loky")
+        with workers(backend, options.get("address"), jobs, apart) as run, pieces.held(folder):
+            pieces.open_run(folder, manifest, options.get("resume", False))
             if pieces.is_finished(folder):
                 return folder, None
             for name, source in sources.items():
                 write_file(folder / SOURCES / name, source)
-            settings = _work_settings(names, asked, files, parts)
+            settings = PieceSettings(tuple(names), files, options.get("keep", 0), parts, own)
             task = _Task(plan, folder, run_key(manifest), settings)
-            with _Bar(asked.progress, len(plan)) as bar, _stoppable(), _resumable(folder):
+            shown = options.get("progress")
+            with _Bar(shown, len(plan)) as bar, _stoppable(), _resumable(folder):
                 receipts = _work_pieces(
                     folder, task, run, bar, dict(enumerate(range(*piece) for piece in chunks(plan)))
                 )
@@ -148,60 +155,76 @@ def run_scored(
         return folder, scores
 
 
-def _refuse_wrong_options(asked: RunOptions, grid: str | Path | Grid) -> None:
-    if asked.backend not in BACKENDS:
-        raise RunError(f"unknown backend {asked.backend!r}: {nearest(asked.backend, BACKENDS)}")
-    if asked.fresh_seeds and (
-        asked.resume or isinstance(grid, Grid) or "seed" in (asked.sets or {})
-    ):
+def _refuse_wrong_options(options: RunOptions, grid: str | Path | Grid) -> None:
+    """Refuse options that there are not, and options that contradict each other or the grid."""
+    # a plain dict may hold anything
+    for key in options:
+        if key not in RunOptions.__annotations__:
+            raise RunError(f"unknown option {key!r}: {nearest(key, RunOptions.__annotations__)}")
+    backend = options.get("backend", "loky")
+    if backend not in BACKENDS:
+        raise RunError(f"unknown backend {backend!r}: {nearest(backend, BACKENDS)}")
+
+    # what draws the seed leaves it to nothing else
+    sets = options.get("sets") or {}
+    fresh = options.get("fresh_seeds")
+    if fresh and (options.get("resume") or isinstance(grid, Grid) or "seed" in sets):
         raise RunError(
             "--fresh-seeds draws the grid's seed: it needs a grid by name or file, and neither"
             " --resume nor --set seed= (to resume such a run, give --resume and --set seed= with"
             " the seed that its manifest states)"
         )
-    changed = asked.fresh_seeds or asked.sets or asked.axes
-    if asked.with_reference and changed:
+
+    # shipped verdicts and stored loops are those of one grid, unchanged
+    changed = fresh or sets or options.get("axes")
+    if options.get("with_reference") and changed:
         raise RunError(
             "--with-reference joins verdicts on loops of the grid as the package has it: it needs a"
             " run without --set, --axis and --fresh-seeds"
         )
-    if is_stored(grid) and (changed or asked.n is not None):
+    if is_stored(grid) and (changed or options.get("n") is not None):
         raise RunError(
             f"{grid} is a run, whose loops are simulated as they stand: it is run without --n,"
             " --set, --axis and --fresh-seeds"
         )
 
 
-def read_plan(grid: str | Path | Grid, asked: RunOptions) -> Grid:
+def read_plan(grid: str | Path | Grid, options: RunOptions) -> Grid:
     """Return the grid that is asked for, with its changed settings, or the sample of it."""
-    _refuse_wrong_options(asked, grid)
+    _refuse_wrong_options(options, grid)
+    n = options.get("n")
+
+    # read the grid: of a run, at hand, or by its name or file
     if is_stored(grid):
         plan = stored_grid(cast("str | Path", grid))
     elif isinstance(grid, Grid):
         plan = grid
     else:
-        drawn = {"seed": secrets.randbits(62)} if asked.fresh_seeds else {}
-        most = MOST_CELLS if asked.n is None else MOST_DRAWN_FROM
-        changes = {**(asked.sets or {}), **drawn}
-        plan = load_grid(grid, changes, asked.axes, most)
-        as_it_stands = str(grid) in grid_names() and not (changes or asked.axes)
-        if plan.frozen or (as_it_stands and asked.n is None):
+        drawn = {"seed": secrets.randbits(62)} if options.get("fresh_seeds") else {}
+        axes = options.get("axes")
+        most = MOST_CELLS if n is None else MOST_DRAWN_FROM
+        changes = {**(options.get("sets") or {}), **drawn}
+        plan = load_grid(grid, changes, axes, most)
+        as_it_stands = str(grid) in grid_names() and not (changes or axes)
+        if plan.frozen or (as_it_stands and n is None):
             plan = settled_grid(plan.name)
-    if asked.with_reference:
+    if options.get("with_reference"):
         shipped(plan.name)
-    if asked.n is None:
+
+    # draw the sample where one is asked for
+    if n is None:
         return plan
-    return plan.some(asked.n) if isinstance(plan, SettledGrid) else Sample.of(plan, asked.n)
+    return plan.some(n) if isinstance(plan, SettledGrid) else Sample.of(plan, n)
 
 
-def _plugin_files(asked: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+def _plugin_files(options: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
     """Return the files of detectors, and those of each part in the order of KINDS_OF_PART."""
     kinds = (
-        asked.plugins,
-        asked.valve_plugins,
-        asked.effect_plugins,
-        asked.plant_plugins,
-        asked.controller_plugins,
+        options.get("plugins", ()),
+        options.get("valve_plugins", ()),
+        options.get("effect_plugins", ()),
+        options.get("plant_plugins", ()),
+        options.get("controller_plugins", ()),
     )
     files, *parts = (tuple(str(Path(p).resolve()) for p in some) for some in kinds)
     return files, tuple(parts)
@@ -214,26 +237,11 @@ def choose_with_oracle(methods: Iterable[str], added: Sequence[str]) -> list[str
     return names + [ORACLE] * (ORACLE in asked)  # last, as it is judged last
 
 
-def _refuse_wrong_run(plan: Grid, names: Sequence[str], asked: RunOptions) -> None:
+def _refuse_wrong_run(plan: Grid, names: Sequence[str]) -> None:
     """Refuse, before anything is simulated, what would fail in every worker."""
     refuse_wrong_forms(names)
     refuse_too_large(size_of(plan, *_budgets(names)), plan.name)
     refuse_wrong_parts(plan)
-
-
-def _work_settings(
-    names: Sequence[str],
-    asked: RunOptions,
-    files: tuple[str, ...],
-    parts: tuple[tuple[str, ...], ...],
-) -> PieceSettings:
-    return PieceSettings(
-        methods=tuple(names),
-        plugins=files,
-        keep=asked.keep,
-        parts=parts,
-        own=asked.own or {},
-    )
 
 
 class _Task:

@@ -1,25 +1,31 @@
-"""How a run is made: options that decide its rows, and options that decide how the work is done."""
+"""Options of a run: those that decide its rows, and those that decide how the work is done."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict
+
+# options that decide the loops of a run, with their names on the command line
+DECIDING = {
+    "n": "--n",
+    "sets": "--set",
+    "axes": "--axis",
+    "fresh_seeds": "--fresh-seeds",
+    "with_reference": "--with-reference",
+}
 
 
-@dataclass(frozen=True)
-class RunOptions:
+class RunOptions(TypedDict, total=False):
     """How a grid is run, in addition to which methods judge it and where the tables go.
 
     Attributes
     ----------
     plugins, valve_plugins, effect_plugins, plant_plugins, controller_plugins : iterable of Path
         Files of detectors and of parts of loops that do not belong to the package.
-    own : mapping of str to detector
-        Detectors of the caller, by name.
     backend : {"loky", "dask", "ray"}
-        Library that distributes the pieces; `address` is the URL of a running scheduler.
+        Library that distributes the pieces, loky when absent; `address` is the URL of a running
+        scheduler.
     resume : bool
         Continue where an earlier run in the same folder stopped.
     sets, axes : mapping, optional
@@ -27,7 +33,7 @@ class RunOptions:
     fresh_seeds : bool
         Draw the grid's seed instead of using the one in its file.
     keep : int
-        Number of records that are stored with the run.
+        Number of records that are stored with the run; 0 when absent.
     progress : bool, optional
         Show progress on stderr; None shows it on a terminal.
     with_reference : bool
@@ -36,25 +42,29 @@ class RunOptions:
     n : int, optional
         Number of scenarios that are drawn at random from the grid, which may be of any size; the
         seed decides which. None simulates the whole grid.
-    like : mapping, optional
-        Manifest of a run that this one repeats; another grid, method or plug-in is refused before
-        anything is simulated.
     """
 
-    plugins: Iterable[str | Path] = ()
-    backend: str = "loky"
-    address: str | None = None
-    resume: bool = False
-    sets: Mapping[str, Any] | None = None
-    axes: Mapping[str, Sequence[Any]] | None = None
-    keep: int = 0
-    progress: bool | None = None
-    n: int | None = None
-    valve_plugins: Iterable[str | Path] = ()
-    effect_plugins: Iterable[str | Path] = ()
-    plant_plugins: Iterable[str | Path] = ()
-    controller_plugins: Iterable[str | Path] = ()
-    fresh_seeds: bool = False
-    own: Mapping[str, Any] | None = None
-    with_reference: bool = False
-    like: Mapping[str, Any] | None = None
+    plugins: Iterable[str | Path]
+    valve_plugins: Iterable[str | Path]
+    effect_plugins: Iterable[str | Path]
+    plant_plugins: Iterable[str | Path]
+    controller_plugins: Iterable[str | Path]
+    backend: Literal["loky", "dask", "ray"]
+    address: str | None
+    resume: bool
+    sets: Mapping[str, Any] | None
+    axes: Mapping[str, Sequence[Any]] | None
+    fresh_seeds: bool
+    keep: int
+    progress: bool | None
+    with_reference: bool
+    n: int | None
+
+
+def list_deciding(options: RunOptions, but: Sequence[str] = ()) -> list[str]:
+    """Return how the given options that decide the loops are called on the command line."""
+    return [
+        name
+        for key, name in DECIDING.items()
+        if key not in but and options.get(key) not in (None, False, {})
+    ]

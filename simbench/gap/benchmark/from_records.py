@@ -17,6 +17,7 @@ import numpy as np
 from joblib import delayed
 
 from simbench.bench.execute.compute_piece import record_hash
+from simbench.bench.execute.run_options import RunOptions, list_deciding
 from simbench.bench.scenario.kept import run_once
 from simbench.bench.scenario.resolve import seed_of_echo
 from simbench.bench.scenario.truth import YES, simulate_with_truth
@@ -65,28 +66,26 @@ class RecordsGrid:
 def plan_of_records(
     path: str | Path,
     out: Path,
-    deciding: Mapping[str, Any],
+    options: RunOptions,
     *,
-    resume: bool = False,
     jobs: int = 1,
     **about: Any,
 ) -> RecordsGrid:
     """Return the grid of the loops that copy the records at a path for a run in the folder `out`,
-    where these loops are kept; ParameterError where `deciding` (sets, axes, ...) changes more of it
-    than its seed or takes some scenarios of it (n).
+    where these loops are kept; ParameterError where the options change more of it than its seed.
     """
-    sets = dict(deciding.get("sets") or {})
+    sets = dict(options.get("sets") or {})
     seed = sets.pop("seed", 0)
-    for key, value in {**deciding, "sets": None, "n": None, **sets}.items():
-        if value not in (None, False, {}):
-            raise ParameterError(
-                f"{key} = {value}: {path} holds records, and beside them only n and the seed are"
-                " allowed"
-            )
+    given = [*list_deciding(options, but=["n", "sets"]), *(f"--set {key}=" for key in sets)]
+    if given:
+        raise ParameterError(
+            f"{path} holds records, beside which only --n and --set seed= are allowed; leave out"
+            f" {', '.join(given)}"
+        )
     if isinstance(seed, str) or not 0 <= seed < 2**63 or seed != int(seed):
         raise ParameterError(f"seed = {seed}: a whole number from 0 is needed")
     # before the loops are identified, which takes seconds each
-    if out.is_dir() and any(out.iterdir()) and not resume:
+    if out.is_dir() and any(out.iterdir()) and not options.get("resume"):
         raise ParameterError(
             f"folder {out} is not empty; continue its run with --resume, or choose another"
         )

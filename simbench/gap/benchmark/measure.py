@@ -13,7 +13,6 @@ import numpy as np
 from joblib import delayed
 
 from simbench.bench.execute.run import read_plan
-from simbench.bench.execute.run_options import RunOptions
 from simbench.bench.statistics import Estimate
 from simbench.detectors.errors import ParameterError, RecordError, nearest
 from simbench.detectors.record import LoopRecord
@@ -97,7 +96,7 @@ def grid(
     for name in additions or ():
         if name not in ADDITIONS:
             raise ParameterError(f"gap grid: addition {name!r}: {nearest(name, ADDITIONS)}")
-    plan = read_plan(grid, RunOptions())
+    plan = read_plan(grid, {})
     named, refused = (
         (records, {}) if isinstance(records, Mapping) else read_folder(records, **about)
     )

@@ -108,7 +108,7 @@ def test_a_detector_of_python_can_only_be_run_again_from_there(first, tmp_path):
     def mine(prepared):
         return prepared is None
 
-    run = run_grid("smoke", tmp_path / "run", ["mine"], own={"mine": mine}, n=2)
+    run = run_grid("smoke", tmp_path / "run", mine, n=2)
     with pytest.raises(RunError, match="mine was handed over in Python"):
         run_again(run, tmp_path / "again")
 
