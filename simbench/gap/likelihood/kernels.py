@@ -72,17 +72,22 @@ NO_JUMPS = Jumps(np.zeros(0, np.int64), 0.0, False)
 
 
 class _Filter(NamedTuple):
-    """A Kalman filter, its covariance `P` and gain, and room for its next step."""
+    """A Kalman filter, its covariance `P` and gain, and room for its next step.
+
+    F is mostly zeros: state `to` moves by `weight` times state `come`, row by row.
+    """
 
     F: np.ndarray
     Q: np.ndarray
     P: np.ndarray
     h: np.ndarray
     r: float
+    to: np.ndarray
+    come: np.ndarray
+    weight: np.ndarray
     gain: np.ndarray
     Ph: np.ndarray
     FP: np.ndarray
-    P_new: np.ndarray
 
 
 @njit_cached
@@ -252,33 +257,36 @@ def _riccati(kalman):
     """Take one step of the covariance and write the filter's gain; return the innovation's
     variance.
     """
-    F, Q, P, h, r, gain, Ph, FP, P_new = kalman
+    _, Q, P, h, r, to, come, weight, gain, Ph, FP = kalman
     s = h.size
+
+    # the innovation's variance
     S = r
     for i in range(s):
         Ph[i] = 0.0
         for j in range(s):
             Ph[i] += P[i, j] * h[j]
         S += h[i] * Ph[i]
+
+    # the gain F P h / S, and F P
     for i in range(s):
-        g = 0.0
+        gain[i] = 0.0
         for j in range(s):
-            g += F[i, j] * Ph[j]
-        gain[i] = g / S
+            FP[i, j] = 0.0
+    for q in range(to.size):
+        gain[to[q]] += weight[q] * Ph[come[q]]
+        for j in range(s):
+            FP[to[q], j] += weight[q] * P[come[q], j]
+    for i in range(s):
+        gain[i] /= S
+
+    # the next covariance, F P F' + Q less what the measurement tells
     for i in range(s):
         for j in range(s):
-            t = 0.0
-            for q in range(s):
-                t += F[i, q] * P[q, j]
-            FP[i, j] = t
-    for i in range(s):
-        for j in range(s):
-            t = Q[i, j] - gain[i] * gain[j] * S
-            for q in range(s):
-                t += FP[i, q] * F[j, q]
-            P_new[i, j] = t
-    for i in range(s):
-        copied(P_new[i], P[i])
+            P[i, j] = Q[i, j] - gain[i] * gain[j] * S
+    for q in range(to.size):
+        for i in range(s):
+            P[i, to[q]] += FP[i, come[q]] * weight[q]
     return S
 
 
@@ -520,6 +528,7 @@ def _innovations(channels, F, h, gains, variances):
     return out
 
 
+@njit_cached
 def whiten(channels, model, jumps):
     """Return innovations over their standard deviation (m, n) of all channels, and the sum of log
     variances.
@@ -527,14 +536,21 @@ def whiten(channels, model, jumps):
     `model` is a `NoiseModel`, `jumps` the `Jumps` of its load. The gain of one Kalman filter serves
     all channels.
     """
-    *matrices, level = _state_space(model, jumps)
+    kalman, level = _filter_of(model, jumps)
     # one more pole is one more sample on the way
     late = int(model.tau > 1e-3)
-    gains, variances, log_var = _gains(_filter_of(*matrices), level, late, jumps, channels.shape[1])
-    return _innovations(channels, matrices[0], matrices[3], gains, variances), log_var
+    gains, variances, log_var = _gains(kalman, level, late, jumps, channels.shape[1])
+    return _innovations(channels, kalman.F, kalman.h, gains, variances), log_var
 
 
-def _filter_of(F, Q, P, h, r):
-    """Return the Kalman filter of a model, with room for its next step."""
+@njit_cached
+def _filter_of(model, jumps):
+    """Return the Kalman filter of a model, and the state that jumps."""
+    F, Q, P, h, r, level = _state_space(model, jumps)
     s = h.size
-    return _Filter(F, Q, P, h, r, np.zeros(s), np.zeros(s), np.zeros((s, s)), np.zeros((s, s)))
+    to, come = np.nonzero(F)
+    weight = np.empty(to.size)
+    for q in range(to.size):
+        weight[q] = F[to[q], come[q]]
+    room = np.zeros(s), np.zeros(s), np.zeros((s, s))
+    return _Filter(F, Q, P, h, r, to, come, weight, *room), level
