@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -51,22 +50,22 @@ def check_detector(path: str | Path) -> Contract:
 
     # a file of the package is known already
     if methods.own_file(path):
-        return Contract(name, tuple(_list_faults(methods.load(name), path)))
+        return Contract(name, _list_faults(methods.load(name), path))
 
     # one that is not there is no detector; one that does not load breaks its contract
     if not path.is_file():
         raise ParameterError(f"{path} does not exist; the Python file of a detector is needed")
     try:
         with methods.added([path]):
-            return Contract(name, tuple(_list_faults(methods.load(name), path)))
+            return Contract(name, _list_faults(methods.load(name), path))
     except UserError as why:
         cause = why.__cause__
         line = _line_of(path, "METHOD") if cause is None else _line_in(path, cause)
         return Contract(name, (f"{line}: {why}",))
 
 
-def _list_faults(module: ModuleType, path: Path) -> Iterator[str]:
-    """Yield what a detector does wrong on plain records, once each."""
+def _list_faults(module: ModuleType, path: Path) -> tuple[str, ...]:
+    """Return what a detector does wrong on plain records, once each."""
     line = _line_of(path, "def detect")
     found: dict[str, None] = {}
     for process in module.METHOD.process:
@@ -98,7 +97,7 @@ def _list_faults(module: ModuleType, path: Path) -> Iterator[str]:
         # what it says must not follow PV's unit
         if words.get("sticky") != words.get("rescaled"):
             found[f"{line}: detect follows PV's unit: another verdict on a rescaled record"] = None
-    return iter(found)
+    return tuple(found)
 
 
 def _ask(module: ModuleType, record: LoopRecord) -> Any:

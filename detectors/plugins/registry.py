@@ -14,7 +14,6 @@ from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from simbench.detectors.errors import AnswerError, ParameterError, UnknownName
 from simbench.detectors.method import refuse_wrong_call, wrong_fields
@@ -120,15 +119,9 @@ class PluginFolder:
     @contextmanager
     def added(self, paths: Iterable[str | Path]) -> Iterator[list[str]]:
         """Register files for the duration of a `with` block."""
-        with self._forgetting():
-            yield self.add_files(*paths)
-
-    @contextmanager
-    def _forgetting(self) -> Iterator[None]:
-        """Take what is added in a `with` block out again at its end."""
         before = set(self._files)
         try:
-            yield
+            yield self.add_files(*paths)
         finally:
             for name in set(self._files) - before:
                 self.forget(name)
@@ -209,19 +202,15 @@ class PluginFolder:
         point = self._entry_points.get(name)
         if point is None:
             return None
-        where = self._publisher_of(name, point)
         try:
             return point.load()
         except (
             Exception,
             SystemExit,
         ) as error:  # it may fail in any way; the user needs its distribution's name
+            whose = point.dist.name if point.dist else "another distribution"
+            where = f"{self.kind} {name!r} of {whose} ({point.value})"
             raise self._useless(where, repr(error)) from error
-
-    def _publisher_of(self, name: str, point: Any) -> str:
-        """Return who publishes a plug-in under a name."""
-        whose = point.dist.name if point.dist else "another distribution"
-        return f"{self.kind} {name!r} of {whose} ({point.value})"
 
     @cached_property
     def _built_in(self) -> frozenset[str]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -150,10 +151,14 @@ class Search:
         """Return the unit of a record, or of a loop that copies one."""
         return self.units.get(name, name)
 
+    @cached_property
+    def recorded(self) -> np.ndarray:
+        """The features of the records."""
+        return describe(list(self.records.values()))
+
     def ask(self, several: Sequence[tuple[Chosen, ...]]) -> list[TriedAddition]:
         """Return how well the loops with some nuisances can be told from the records."""
-        recorded = describe(list(self.records.values()))
-        calls = [delayed(_try_addition)(self, recorded, chosen) for chosen in several]
+        calls = [delayed(_try_addition)(self, self.recorded, chosen) for chosen in several]
         return run_parallel(calls, self.jobs, "nuisances")
 
     def combine(
@@ -177,8 +182,7 @@ def _try_addition(
     search: Search, recorded: np.ndarray, chosen: tuple[Chosen, ...]
 ) -> TriedAddition:
     """Return how well loops with nuisances are told from records."""
-    lent = list(search.records.values())
-    changed = with_nuisances(search.drawn, chosen, lent, search.seed)
+    changed = with_nuisances(search.drawn, chosen, [*search.records.values()], search.seed)
     if len(changed) < max(_FEWEST, _SUITED * len(search.drawn)):
         return TriedAddition(chosen, Estimate(1.0, 0.0, 1.0), 1.0, len(changed))
     simulated = describe([one.record for one in changed])
