@@ -18,7 +18,7 @@ from simbench.bench.execute import pieces
 from simbench.bench.execute.answers_file import Answers, read_answers
 from simbench.bench.execute.compute_piece import Answer, Receipt, verdict_row
 from simbench.bench.execute.run import choose_with_oracle, run_scored
-from simbench.bench.execute.run_options import RunOptions, list_deciding
+from simbench.bench.execute.run_options import RunOptions, find_deciding
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
@@ -137,7 +137,7 @@ def add_to_run(
     >>> add_to_run(first, ["horch"]).told
     'added: horch'
     """
-    given = list_deciding(options, but=["with_reference"])
+    given = find_deciding(options, but=["with_reference"])
     if given:
         raise RunError(
             f"--add and --answers take the loops of {folder} as they stand; leave out"

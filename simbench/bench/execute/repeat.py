@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Unpack
 
 from simbench.bench.execute.run import run_scored
-from simbench.bench.execute.run_options import RunOptions, list_deciding
+from simbench.bench.execute.run_options import RunOptions, find_deciding
 from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE
 from simbench.bench.store.benchmark import OF_RUN, SETTLED, grid_of_run
@@ -81,7 +81,7 @@ def run_again(
     >>> run_again(first / "manifest.json", place / "second").told
     'all 4 records have the bits that the manifest states'
     """
-    given = list_deciding(options)
+    given = find_deciding(options)
     if given:
         raise RunError(
             f"--again takes grid, methods and settings from the manifest; leave out"

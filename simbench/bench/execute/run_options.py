@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, TypedDict
 
 # options that decide the loops of a run, with their names on the command line
-DECIDING = {
+_DECIDING = {
     "n": "--n",
     "sets": "--set",
     "axes": "--axis",
@@ -61,10 +61,7 @@ class RunOptions(TypedDict, total=False):
     n: int | None
 
 
-def list_deciding(options: RunOptions, but: Sequence[str] = ()) -> list[str]:
-    """Return how the given options that decide the loops are called on the command line."""
-    return [
-        name
-        for key, name in DECIDING.items()
-        if key not in but and options.get(key) not in (None, False, {})
-    ]
+def find_deciding(options: RunOptions, but: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the given options that decide the loops, by their names on the command line."""
+    given = {name: options.get(key) for key, name in _DECIDING.items() if key not in but}
+    return {name: value for name, value in given.items() if value not in (None, False, {})}

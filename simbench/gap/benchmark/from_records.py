@@ -17,7 +17,7 @@ import numpy as np
 from joblib import delayed
 
 from simbench.bench.execute.compute_piece import record_hash
-from simbench.bench.execute.run_options import RunOptions, list_deciding
+from simbench.bench.execute.run_options import RunOptions, find_deciding
 from simbench.bench.scenario.kept import run_once
 from simbench.bench.scenario.resolve import seed_of_echo
 from simbench.bench.scenario.truth import YES, simulate_with_truth
@@ -76,11 +76,9 @@ def plan_of_records(
     """
     sets = dict(options.get("sets") or {})
     seed = sets.pop("seed", 0)
-    given = [*list_deciding(options, but=["n", "sets"]), *(f"--set {key}=" for key in sets)]
-    if given:
+    for key, value in {**find_deciding(options, but=["n", "sets"]), **sets}.items():
         raise ParameterError(
-            f"{path} holds records, beside which only --n and --set seed= are allowed; leave out"
-            f" {', '.join(given)}"
+            f"{key}={value}: {path} holds records, and beside them only n and the seed are allowed"
         )
     if isinstance(seed, str) or not 0 <= seed < 2**63 or seed != int(seed):
         raise ParameterError(f"seed = {seed}: a whole number from 0 is needed")
