@@ -2,13 +2,8 @@
 
 import pytest
 
-from simbench.detectors.records.dialects import DIALECTS, words
-from simbench.detectors.records.roles import is_quality, is_time, parse, plain
-
-
-def test_the_table_has_at_most_fifteen_rows_of_names_of_their_own():
-    names = [dialect.name for dialect in DIALECTS]
-    assert len(set(names)) == len(names) <= 15
+from simbench.detectors.records.dialects import words
+from simbench.detectors.records.roles import is_quality, is_time, parse
 
 
 @pytest.mark.parametrize("role", ["pv", "op", "sp", "mv", "mode"])
@@ -21,10 +16,3 @@ def test_every_word_for_a_signal_is_that_signal_of_the_loop_before_it(role):
 def test_every_word_for_a_time_or_a_quality_is_one():
     assert all(map(is_time, words("time")))
     assert all(map(is_quality, words("quality")))
-
-
-def test_words_are_written_as_names_are_compared():
-    for dialect in DIALECTS:
-        for what in vars(dialect).keys() - {"name"}:
-            for word in words(what):
-                assert word == plain(word), (dialect.name, what)

@@ -17,11 +17,9 @@ from pyarrow import parquet
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records import tables
-from simbench.detectors.records.archive import base_step, stored_on_change
 from simbench.detectors.records.folder import read_folder
 from simbench.detectors.records.io import read_record, read_records
 from simbench.detectors.records.roles import column_pairs
-from simbench.usage import add_options
 
 N, TS = 300, 5.0
 START = datetime(2024, 3, 4, 22, 50, 0)
@@ -900,28 +898,12 @@ def test_a_mark_or_a_unit_after_every_value_is_reported(tmp_path, mark, words):
     assert words is None or words in record.notes
 
 
-def test_a_minus_sign_of_typesetting_is_a_minus_sign(tmp_path):
-    signed = [f"{x - 1200:.2f}".replace("-", "\u2212") for x in PV]
-    record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), signed, OP), "csv"))
-    assert record.pv.min() < 0.0
-    assert np.allclose(record.pv, [round(x - 1200, 2) for x in PV])
-
-
 @pytest.mark.parametrize("rows", [100, 6000])
 def test_an_underscore_makes_no_number_in_a_column_of_any_length(tmp_path, rows):
     lines = [f"{k},{50 + k % 7},{'1_2' if k == 70 else 20 + k % 5}" for k in range(rows)]
     (tmp_path / "rec.csv").write_text("\n".join(["t,OP,PV", *lines, ""]))
     with pytest.raises(RecordError, match="line 72: PV is '1_2'"):
         read_record(tmp_path / "rec.csv")
-
-
-def test_values_marked_as_bad_count_as_missing(tmp_path):
-    marked = [
-        f"{x}{' Bad' if i in (40, 41) else ' B' if i == 70 else ''}" for i, x in enumerate(PV)
-    ]
-    record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
-    assert "quality: 3 samples of PV marked as bad count as missing" in record.notes
-    assert f"gaps: 3 of {N} samples missing, bridged by straight lines" in record.notes
 
 
 LARGE = [("MOST_PARQUET_ROWS", "has 400 rows; at most 100"), ("MOST_PARQUET_BYTES", "unpacks to")]
@@ -934,16 +916,6 @@ def test_a_large_parquet_file_is_refused_before_it_is_read(tmp_path, monkeypatch
     monkeypatch.setattr(tables, limit, 100)
     monkeypatch.setattr(parquet, "read_table", lambda *path, **how: pytest.fail("it was read"))
     with pytest.raises(RecordError, match=words):
-        read_record(file)
-
-
-def test_a_value_that_repeats_in_a_parquet_file_counts_as_often_as_it_is_there(tmp_path):
-    rows, columns = 100_000, {f"c{i}": np.zeros(100_000) for i in range(1300)}
-    file = tmp_path / "rec.parquet"
-    signals = {"t": np.arange(rows), "op": np.zeros(rows), "pv": np.zeros(rows)}
-    parquet.write_table(pa.table({**signals, **columns}), file)
-    assert file.stat().st_size < 5e6
-    with pytest.raises(RecordError, match="unpacks to 1042 MB"):
         read_record(file)
 
 
@@ -962,28 +934,6 @@ def test_a_file_name_that_is_no_text_costs_nothing_but_its_beauty(tmp_path):
     records, refused = read_folder(tmp_path)
     assert (sorted(records), refused) == (["e\\x1b[31m", "good", "n\\udcff", "r\\u202e"], {})
     assert sorted(r.tag for r in records.values()) == sorted(records)
-
-
-def test_a_hint_names_no_column_whose_header_does_not_say_what_it_is(tmp_path):
-    file = written(tmp_path, wide("Time,A,B", stamps(), OP, PV), "csv")
-    with pytest.raises(RecordError) as caught:
-        read_record(file)
-    assert caught.value.cure == "--columns op=NAME,pv=NAME"
-    assert f"A ({OP.min():.4g} to {OP.max():.4g}), B ({PV.min():.4g} to {PV.max():.4g})" in str(
-        caught.value
-    )
-
-
-def test_of_qualities_next_to_every_signal_each_blanks_one(tmp_path):
-    op = [0.0 if k in (40, 41) else v for k, v in enumerate(OP)]
-    orders = (
-        ("Time,PV,Quality,OP,Quality", PV, FINE, op, FLAG),
-        ("Time,Quality,PV,Quality,OP", FINE, PV, FLAG, op),
-    )
-    for head, *cells in orders:
-        record = read_record(written(tmp_path, wide(head, stamps(), *cells), "csv"))
-        assert np.array_equal(record.pv, PV)
-        assert np.abs(record.op - OP).max() < BAND_OP
 
 
 def test_who_writes_am_and_pm_writes_the_month_first_and_what_else_is_open_is_noted(tmp_path):
@@ -1019,54 +969,6 @@ def test_a_data_frame_stored_with_its_index_is_read_with_its_flags(tmp_path, nam
         record = read_record(tmp_path / "loop.parquet")
         assert np.array_equal(record.pv[~bad], PV[~bad])
         assert np.abs(record.pv - PV).max() < 5 * BAND_PV
-
-
-def test_samples_that_are_alike_under_a_coarse_stamp_are_no_repetition(tmp_path):
-    pv = np.where(K < 20, PV[0], PV)
-    file = written(
-        tmp_path,
-        wide("Time,PV,OP", stamps("%Y-%m-%d %H:%M"), pv, np.where(K < 20, OP[0], OP)),
-        "csv",
-    )
-    with pytest.raises(RecordError, match="does not rise") as caught:
-        read_record(file)
-    assert caught.value.cure.startswith("--ts 4.8")
-    assert np.array_equal(read_record(file, Ts=TS).pv, pv)
-
-
-def test_every_sheet_of_a_workbook_is_a_loop_and_a_wrong_tag_is_none(tmp_path):
-    file = written(
-        tmp_path, book(FIC101=TABLE, LIC7=[[t, b, a, c] for t, a, b, c in TABLE]), "xlsx"
-    )
-    records, _ = read_records(file)
-    assert [r.pv[0] for r in records.values()] == [PV[0], PV[0]]
-    assert np.array_equal(read_record(file, tag="LIC7").op, OP)
-    for wrong in ({}, {"tag": "TIC9"}):
-        with pytest.raises(RecordError, match=r"2 loops, FIC101, LIC7; .* add --tag FIC101"):
-            read_record(file, **wrong)
-
-
-def test_cure_takes_the_place_of_the_option_that_was_wrong():
-    assert (
-        add_options(["simbench", "detect", "a.csv", "--tag", "X", "--json"], "--tag Y")
-        == "simbench detect a.csv --json --tag Y"
-    )
-    typed = ["simbench", "detect", "a.csv", "--columns", "pv=A"]
-    assert (
-        add_options(typed, "--columns 'op=B C'") == "simbench detect a.csv --columns 'pv=A,op=B C'"
-    )
-
-
-@pytest.mark.parametrize("suffix", ["csv", "xlsx"])
-def test_loops_in_merged_cells_above_columns_of_one_name_tell_them_apart(tmp_path, suffix):
-    heads = [["", "FIC101", "", "LIC7", ""], ["Time", "PV", "OP", "PV", "OP"]]
-    rows_of_both = [*heads, *zip(*TWO, strict=True)]
-    text = "\n".join(",".join(map(str, row)) for row in rows_of_both) + "\n"
-    file = written(tmp_path, text if suffix == "csv" else sheet(rows_of_both), suffix)
-    records, refused = read_records(file)
-    assert (list(records), refused) == (["FIC101", "LIC7"], {})
-    assert np.array_equal(records["LIC7"].op, PV)
-    assert np.array_equal(records["FIC101"].pv, PV)
 
 
 def test_every_loop_of_a_file_is_a_record(tmp_path):
@@ -1156,20 +1058,6 @@ def test_a_tag_names_the_loop_of_a_file_whose_columns_name_none_but_not_of_every
     assert np.array_equal(read_records(file, loops=table)[0]["FIC1"].pv, PV)
 
 
-def test_the_time_of_the_calendar_is_kept(tmp_path):
-    record = read_record(written(tmp_path, three("Time", "PV", "OP", "SP"), "csv"))
-    assert record.meta["start"] == pytest.approx((START - datetime(1970, 1, 1)).total_seconds())
-
-
-@pytest.mark.parametrize("line", ["Average,1210,50,1210", ",1210,50,1210"])
-def test_rows_that_may_be_no_samples_are_never_to_be_counted(tmp_path, line):
-    head, *lines = three("Time", "PV", "OP", "SP").splitlines()
-    file = written(tmp_path, "\n".join([head, *lines[:100], line, *lines[100:]]), "csv")
-    with pytest.raises(RecordError, match=r"line 102: Time is '(Average)?'") as caught:
-        read_record(file)
-    assert caught.value.cure == ""
-
-
 @pytest.mark.parametrize(
     "content",
     [
@@ -1192,23 +1080,6 @@ def test_the_column_that_is_named_as_the_quality_counts_whatever_the_table_is_li
     assert np.abs(record.pv - PV).max() < 5 * BAND_PV
     with pytest.raises(RecordError, match="no column 'Trst' for quality, did you mean 'Trust'"):
         read_record(file, columns={"quality": "Trst"})
-
-
-def test_codes_of_opc_are_bad_below_64_and_uncertain_below_192_whatever_stands_above_a_byte(
-    tmp_path,
-):
-    codes = [{40: 63, 41: 0, 50: 64, 51: 191, 60: 192 + 1024}.get(int(k), 192) for k in K]
-    record = read_record(
-        written(tmp_path, wide("Time,PV,OP,Quality", stamps(), BAD, OP, codes), "csv")
-    )
-    assert "quality: 2 samples that 'Quality' calls bad count as missing" in record.notes
-    assert "quality: 2 samples that 'Quality' calls uncertain are kept" in record.notes
-
-
-def test_the_ranges_in_a_hint_are_those_of_values_not_of_qualities(tmp_path):
-    content, suffix, _ = export("letters of DIN")
-    with pytest.raises(RecordError, match=rf"TIC5.X \({PV.min():.4g} to {PV.max():.4g}\)"):
-        read_record(written(tmp_path, content, suffix))
 
 
 def test_of_two_columns_for_a_signal_the_one_of_its_plain_name_is_taken_else_one_is_asked_for(
@@ -1277,24 +1148,6 @@ def test_milliamperes_are_a_standard_and_noted(tmp_path):
     record = read_record(file)
     assert record.op_percent == pytest.approx(OP)
     assert "4 to 20 mA" in record.notes[0]
-
-
-def test_a_time_named_in_seconds_counts_no_days(tmp_path):
-    file = written(tmp_path, wide("t_s,OP,PV", 45000 + 0.1 * K, OP, PV), "csv")
-    assert read_record(file).Ts == pytest.approx(0.1)
-
-
-def test_a_sampled_signal_is_not_taken_for_one_stored_on_change():
-    rng = np.random.default_rng(0)
-    sampled = np.sort(rng.choice(2000, 900, replace=False))
-    t = np.arange(2000.0)
-    for x in (np.sin(t / 9), rng.normal(size=2000).cumsum(), np.round(np.sin(t / 9), 1)):
-        assert not stored_on_change(t[sampled], x[sampled])
-        assert not stored_on_change(t[::5], x[::5])
-        at = np.array(kept(x, 0.35 * x.std()))
-        assert stored_on_change(t[at], x[at])
-    assert base_step(np.array([0.0, 2.0, 8.0])) == 2.0
-    assert base_step(np.array([0.0, 2.0, 5.0])) is None
 
 
 def test_separate_times_are_joined_when_the_period_is_given_and_refused_otherwise(tmp_path):

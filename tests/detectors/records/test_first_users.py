@@ -2,7 +2,6 @@
 them, with units in the cells.
 """
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -92,39 +91,6 @@ def test_a_table_that_names_the_loop_of_every_row_is_several_loops(tmp_path, cap
         read_record(path)
     assert main(["detect", str(path), "--method", "horch"]) == 0
     assert "2 records" in capsys.readouterr().out
-
-
-def test_home_assistants_history_is_a_long_table(tmp_path):
-    rows = []
-    for k in range(T.size):
-        for name, x in (("pv", PV[k]), ("op", OP[k])):
-            rows.append(f"sensor.fic101_{name},{x:.3f},2026-01-01T00:00:{k:02d}.000Z")
-    path = written(tmp_path / "history.csv", "entity_id,state,last_changed", rows)
-    record = read_record(path)
-    assert np.allclose(record.pv, PV, atol=1e-3)
-    assert record.Ts == 1.0
-
-
-@pytest.mark.parametrize("cell", ["{:.2f}%", "{:.2f} %", "{:.2f}mA", "{:.2f}°C", "{:.2f} t/h"])
-def test_units_stand_in_the_cells_with_a_blank_or_without(tmp_path, cell):
-    rows = [f"{k},{o:.2f},{cell.format(p)}" for k, o, p in zip(T, OP, PV, strict=True)]
-    record = read_record(written(tmp_path / "rec.csv", "t,op,pv", rows))
-    assert np.allclose(record.pv, PV, atol=0.01)
-
-
-def test_an_exponent_is_no_unit(tmp_path):
-    rows = [f"{k},{o:.4e},{p:.4e}" for k, o, p in zip(T, OP, PV, strict=True)]
-    record = read_record(written(tmp_path / "rec.csv", "t,op,pv", rows))
-    assert np.allclose(record.pv, PV, atol=1e-3)
-
-
-def test_qualities_of_two_signals_are_no_loop_called_q(tmp_path):
-    marks = ["Bad" if k in (3, 4) else "Good" for k in range(T.size)]
-    rows = [f"{k},20,{o},{p},{m},Good" for k, o, p, m in zip(T, OP, PV, marks, strict=True)]
-    record = read_record(written(tmp_path / "rec.csv", "time,sp,op,pv,q_pv,q_op", rows))
-    assert record.n == T.size
-    assert any(re.search(r"2 samples that 'pv.quality' calls bad", n) for n in record.notes)
-    assert not any("left out q" in n for n in record.notes)
 
 
 def test_words_that_are_no_mode_are_counted(tmp_path):
@@ -223,17 +189,6 @@ def test_a_matrix_beside_its_time_is_read_too(tmp_path):
     assert refused.value.cure == "--columns t=tout"
     record = read_record(tmp_path / "run.mat", columns={"pv": "1", "op": "2", "t": "tout"})
     assert record.Ts == 3.0
-
-
-def test_a_valve_position_in_another_unit_is_left_out_where_that_is_asked_for(tmp_path):
-    rows = [f"{k},{p},{o},{0.3 * o}" for k, p, o in zip(T, PV, OP, strict=True)]
-    path = written(tmp_path / "rec.csv", "t,PV,OP,MV", rows)
-    assert read_record(path).mv is not None
-    assert read_record(path, columns={"mv": "none"}).mv is None
-    bare = written(tmp_path / "bare.csv", "", rows)
-    assert read_record(bare, columns={"t": "1", "pv": "2", "op": "3", "mv": "none"}).mv is None
-    with pytest.raises(RecordError, match="no column 'none' for pv"):
-        read_record(path, columns={"pv": "none"})
 
 
 def test_a_pace_that_no_loop_has_is_noted(tmp_path):

@@ -66,34 +66,6 @@ def test_a_long_record_is_told_that_its_clock_jumped(tmp_path):
     )
 
 
-def test_an_hour_without_samples_at_another_time_is_no_clock_change(tmp_path):
-    with pytest.raises(RecordError, match="samples are missing") as caught:
-        read_record(
-            write(
-                tmp_path / "rec.csv",
-                stamps(datetime(2024, 3, 31, 7, 20, 30, tzinfo=UTC), hours_after=1),
-            )
-        )
-    assert caught.value.cure == ""
-
-
-@pytest.mark.parametrize("newest_first", [False, True])
-def test_a_leap_second_is_counted_where_the_oldest_sample_comes_first(tmp_path, newest_first):
-    began = datetime(2016, 12, 31, 23, 57, tzinfo=UTC)
-    times = [
-        (began + timedelta(seconds=k - (k > 180))).strftime("%Y-%m-%d %H:%M:%S") for k in range(N)
-    ]
-    times[180] = "2016-12-31 23:59:60"
-    rows = [f"{t},{a},{b}" for t, a, b in zip(times, OP, PV)][:: -1 if newest_first else 1]
-    file = tmp_path / "rec.csv"
-    file.write_text("\n".join(["time,OP,PV", *rows]) + "\n")
-    with pytest.raises(RecordError, match="time is '2016-12-31 23:59:60'") as caught:
-        read_record(file)
-    assert caught.value.cure == ("" if newest_first else "--ts 1")
-    if not newest_first:
-        assert np.allclose(read_record(file, Ts=1.0).pv, PV)
-
-
 def long_table(path, times):
     rows = [
         f"{t},FIC1.{tag},{x:.4f}"
@@ -109,17 +81,6 @@ def test_a_gap_of_hours_is_refused(tmp_path, capsys, form):
     file = form(tmp_path / "rec.csv", stamps(datetime(2024, 5, 1, 8, 7, tzinfo=UTC), hours_after=3))
     assert main(["detect", str(file), "--method", "horch"]) == 2
     assert "samples are missing; at most 20% may be" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("bad", [" (B)", " [b]", "(Bad)", " [bad]"])
-def test_a_mark_for_bad_makes_a_sample_missing(tmp_path, bad):
-    marked = [
-        f"{x:.4f}{bad if 40 <= i < 42 else ' (G)' if i < 10 else ''}" for i, x in enumerate(PV)
-    ]
-    record = read_record(write(tmp_path / "rec.csv", range(N), marked))
-    assert any("2 samples of PV marked as bad count as missing" in note for note in record.notes)
-    assert not any("doubt" in note for note in record.notes)
-    assert np.allclose(np.delete(record.pv, (40, 41)), np.delete(PV, (40, 41)), atol=1e-4)
 
 
 @pytest.mark.parametrize("exponent", [-190, 190])
@@ -152,14 +113,6 @@ def test_an_export_that_overlaps_the_one_before_names_the_repeated_rows(tmp_path
     with pytest.raises(RecordError, match=r"rows are repeated; .*; remove") as caught:
         read_record(file)
     assert caught.value.cure == ""
-
-
-def test_of_a_clock_coarser_than_the_samples_the_mean_step_is_proposed(tmp_path):
-    with pytest.raises(RecordError, match="does not rise") as caught:
-        read_record(write(tmp_path / "rec.csv", np.floor(0.7 * np.arange(N))))
-    option, Ts = caught.value.cure.split()
-    assert option == "--ts"
-    assert float(Ts) == pytest.approx(0.7, rel=0.01)
 
 
 def uneven(path, times, op, pv):

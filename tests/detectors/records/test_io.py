@@ -326,25 +326,3 @@ def test_every_real_record_is_read():
     assert records["SGPT_2411PDIC10321_0606-0007"].kind == "pressure"
     assert records["NPK_FIC-211"].n == 6585
     assert records["NPK_FIC-211"].notes
-
-
-@pytest.mark.parametrize(
-    ("tag", "kind"),
-    [
-        ("FIC101", "flow"),
-        ("unit/LIC-31102B", "level"),
-        ("2-PC_7", "pressure"),
-        ("12TICA7", "temperature"),
-        ("FIT101", None),
-        ("EPIC2", None),
-        ("loop1", None),
-    ],
-)
-def test_the_letters_of_a_tag_propose_the_kind_of_the_loop(tmp_path, tag, kind):
-    path = tmp_path / "rec.csv"
-    path.write_text("t,op,pv\n" + "".join(f"{k},{50 + k % 3},{k % 5}\n" for k in range(20)))
-    notes = [n for n in read_record(path, tag=tag).notes if n.startswith("kind: ")]
-    assert [n.rpartition("--kind ")[2].split()[0] for n in notes] == ([kind] if kind else [])
-    assert read_record(path, tag=tag).kind is None  # a proposal
-    stated = read_record(path, tag=tag, kind="flow").notes
-    assert not any(n.startswith("kind: ") for n in stated)

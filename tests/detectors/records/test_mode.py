@@ -22,7 +22,3 @@ from simbench.detectors.records.mode import mode
 )
 def test_words_and_numbers_of_control_systems_are_understood(cells, modes):
     assert mode(cells).tolist() == modes.split()
-
-
-def test_what_is_empty_or_unknown_is_no_mode():
-    assert mode(["", None, float("nan"), "purple", 7.5, 900]).tolist() == [""] * 6

@@ -6,7 +6,6 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records.folder import read_folder
 from simbench.detectors.records.io import read_record
-from simbench.detectors.records.one_signal import signal_files
 from simbench.verbs import judge_files
 
 N = 300
@@ -26,18 +25,6 @@ def folder(tmp_path):
     for name, values in SIGNALS.items():
         write(tmp_path / f"FIC707.{name}.csv", values)
     return tmp_path
-
-
-def test_a_file_for_each_signal_is_one_record_by_whichever_name(folder):
-    records, refused = read_folder(folder)
-    assert (list(records), refused) == (["FIC707"], {})
-    for record in (records["FIC707"], *(read_record(folder / f"FIC707.{s}.csv") for s in SIGNALS)):
-        assert (record.tag, record.Ts, record.n) == ("FIC707", 1.0, N)
-        assert record.notes[0].endswith(
-            "FIC707.PV.csv, FIC707.SP.csv, FIC707.OP.csv are one record"
-        )
-        for name, values in SIGNALS.items():
-            assert getattr(record, name.lower()) == pytest.approx(values, abs=1e-6)
 
 
 def test_the_record_of_a_transmitter_of_the_valves_position_is_mv(folder):
@@ -66,13 +53,6 @@ def test_files_that_hold_more_than_a_signal_are_not_joined(folder):
     assert {*refused} == {"FIC707.PV", "FIC707.SP"}
 
 
-def test_a_signal_without_its_partner_is_refused_as_before(folder):
-    (folder / "FIC707.OP.csv").unlink()
-    assert signal_files(sorted(folder.iterdir())) == []
-    with pytest.raises(RecordError, match=r"FIC707.PV.csv"):
-        read_record(folder / "FIC707.PV.csv")
-
-
 @pytest.mark.parametrize(
     "column", ["ZT1010.PV", "ZI-1010", "ZIT1010A", "FV1010.POS", "POS", "Travel", "valve travel"]
 )
@@ -84,14 +64,6 @@ def test_a_column_of_the_valves_position_is_mv_and_is_named(tmp_path, column):
     assert record.mv == pytest.approx(40 + K % 7)
     assert record.pv == pytest.approx(K % 5)
     assert f"columns: MV is '{column}'" in record.notes
-
-
-def test_a_positions_controller_controls_it(tmp_path):
-    rows = [f"{k},{k % 5},{50 + k % 3}" for k in K]
-    (tmp_path / "rec.csv").write_text("\n".join(["t,ZIC1010.PV,ZIC1010.OP", *rows]))
-    record = read_record(tmp_path / "rec.csv")
-    assert record.mv is None
-    assert record.pv == pytest.approx(K % 5)
 
 
 def test_a_position_is_no_output(tmp_path):
