@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -46,6 +47,53 @@ OUTSIDE = """[...document.querySelectorAll("th, td, svg, pre, .tile")].filter(e 
   const frame = e.closest(".scroll, .wide"), edge = document.documentElement.clientWidth + 1;
   return e.getBoundingClientRect().right > edge ||
     (frame && getComputedStyle(frame).overflow !== "visible"); }).length"""
+
+
+VISIBLE = """[...document.querySelectorAll("svg")].map(s => {
+  const r = s.getBoundingClientRect(), b = s.getBBox(), style = getComputedStyle(s);
+  return [r.width, r.height, r.left, r.right, b.width, b.height,
+          style.visibility, style.display]; })"""
+WIDE = 704  # px: a wide picture scrolls in a frame on a phone
+
+
+def assert_alone(file: Path) -> None:
+    """Assert that a page is one file without a link to anywhere, whose references all hit."""
+    text = file.read_text(encoding="utf-8")
+    assert "<script src" not in text
+    assert "@import" not in text
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
+    targets = re.findall(r'(?:src|href|action)="([^"]*)"', text)
+    for target in targets + re.findall(r"url\(([^)]*)\)", text):
+        assert target.startswith("data:") or (target[:1] == "#" and target[1:] in ids), target
+
+
+def seen_pictures(file: Path, width: int, dark: bool) -> int:
+    """Assert that a page fails in nothing, asks for nothing and never scrolls sideways, and that
+    its pictures are seen in its ink; return how many there are.
+    """
+    with opened(file, width, dark) as page:
+        pictures = page.evaluate(VISIBLE)
+        over = page.evaluate(
+            "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        )
+        ink, ground = page.evaluate(
+            "(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))"
+        )
+        lines = page.evaluate('getComputedStyle(document.querySelector("svg")).fill')
+        assert page.errors == []
+        assert page.requests == [file.resolve().as_uri()]
+    assert over <= 0, "the page itself never scrolls sideways"
+    for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
+        assert w > 100
+        assert h > 40
+        assert -1 <= left < right <= width + 1 or w == WIDE
+        assert min(inner_w, inner_h) > 0
+        assert (visibility, display) == ("visible", "block")
+    bright = [sum(int(x) for x in re.findall(r"\d+", c)[:3]) for c in (ink, ground)]
+    assert (bright[0] > bright[1]) == dark
+    assert lines == ink, "pictures follow the page's ink"
+    return len(pictures)
 
 
 def lost_on_paper(file: Path) -> int:

@@ -62,22 +62,8 @@ def test_a_plug_in_of_a_run_is_no_detector_of_the_next(run):
 
 
 def test_it_is_one_file_without_a_link_to_anywhere(report):
-    text = report.read_text(encoding="utf-8")
     assert [p.name for p in report.parent.iterdir()] == ["report.html"]
-    assert "<script src" not in text
-    assert "@import" not in text
-    for target in re.findall(r'(?:src|href|action)="([^"]*)"', text) + re.findall(
-        r"url\(([^)]*)\)", text
-    ):
-        assert target.startswith(("#", "data:")), target
-
-
-def test_ids_are_unique_and_every_reference_hits(report):
-    text = report.read_text(encoding="utf-8")
-    ids = re.findall(r'\bid="([^"]+)"', text)
-    assert len(ids) == len(set(ids))
-    for target in re.findall(r'href="#([^"]+)"', text) + re.findall(r"url\(#([^)]+)\)", text):
-        assert target in ids
+    chromium.assert_alone(report)
 
 
 def test_sections_come_summary_first_and_provenance_last(report):
@@ -162,43 +148,14 @@ def test_missing_values_are_empty_cells():
     assert table["rows"][1][0]["value"] == ""
 
 
-WIDE = 704  # px: a wide picture scrolls in a frame on a phone
-
-VISIBLE = """[...document.querySelectorAll("svg")].map(s => {
-  const r = s.getBoundingClientRect(), b = s.getBBox(), style = getComputedStyle(s);
-  return [r.width, r.height, r.left, r.right, b.width, b.height,
-          style.visibility, style.display]; })"""
-
-
 @needs_browser
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", [1200, 400])
 def test_in_a_browser_nothing_fails_nothing_is_asked_for_and_every_picture_is_seen(
     report, width, dark
 ):
-    with chromium.opened(report, width, dark) as page:
-        pictures = page.evaluate(VISIBLE)
-        over = page.evaluate(
-            "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-        )
-        ink, ground = page.evaluate(
-            "(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))"
-        )
-        lines = page.evaluate('getComputedStyle(document.querySelector("svg")).fill')
-        assert page.errors == []
-        assert page.requests == [report.resolve().as_uri()]
-    assert over <= 0, "the page itself never scrolls sideways"
     # answers by label, costs, the maps of self-regulating and of integrating loops, ROC curves
-    assert len(pictures) == 1 + 1 + 2 + 1
-    for w, h, left, right, inner_w, inner_h, visibility, display in pictures:
-        assert w > 100
-        assert h > 50
-        assert -1 <= left < right <= width + 1 or w == WIDE
-        assert min(inner_w, inner_h) > 0
-        assert (visibility, display) == ("visible", "block")
-    bright = [sum(int(x) for x in re.findall(r"\d+", c)[:3]) for c in (ink, ground)]
-    assert (bright[0] > bright[1]) == dark
-    assert lines == ink, "pictures follow the page's ink"
+    assert chromium.seen_pictures(report, width, dark) == 1 + 1 + 2 + 1
 
 
 @needs_browser
