@@ -39,6 +39,7 @@ _CLOCKS = (
     "%I:%M %p",
 )
 _FORMS = (*(f"{date} {clock}" for clock in _CLOCKS for date in _DATES), *_CLOCKS)
+_STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
 _ZONE = re.compile(r"\s*(?:UTC|GMT|Z|CET|CEST|MEZ|MESZ)$|\s+[+-]\d\d:?\d\d$")
 _UNITS = {
     name: size
@@ -147,6 +148,14 @@ def _in_what_order(
     if first.size and alike and all(alike):
         return ": rows are repeated", "", "; remove these and sort the others by time"
     return "", count if in_order else "", ""
+
+
+def is_stamped(cells: list | np.ndarray) -> bool:
+    """Whether a column begins with a time stamp."""
+    if isinstance(cells, np.ndarray):
+        return cells.dtype.kind == "M"
+    first = next((str(c).strip() for c in cells if c is not None and str(c)), "")
+    return bool(_STAMP.search(first))
 
 
 def hour_lost(t: np.ndarray, Ts: float) -> np.ndarray:

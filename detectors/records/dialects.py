@@ -12,9 +12,9 @@ from functools import cache
 class Dialect:
     """One row: words in small letters without accents, separated by commas.
 
-    `time`, `tag`, `parameter`, `value` and `quality` name the columns of a table with a row per
-    time and tag, the others the signals; `date` and `clock` are columns that are a time together;
-    `good`, `bad` and `unsure` say what a quality means.
+    `tag` and `value` name the columns of a table with a row per time and tag, which is refused;
+    `date` and `clock` are columns that are a time together; `good`, `bad` and `unsure` say what a
+    quality means.
     """
 
     name: str
@@ -22,7 +22,6 @@ class Dialect:
     date: str = ""
     clock: str = ""
     tag: str = ""
-    parameter: str = ""  # what names the signal of a tag, in a column of its own
     value: str = ""
     quality: str = ""
     good: str = ""
@@ -48,7 +47,6 @@ DIALECTS = (
             tag, tagname, tag name, point, variable, name, item, object, path, series, loop,
             loop tag, loop name, loop id
         """,
-        parameter="parameter, attribute, property, signal",
         value="value, val",
         quality="quality, quality code, data quality, status, qual, validity, good, bad",
         good="good, g, ok, valid, true",
@@ -89,7 +87,6 @@ DIALECTS = (
         "InfluxDB, Home Assistant",
         time="last changed, last updated",
         tag="measurement, metric, entity id, entity",
-        parameter="field",
         value="state",
     ),
     Dialect(
@@ -98,7 +95,6 @@ DIALECTS = (
         date="datum",
         clock="uhrzeit, zeit",
         tag="messstelle",
-        parameter="merkmal",
         value="wert, messwert",
         quality="qualitat, qualitaet",
         good="gut",
@@ -117,7 +113,6 @@ DIALECTS = (
         time="horodatage, date heure, heure, temps",
         clock="heure",
         tag="repere",
-        parameter="parametre",
         value="valeur",
         quality="qualite",
         good="bon, bonne",
@@ -134,7 +129,6 @@ DIALECTS = (
         date="fecha",
         clock="hora, ora",
         tag="etiqueta, nombre",
-        parameter="parametro",
         value="valor",
         quality="calidad, qualita",
         good="buena, bueno, buono",
@@ -153,7 +147,6 @@ DIALECTS = (
         date="日期",
         clock="时间",
         tag="标签, 标签名, 位号, 点名",
-        parameter="参数",
         value="值, 数值",
         quality="质量, 状态",
         good="好, 良好, 正常",

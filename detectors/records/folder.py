@@ -11,7 +11,6 @@ from simbench.detectors.errors import ParameterError, RecordError, printable
 from simbench.detectors.faults import sentence_of
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_records
-from simbench.detectors.records.one_signal import join, signal_files
 from simbench.detectors.records.roles import is_loop
 
 T = TypeVar("T")
@@ -67,12 +66,7 @@ def _find_sources(path: Path, tag: str | None) -> dict[str, tuple[Path, str | No
         raise RecordError(f"folder {path} does not exist")
     # a tag given for many files picks a loop that their columns name, and names none
     files = [f for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES]
-    # files of one signal each are read with that of their loop's PV
-    joined = {loop.files[0]: loop for loop in signal_files(files) if join(loop.files[0])}
-    read_with = {f for loop in joined.values() for f in loop.files[1:]}
-    files = [f for f in files if f not in read_with]
-    titles = [joined[f].tag if f in joined else f.stem for f in files]
-    return {name: (f, None) for name, f in zip(_names(files, titles), files, strict=True)}
+    return {name: (f, None) for name, f in zip(_names(files), files, strict=True)}
 
 
 def _is_wanted(name: str, wanted: set[str] | None) -> bool:
@@ -99,13 +93,13 @@ def _add(found: dict[str, T], more: Mapping[str, T], name: str, prefix: str | No
         found[key if key not in found else f"{name} {label}"] = value
 
 
-def _names(files: Sequence[Path], titles: Sequence[str]) -> list[str]:
-    """Return a name for each file: its title where no other has it, else with its ending, and
+def _names(files: Sequence[Path]) -> list[str]:
+    """Return a name for each file: its stem where no other has it, else with its ending, and
     numbered where two look alike even with it.
     """
-    alike = Counter(map(printable, titles))
+    alike = Counter(printable(f.stem) for f in files)
     names: list[str] = []
-    for f, title in zip(files, titles, strict=True):
-        name = printable(title if alike[printable(title)] == 1 else f.name)
+    for f in files:
+        name = printable(f.stem if alike[printable(f.stem)] == 1 else f.name)
         names.append(name if name not in names else f"{name} ({len(names)})")
     return names

@@ -1,11 +1,12 @@
-"""Treat gaps in a record: bridge short ones, split the record at long ones, and refuse it if too
-many samples are missing.
+"""Put samples on an even grid: bridge short gaps, split the record at long ones, refuse it if too
+many samples are missing, and resample uneven times where that is asked for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,15 @@ _WORTH = 0.5
 _FURTHEST = 1e12
 SHORTEST = 3  # samples of a record
 _EVEN = "--resample linear"
+# ways between two samples of uneven times
+HELD_VALUES = "held"
+STRAIGHT_LINES = "linear"
+_TOLERANCE = 0.01  # of the sampling period, by which a sample may be late on an even grid
 _WITH_HOLES = ("sp", "mv")  # signals that may have holes: a record can do without them
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap
+
+
+Series = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -191,3 +199,52 @@ def _longest(places: np.ndarray) -> tuple[int, int]:
     last = np.concatenate([ends, [places.size - 1]])
     longest = int(np.argmax(places[last] - places[first]))
     return int(places[first[longest]]), int(places[last[longest]])
+
+
+def known_samples(t: np.ndarray, x: np.ndarray) -> Series:
+    """Return the samples that are known; of two at one time the later one holds."""
+    known = np.isfinite(x)
+    t = t[known]
+    x = x[known]
+    last = np.append(np.diff(t) > 0, True)[: t.size]
+    return t[last], x[last]
+
+
+def last_known(times: np.ndarray, t: np.ndarray, x: np.ndarray, before: Any = np.nan) -> np.ndarray:
+    """Return the last value stored at each of some times, `before` where there was none yet."""
+    at = np.searchsorted(t, times, side="right") - 1
+    return np.where(at >= 0, x[np.maximum(at, 0)], before)
+
+
+def resample(
+    series: Mapping[str, Series], Ts: float | None, how: str
+) -> tuple[np.ndarray, dict[str, np.ndarray], float, str]:
+    """Put samples at uneven times on one even grid, of the median step where none is given: each
+    value held until the next, or straight lines between them; a set point is always held. Returns
+    also a note.
+    """
+    times = np.unique(np.concatenate([series["op"][0], series["pv"][0]]))
+    steps = np.diff(times)
+    Ts = float(np.median(steps)) if Ts is None else Ts
+    grid = _grid_of(series, Ts)
+    signals = {}
+    for role, (t, x) in series.items():
+        signals[role] = last_known(grid + _TOLERANCE * Ts, t, x)
+        if how == STRAIGHT_LINES and role != "sp":
+            signals[role] = np.where(np.isnan(signals[role]), np.nan, np.interp(grid, t, x))
+    between = (
+        "straight lines between them" if how == STRAIGHT_LINES else "each value held until the next"
+    )
+    note = (
+        f"resampled: {times.size} samples at uneven times on a grid of {Ts:.4g} s, {between}; the"
+        f" longest step is {steps.max():.4g} s"
+    )
+    return grid, signals, Ts, note
+
+
+def _grid_of(series: Mapping[str, Series], Ts: float) -> np.ndarray:
+    """Return the even times at which OP and PV are both known."""
+    begin, end = (
+        choose(series[r][0][i] for r in ("op", "pv")) for choose, i in ((max, 0), (min, -1))
+    )
+    return begin + Ts * np.arange(int(np.floor((end - begin) / Ts + 1e-6)) + 1)

@@ -143,11 +143,7 @@ def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
     names = [c.strip() for c in cells]
     named = {parse(n).role for n in names} | {r for r, name in chosen.items() if name in names}
     timed = len(names) > 2 and any(map(is_time, names))
-    return (
-        {"pv", "op"} <= named
-        or (timed and bool({"pv", "op"} & named))
-        or long_columns(names) is not None
-    )
+    return {"pv", "op"} <= named or (timed and bool({"pv", "op"} & named)) or is_long(names)
 
 
 def take_rows(sheet: Sheet, chosen: Mapping[str, str]) -> None:
@@ -304,21 +300,15 @@ def _plain_numbers(sheet: Sheet, names: Sequence[str]) -> dict[str, np.ndarray] 
     return out
 
 
-def long_columns(names: Sequence[str]) -> tuple[str, list[str], str] | None:
-    """Return which columns of a long table are time, tag (with what names its signal apart) and
-    value; None: not long.
-    """
+def is_long(names: Sequence[str]) -> bool:
+    """Whether columns are those of a long table: time, tag and value."""
     low = {words_of(n): n for n in names}
-    parts = [
-        next((low[w] for w in among if w in low), None)
-        for among in (words("time"), words("tag"), words("value"))
-    ]
-    if parts[0] is None:
-        parts[0] = next((n for n in names if ends_with(n, words("time")) is not None), None)
-    if None in parts or len(set(parts)) < 3:
-        return None
-    extra = next((low[w] for w in words("parameter") if w in low and low[w] not in parts), None)
-    return str(parts[0]), [str(parts[1]), *([extra] if extra else [])], str(parts[2])
+    time, tag, value = (
+        next((low[w] for w in words(what) if w in low), None) for what in ("time", "tag", "value")
+    )
+    if time is None:
+        time = next((n for n in names if ends_with(n, words("time")) is not None), None)
+    return len({time, tag, value} - {None}) == 3
 
 
 def _split_cell(value: object) -> tuple[str, str]:

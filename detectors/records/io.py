@@ -12,10 +12,15 @@ from typing import Any
 from simbench.detectors.errors import RecordError, printable
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.historian import take_rows, take_units
-from simbench.detectors.records.long_table import unfold
 from simbench.detectors.records.loop_table import read_loop_table
 from simbench.detectors.records.one_loop import make_record
-from simbench.detectors.records.opened import OpenedTable, join_dates, open_tables, with_ranges
+from simbench.detectors.records.opened import (
+    OpenedTable,
+    join_dates,
+    open_tables,
+    refuse_other_layout,
+    with_ranges,
+)
 from simbench.detectors.records.roles import NONE, find_loops, is_loop, names_loops, several_loops
 from simbench.detectors.records.tables import Sheet, columns_of
 
@@ -36,10 +41,9 @@ def read_record(
     Parameters
     ----------
     path : str or Path
-        CSV, .parquet, .xlsx or ISDB .mat: a column per signal, a row per time and tag, or a column
-        of times per signal.
+        CSV, .parquet, .xlsx or ISDB .mat: a row per time and a column per signal.
     columns : dict of role to column name, optional
-        Which column (long: tag) holds `t`, `sp`, `op`, `pv`, `mv`, `mode`, where the names do not
+        Which column holds `t`, `sp`, `op`, `pv`, `mv`, `mode`, where the names do not
         say so; `quality="none"` reads no quality, as `mv`, `sp` and `mode` "none" read none of
         these.
     tag : str, optional
@@ -112,7 +116,8 @@ def read_columns(
     take_rows(sheet, chosen)
     units = take_units(sheet, chosen)
     join_dates(sheet)
-    opened = {"": OpenedTable(sheet, units, unfold(sheet, "none"), where)}
+    refuse_other_layout(sheet, chosen, where)
+    opened = {"": OpenedTable(sheet, units, where)}
     given = {k: v for k, v in about.items() if v is not None}
     return _only_loop(_of_tables(opened, where, tag, chosen, "", single=True, **given))
 
@@ -208,7 +213,7 @@ def _of_tables(
     in_columns = given.pop("in_columns", False)
     loops: dict[str, tuple[OpenedTable, dict[str, str]]] = {}
     for sheet, table in tables.items():
-        names = list(table.parts or table.sheet.columns)
+        names = list(table.sheet.columns)
         only = (bool(sheet) or (tag is not None and not in_columns)) and not names_loops(names)
         if only and not (sheet or chosen or table.about):
             table.sheet.notes.append(f"tag: no column names a loop; the only one is read as {tag}")

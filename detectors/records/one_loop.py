@@ -3,28 +3,41 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from shlex import quote
 from typing import Any
 
 import numpy as np
 
-from simbench.detectors.errors import ParameterError, RecordError, nearest
+from simbench.detectors.errors import ParameterError, RecordError, nearest, printable
 from simbench.detectors.record import MOST_OUTSIDE, LoopRecord
-from simbench.detectors.records.archive import HELD_VALUES, STRAIGHT_LINES, base_step, hold
-from simbench.detectors.records.clock import CALENDAR
-from simbench.detectors.records.gaps import SHORTEST, fill_gaps
-from simbench.detectors.records.historian import op_span, open_span
-from simbench.detectors.records.mode import AUTO, CAS, MAN
-from simbench.detectors.records.opened import OpenedTable, with_ranges
-from simbench.detectors.records.roles import MODE, find_time, no_column, parse, unit
-from simbench.detectors.records.side_by_side import (
-    is_on_change,
+from simbench.detectors.records.clock import CALENDAR, is_stamped, seconds
+from simbench.detectors.records.dialects import words
+from simbench.detectors.records.gaps import (
+    HELD_VALUES,
+    SHORTEST,
+    STRAIGHT_LINES,
+    fill_gaps,
     known_samples,
-    read_long,
-    read_wide,
+    last_known,
+    resample,
 )
-from simbench.detectors.records.tables import BLANK, example_of_columns
+from simbench.detectors.records.historian import op_span, open_span, read_numbers
+from simbench.detectors.records.mode import AUTO, CAS, MAN, mode
+from simbench.detectors.records.opened import OpenedTable, with_ranges
+from simbench.detectors.records.quality_column import apply_quality
+from simbench.detectors.records.roles import (
+    LAYOUT,
+    MODE,
+    SIGNALS,
+    find_time,
+    no_column,
+    parse,
+    unit,
+)
+from simbench.detectors.records.tables import BLANK, example_of_columns, rises
 from simbench.detectors.signal.holds import runs_of
 
 # first letter of a controller's tag, as in FIC101, LC-4, 12PIC10201 or TICA7: what it measures
@@ -67,8 +80,7 @@ def make_record(
     _refuse_missing_signal(table, roles)
     other = [(r, n) for r, n in roles.items() if r not in (MODE, *chosen)]
     sheet.notes += [f"columns: {r.upper()} is {n!r}" for r, n in other if parse(n).word != r]
-    read = read_wide if table.parts is None else read_long
-    recorded, signals, modes, given = read(table, roles, chosen, Ts, how)
+    recorded, signals, modes, given = _read_signals(table, roles, chosen, Ts, how)
     if recorded.size < SHORTEST:
         raise RecordError(f"{where}: {recorded.size} samples; at least {SHORTEST} are needed")
     named = table.units.get(roles["op"]) or unit(roles["op"])
@@ -96,6 +108,98 @@ def make_record(
     return replace(record, notes=tuple(notes))
 
 
+def _unknown_modes(cells: Sequence[object] | np.ndarray, modes: np.ndarray) -> list[str]:
+    """Return a note on the words that are no mode, if some are: the mode before them is held."""
+    said = ("" if c is None or c != c else str(c).strip() for c in cells)
+    odd = Counter(text for text, known in zip(said, modes, strict=True) if text and not known)
+    if not odd or not (modes != "").any():
+        return []
+    (word, _), *_ = odd.most_common(1)
+    return [
+        f"mode: {odd.total()} samples say {printable(word)!r}, which is no mode known here; the"
+        " mode before them is taken to last"
+    ]
+
+
+def _read_signals(
+    table: OpenedTable,
+    roles: dict[str, str],
+    chosen: Mapping[str, str],
+    Ts: float | None,
+    how: str | None = None,
+):
+    """Read the columns of a loop: times, signals (NaN where unknown), modes, and the
+    sampling period where it is given; `how` its samples are put on an even grid, if they are.
+    """
+    sheet = table.sheet
+    where = table.where
+    read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
+    signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
+    apply_quality(sheet, roles, signals, where, chosen)
+    n = signals["pv"].size
+    if n < SHORTEST:
+        raise RecordError(f"{where}: {n} samples; at least {SHORTEST} are needed")
+    known = {role: np.isfinite(signals[role]) for role in ("op", "pv")}
+    for role, here in known.items():
+        if not here.any():
+            raise RecordError(
+                f"{where}: {roles[role]!r} holds no number, which {role.upper()} needs"
+            )
+    if not np.any(known["op"] & known["pv"]):
+        raise RecordError(f"{where}: no row has both OP and PV; {LAYOUT} groupby(TIME).first()")
+    modes = None
+    if MODE in roles:
+        cells = sheet.columns[roles[MODE]]
+        modes = mode(cells)
+        sheet.notes += _unknown_modes(cells, modes)
+    if Ts is not None and how is None:
+        return np.arange(n) * float(Ts), signals, modes, Ts
+    name = find_time(list(sheet.columns), chosen, where)
+    if name is None:
+        free = {n: cells for n, cells in sheet.columns.items() if n not in roles.values()}
+        name = next((n for n, cells in free.items() if is_stamped(cells)), None)
+        sheet.notes += [] if name is None else [f"time: {name!r} holds time stamps"]
+    if name is None:
+        names = ", ".join(words("time")[:6])
+        sentence = (
+            f"{where}: no time column ({names}) and no sampling period Ts given; either is needed"
+        )
+        clocks = [n for n, cells in sheet.columns.items() if rises(cells)]
+        signal = {n: role.upper() for role, n in roles.items()}
+        if clocks and clocks[0] in signal:
+            wrong = (
+                f"{clocks[0]!r}, given as {signal[clocks[0]]}, rises from row to row as time does"
+            )
+            raise RecordError(f"{sentence}; {wrong}")
+        raise RecordError(sentence, f"--columns t={quote(clocks[0])}" if clocks else "--ts 1")
+    t = seconds(
+        sheet.columns[name],
+        name,
+        where,
+        unit=table.units.get(name, ""),
+        place=sheet.place,
+        notes=sheet.notes,
+        again=how is not None,
+        signals=signals,
+    )
+    if t[0] > t[-1]:
+        t = t[::-1]
+        signals = {role: x[::-1] for role, x in signals.items()}
+        modes = None if modes is None else modes[::-1]
+    if how is None:
+        return t, signals, modes, None
+    series = {role: known_samples(t, x) for role, x in signals.items()}
+    for role in ("op", "pv"):
+        if series[role][0].size < SHORTEST:
+            few = f"{series[role][0].size} samples of {role.upper()}"
+            raise RecordError(f"{where}: {few}; at least {SHORTEST} are needed")
+    there = {role: one for role, one in series.items() if one[0].size}
+    times, signals, Ts, note = resample(there, Ts, how)
+    sheet.notes.append(note)
+    modes = modes if modes is None else last_known(times, t, modes, "")
+    return times, signals, modes, Ts
+
+
 def _refuse_options(Ts: float | None, how: str | None, where: str) -> None:
     """Refuse a sampling period or a way of resampling that does not exist."""
     known = (HELD_VALUES, STRAIGHT_LINES)
@@ -111,7 +215,7 @@ def _refuse_missing_signal(table: OpenedTable, roles: Mapping[str, str]) -> None
     role = next((r for r in ("pv", "op") if r not in roles), None)
     if role is None:
         return
-    names = [n for n in table.parts or columns if not n.startswith(BLANK)]
+    names = [n for n in columns if not n.startswith(BLANK)]
     numbered = {n: columns[n] for n in names if n.isdigit() and n in columns}
     if numbered:
         raise RecordError(
@@ -129,15 +233,8 @@ def _put_on_even_grid(
     holes are bridged, and long ones cut the record.
     """
     began = float(t[0])
-    series = {r: known_samples(t, x) for r, x in signals.items() if np.isfinite(x).any()}
-    if given is None and is_on_change(t, series):
-        t, signals, Ts, notes = hold(series, base_step(t), where)
-        late = [r for r, x in signals.items() if not np.isfinite(x).all()]
-        notes += [f"archive: {r.upper()} begins later than OP and PV and is left out" for r in late]
-        signals = {r: x for r, x in signals.items() if r not in late}
-    else:
-        Ts = float(np.median(np.diff(t))) if given is None else float(given)
-        t, signals, notes = fill_gaps(t, signals, Ts, where)
+    Ts = float(np.median(np.diff(t))) if given is None else float(given)
+    t, signals, notes = fill_gaps(t, signals, Ts, where)
     # some times count from the record's begin, some are those of the file
     begins = float(t[0]) if t[0] >= began else float(t[0]) + began
     return _EvenSignals(begins, Ts, signals, notes)

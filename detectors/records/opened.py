@@ -9,11 +9,21 @@ from pathlib import Path
 from typing import Any
 
 from simbench.detectors.errors import RecordError, nearest
+from simbench.detectors.records.clock import is_stamped
 from simbench.detectors.records.dialects import entries, words
-from simbench.detectors.records.historian import is_head, take_rows, take_units
-from simbench.detectors.records.long_table import by_loop, unfold
-from simbench.detectors.records.one_signal import join
-from simbench.detectors.records.roles import ASKED, NONE, QUALITY_OF, plain, shown
+from simbench.detectors.records.gaps import SHORTEST
+from simbench.detectors.records.historian import is_head, is_long, take_rows, take_units
+from simbench.detectors.records.roles import (
+    ASKED,
+    LAYOUT,
+    NONE,
+    QUALITY_OF,
+    is_time,
+    parse,
+    plain,
+    shown,
+    words_of,
+)
 from simbench.detectors.records.tables import BLANK, Sheet, range_of, read_sheets
 
 _MILLISECONDS = entries("millitm, millisecond, milliseconds, msec, ms")
@@ -21,22 +31,19 @@ _MILLISECONDS = entries("millitm, millisecond, milliseconds, msec, ms")
 
 @dataclass
 class OpenedTable:
-    """A file's table with the units of its columns and, where signals have separate times, a
-    part per tag; `loop` is the tag of one whose signals have a file each, `about` what the file
+    """A file's table with the units of its columns; `loop` is the tag and `about` what the file
     states.
     """
 
     sheet: Sheet
     units: dict[str, str]
-    parts: dict[str, Sheet] | None
     where: str
     loop: str = ""
     about: dict[str, Any] = field(default_factory=dict)
 
     def with_separate_notes(self) -> OpenedTable:
         """Return the same with separate notes, for one of several loops."""
-        parts = self.parts and {name: replace(p, notes=[]) for name, p in self.parts.items()}
-        return replace(self, sheet=replace(self.sheet, notes=[*self.sheet.notes]), parts=parts)
+        return replace(self, sheet=replace(self.sheet, notes=[*self.sheet.notes]))
 
 
 def open_tables(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[str, OpenedTable]:
@@ -48,10 +55,7 @@ def open_tables(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[
         from simbench.detectors.records.isdb import read_loop
 
         cells, about = read_loop(path, tag)
-        return {"": OpenedTable(Sheet(cells), {}, None, where, about["tag"], about)}
-    if not chosen and (joined := join(path)) is not None:
-        sheet = Sheet({}, notes=[*joined.notes])
-        return {"": OpenedTable(sheet, joined.units, joined.parts, where, joined.tag)}
+        return {"": OpenedTable(Sheet(cells), {}, where, about["tag"], about)}
     given = [name for name in chosen.values() if name.lower() != NONE]
     counted = bool(given) and all(name.isdigit() for name in given)
     sheets = read_sheets(path, lambda cells: is_head(cells, chosen), counted)
@@ -67,10 +71,42 @@ def open_tables(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[
         take_rows(sheet, chosen)
         units = take_units(sheet, chosen)
         join_dates(sheet)
-        if loops := {} if several else by_loop(sheet):
-            return {loop: OpenedTable(part, units, None, where) for loop, part in loops.items()}
-        out[name if several else ""] = OpenedTable(sheet, units, unfold(sheet, quality), where)
+        if loops := {} if several else _split_by_loop(sheet):
+            return {loop: OpenedTable(part, units, where) for loop, part in loops.items()}
+        refuse_other_layout(sheet, chosen, where)
+        out[name if several else ""] = OpenedTable(sheet, units, where)
     return out
+
+
+def refuse_other_layout(sheet: Sheet, chosen: Mapping[str, str], where: str) -> None:
+    """Refuse a table of a row per time and tag, and one whose signals have times of their own."""
+    names = list(sheet.columns)
+    roles = {parse(name).role for name in names} | set(chosen)
+    if is_long(names) and not {"pv", "op"} <= roles:
+        raise RecordError(f"{where}: a row per time and tag; {LAYOUT} pivot_table")
+
+    # a time before each signal, or under its name
+    times = [n for n in names if is_time(n) or is_stamped(sheet.columns[n])]
+    after = [names[i + 1] for i in range(len(names) - 1) if names[i] in times]
+    if any({"pv", "op"} <= {parse(name).role for name in among} for among in (times, after)):
+        raise RecordError(f"{where}: signals with times of their own; {LAYOUT} merge_asof")
+
+
+def _split_by_loop(sheet: Sheet) -> dict[str, Sheet]:
+    """Take a table apart by loop in which every row names its loop beside the values of its
+    signals; empty where none does.
+    """
+    named = {n: parse(n) for n in sheet.columns}
+    if not {"pv", "op"} <= {p.role for p in named.values() if not p.loop}:
+        return {}
+    for column in (n for n in named if words_of(n) in words("tag")):
+        rows: dict[str, list[int]] = {}
+        for i, cell in enumerate(sheet.columns[column]):
+            rows.setdefault(str(cell).strip(), []).append(i)
+        if 1 < len(rows) and min(map(len, rows.values())) >= SHORTEST:
+            kept = {n: n for n in sheet.columns if n != column}
+            return {loop: sheet.part(kept, mine) for loop, mine in rows.items()}
+    return {}
 
 
 def with_ranges(error: RecordError, table: OpenedTable) -> RecordError:
@@ -79,11 +115,8 @@ def with_ranges(error: RecordError, table: OpenedTable) -> RecordError:
     """
     if f"={ASKED}" not in error.cure:
         return error
-    cells = table.sheet.columns
-    if table.parts:
-        # of a part: its times, its values, and a quality
-        cells = {name: list(part.columns.values())[1] for name, part in table.parts.items()}
-    ranges = [f"{n[:60]} ({range_of(c)})" for n, c in cells.items() if not n.startswith(BLANK)]
+    cells = table.sheet.columns.items()
+    ranges = [f"{n[:60]} ({range_of(c)})" for n, c in cells if not n.startswith(BLANK)]
     return RecordError(f"{error.sentence}; columns are: {shown(ranges, 90)}", error.cure)
 
 

@@ -20,6 +20,8 @@ NONE = "none"  # in place of a column that is not to be read
 _OPTIONAL = ("sp", "mv", MODE)
 _ROLES = ("t", *SIGNALS, MODE)
 ASKED = "NAME"  # used in a hint for the column that the user alone can name
+# ends the refusal of another layout, before the name of the function
+LAYOUT = "a row per time with a column each for OP and PV is needed, which pandas makes by"
 _ROLE_OF = {word: role for role in (*SIGNALS, MODE) for word in words(role)}
 
 
@@ -279,7 +281,7 @@ def no_column(role: str, roles: Mapping[str, str], names: Sequence[str], where: 
     known = {r: n for r, n in roles.items() if r in ("pv", "op")}
     if len(free) > 1 - len(known):
         return RecordError(sentence, _columns({"op": ASKED, "pv": ASKED} | known))
-    return RecordError(f"{sentence}; columns are: {shown(names)}")
+    return RecordError(f"{sentence}; columns are: {shown(names)}; {LAYOUT} merge of several files")
 
 
 def unit(name: str) -> str:
@@ -301,13 +303,13 @@ def ends_with(name: str, among: tuple[str, ...]) -> list[str] | None:
     return (found[1] or "").split() if found else None
 
 
-def tag_number(loop: Sequence[str]) -> str:
+def _tag_number(loop: Sequence[str]) -> str:
     """Return the number of a tag: of the last word that has one."""
     return next((d for w in reversed(loop) if (d := "".join(filter(str.isdigit, w)))), "")
 
 
 def _same_tag(one: Sequence[str], other: Sequence[str]) -> bool:
-    return tuple(one) == tuple(other) or "" != tag_number(one) == tag_number(other)
+    return tuple(one) == tuple(other) or "" != _tag_number(one) == _tag_number(other)
 
 
 def _is_within(tag: Sequence[str], loop: Sequence[str]) -> bool:

@@ -66,19 +66,10 @@ def test_a_long_record_is_told_that_its_clock_jumped(tmp_path):
     )
 
 
-def long_table(path, times):
-    rows = [
-        f"{t},FIC1.{tag},{x:.4f}"
-        for t, op, pv in zip(times, OP, PV)
-        for tag, x in (("OP", op), ("PV", pv))
-    ]
-    path.write_text("\n".join(["time,tag,value", *rows]) + "\n")
-    return path
-
-
-@pytest.mark.parametrize("form", [write, long_table])
-def test_a_gap_of_hours_is_refused(tmp_path, capsys, form):
-    file = form(tmp_path / "rec.csv", stamps(datetime(2024, 5, 1, 8, 7, tzinfo=UTC), hours_after=3))
+def test_a_gap_of_hours_is_refused(tmp_path, capsys):
+    file = write(
+        tmp_path / "rec.csv", stamps(datetime(2024, 5, 1, 8, 7, tzinfo=UTC), hours_after=3)
+    )
     assert main(["detect", str(file), "--method", "horch"]) == 2
     assert "samples are missing; at most 20% may be" in capsys.readouterr().err
 

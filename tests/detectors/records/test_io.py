@@ -326,3 +326,16 @@ def test_every_real_record_is_read():
     assert records["SGPT_2411PDIC10321_0606-0007"].kind == "pressure"
     assert records["NPK_FIC-211"].n == 6585
     assert records["NPK_FIC-211"].notes
+
+
+@pytest.mark.parametrize("column", ["ZT1010.PV", "ZIT1010A", "FV1010.POS", "valve travel"])
+def test_a_column_of_the_valves_position_is_mv_and_no_output(tmp_path, column):
+    rows = "".join(f"{k},{k % 5},{50 + k % 3},{40 + k % 7}\n" for k in range(300))
+    file = tmp_path / "rec.csv"
+    file.write_text(f"t,FIC1010.PV,FIC1010.OP,{column}\n{rows}")
+    record = read_record(file)
+    assert record.mv == pytest.approx(40 + np.arange(300) % 7)
+    assert f"columns: MV is '{column}'" in record.notes
+    file.write_text(f"t,FIC1010.PV,FIC1010.SV,{column}\n{rows}")
+    with pytest.raises(RecordError, match="no OP column"):
+        read_record(file)
