@@ -1,5 +1,5 @@
-"""Read the exports of plant historians: rows of units, states in place of numbers, quality columns,
-long tables and number formats.
+"""Read the exports of plant historians: rows of units, states in place of numbers, and number
+formats.
 """
 
 from __future__ import annotations
@@ -13,8 +13,17 @@ import numpy as np
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.dialects import entries, words
-from simbench.detectors.records.quality_column import BAD, GOOD, MARKS
-from simbench.detectors.records.roles import ends_with, is_time, parse, plain, unit, words_of
+from simbench.detectors.records.roles import (
+    NONE,
+    QUALITY_OF,
+    ends_with,
+    is_quality,
+    is_time,
+    parse,
+    plain,
+    unit,
+    words_of,
+)
 from simbench.detectors.records.tables import BLANK, Sheet
 
 _NEEDED = "a number, or nothing for unknown, is needed"
@@ -36,12 +45,10 @@ _APART = re.compile(r"(?<=\d)[\u00a0\u202f' ](?=\d{3})")  # separators of thousa
 _WITH_UNIT = re.compile(
     r"([+-]?\d[\d.,' ]*?)\s*((?!e[+-]?\d+$)(?:%|[^\W\d_]|°)[^\s]{0,7})", re.IGNORECASE
 )
-_QUALITY_FIRST = re.compile(r"(?:q|qual|quality)[ _.-](pv|op|sp|mv)")
-_MARK = rf"(?:[A-Z]|{'|'.join(map(re.escape, sorted(MARKS)))})"
-_MARKED = re.compile(
-    rf"([+-]?\d[\d.,' ]*(?:e[+-]?\d+)?)(?:\s*(\?|\*|[(\[](?:\?|{_MARK})[)\]])|\s+({_MARK}))",
-    re.IGNORECASE,
-)
+# what a quality says of a sample
+_BAD = {*words("bad")}
+# ... in a column of any name
+_MARKS = {*words("good"), *words("unsure"), *_BAD} - {"true", "false"}
 _SUMMARY = 12  # lines below a table that may sum it up
 # numbers that may be whole, or have three decimals
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")
@@ -196,10 +203,9 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
         said = ", ".join(filter(None, first.values()))
         sheet.notes.append(f"file: {sheet.place(0)} taken as units or descriptions: {said}")
         del sheet.lines[:1]
-    sheet.columns = {_name_quality(i, n, c): c for i, (n, c) in enumerate(sheet.columns.items())}
     for name, column in sheet.columns.items():  # 12,3 m3/h
         written = _WITH_UNIT.fullmatch(str(column[0]).strip()) if len(column) else None
-        if name == time or not written or not _numeric(written[1]) or plain(written[2]) in MARKS:
+        if name == time or not written or not _numeric(written[1]) or plain(written[2]) in _MARKS:
             continue
         mark = written[2]
         cells = [str(c).strip() for c in column]
@@ -212,17 +218,32 @@ def take_units(sheet: Sheet, chosen: Mapping[str, str]) -> dict[str, str]:
     return units
 
 
-def _name_quality(place: int, name: str, cells: Sequence[object]) -> str:
-    """Return a name for a column that holds qualities only, where it has none, or one that begins
-    with q: q_pv is the quality of PV, and no loop called q.
+def drop_quality(sheet: Sheet, chosen: Mapping[str, str], where: str) -> None:
+    """Leave out the columns of quality that say the same of every sample, or of which the caller
+    says so; refuse others, as which samples to keep is for the caller to decide.
     """
-    of_signal = _QUALITY_FIRST.fullmatch(plain(name))
-    if not of_signal and not name.startswith(BLANK):
-        return name
-    said = {plain(cell) for cell in cells} - {""}
-    if not said or not said <= MARKS:
-        return name
-    return f"{of_signal[1]}.quality" if of_signal else f"Status.{place}"
+    given = chosen.get(QUALITY_OF, "")
+    if given and given.lower() != NONE:
+        raise RecordError(f"{where}: quality={given}; quality=none, which reads none, is allowed")
+    for name in [n for n in sheet.columns if n not in chosen.values()]:
+        cells = sheet.columns[name]
+        is_marked = len(cells) > 0 and plain(str(cells[0])) in _MARKS
+        if not is_quality(name) and not is_marked:
+            continue
+        said = sorted({plain(str(c)) for c in cells if c is not None and c == c} - {""})
+        if not is_quality(name) and not _MARKS.issuperset(said):
+            continue
+        if not given and (len(said) > 1 or _BAD.intersection(said)):
+            which = f"column {_title(name)} says {' and '.join(map(repr, said[:2]))} of samples"
+            needed = "the bad ones left empty are needed, which pandas makes by mask"
+            raise RecordError(f"{where}: {which}; {needed}", "--columns quality=none")
+        sheet.notes.append(f"quality: column {_title(name)} counts for nothing")
+        del sheet.columns[name]
+
+
+def _title(name: str) -> str:
+    """Return the name of a column for a message."""
+    return f"{int(name[1:]) + 1} without a name" if name.startswith(BLANK) else repr(name)
 
 
 def _is_text(sheet: Sheet) -> bool:
@@ -245,16 +266,8 @@ def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np
         if _is_numeric(cells):
             out[name] = np.array(cells, dtype=np.float64)
             continue
-        bare, marks = zip(*map(_split_cell, cells), strict=True) if len(cells) else ((), ())
-        _refuse_thousands(bare, name, where)
-        texts[name] = ["" if m in BAD else text for text, m in zip(bare, marks, strict=True)]
-        bad = sum(m in BAD for m in marks)
-        doubted = sum(m != "" and m not in GOOD | BAD for m in marks)
-        for count, what in (
-            (doubted, "that carry a mark of doubt are kept"),
-            (bad, "marked as bad count as missing"),
-        ):
-            sheet.notes += [f"quality: {count} samples of {name} {what}"] if count else []
+        texts[name] = [*map(_bare, cells)]
+        _refuse_thousands(texts[name], name, where)
     comma = _decimal_comma([t for column in texts.values() for t in column if t], sheet, where)
     for name, column in texts.items():
         values = [_value(t, comma, i, name, sheet, where) for i, t in enumerate(column)]
@@ -311,17 +324,13 @@ def is_long(names: Sequence[str]) -> bool:
     return len({time, tag, value} - {None}) == 3
 
 
-def _split_cell(value: object) -> tuple[str, str]:
-    """Return a cell without separators of thousands, and the mark that follows its value."""
+def _bare(value: object) -> str:
+    """Return a cell without separators of thousands."""
     text = "" if value is None else str(value).strip()
-    mark = ""
-    if not text[-1:].isdigit() and (marked := _MARKED.fullmatch(text)):
-        text = marked[1].rstrip()
-        mark = plain((marked[2] or marked[3]).strip("()[]"))
     if not text.isascii():
         text = text.replace("\u2212", "-")  # the minus sign of some languages
     apart = not text.isascii() or "'" in text or " " in text
-    return _APART.sub("", text) if apart and text[:1] in "+-0123456789" else text, mark
+    return _APART.sub("", text) if apart and text[:1] in "+-0123456789" else text
 
 
 def _is_numeric(column: object) -> bool:
@@ -329,7 +338,7 @@ def _is_numeric(column: object) -> bool:
 
 
 def _numeric(text: str) -> bool:
-    bare = _split_cell(text)[0]
+    bare = _bare(text)
     return any(c.isdigit() for c in bare) and bool(_POINT.fullmatch(bare) or _COMMA.fullmatch(bare))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from simbench.detectors.errors import RecordError, printable
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.historian import take_rows, take_units
+from simbench.detectors.records.historian import drop_quality, take_rows, take_units
 from simbench.detectors.records.loop_table import read_loop_table
 from simbench.detectors.records.one_loop import make_record
 from simbench.detectors.records.opened import (
@@ -117,6 +117,7 @@ def read_columns(
     units = take_units(sheet, chosen)
     join_dates(sheet)
     refuse_other_layout(sheet, chosen, where)
+    drop_quality(sheet, chosen, where)
     opened = {"": OpenedTable(sheet, units, where)}
     given = {k: v for k, v in about.items() if v is not None}
     return _only_loop(_of_tables(opened, where, tag, chosen, "", single=True, **given))

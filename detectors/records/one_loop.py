@@ -27,7 +27,6 @@ from simbench.detectors.records.gaps import (
 from simbench.detectors.records.historian import op_span, open_span, read_numbers
 from simbench.detectors.records.mode import AUTO, CAS, MAN, mode
 from simbench.detectors.records.opened import OpenedTable, with_ranges
-from simbench.detectors.records.quality_column import apply_quality
 from simbench.detectors.records.roles import (
     LAYOUT,
     MODE,
@@ -135,7 +134,6 @@ def _read_signals(
     where = table.where
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
     signals = {s: read[roles[s]] for s in SIGNALS if s in roles}
-    apply_quality(sheet, roles, signals, where, chosen)
     n = signals["pv"].size
     if n < SHORTEST:
         raise RecordError(f"{where}: {n} samples; at least {SHORTEST} are needed")

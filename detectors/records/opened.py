@@ -8,16 +8,21 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from simbench.detectors.errors import RecordError, nearest
+from simbench.detectors.errors import RecordError
 from simbench.detectors.records.clock import is_stamped
 from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.gaps import SHORTEST
-from simbench.detectors.records.historian import is_head, is_long, take_rows, take_units
+from simbench.detectors.records.historian import (
+    drop_quality,
+    is_head,
+    is_long,
+    take_rows,
+    take_units,
+)
 from simbench.detectors.records.roles import (
     ASKED,
     LAYOUT,
     NONE,
-    QUALITY_OF,
     is_time,
     parse,
     plain,
@@ -63,17 +68,14 @@ def open_tables(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[
         sheets = {n: s for n, s in sheets.items() if plain(n) == plain(tag)} or sheets
     several = len(sheets) > 1
     out = {}
-    quality = chosen.get(QUALITY_OF, "none")
     for name, sheet in sheets.items():
-        if quality.lower() != "none" and quality not in sheet.columns:
-            known = nearest(quality, sheet.columns)
-            raise RecordError(f"{where}: no column {quality!r} for quality, {known}")
         take_rows(sheet, chosen)
         units = take_units(sheet, chosen)
         join_dates(sheet)
+        refuse_other_layout(sheet, chosen, where)
+        drop_quality(sheet, chosen, where)
         if loops := {} if several else _split_by_loop(sheet):
             return {loop: OpenedTable(part, units, where) for loop, part in loops.items()}
-        refuse_other_layout(sheet, chosen, where)
         out[name if several else ""] = OpenedTable(sheet, units, where)
     return out
 

@@ -234,15 +234,8 @@ def is_time(name: str) -> bool:
 
 
 def is_quality(name: str) -> bool:
-    """Whether a name is that of a quality."""
-    return quality_of(name) is not None
-
-
-def quality_of(name: str) -> list[str] | None:
-    """Return the words of the signal whose quality a name is, or None; of several alike the
-    later are numbered.
-    """
-    return ends_with(re.sub(r"\.\d+$", "", name), words("quality"))
+    """Whether a name is that of a quality; of several alike the later are numbered."""
+    return ends_with(re.sub(r"\.\d+$", "", name), words("quality")) is not None
 
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:

@@ -232,14 +232,6 @@ READ = {
         "txt",
         {},
     ),
-    "canary": wide(
-        "Timestamp,FIC101.PV.Value,FIC101.PV.Quality,FIC101.OP.Value,FIC101.OP.Quality",
-        stamps(),
-        BAD,
-        DA,
-        OP,
-        [192] * N,
-    ),
     # Excel
     "excel: title and merged loop": (
         excel(["Trend", "", "", ""], ["", "FIC101", "", ""], ["Time", "PV", "OP", "SP"]),
@@ -394,61 +386,12 @@ READ = {
         OP,
         SP,
     ),
-    "siemens: quality code per signal": wide(
-        "Zeitstempel;FIC101/PID.PV_IN;Quality Code;FIC101/PID.LMN;Quality Code",
-        stamps(GERMAN),
-        comma(BAD),
-        [0 if k in (40, 41) else 128 for k in K],
-        comma(OP),
-        [128] * N,
-        sep=";",
-    ),
     "siemens: online trend": wide(
         "Datum/Uhrzeit;FIC101_PV;FIC101_OP;FIC101_SP",
         *(
             [f'"{c}"' for c in x]
             for x in (stamps(GERMAN + ",000"), comma(PV), comma(OP), comma(SP))
         ),
-        sep=";",
-    ),
-    "yokogawa: report": (
-        "Exaquantum/Explorer Report\nStart Time:,2024/03/04 22:50:00\nEnd Time:,2024/03/04"
-        " 23:15:00\nPeriod:,5 s\n\n"
-        + wide(
-            "Time,FIC101.PV.Value,FIC101.PV.Quality,FIC101.MV.Value,FIC101.MV.Quality,FIC101.SV.Value,FIC101.SV.Quality",
-            stamps("%Y/%m/%d %H:%M:%S"),
-            BAD,
-            FLAG,
-            OP,
-            FINE,
-            SP,
-            FINE,
-        )
-    ),
-    "honeywell: uniformance": wide(
-        "Tagname,FIC101.PV,Confidence,FIC101.OP,Confidence\nDescription,Feed,,Valve,\nUnits,M3/HR,%,PCT,%",
-        stamps("%d-%b-%Y %H:%M:%S"),
-        BAD,
-        [0 if k in (40, 41) else 100 for k in K],
-        OP,
-        [100] * N,
-    ),
-    "ip21: process explorer": wide(
-        "Tag Name,FIC101.PV,,FIC101.OP,\nDescription,Feed,,Valve,\n"
-        "Map,IP_AnalogMap,,IP_AnalogMap,\nTime,Value,Status,Value,Status",
-        stamps(WORDS + ".0"),
-        BAD,
-        FLAG,
-        OP,
-        FINE,
-    ),
-    "abb: quality per signal": wide(
-        "Time Stamp;FIC101:PV;Quality;FIC101:OUT;Quality",
-        stamps("%Y-%m-%d %H:%M:%S.000"),
-        comma(BAD),
-        FLAG,
-        comma(OP),
-        FINE,
         sep=";",
     ),
     "deltav: continuous historian": (
@@ -510,7 +453,6 @@ READ = {
         OP,
         SP,
     ),
-    "flag named bad": wide("Time,PV,PV_bad,OP", stamps(), BAD, [int(k in (40, 41)) for k in K], OP),
     "two exports in one file": "".join(
         three("Time", "PV", "OP", "SP").splitlines(True)[i]
         for i in [*range(101), 0, *range(101, N + 1)]
@@ -551,10 +493,8 @@ german, in its code page | read as Windows-1252
 chinese, in its code page | read as GB 18030
 excel: units below | line 2 taken as units
 excel: title and merged loop | 2 lines above the header left out
-yokogawa: report | 4 lines above the header left out
 pi: words in place of values | 1 cells of FIC101.PV say 'No Data' and count as missing
 a number for no data | 2 cells of PV hold -9999 and count as missing
-canary | 2 samples that 'FIC101.PV.Quality' calls bad count as missing
 foxboro | PV is 'UNIT1:FIC101.MEAS'
 yokogawa: MV and SV | OP is 'FIC101.MV'
 deltav: parameters | OP is 'FIC101/PID1/OUT.CV'
@@ -675,11 +615,6 @@ ASKED = {
         {},
         ["--ts", "5"],
     ),
-    "quality unknown": (
-        wide("Time,PV,OP,Quality", stamps(), PV, OP, [7] * N),
-        {},
-        ["--columns", "quality=none"],
-    ),
     "volts": (
         wide("Time,PV,OP [V]", stamps(), PV, np.round(1 + 0.04 * OP, 3)),
         {},
@@ -749,30 +684,14 @@ def test_refusal_ends_with_the_options_that_read_the_file(tmp_path, name):
     assert np.allclose(read_record(file, **{**options, **typed}).pv, PV)
 
 
-DOUBTS = [" ?", " (Q)", "*", "[?]", " (uncertain)", " Q", " uncertain", " A"]
-
-
-@pytest.mark.parametrize("mark", DOUBTS)
-@pytest.mark.parametrize("first", [0, 40])
-def test_a_mark_after_a_value_is_the_quality_of_the_sample(tmp_path, mark, first):
-    marked = [f"{x}{mark if first <= i < first + 5 else ''}" for i, x in enumerate(PV)]
-    record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
-    assert np.allclose(record.pv, PV)
-    assert any(
-        "5 samples of PV that carry a mark of doubt are kept" in note for note in record.notes
-    )
-
-
 @pytest.mark.parametrize(
     ("mark", "words"),
     [
-        (" Q", f"quality: {N} samples of PV that carry a mark of doubt are kept"),
         (" C", "unit: 'C' after each value of PV is taken as its unit"),
-        (" Good", None),
         (" m3/h", None),
     ],
 )
-def test_a_mark_or_a_unit_after_every_value_is_reported(tmp_path, mark, words):
+def test_a_unit_after_every_value_is_reported(tmp_path, mark, words):
     marked = [f"{x}{mark}" for x in PV]
     record = read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
     assert np.allclose(record.pv, PV)
@@ -840,16 +759,40 @@ def test_a_table_without_a_header_is_refused_without_a_guess(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["Time", None])
-def test_a_data_frame_stored_with_its_index_is_read_with_its_flags(tmp_path, name):
-    bad = np.isin(K, (40, 41))
-    for flag in (~bad, np.where(bad, 0, 192)):
-        frame = pd.DataFrame(
-            {"PV": BAD, "OP": OP, "Quality": flag}, index=pd.DatetimeIndex(T, name=name)
-        )
-        frame.to_parquet(tmp_path / "loop.parquet")
-        record = read_record(tmp_path / "loop.parquet")
-        assert np.array_equal(record.pv[~bad], PV[~bad])
-        assert np.abs(record.pv - PV).max() < 5 * BAND_PV
+def test_a_data_frame_stored_with_its_index_is_read(tmp_path, name):
+    frame = pd.DataFrame({"PV": PV, "OP": OP}, index=pd.DatetimeIndex(T, name=name))
+    frame.to_parquet(tmp_path / "loop.parquet")
+    assert right(read_record(tmp_path / "loop.parquet"))
+
+
+@pytest.mark.parametrize("said", [FLAG, DA, [k not in (40, 41) for k in K], ["Bad"] * N])
+@pytest.mark.parametrize("name", ["Quality", "FIC101.PV.Quality"])
+def test_a_quality_of_the_samples_is_the_callers_to_decide(tmp_path, name, said):
+    file = written(tmp_path, wide(f"Time,PV,{name},OP", stamps(), BAD, said, OP), "csv")
+    with pytest.raises(RecordError, match=f"column '{name}' says .* of samples") as caught:
+        read_record(file)
+    assert caught.value.cure == "--columns quality=none"
+    assert read_record(file, columns={"quality": "none"}).pv.tolist() == BAD
+    with pytest.raises(RecordError, match="quality=none, which reads none, is allowed"):
+        read_record(file, columns={"quality": name})
+
+
+@pytest.mark.parametrize("name", ["", "q_pv", "Trust"])
+def test_words_of_quality_are_no_signal_whatever_their_column_is_called(tmp_path, name):
+    file = written(tmp_path, wide(f"Time,PV,{name},OP", stamps(), PV, FLAG, OP), "csv")
+    with pytest.raises(RecordError, match="says 'bad' and 'good' of samples"):
+        read_record(file)
+    file = written(tmp_path, wide(f"Time,PV,{name},OP", stamps(), PV, FINE, OP), "csv")
+    record = read_record(file)
+    assert right(record)
+    assert "counts for nothing" in record.notes[0]
+
+
+@pytest.mark.parametrize("mark", [" ?", " (Q)", "*", " Q", " Bad"])
+def test_a_mark_after_a_value_is_no_number(tmp_path, mark):
+    marked = [f"{x}{mark}" if k == 40 else x for k, x in enumerate(PV)]
+    with pytest.raises(RecordError, match=r"line 42: PV is '.*'; a number"):
+        read_record(written(tmp_path, wide("Time,PV,OP", stamps(), marked, OP), "csv"))
 
 
 def test_every_loop_of_a_file_is_a_record(tmp_path):
@@ -927,18 +870,6 @@ def test_a_tag_names_the_loop_of_a_file_whose_columns_name_none_but_not_of_every
     assert np.array_equal(read_records(file, loops=table)[0]["FIC1"].pv, PV)
 
 
-@pytest.mark.parametrize("content", [wide("Time,PV,OP,Trust", stamps(), BAD, OP, FLAG)])
-def test_the_column_that_is_named_as_the_quality_counts_whatever_the_table_is_like(
-    tmp_path, content
-):
-    file = written(tmp_path, content, "csv")
-    record = read_record(file, columns={"quality": "Trust"})
-    assert "quality: 2 samples that 'Trust' calls bad count as missing" in record.notes
-    assert np.abs(record.pv - PV).max() < 5 * BAND_PV
-    with pytest.raises(RecordError, match="no column 'Trst' for quality, did you mean 'Trust'"):
-        read_record(file, columns={"quality": "Trst"})
-
-
 def test_of_two_columns_for_a_signal_the_one_of_its_plain_name_is_taken_else_one_is_asked_for(
     tmp_path,
 ):
@@ -967,10 +898,6 @@ OPEN = {
     "a tenth of a spreadsheet's day": (
         wide("time,OP,PV", [45000 + 0.1 * k for k in K], OP, PV),
         "8.64e.03 s if it counts days",
-    ),
-    "quality in part": (
-        wide("Time,OP,PV,Quality", stamps(), OP, PV, ["Sort of", *FLAG[1:]]),
-        "says 'sort of'",
     ),
     "time in fortnights": (wide("Time (fn),OP,PV", K, OP, PV), "known units of time"),
     "an unknown state": (wide("Time,OP,PV", stamps(), OP, ["odd", *PV[1:]]), "line 2: PV is 'odd'"),
