@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.dialects import entries
+from simbench.detectors.records.names import entries
 
 _DATES = (
     "%d.%m.%Y",
@@ -26,7 +26,6 @@ _DATES = (
     "%d/%b/%Y",
     "%Y.%m.%d",
     "%b %d, %Y",
-    "%Y年%m月%d日",
     "%m-%d-%Y",
     "%a %b %d %Y",
 )

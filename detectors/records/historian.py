@@ -12,7 +12,8 @@ import numpy as np
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.dialects import entries, words
+from simbench.detectors.records.clock import is_stamped
+from simbench.detectors.records.names import NAMES, entries
 from simbench.detectors.records.roles import (
     NONE,
     QUALITY_OF,
@@ -46,9 +47,9 @@ _WITH_UNIT = re.compile(
     r"([+-]?\d[\d.,' ]*?)\s*((?!e[+-]?\d+$)(?:%|[^\W\d_]|°)[^\s]{0,7})", re.IGNORECASE
 )
 # what a quality says of a sample
-_BAD = {*words("bad")}
+_BAD = {*NAMES["bad"]}
 # ... in a column of any name
-_MARKS = {*words("good"), *words("unsure"), *_BAD} - {"true", "false"}
+_MARKS = {*NAMES["good"], *NAMES["unsure"], *_BAD} - {"true", "false"}
 _SUMMARY = 12  # lines below a table that may sum it up
 # numbers that may be whole, or have three decimals
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")
@@ -251,7 +252,9 @@ def _is_text(sheet: Sheet) -> bool:
 
 
 def _time_name(sheet: Sheet, chosen: Mapping[str, str]) -> str:
-    return chosen.get("t") or next((n for n in sheet.columns if is_time(n)), "")
+    """Return the column of time, by its name or by the stamps that it holds."""
+    stamped = (n for n, cells in sheet.columns.items() if is_stamped(cells))
+    return chosen.get("t") or next(filter(is_time, sheet.columns), "") or next(stamped, "")
 
 
 def read_numbers(sheet: Sheet, names: Sequence[str], where: str) -> dict[str, np.ndarray]:
@@ -317,10 +320,10 @@ def is_long(names: Sequence[str]) -> bool:
     """Whether columns are those of a long table: time, tag and value."""
     low = {words_of(n): n for n in names}
     time, tag, value = (
-        next((low[w] for w in words(what) if w in low), None) for what in ("time", "tag", "value")
+        next((low[w] for w in NAMES[what] if w in low), None) for what in ("time", "tag", "value")
     )
     if time is None:
-        time = next((n for n in names if ends_with(n, words("time")) is not None), None)
+        time = next((n for n in names if ends_with(n, NAMES["time"]) is not None), None)
     return len({time, tag, value} - {None}) == 3
 
 

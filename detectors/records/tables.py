@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.dialects import entries
+from simbench.detectors.records.names import entries
 
 BLANK = "\0"  # begins the name of a column that has none
 MOST_ROWS = 1_000_000  # of a sheet
@@ -28,11 +28,9 @@ MOST_UNPACKED = 300_000_000  # bytes of an Excel file's parts
 
 Columns = dict[str, list | np.ndarray]
 _DELIMITERS = ",;\t|"
-_CHINESE = ("时间", "日期", "位号", "测量值", "设定值", "输出")
 _PREAMBLE = 60  # lines in which the header is looked for
 _OFTEN = entries("""
-    time, timestamp, datetime, date, value, zeit, zeitstempel, horodatage, fecha, quality,
-    qualitycode, qc, status, confidence, validity
+    time, timestamp, datetime, date, value, quality, qualitycode, qc, status, confidence, validity
 """)
 
 
@@ -258,10 +256,8 @@ def _decode(path: Path) -> tuple[str, list[str]]:
             raise RecordError(
                 f"file {path} is damaged UTF-16 text (byte {error.start}); whole ones are needed"
             ) from error
-        chinese = data.decode("gb18030", errors="replace")
-        spoken = any(word in chinese[:4096] for word in _CHINESE)
-        guess = "GB 18030" if spoken else "Windows-1252; numbers are the same in both"
-        text = chinese if spoken else data.decode("cp1252", errors="replace")
+        guess = "Windows-1252; numbers are the same in both"
+        text = data.decode("cp1252", errors="replace")
         return text, [f"file: byte {error.start} is not UTF-8, read as {guess}"]
 
 

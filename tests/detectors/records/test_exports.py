@@ -257,33 +257,14 @@ READ = {
     ),
     # languages
     "german": german_file(
-        "Datum;Uhrzeit;Istwert;Stellgröße;Sollwert",
+        "Date;Time;PV;OP;SP",
         stamps("%d.%m.%Y"),
         stamps("%H:%M:%S"),
     ),
     "german, in its code page": german_file(
-        "Zeit;FIC101 Istwert;FIC101 Stellgröße;FIC101 Sollwert",
+        "Time;FIC101 PV (°C);FIC101 OP;FIC101 SP (°C)",
         stamps(GERMAN),
     ).encode("cp1252"),
-    "german: mode and quality": wide(
-        "Zeitstempel;FIC101.Istwert;FIC101.Stellwert;FIC101.Sollwert;FIC101.Betriebsart;Qualität",
-        stamps(GERMAN),
-        comma(PV),
-        comma(OP),
-        comma(SP),
-        ["Automatik"] * N,
-        ["gut"] * N,
-        sep=";",
-    ),
-    "french": german_file(
-        "Horodatage;Mesure;Sortie;Consigne",
-        stamps("%d/%m/%Y %H:%M:%S"),
-    ),
-    "french: longer words": german_file(
-        "Horodatage;Mesure débit;Sortie régulateur;Consigne débit",
-        stamps("%d/%m/%Y %H:%M:%S"),
-    ),
-    "chinese, in its code page": three("时间", "测量值", "输出", "设定值").encode("gb18030"),
     "apart by spaces": (
         "\n".join(["t pv op sp", *(f"{5 * k} {PV[k]}  {OP[k]} {SP[k]}" for k in K)]) + "\n",
         "txt",
@@ -291,16 +272,6 @@ READ = {
     ),
     "other separators": three("TS", "FIC101!PV", "FIC101!OP", "FIC101!SP", "%d-%b-%y %H:%M:%S.0"),
     "german months": three("Zeit", "PV", "OP", "SP", "%d. %b %Y %H:%M:%S").replace("Mar", "März"),
-    "french: signal first": german_file(
-        "Date;Heure;Mesure FIC101;Commande FIC101;Consigne FIC101",
-        stamps("%d/%m/%Y"),
-        stamps("%H:%M:%S"),
-    ),
-    "spanish": german_file(
-        "Fecha y hora;FIC101 Medición;FIC101 Salida;FIC101 Consigna",
-        stamps("%d/%m/%Y %H:%M:%S"),
-    ),
-    "chinese": three("时间", "FIC101.测量值", "FIC101.输出", "FIC101.设定值", "%Y/%m/%d %H:%M:%S"),
     # names
     "unit at the end": three("time_s", "pv_kPa", "op_pct", "sp_kPa").replace("time_s", "time"),
     "signal first": three("Time", "PV_FIC101", "OP_FIC101", "SP_FIC101"),
@@ -315,7 +286,7 @@ READ = {
     "no separator but underscores": three("time", "feed_flow_pv", "feed_flow_op", "feed_flow_sp"),
     # written before the reader was looked at
     "thousand points and decimal commas": wide(
-        "Zeitstempel;Istwert;Stellgröße;Sollwert",
+        "Timestamp;PV;OP;SP",
         stamps(GERMAN),
         *map(german, (PV, OP, SP)),
         sep=";",
@@ -369,7 +340,7 @@ READ = {
         sep=";",
     ),
     "cells that say their unit": wide(
-        "Zeit;PV;OP;SP",
+        "Time;PV;OP;SP",
         stamps(GERMAN),
         *([f"{v} {u}" for v in german(x)] for x, u in ((PV, "m3/h"), (OP, "%"), (SP, "m3/h"))),
         sep=";",
@@ -411,11 +382,11 @@ READ = {
         "%m/%d/%Y %I:%M:%S %p",
     ).encode("utf-16"),
     "days of a spreadsheet": wide(
-        "Zeit;PV;OP;SP", comma(SERIAL), comma(PV), comma(OP), comma(SP), sep=";"
+        "Time;PV;OP;SP", comma(SERIAL), comma(PV), comma(OP), comma(SP), sep=";"
     ),
     "quoted thousands": wide("Time,PV,OP", stamps(), [f'"{v:,.1f}"' for v in PV], OP),
     "french thousands": wide(
-        "Horodatage;Mesure;Sortie",
+        "Time;PV;OP",
         stamps("%d/%m/%Y %H:%M:%S"),
         [f"{v:,.1f}".replace(",", "\u202f").replace(".", ",") for v in PV],
         comma(OP),
@@ -490,7 +461,6 @@ wonderware: wide | %m/%d/%Y %I:%M:%S %p; day and month may stand the other way r
 honeywell: experion | %d/%m/%Y
 day first, over midnight | leaves holes of days
 german, in its code page | read as Windows-1252
-chinese, in its code page | read as GB 18030
 excel: units below | line 2 taken as units
 excel: title and merged loop | 2 lines above the header left out
 pi: words in place of values | 1 cells of FIC101.PV say 'No Data' and count as missing
@@ -504,7 +474,6 @@ elapsed minutes | is in min
 )
 # whose names or times say too little -> what is asked, and what the user then gives
 ASKING = {
-    "french: longer words": ("pv=NAME", {"columns": {"pv": "Mesure débit"}}),
     "numbered": ("op=NAME,pv=NAME", {"columns": {"op": "OP2", "pv": "PV2"}}),
     "german months": ("--ts SECONDS", {"Ts": TS}),
     "days of a spreadsheet": ("--ts SECONDS", {"Ts": TS}),
