@@ -115,27 +115,18 @@ FLAG = ["Bad" if k in (40, 41) else "Good" for k in K]
 FINE = ["Good"] * N
 SERIAL = [f"{45355 + (22 * 3600 + 50 * 60 + TS * k) / 86400:.9f}" for k in K]
 TICKS = [int((t - datetime(1, 1, 1)).total_seconds()) * 10**7 for t in T]
-SPRING = [(datetime(2026, 3, 29, 0, 50, tzinfo=UTC) + timedelta(seconds=TS * k)) for k in range(N)]
 
 
 GERMAN = "%d.%m.%Y %H:%M:%S"
 
 # system: export -> content of a CSV, or (content, suffix, options)
 READ = {
-    # AVEVA PI: DataLink, Vision, PI Web API
+    # AVEVA PI
     "two spaces between date and time": wide(
         "Date, Time,PV,OP,SP", stamps("%d/%m/%Y "), stamps(" %H:%M:%S"), PV, OP, SP
     ),
     "pi: server in the path": three(
         "Timestamp", r"\\PISRV\FIC101.PV", r"\\PISRV\FIC101.OP", r"\\PISRV\FIC101.SP", WORDS
-    ),
-    "pi: attributes of a frame": three(
-        "Time", r"Plant\U1\FIC101|PV", r"Plant\U1\FIC101|OP", r"Plant\U1\FIC101|SP"
-    ),
-    # AspenTech IP.21
-    # Wonderware
-    "wonderware: wide": three(
-        "DateTime", "FIC101.PV", "FIC101.OP", "FIC101.SP", "%m/%d/%Y %I:%M:%S %p"
     ),
     # Ignition
     "ignition: path": three(
@@ -167,29 +158,7 @@ READ = {
     "honeywell: experion": three(
         "Time", "FIC101.PV", "FIC101.OP", "FIC101.SP", "%d/%m/%Y %H:%M:%S"
     ),
-    "honeywell: DACA": (
-        three("TIMESTAMP", "FIC101.DACA.PV", "FIC101.PIDA.OP", "FIC101.PIDA.SP"),
-        "csv",
-        {"columns": {"pv": "FIC101.DACA.PV"}},
-    ),
-    "honeywell: mode as number": wide(
-        "Time,FIC101.PV,FIC101.OP,FIC101.SP,FIC101.MODE", stamps(), PV, OP, SP, [1] * N
-    ),
     # Yokogawa
-    "yokogawa: exaquantum": three("Time", "FIC101.PV.Value", "FIC101.OP.Value", "FIC101.SV.Value"),
-    "yokogawa: mode": (
-        wide(
-            "Date,Time,FIC101.PV,FIC101.MV,FIC101.SV,FIC101.MODE",
-            stamps("%Y/%m/%d"),
-            stamps("%H:%M:%S"),
-            PV,
-            OP,
-            SP,
-            ["AUT"] * N,
-        ),
-        "csv",
-        {"columns": {"op": "FIC101.MV"}},
-    ),
     "yokogawa: MV and SV": three(
         "Time", "FIC101.PV", "FIC101.MV", "FIC101.SV", "%Y/%m/%d %H:%M:%S"
     ),
@@ -197,41 +166,8 @@ READ = {
     "deltav: parameters": three(
         "Timestamp", "FIC101/PID1/PV.CV", "FIC101/PID1/OUT.CV", "FIC101/PID1/SP.CV"
     ),
-    "deltav: mode": wide(
-        "Timestamp,FIC101/PID1/PV.CV,FIC101/PID1/OUT.CV,FIC101/PID1/SP.CV,FIC101/PID1/MODE.ACTUAL",
-        stamps(),
-        PV,
-        OP,
-        SP,
-        [8] * N,
-    ),
-    "ovation": wide(
-        "Date,Time,FIC101_PV,FIC101_OUT,FIC101_SP",
-        stamps("%m/%d/%Y"),
-        stamps("%I:%M:%S %p"),
-        PV,
-        OP,
-        SP,
-    ),
-    # ABB, Siemens
-    "abb: 800xA": three("Time;".rstrip(";"), "FIC101.Pv", "FIC101.Out", "FIC101.Sp", sep=";"),
-    "siemens: pcs 7": three(
-        "Zeitstempel", "FIC101/PID.PV_IN", "FIC101/PID.LMN", "FIC101/PID.SP", GERMAN, sep=";"
-    ),
-    # Proficy, Foxboro, Rockwell
-    "ifix": three("Time", "FIX.FIC101_PV.F_CV", "FIX.FIC101_OP.F_CV", "FIX.FIC101_SP.F_CV"),
+    # Foxboro
     "foxboro": three("Time", "UNIT1:FIC101.MEAS", "UNIT1:FIC101.OUT", "UNIT1:FIC101.SPT"),
-    "rockwell": (
-        three("Time", "FIC101.PV", "FIC101.CV", "FIC101.SP"),
-        "csv",
-        {"columns": {"op": "FIC101.CV"}},
-    ),
-    # OPC, Influx, Grafana, Canary
-    "opc ua": (
-        three("Time", "ns=2;s=FIC101.PV", "ns=2;s=FIC101.OP", "ns=2;s=FIC101.SP", sep="\t"),
-        "txt",
-        {},
-    ),
     # Excel
     "excel: title and merged loop": (
         excel(["Trend", "", "", ""], ["", "FIC101", "", ""], ["Time", "PV", "OP", "SP"]),
@@ -255,7 +191,7 @@ READ = {
             stamps(),
         )
     ),
-    # languages
+    # decimal commas and code pages
     "german": german_file(
         "Date;Time;PV;OP;SP",
         stamps("%d.%m.%Y"),
@@ -270,8 +206,6 @@ READ = {
         "txt",
         {},
     ),
-    "other separators": three("TS", "FIC101!PV", "FIC101!OP", "FIC101!SP", "%d-%b-%y %H:%M:%S.0"),
-    "german months": three("Zeit", "PV", "OP", "SP", "%d. %b %Y %H:%M:%S").replace("Mar", "März"),
     # names
     "unit at the end": three("time_s", "pv_kPa", "op_pct", "sp_kPa").replace("time_s", "time"),
     "signal first": three("Time", "PV_FIC101", "OP_FIC101", "SP_FIC101"),
@@ -348,31 +282,13 @@ READ = {
     "gain in parentheses": three(
         "Time (UTC)", "FIC101 PV (m3/h)", "FIC101 OP (%)", "FIC101 SP (m3/h)"
     ),
-    # written before the reader was looked at, a second time: states in place of numbers, a quality
-    # next to every signal
+    # states in place of numbers, summaries, several heads
     "pi: words in place of values": wide(
         "Timestamp,FIC101.PV,FIC101.OP,FIC101.SP",
         stamps(WORDS),
         [{40: "No Data", 41: "I/O Timeout"}.get(int(k), v) for k, v in enumerate(PV)],
         OP,
         SP,
-    ),
-    "siemens: online trend": wide(
-        "Datum/Uhrzeit;FIC101_PV;FIC101_OP;FIC101_SP",
-        *(
-            [f'"{c}"' for c in x]
-            for x in (stamps(GERMAN + ",000"), comma(PV), comma(OP), comma(SP))
-        ),
-        sep=";",
-    ),
-    "deltav: continuous historian": (
-        "DeltaV Continuous Historian\nServer:,APP1\n\n"
-        + wide(
-            "Date/Time,FIC101/PID1/PV.CV (m3/h),FIC101/PID1/OUT.CV (%)",
-            stamps("%m/%d/%Y %I:%M:%S %p"),
-            ["*** Bad" if k in (40, 41) else v for k, v in enumerate(PV)],
-            OP,
-        )
     ),
     "rockwell: utf-16": three(
         "Timestamp",
@@ -392,22 +308,9 @@ READ = {
         comma(OP),
         sep=";",
     ),
-    "time zone through the begin of summer time": wide(
-        "timestamp,pv,op,sp",
-        [t.astimezone(timezone(timedelta(hours=1 + (t.hour > 0)))).isoformat() for t in SPRING],
-        PV,
-        OP,
-        SP,
-    ),
     "ticks of .NET": wide("Time,PV,OP,SP", TICKS, PV, OP, SP),
-    "ticks of Windows": wide(
-        "Time,PV,OP,SP", [t - 504_911_232_000_000_000 for t in TICKS], PV, OP, SP
-    ),
     "digits of a date": three("Time", "PV", "OP", "SP", "%Y%m%d%H%M%S"),
     "milliseconds after a colon": three("Time", "PV", "OP", "SP", "%d/%m/%Y %H:%M:%S:000"),
-    "clock with milliseconds and a date": wide(
-        "Date,Time,PV,OP,SP", stamps("%Y-%m-%d"), stamps("%H:%M:%S.000"), PV, OP, SP
-    ),
     "time in brackets": wide("t [ms],PV,OP,SP", 5000 * K, PV, OP, SP),
     "elapsed minutes": wide("Elapsed (min),PV,OP,SP", [f"{k / 12:.6f}" for k in K], PV, OP, SP),
     "day first, over midnight": wide(
@@ -457,7 +360,6 @@ def right(record):
 NOTES = dict(
     line.split(" | ")
     for line in """
-wonderware: wide | %m/%d/%Y %I:%M:%S %p; day and month may stand the other way round
 honeywell: experion | %d/%m/%Y
 day first, over midnight | leaves holes of days
 german, in its code page | read as Windows-1252
@@ -475,10 +377,8 @@ elapsed minutes | is in min
 # whose names or times say too little -> what is asked, and what the user then gives
 ASKING = {
     "numbered": ("op=NAME,pv=NAME", {"columns": {"op": "OP2", "pv": "PV2"}}),
-    "german months": ("--ts SECONDS", {"Ts": TS}),
     "days of a spreadsheet": ("--ts SECONDS", {"Ts": TS}),
     "ticks of .NET": ("--ts SECONDS", {"Ts": TS}),
-    "ticks of Windows": ("--ts SECONDS", {"Ts": TS}),
     "digits of a date": ("--ts SECONDS", {"Ts": TS}),
     "milliseconds after a colon": ("--ts SECONDS", {"Ts": TS}),
 }
