@@ -50,6 +50,8 @@ _WITH_UNIT = re.compile(
 _BAD = {*NAMES["bad"]}
 # ... in a column of any name
 _MARKS = {*NAMES["good"], *NAMES["unsure"], *_BAD} - {"true", "false"}
+# ... in one that is called so: one of these first, as in "Good, Non-specific", or a code
+_QUALITY = re.compile(rf"(?:{'|'.join(sorted(_MARKS))}|true|false|\d+)(?![^\W_])")
 _SUMMARY = 12  # lines below a table that may sum it up
 # numbers that may be whole, or have three decimals
 _GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}([.,]\d{3})+")
@@ -234,7 +236,9 @@ def drop_quality(sheet: Sheet, chosen: Mapping[str, str], where: str) -> None:
         said = sorted({plain(str(c)) for c in cells if c is not None and c == c} - {""})
         if not is_quality(name) and not _MARKS.issuperset(said):
             continue
-        if not given and (len(said) > 1 or _BAD.intersection(said)):
+        # others may be states of anything
+        known = {found[0] for found in map(_QUALITY.match, said) if found}
+        if not given and known and (len(said) > 1 or known & _BAD):
             which = f"column {_title(name)} says {' and '.join(map(repr, said[:2]))} of samples"
             needed = "the bad ones left empty are needed, which pandas makes by mask"
             raise RecordError(f"{where}: {which}; {needed}", "--columns quality=none")

@@ -657,6 +657,12 @@ def test_words_of_quality_are_no_signal_whatever_their_column_is_called(tmp_path
     assert "counts for nothing" in record.notes[0]
 
 
+def test_states_of_something_else_are_no_quality(tmp_path):
+    said = ["Running" if k % 50 else "Stopped" for k in K]
+    file = written(tmp_path, wide("Time,PV,Status,OP", stamps(), PV, said, OP), "csv")
+    assert "quality: column 'Status' counts for nothing" in read_record(file).notes
+
+
 @pytest.mark.parametrize("mark", [" ?", " (Q)", "*", " Q", " Bad"])
 def test_a_mark_after_a_value_is_no_number(tmp_path, mark):
     marked = [f"{x}{mark}" if k == 40 else x for k, x in enumerate(PV)]
