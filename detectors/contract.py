@@ -55,6 +55,8 @@ def check_detector(path: str | Path) -> Contract:
     # one that is not there is no detector; one that does not load breaks its contract
     if not path.is_file():
         raise ParameterError(f"{path} does not exist; the Python file of a detector is needed")
+    if path.suffix != ".py":
+        raise ParameterError(f"{path} is no Python file; one that ends in .py is needed")
     try:
         with methods.added([path]):
             return Contract(name, _list_faults(methods.load(name), path))

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.names import entries
+from simbench.detectors.records.dialects import entries
 
 _DATES = (
     "%d.%m.%Y",

@@ -13,7 +13,7 @@ import numpy as np
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.clock import is_stamped
-from simbench.detectors.records.names import NAMES, entries
+from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.roles import (
     NONE,
     QUALITY_OF,
@@ -47,9 +47,9 @@ _WITH_UNIT = re.compile(
     r"([+-]?\d[\d.,' ]*?)\s*((?!e[+-]?\d+$)(?:%|[^\W\d_]|°)[^\s]{0,7})", re.IGNORECASE
 )
 # what a quality says of a sample
-_BAD = {*NAMES["bad"]}
+_BAD = {*words("bad")}
 # ... in a column of any name
-_MARKS = {*NAMES["good"], *NAMES["unsure"], *_BAD} - {"true", "false"}
+_MARKS = {*words("good"), *words("unsure"), *_BAD} - {"true", "false"}
 # ... in one that is called so: one of these first, as in "Good, Non-specific", or a code
 _QUALITY = re.compile(rf"(?:{'|'.join(sorted(_MARKS))}|true|false|\d+)(?![^\W_])")
 _SUMMARY = 12  # lines below a table that may sum it up
@@ -324,10 +324,10 @@ def is_long(names: Sequence[str]) -> bool:
     """Whether columns are those of a long table: time, tag and value."""
     low = {words_of(n): n for n in names}
     time, tag, value = (
-        next((low[w] for w in NAMES[what] if w in low), None) for what in ("time", "tag", "value")
+        next((low[w] for w in words(what) if w in low), None) for what in ("time", "tag", "value")
     )
     if time is None:
-        time = next((n for n in names if ends_with(n, NAMES["time"]) is not None), None)
+        time = next((n for n in names if ends_with(n, words("time")) is not None), None)
     return len({time, tag, value} - {None}) == 3
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from simbench.detectors.errors import RecordError, nearest
 from simbench.detectors.record import KIND_ALIASES, KINDS, PROCESSES, hyphenated
-from simbench.detectors.records.names import entries
+from simbench.detectors.records.dialects import entries
 from simbench.detectors.records.tables import read_table
 
 _RECORD_LABELS = ("stiction", "no_stiction", "unknown")

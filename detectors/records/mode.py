@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbench.detectors.records.names import entries
+from simbench.detectors.records.dialects import entries
 
 AUTO = "AUTO"
 MAN = "MAN"

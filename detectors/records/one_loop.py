@@ -14,6 +14,7 @@ import numpy as np
 from simbench.detectors.errors import ParameterError, RecordError, nearest, printable
 from simbench.detectors.record import MOST_OUTSIDE, LoopRecord
 from simbench.detectors.records.clock import CALENDAR, is_stamped, seconds
+from simbench.detectors.records.dialects import words
 from simbench.detectors.records.gaps import (
     HELD_VALUES,
     SHORTEST,
@@ -25,7 +26,6 @@ from simbench.detectors.records.gaps import (
 )
 from simbench.detectors.records.historian import op_span, open_span, read_numbers
 from simbench.detectors.records.mode import AUTO, CAS, MAN, mode
-from simbench.detectors.records.names import NAMES
 from simbench.detectors.records.opened import OpenedTable, with_ranges
 from simbench.detectors.records.roles import (
     LAYOUT,
@@ -158,7 +158,7 @@ def _read_signals(
         name = next((n for n, cells in free.items() if is_stamped(cells)), None)
         sheet.notes += [] if name is None else [f"time: {name!r} holds time stamps"]
     if name is None:
-        names = ", ".join(NAMES["time"][:6])
+        names = ", ".join(words("time")[:6])
         sentence = (
             f"{where}: no time column ({names}) and no sampling period Ts given; either is needed"
         )

@@ -10,6 +10,7 @@ from typing import Any
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.records.clock import is_stamped
+from simbench.detectors.records.dialects import entries, words
 from simbench.detectors.records.gaps import SHORTEST
 from simbench.detectors.records.historian import (
     drop_quality,
@@ -18,7 +19,6 @@ from simbench.detectors.records.historian import (
     take_rows,
     take_units,
 )
-from simbench.detectors.records.names import NAMES, entries
 from simbench.detectors.records.roles import (
     ASKED,
     LAYOUT,
@@ -101,7 +101,7 @@ def _split_by_loop(sheet: Sheet) -> dict[str, Sheet]:
     named = {n: parse(n) for n in sheet.columns}
     if not {"pv", "op"} <= {p.role for p in named.values() if not p.loop}:
         return {}
-    for column in (n for n in named if words_of(n) in NAMES["tag"]):
+    for column in (n for n in named if words_of(n) in words("tag")):
         rows: dict[str, list[int]] = {}
         for i, cell in enumerate(sheet.columns[column]):
             rows.setdefault(str(cell).strip(), []).append(i)
@@ -126,7 +126,7 @@ def join_dates(sheet: Sheet) -> None:
     """Join a column of dates and one of clock times, in both."""
     low = {plain(n): n for n in sheet.columns}
     date, clock = (
-        next((low[w] for w in among if w in low), None) for among in (NAMES["date"], NAMES["clock"])
+        next((low[w] for w in among if w in low), None) for among in (words("date"), words("clock"))
     )
     dates = sheet.columns.get(date or "")
     clocks = sheet.columns.get(clock or "")

@@ -1,4 +1,4 @@
-"""Find out which column of a table is which signal of which loop, by the words of `names`."""
+"""Find out which column of a table is which signal of which loop, by the words of `dialects`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from functools import cache, lru_cache
 from shlex import quote
 
 from simbench.detectors.errors import RecordError, nearest
-from simbench.detectors.records.names import NAMES
+from simbench.detectors.records.dialects import words
 
 SIGNALS = ("sp", "op", "pv", "mv")
 MODE = "mode"
@@ -22,7 +22,7 @@ _ROLES = ("t", *SIGNALS, MODE)
 ASKED = "NAME"  # used in a hint for the column that the user alone can name
 # ends the refusal of another layout, before the name of the function
 LAYOUT = "a row per time with a column each for OP and PV is needed, which pandas makes by"
-_ROLE_OF = {word: role for role in (*SIGNALS, MODE) for word in NAMES[role]}
+_ROLE_OF = {word: role for role in (*SIGNALS, MODE) for word in words(role)}
 
 
 @cache
@@ -41,7 +41,7 @@ _WORD = rf"(?P<word>{_any_of((*_ROLE_OF,))})"
 _LOOP_FIRST = re.compile(rf"(?:(?P<loop>.+?) )??{_WORD}(?: (?:{_SUFFIX}))*(?: (?P<unit>{_UNIT}))?")
 _SIGNAL_FIRST = re.compile(rf"{_WORD} (?P<loop>.*\d.*)(?P<unit>)")  # PV_FIC101
 _SAME_UNIT = {"pct": "%", "percent": "%", "prozent": "%", "cnt": "counts", "raw": "counts"}
-_WHOLE_TIMES = tuple(word for word in NAMES["time"] if word not in ("t", "t s"))
+_WHOLE_TIMES = tuple(word for word in words("time") if word not in ("t", "t s"))
 _TIME = re.compile(rf"(?:.* )?(?:{_any_of(_WHOLE_TIMES)})")
 _TIME_UNIT = re.compile(r"(?:t|time|timestamp|elapsed)_(?!stamp|string)([a-z]+)")
 # a transmitter or indicator of a position, by the letters of ISA-5.1: ZT1010, ZI-1010, ZIT1010A; ZC
@@ -147,7 +147,7 @@ def _columns_named(names: Sequence[str], chosen: Mapping[str, str], where: str) 
     """
     roles: dict[str, str] = {}
     for given, name in chosen.items():
-        role = "t" if words_of(given) in NAMES["time"] else given
+        role = "t" if words_of(given) in words("time") else given
         if role not in (*_ROLES, QUALITY_OF):
             raise RecordError(
                 f"{where}: column mapping for {role!r}; {nearest(role, (*_ROLES, QUALITY_OF))}"
@@ -216,10 +216,10 @@ def _columns_of_one(
 
 def find_time(names: Sequence[str], chosen: Mapping[str, str], where: str) -> str | None:
     """Return the column of time; None without one."""
-    given = next((n for r, n in chosen.items() if words_of(r) in NAMES["time"]), None)
+    given = next((n for r, n in chosen.items() if words_of(r) in words("time")), None)
     if given is not None and given not in names:
         raise RecordError(f"{where}: no column {given!r} for t, {nearest(given, names)}")
-    exact = [n for w in NAMES["time"] for n in names if words_of(n) == w]
+    exact = [n for w in words("time") for n in names if words_of(n) == w]
     among = [given] if given is not None else exact[:1] or [n for n in names if is_time(n)]
     if len(among) > 1:
         sentence = f"{where}: {' or '.join(among)} may be the time; one is needed"
@@ -235,7 +235,7 @@ def is_time(name: str) -> bool:
 
 def is_quality(name: str) -> bool:
     """Whether a name is that of a quality; of several alike the later are numbered."""
-    return ends_with(re.sub(r"\.\d+$", "", name), NAMES["quality"]) is not None
+    return ends_with(re.sub(r"\.\d+$", "", name), words("quality")) is not None
 
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:

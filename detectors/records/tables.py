@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.names import entries
+from simbench.detectors.records.dialects import entries
 
 BLANK = "\0"  # begins the name of a column that has none
 MOST_ROWS = 1_000_000  # of a sheet

@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike
 from simbench.detectors.compiled import cached_module
 from simbench.detectors.errors import ParameterError, RecordError
 from simbench.detectors.records.clock import seconds
+from simbench.detectors.records.dialects import words
 from simbench.detectors.records.gaps import JITTER
 from simbench.detectors.records.historian import read_numbers
-from simbench.detectors.records.names import NAMES
 from simbench.detectors.records.tables import read_sheet
 from simbench.files import plain_cell, refuse_kind, whole_file
 from simbench.loop.parameters import VALVES, valve_parameters
@@ -104,7 +104,7 @@ def valve_file(
             " sample"
         )
     Ts = 1.0
-    time = next((names[name] for name in NAMES["time"] if name in names), None)
+    time = next((names[name] for name in words("time") if name in names), None)
     if time is not None and op.size > 1:
         step = np.diff(seconds(table[time], time, str(source)))
         Ts = float(np.median(step))

@@ -157,6 +157,8 @@ def test_an_interrupt_names_the_detector_and_the_record(here, words):
     child = subprocess.Popen(
         [*command, "--plugin", "stranger.py"], stderr=subprocess.PIPE, text=True,
         start_new_session=True,
+        # a shell that runs the tests in the background ignores Ctrl-C, and its children do
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     until = time.monotonic() + 60.0
     while not number.exists():

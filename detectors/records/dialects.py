@@ -12,9 +12,9 @@ def entries(table: str) -> tuple[str, ...]:
 
 # the signals; what a row is about: its time, which `date` and `clock` may make together, the `tag`
 # of its loop, `value` and `quality`; and what a quality means
-NAMES = {
-    what: entries(words)
-    for what, words in {
+_NAMES = {
+    what: entries(text)
+    for what, text in {
         "time": """
             t s, t, time, timestamp, ts, datetime, date time, date, time stamp, time string,
             date and time, elapsed, elapsed time, ip trend time, t stamp, last changed, last updated
@@ -44,3 +44,8 @@ NAMES = {
         "mode": "mode, controller mode",
     }.items()
 }
+
+
+def words(what: str) -> tuple[str, ...]:
+    """Return the words for what a table holds, such as "pv"."""
+    return _NAMES[what]
