@@ -272,15 +272,13 @@ def archived(record: LoopRecord, how: str, file: Path) -> LoopRecord:
         for x, span in zip(signals, spans, strict=True):
             k = door(x, 0.04 * span)
             x[:] = np.interp(np.arange(x.size), k, x[k])
-    cells = [[f"{v:.6f}" for v in x] for x in signals]
     if how == "exceptions":
-        for column, x, span in zip(cells, signals, spans, strict=True):
+        for x, span in zip(signals, spans, strict=True):
             last = x[0]
             for k in range(1, x.size - 1):
-                if abs(x[k] - last) > 0.06 * span:
-                    last = x[k]
-                else:
-                    column[k] = ""
+                last = x[k] if abs(x[k] - last) > 0.06 * span else last
+                x[k] = last
+    cells = [[f"{v:.6f}" for v in x] for x in signals]
     rows = range(0, record.n, 3 if how == "every third" else 1)
     file.write_text(
         "t,op,pv\n" + "".join(f"{k * record.Ts:.3f},{cells[0][k]},{cells[1][k]}\n" for k in rows)

@@ -77,7 +77,7 @@ def near(digest, **load):
             "disturbance": [{"type": "resampled", "piece": 20, **load}],
         }
     )
-    return NearLoop(digest, loop, 1.0, False)
+    return NearLoop(digest, loop, 1.0)
 
 
 def test_no_number_of_a_column_stays():
