@@ -229,14 +229,16 @@ def drop_quality(sheet: Sheet, chosen: Mapping[str, str], where: str) -> None:
     if given and given.lower() != NONE:
         raise RecordError(f"{where}: quality={given}; quality=none, which reads none, is allowed")
     for name in [n for n in sheet.columns if n not in chosen.values()]:
+        # by its name, or by its words alone, of which the first is read before all
         cells = sheet.columns[name]
-        is_marked = len(cells) > 0 and plain(str(cells[0])) in _MARKS
-        if not is_quality(name) and not is_marked:
+        is_named = is_quality(name)
+        if not is_named and not (len(cells) > 0 and plain(str(cells[0])) in _MARKS):
             continue
         said = sorted({plain(str(c)) for c in cells if c is not None and c == c} - {""})
-        if not is_quality(name) and not _MARKS.issuperset(said):
+        if not is_named and not _MARKS.issuperset(said):
             continue
-        # others may be states of anything
+
+        # what it says of the samples; other words may be states of anything
         known = {found[0] for found in map(_QUALITY.match, said) if found}
         if not given and known and (len(said) > 1 or known & _BAD):
             which = f"column {_title(name)} says {' and '.join(map(repr, said[:2]))} of samples"

@@ -11,16 +11,9 @@ from typing import Any
 
 from simbench.detectors.errors import RecordError, printable
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.historian import drop_quality, take_rows, take_units
 from simbench.detectors.records.loop_table import read_loop_table
 from simbench.detectors.records.one_loop import make_record
-from simbench.detectors.records.opened import (
-    OpenedTable,
-    join_dates,
-    open_tables,
-    refuse_other_layout,
-    with_ranges,
-)
+from simbench.detectors.records.opened import OpenedTable, open_sheet, open_tables, with_ranges
 from simbench.detectors.records.roles import NONE, find_loops, is_loop, names_loops, several_loops
 from simbench.detectors.records.tables import Sheet, columns_of
 
@@ -69,9 +62,8 @@ def read_record(
     -------
     LoopRecord
         Holes of up to 3 samples are bridged by straight lines; longer ones split the record and the
-        longest whole segment is returned; of an archive that stores changes only, values hold until
-        the next. `notes` lists all of it, and everything else that had to be assumed: lines left
-        out, states such as "Bad", units, the order of day and month.
+        longest whole segment is returned. `notes` lists all of it, and everything else that had to
+        be assumed: lines left out, states such as "Bad", units, the order of day and month.
 
     Raises
     ------
@@ -113,12 +105,7 @@ def read_columns(
     chosen = dict(columns or {})
     rows = len(next(iter(cells.values()), ()))
     sheet = Sheet(cells, [*range(rows)], unit="row")
-    take_rows(sheet, chosen)
-    units = take_units(sheet, chosen)
-    join_dates(sheet)
-    refuse_other_layout(sheet, chosen, where)
-    drop_quality(sheet, chosen, where)
-    opened = {"": OpenedTable(sheet, units, where)}
+    opened = {"": open_sheet(sheet, chosen, where)}
     given = {k: v for k, v in about.items() if v is not None}
     return _only_loop(_of_tables(opened, where, tag, chosen, "", single=True, **given))
 
@@ -225,7 +212,7 @@ def _of_tables(
         for name, roles in named.items():
             label = name or sheet or tag or ""
             if len(named) == 1 and not sheet and tag is None:
-                label = printable(table.loop or stem)
+                label = printable(table.about.get("tag", stem))
             loops[label if label not in loops else f"{sheet} {label}"] = table, roles
     mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
     if not mine or (single and len(mine) > 1):

@@ -57,7 +57,7 @@ _SLOWEST_OF_ANY = 900.0
 @dataclass(frozen=True)
 class _EvenSignals:
     """Signals on an even grid: the time of the first sample (s), the sampling period (s), the
-    signals by role, and notes on what was bridged, held or left out.
+    signals by role, and notes on what was bridged or left out.
     """
 
     begins: float
@@ -130,6 +130,7 @@ def _read_signals(
     """Read the columns of a loop: times, signals (NaN where unknown), modes, and the
     sampling period where it is given; `how` its samples are put on an even grid, if they are.
     """
+    # the signals, some samples of which must have OP and PV
     sheet = table.sheet
     where = table.where
     read = read_numbers(sheet, [roles[s] for s in SIGNALS if s in roles], where)
@@ -145,11 +146,15 @@ def _read_signals(
             )
     if not np.any(known["op"] & known["pv"]):
         raise RecordError(f"{where}: no row has both OP and PV; {LAYOUT} groupby(TIME).first()")
+
+    # the mode of the controller
     modes = None
     if MODE in roles:
         cells = sheet.columns[roles[MODE]]
         modes = mode(cells)
         sheet.notes += _unknown_modes(cells, modes)
+
+    # the time: counted, in the column of its name, or in one of stamps
     if Ts is not None and how is None:
         return np.arange(n) * float(Ts), signals, modes, Ts
     name = find_time(list(sheet.columns), chosen, where)
@@ -186,6 +191,8 @@ def _read_signals(
         modes = None if modes is None else modes[::-1]
     if how is None:
         return t, signals, modes, None
+
+    # on an even grid
     series = {role: known_samples(t, x) for role, x in signals.items()}
     for role in ("op", "pv"):
         if series[role][0].size < SHORTEST:

@@ -36,14 +36,11 @@ _MILLISECONDS = entries("millitm, millisecond, milliseconds, msec, ms")
 
 @dataclass
 class OpenedTable:
-    """A file's table with the units of its columns; `loop` is the tag and `about` what the file
-    states.
-    """
+    """A file's table with the units of its columns; `about` is what the file states."""
 
     sheet: Sheet
     units: dict[str, str]
     where: str
-    loop: str = ""
     about: dict[str, Any] = field(default_factory=dict)
 
     def with_separate_notes(self) -> OpenedTable:
@@ -60,7 +57,7 @@ def open_tables(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[
         from simbench.detectors.records.isdb import read_loop
 
         cells, about = read_loop(path, tag)
-        return {"": OpenedTable(Sheet(cells), {}, where, about["tag"], about)}
+        return {"": OpenedTable(Sheet(cells), {}, where, about)}
     given = [name for name in chosen.values() if name.lower() != NONE]
     counted = bool(given) and all(name.isdigit() for name in given)
     sheets = read_sheets(path, lambda cells: is_head(cells, chosen), counted)
@@ -69,19 +66,28 @@ def open_tables(path: Path, chosen: Mapping[str, str], tag: str | None) -> dict[
     several = len(sheets) > 1
     out = {}
     for name, sheet in sheets.items():
-        take_rows(sheet, chosen)
-        units = take_units(sheet, chosen)
-        join_dates(sheet)
-        refuse_other_layout(sheet, chosen, where)
-        drop_quality(sheet, chosen, where)
+        table = open_sheet(sheet, chosen, where)
         if loops := {} if several else _split_by_loop(sheet):
-            return {loop: OpenedTable(part, units, where) for loop, part in loops.items()}
-        out[name if several else ""] = OpenedTable(sheet, units, where)
+            return {loop: replace(table, sheet=part) for loop, part in loops.items()}
+        out[name if several else ""] = table
     return out
 
 
-def refuse_other_layout(sheet: Sheet, chosen: Mapping[str, str], where: str) -> None:
+def open_sheet(sheet: Sheet, chosen: Mapping[str, str], where: str) -> OpenedTable:
+    """Return a table of samples alone: without rows and columns that are something else, its dates
+    whole; another layout is refused.
+    """
+    take_rows(sheet, chosen)
+    units = take_units(sheet, chosen)
+    _join_dates(sheet)
+    _refuse_other_layout(sheet, chosen, where)
+    drop_quality(sheet, chosen, where)
+    return OpenedTable(sheet, units, where)
+
+
+def _refuse_other_layout(sheet: Sheet, chosen: Mapping[str, str], where: str) -> None:
     """Refuse a table of a row per time and tag, and one whose signals have times of their own."""
+    # the tag of every value in a column of its own
     names = list(sheet.columns)
     roles = {parse(name).role for name in names} | set(chosen)
     if is_long(names) and not {"pv", "op"} <= roles:
@@ -122,7 +128,7 @@ def with_ranges(error: RecordError, table: OpenedTable) -> RecordError:
     return RecordError(f"{error.sentence}; columns are: {shown(ranges, 90)}", error.cure)
 
 
-def join_dates(sheet: Sheet) -> None:
+def _join_dates(sheet: Sheet) -> None:
     """Join a column of dates and one of clock times, in both."""
     low = {plain(n): n for n in sheet.columns}
     date, clock = (

@@ -30,7 +30,7 @@ def describe_run(
             **grid_settings(plan),
             "scenarios": len(plan),
             "methods": {n: about_method(n) for n in names},
-            "plugins": {**digests},
+            "plugins": digests,
             "command": printable(masked(" ".join(sys.argv))),
             **({"points": plan.points} if isinstance(plan, Sample) else {}),
             **({REFERENCE: True} if with_reference else {}),

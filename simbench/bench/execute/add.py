@@ -137,11 +137,11 @@ def add_to_run(
     >>> add_to_run(first, ["horch"]).told
     'added: horch'
     """
-    given = find_deciding(options, but=["with_reference"])
-    if given:
+    deciding = find_deciding(options, but=["with_reference"])
+    if deciding:
         raise RunError(
             f"--add and --answers take the loops of {folder} as they stand; leave out"
-            f" {', '.join(given)}"
+            f" {', '.join(deciding)}"
         )
     with_reference = options.pop("with_reference", False)
     shown = Path(folder if out is None else out)
