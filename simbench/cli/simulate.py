@@ -265,9 +265,9 @@ def valve(
     valve_plugin: ValvePlugin = None,
 ) -> None:
     """Drive one valve model with a recorded controller output; write the valve position."""
+    from simbench.cli.valve_table import valve_file
     from simbench.files import refuse_own_input
     from simbench.loop.part_files import added_parts, naming_parts
-    from simbench.loop.response import valve_file
 
     refuse_own_input([out], [source])
     with added_parts(valve_plugin or []), naming_parts():

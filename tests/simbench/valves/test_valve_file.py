@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from simbench.cli.valve_table import valve_file
 from simbench.detectors.errors import ParameterError, RecordError, UnknownName
-from simbench.loop.response import valve_file, valve_response
+from simbench.loop.response import valve_response
 
 
 def test_every_position_reads_back_to_the_same_bits_and_other_columns_stay(tmp_path):
