@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simbench.cli import main as simbench
-from simbench.detectors.records.labels import read_labels
+from simbench.detectors.records.folder import read_labels
 from simbench.detectors.report.report import columns
 from simbench.detectors.verdict import PROBABILITY
 from simbench.gap.stiction.by_loop import count_agreement, group_conclusions

@@ -199,7 +199,7 @@ class LoopRecord:
         return "% of travel" if self.op_percent is not None else "OP units"
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the record as a table that `from_frame` reads.
+        """Return the record as a table that `simbench.detect` reads.
 
         Returns
         -------
@@ -322,55 +322,6 @@ class LoopRecord:
         changed = {s: change(x) for s, x in signals.items() if x is not None}
         return replace(self, **changed, **others)
 
-    @classmethod
-    def from_frame(cls, frame: pd.DataFrame, Ts: float | None = None, **about: Any) -> LoopRecord:
-        """Build a record from a table with columns op, pv and optionally sp, mv, t or t_s (any
-        case).
-
-        Parameters
-        ----------
-        frame : pandas.DataFrame
-            One row per sample, no holes; `simbench.detectors.records.io` treats holes.
-        Ts : float, optional
-            Sampling period (s); taken from the time column when absent.
-        **about
-            Other fields of the record: process, kind, spans, tag, meta.
-
-        Returns
-        -------
-        LoopRecord
-            One record, its signals of shape (n,) in the units of the table.
-
-        Raises
-        ------
-        RecordError
-            When a column or the sampling period is missing.
-
-        Examples
-        --------
-        >>> import pandas as pd
-        >>> frame = pd.DataFrame({"t": [0, 2, 4], "OP": [1, 2, 3], "PV": [4, 5, 6]})
-        >>> LoopRecord.from_frame(frame).Ts
-        2.0
-        """
-        columns = {str(c).strip().lower(): c for c in frame.columns}
-        for name in ("op", "pv"):
-            if name not in columns:
-                raise RecordError(
-                    f"no {name.upper()} column; columns are: {', '.join(map(str, frame.columns))}"
-                )
-        time = columns.get("t_s", columns.get("t"))
-        if Ts is None:
-            if time is None:
-                raise RecordError("no time column (t or t_s) and no sampling period Ts given")
-            if len(frame) < 3:
-                raise RecordError(f"{len(frame)} samples; at least 3 are needed")
-            Ts = float(np.median(np.diff(frame[time].to_numpy(dtype=float))))
-        signals = {
-            s: frame[columns[s]].to_numpy(dtype=float) for s in RECORDED_SIGNALS if s in columns
-        }
-        return cls(Ts=Ts, **signals, **about)
-
 
 def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
     try:
@@ -416,7 +367,10 @@ def hyphenated(word: str) -> str:
 def _span(value: Any, name: str, where: str) -> tuple[float, float] | None:
     if value is None:
         return None
-    lo, hi = (float(x) for x in value)
+    try:
+        lo, hi = map(float, value)
+    except (TypeError, ValueError):
+        lo = hi = np.nan
     if not (np.isfinite(lo) and np.isfinite(hi) and lo < hi):
-        raise RecordError(f"{where}: {name} = ({lo}, {hi}); two finite numbers lo < hi are needed")
+        raise RecordError(f"{where}: {name} = {value}; two finite numbers lo < hi are needed")
     return lo, hi

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 import shlex
 import signal
 import sys
@@ -14,9 +15,8 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import TextIO
 
-from simbench.detectors.errors import UserError, masked, printable
+from simbench.detectors.errors import RecordError, UserError, masked, printable
 from simbench.detectors.faults import sentence_of
-from simbench.detectors.records.roles import column_pairs
 from simbench.scenarios.errors import SpecError
 
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
@@ -125,6 +125,22 @@ def add_options(command: Sequence[str], cure: str) -> str:
         both = (column_pairs(old) or {}) | (column_pairs(values) or {})
         values = [",".join(f"{role}={name}" for role, name in both.items())]
     return shlex.join([*words, option, *values])
+
+
+def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
+    """Return the columns that a command line names."""
+    pairs: dict[str, str] = {}
+    parts = (part for text in texts or [] for part in re.split(r",(?=\s*\w+\s*=)", text))
+    for part in parts:
+        role, _, name = (word.strip() for word in part.partition("="))
+        if not role or not name:
+            raise RecordError(f"--columns {part!r}: ROLE=NAME is needed, like op=FIC101.OUT")
+        if role in pairs:
+            raise RecordError(
+                f"--columns {part!r}: {role} is {pairs[role]!r} already; one is allowed"
+            )
+        pairs[role] = name
+    return pairs or None
 
 
 def complain(sentence: str) -> int:

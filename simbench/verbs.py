@@ -16,10 +16,7 @@ from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.procedure import Diagnosis
 from simbench.detectors.procedure import diagnose as procedure
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.folder import read_folder
-from simbench.detectors.records.io import read_records
-from simbench.detectors.records.isdb import read_loops
-from simbench.detectors.records.labels import read_labels
+from simbench.detectors.records.folder import read_folder, read_labels
 from simbench.detectors.repaired import repair_record
 from simbench.detectors.report.events import event_numbers
 from simbench.detectors.report.report import Report, choose_methods, score_units
@@ -249,32 +246,18 @@ def _read_all(
     path: Path,
     known: Mapping[str, Mapping[str, str]],
     labels: str | Path | None,
-    *,
-    tag: str | None = None,
     **about: Any,
 ) -> tuple[dict[str | None, LoopRecord], dict[str, str], bool]:
     """Return records by name (None for a single one), the sentences of those left out, and whether
     one record alone was asked for.
     """
-    about["tag"] = tag
-    folder = path.is_dir() or (
-        path.suffix.lower() == ".mat"
-        and path.exists()
-        and about["tag"] is None
-        and len(read_loops(path)) > 1
-    )
-    if folder:
-        each = {
-            name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()
-        }
-        records, refused = read_folder(path, names=known or None, each=each, **about)
-        return {**records}, refused, False
-    if labels is not None:
-        raise ParameterError(
-            f"labels score a folder of records; {path} is no folder, which is needed"
-        )
-    records, refused = read_records(path, **about)
-    alone = len(records) + len(refused) == 1
+    # a folder's records with what the labels say of them, or those of one file
+    each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
+    records, refused = read_folder(path, names=known or None, each=each, **about)
+    alone = path.is_file() and len(records) + len(refused) == 1
+    if labels is not None and alone:
+        one = f"labels score a folder of records; {path} is no folder, which is needed"
+        raise ParameterError(one)
     return {None if alone else name: record for name, record in records.items()}, refused, alone
 
 

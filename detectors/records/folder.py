@@ -1,20 +1,28 @@
-"""Every loop record of a folder, of a file with several, or of an ISDB .mat file."""
+"""Read every loop record of a folder, and what a table of labels says of them."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from simbench.detectors.errors import ParameterError, RecordError, printable
+from simbench.detectors.errors import ParameterError, RecordError, nearest, printable
 from simbench.detectors.faults import sentence_of
-from simbench.detectors.record import LoopRecord
+from simbench.detectors.record import KIND_ALIASES, KINDS, PROCESSES, LoopRecord, hyphenated
+from simbench.detectors.records.columns import choose_loop
+from simbench.detectors.records.files import read_texts
 from simbench.detectors.records.io import read_records
-from simbench.detectors.records.roles import is_loop
 
-T = TypeVar("T")
 RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
+_LABELS = ("stiction", "no_stiction", "unknown")
+# what a loop without stiction may have instead; more words may follow ("tuning problem")
+_CAUSES = (
+    *("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation"),
+    *("healthy", "other"),
+)
 
 
 def read_folder(
@@ -25,81 +33,76 @@ def read_folder(
     tag: str | None = None,
     **about: Any,
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
-    """Read every loop of a folder, of a file with several, or of an ISDB .mat file."""
+    """Read every loop of a folder, or of a file, as far as it is among the `names`, with what is
+    known of `each`; of what is refused the sentence.
+    """
+    # a file, or those of a folder by stem, with the ending where two have the same
     path = Path(path)
-    given = {k: v for k, v in about.items() if v is not None}
-    wanted = None if names is None else set(names)
-    sources = _find_sources(path, tag)
+    if path.is_dir():
+        files = [file for file in sorted(path.iterdir()) if file.suffix.lower() in RECORD_FILES]
+    else:
+        files = [path]
+    alike = Counter(printable(file.stem) for file in files)
+
+    # each loop by its tag after the name of its file, or by that name where it is the only one
     records: dict[str, LoopRecord] = {}
     refused: dict[str, str] = {}
-    for name, (file, file_tag) in sources.items():
-        if len(sources) > 1 and loops is None and not _is_wanted(name, wanted):
+    for number, file in enumerate(files):
+        name = printable(file.stem if alike[printable(file.stem)] == 1 else file.name)
+        name = f"{name} ({number})" if name in records else name
+        asked = names is None or any(f"{one} ".startswith(f"{name} ") for one in names)
+        if not (asked or loops or file is path):
             continue
-        stated = {**(each or {}).get(name, {}), **given}
-        loaded, not_read = _read_source(file, file_tag, loops, stated)
-        if loops is None and len(loaded) + len(not_read) <= 1:
-            prefix = None  # the only loop of a file has the file's name
-        else:
-            prefix = "" if path.is_file() or loops else f"{name} "
-        _add(records, loaded, name, prefix)
-        _add(refused, not_read, name, prefix)
-    if wanted is not None:
-        records = {n: r for n, r in records.items() if n in wanted}
+        try:
+            found = read_records(file, tag=tag if file is path else None, loops=loops, **about)
+        except Exception as error:
+            if file is path or isinstance(error, ParameterError):  # wrong of every file
+                raise
+            found = {}, {name: printable(sentence_of(error))}
+        only = path.is_dir() and not loops and len(found[0]) + len(found[1]) == 1
+        for kept, more in zip((records, refused), found, strict=True):
+            before = f"{name} " if path.is_dir() and not loops else ""
+            kept |= {name if only else f"{before}{label}": value for label, value in more.items()}
+
+    # those that are asked for, with what is known of them
+    if names is not None:
+        records = {name: record for name, record in records.items() if name in names}
     if tag is not None and path.is_dir():
-        records = {n: r for n, r in records.items() if is_loop(r.tag, tag)}
-        refused = refused if records else {"": f"no column of loop {tag!r} in any file"}
+        records = {n: r for n, r in records.items() if choose_loop(tag, [r.tag])}
+        refused = {} if not records else refused
+    for name in records.keys() & (each or {}).keys():
+        known = {k: v for k, v in each[name].items() if v and about.get(k) is None}
+        records[name] = replace(records[name], **known)
     if not records:
-        first = next(iter(refused.values()), "it holds no .csv, .parquet, .xlsx or .mat file")
+        lacks = f"no column of loop {tag!r} in any file" if tag and path.is_dir() else ""
+        first = next(iter(refused.values()), lacks or "it holds no file of a record")
         raise RecordError(f"{path}: no loop record found ({first})")
     return records, refused
 
 
-def _find_sources(path: Path, tag: str | None) -> dict[str, tuple[Path, str | None]]:
-    """Return by name the files to read, each with the tag of the loop to read of it."""
-    if path.suffix.lower() == ".mat":
-        from simbench.detectors.records.isdb import read_loops
+def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
+    """Read a table of labels, one row per record."""
+    # one row per record
+    columns = {name.strip().lower(): cells for name, cells in read_texts(path).columns.items()}
+    key = next((k for k in ("id", "record") if k in columns), None)
+    if key is None or "label" not in columns:
+        needed = f"{path}: a table of labels needs the columns id (or record) and label"
+        raise RecordError(f"{needed}; it has {', '.join(columns):.200}")
 
-        return {name: (path, name) for name in read_loops(path)}
-    if path.is_file():
-        return {printable(path.stem): (path, tag)}
-    if not path.is_dir():
-        raise RecordError(f"folder {path} does not exist")
-    # a tag given for many files picks a loop that their columns name, and names none
-    files = [f for f in sorted(path.iterdir()) if f.suffix.lower() in RECORD_FILES]
-    return {name: (f, None) for name, f in zip(_names(files), files, strict=True)}
-
-
-def _is_wanted(name: str, wanted: set[str] | None) -> bool:
-    """Return whether a file, or a loop of it, is among those that are wanted; None: all are."""
-    return wanted is None or any(w == name or w.startswith(f"{name} ") for w in wanted)
-
-
-def _read_source(
-    file: Path, tag: str | None, loops: str | Path | None, stated: Mapping[str, Any]
-) -> tuple[dict[str, LoopRecord], dict[str, str]]:
-    """Read the loops of one file; of what cannot be read in any way, the sentence."""
-    try:
-        return read_records(file, tag=tag, loops=loops, **stated)
-    except ParameterError:  # an option that is wrong of every file
-        raise
-    except Exception as error:
-        return {}, {printable(file.stem): printable(sentence_of(error))}
-
-
-def _add(found: dict[str, T], more: Mapping[str, T], name: str, prefix: str | None) -> None:
-    """Add what one file gave, each by its label after the prefix, or by the file's name."""
-    for label, value in more.items():
-        key = name if prefix is None else f"{prefix}{label}"
-        found[key if key not in found else f"{name} {label}"] = value
-
-
-def _names(files: Sequence[Path]) -> list[str]:
-    """Return a name for each file: its stem where no other has it, else with its ending, and
-    numbered where two look alike even with it.
-    """
-    alike = Counter(printable(f.stem) for f in files)
-    names: list[str] = []
-    for f in files:
-        name = printable(f.stem if alike[printable(f.stem)] == 1 else f.name)
-        names.append(name if name not in names else f"{name} ({len(names)})")
-    return names
+    # each row with words that are known; a misspelt "stiction" would count as its opposite
+    labels = {}
+    for k, cells in enumerate(zip(*columns.values(), strict=True)):
+        row = {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
+        kind = hyphenated(row.get("kind") or row.get("type", ""))
+        process = hyphenated(row.get("process") or row.get("dynamics", ""))
+        row["kind"] = kind if KIND_ALIASES.get(kind, kind) in KINDS else ""
+        row["process"] = process if process in PROCESSES else ""
+        row["loop"] = row.get("loop") or row[key]
+        row["unit_group"] = row.get("unit_group") or row["loop"]
+        text = row["label"]
+        row["label"] = "_".join(re.findall(r"[a-z]+", text.lower()))
+        if row["label"] and row["label"] not in _LABELS and not row["label"].startswith(_CAUSES):
+            known = nearest(row["label"], (*_LABELS, *_CAUSES))
+            raise RecordError(f"{path}, line {k + 2}: label {text[:60]!r} is unknown, {known}")
+        labels[row[key]] = row
+    return labels

@@ -1,21 +1,55 @@
-"""Load CSV, parquet, Excel and ISDB .mat files as `LoopRecord`; a file that cannot be read gives
-one clear sentence.
+"""Read CSV, parquet, Excel and MATLAB files as `LoopRecord`: table, columns, times, gaps, record;
+a file that cannot be read gives one clear sentence.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
-from simbench.detectors.errors import RecordError, printable
-from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.loop_table import read_loop_table
-from simbench.detectors.records.one_loop import make_record
-from simbench.detectors.records.opened import OpenedTable, open_sheet, open_tables, with_ranges
-from simbench.detectors.records.roles import NONE, find_loops, is_loop, names_loops, several_loops
-from simbench.detectors.records.tables import Sheet, columns_of
+import numpy as np
+
+from simbench.detectors.errors import ParameterError, RecordError, nearest, printable
+from simbench.detectors.record import MOST_OUTSIDE, LoopRecord
+from simbench.detectors.records import times
+from simbench.detectors.records.columns import (
+    LAYOUT,
+    MANUAL,
+    MODE,
+    SIGNALS,
+    Roles,
+    choose_loop,
+    find_loops,
+    find_time,
+    is_head,
+    parse,
+    read_modes,
+    read_numbers,
+    refuse_missing,
+    split_by_tag,
+    take_samples,
+)
+from simbench.detectors.records.files import Sheet, read_tables, table_of
+from simbench.detectors.signal.holds import runs_of
+
+Records = tuple[dict[str, LoopRecord], dict[str, RecordError]]
+
+# what a row of a table of loops may state of a record, and where to find it or what it is called
+_OF_RECORD = ("columns", "op_span", "pv_span", "kind", "process", "Ts", "resample")
+_OF_ROW = ("tag", "file", "label", "loop", "unit_group")
+# values that mean 0 and 100 % of travel: those of a current are taken, others are asked for
+_SPANS = {
+    **{"ma": (4.0, 20.0), "v": (1.0, 5.0), "volt": (1.0, 5.0), "bar": (0.2, 1.0)},
+    **{"kpa": (20.0, 100.0), "psi": (3.0, 15.0), "psig": (3.0, 15.0), "counts": (0.0, 4095.0)},
+}
+_SHARE = 1.1  # what an output that is a share of 1 may read, 10 % over its range
+_CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
+_SLOW = 900.0  # s; a sampling period at which nobody records a loop for its control
 
 
 def read_record(
@@ -23,7 +57,6 @@ def read_record(
     *,
     columns: Mapping[str, str] | None = None,
     tag: str | None = None,
-    loop: str | None = None,
     Ts: float | None = None,
     loops: str | Path | None = None,
     automatic: bool = True,
@@ -42,13 +75,11 @@ def read_record(
     tag : str, optional
         Of a file with several loops the one to read: "FIC101", "[default]Unit1/FIC101", of a .mat
         file "sector.loopN"; where no column names a loop, the name of the record.
-    loop : str, optional
-        The same as `tag`.
     Ts : float, optional
         Sampling period (s), in place of the time column.
     loops : str or Path, optional
-        A table of loops (TOML) that states what the caller does not, see
-        `simbench.detectors.records.loop_table`.
+        A TOML file of [[loop]] tables that states what the caller does not: tag, file, columns,
+        op_span, pv_span, kind, process, Ts, resample.
     automatic : bool
         Where the controller's mode is recorded, return the longest stretch in automatic; else all,
         `meta["manual"]` marks where OP was the operator's, and `meta["rows"]` holds the sample of
@@ -82,32 +113,21 @@ def read_record(
     (2.0, [1.0, 1.2, 1.4, 1.5, 1.6], ('gaps: 1 of 5 samples missing, bridged by straight lines',))
     """
     path = Path(path)
-    wanted = tag if tag is not None else loop
     given = {"columns": columns, "Ts": Ts, "automatic": automatic, **about}
     for row in read_loop_table(loops) if loops is not None else []:
-        if (wanted is None and row.get("file", path.name) == path.name) or row["tag"] == wanted:
-            return _of_row(path, row, given, named=wanted is not None)
-    return _only_loop(_of_file(path, wanted, single=True, **_merge_stated({}, given)))
+        if (tag is None and row.get("file", path.name) == path.name) or row["tag"] == tag:
+            return _read_row(path, row, given, tag is not None)
+    return _only(_read_file(path, tag, given, single=True))
 
 
 def read_columns(
-    table: Any,
-    *,
-    columns: Mapping[str, str] | None = None,
-    tag: str | None = None,
-    **about: Any,
+    table: Any, *, columns: Mapping[str, str] | None = None, tag: str | None = None, **about: Any
 ) -> LoopRecord:
     """Read one loop record from a data frame, or from a mapping of names to arrays, as
     `read_record` reads a file.
     """
-    cells = columns_of(table)
-    where = "table"
-    chosen = dict(columns or {})
-    rows = len(next(iter(cells.values()), ()))
-    sheet = Sheet(cells, [*range(rows)], unit="row")
-    opened = {"": open_sheet(sheet, chosen, where)}
-    given = {k: v for k, v in about.items() if v is not None}
-    return _only_loop(_of_tables(opened, where, tag, chosen, "", single=True, **given))
+    given = {"columns": columns, **about}
+    return _only(_read_loops({"": table_of(table, "table")}, tag, given, "", single=True))
 
 
 def read_records(
@@ -116,119 +136,272 @@ def read_records(
     """Read every loop of a file: records by tag, and of what is refused the sentence."""
     path = Path(path)
     if loops is None:
-        records, refused = _of_file(path, tag, **given)
+        records, refused = _read_file(path, tag, given)
         if not records:
             raise next(iter(refused.values()))
         return records, {name: str(error) for name, error in refused.items()}
     records = {}
     refusals = {}
     for row in read_loop_table(loops):
-        if row.get("file", path.name) != path.name or (tag is not None and row["tag"] != tag):
-            continue
-        try:
-            records[row["tag"]] = _of_row(path, row, given)
-        except RecordError as error:
-            refusals[row["tag"]] = str(error)
+        if row.get("file", path.name) == path.name and tag in (None, row["tag"]):
+            try:
+                records[row["tag"]] = _read_row(path, row, given)
+            except RecordError as error:
+                refusals[row["tag"]] = str(error)
     return records, refusals
 
 
-def _of_row(
-    path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False
-) -> LoopRecord:
+def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
+    """Return what a TOML file states of each loop, one dict each, checked."""
+    # [[loop]] tables and nothing else
+    needed = "[[loop]] tables, one a tag, are needed"
+    try:
+        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RecordError(f"table of loops {path} is no TOML: {error}; {needed}") from None
+    rows = table.get("loop")
+    if not isinstance(rows, list) or not rows or set(table) != {"loop"}:
+        has = ", ".join(table) or "nothing"
+        raise RecordError(f"table of loops {path}: it has {has}; {needed}")
+
+    # with the keys that are known
+    for k, row in enumerate(rows, 1):
+        where = f"table of loops {path}, loop {k}"
+        odd = next((key for key in row if key not in (*_OF_RECORD, *_OF_ROW)), None)
+        if odd is not None:
+            known = nearest(odd, (*_OF_RECORD, *_OF_ROW))
+            raise RecordError(f"{where}: unknown key {odd!r}, {known}")
+        if "tag" not in row or not isinstance(row.get("columns", {}), dict):
+            raise RecordError(f"{where}: a tag is needed, and names of columns in a table")
+    return rows
+
+
+def _read_row(path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False):
     """Return the loop of a table's row; where neither row nor caller (`named`) names the file, its
     columns must name the tag.
     """
+    about = {key: row[key] for key in _OF_RECORD if key in row}
+    about |= {key: value for key, value in given.items() if value is not None}
     tag = None if "columns" in row else row["tag"]
-    loops = _of_file(
-        path,
-        tag,
-        single=True,
-        in_columns=not named and "file" not in row,
-        **_merge_stated(row, given),
-    )
-    return replace(_only_loop(loops), tag=row["tag"])
+    loops = _read_file(path, tag, about, single=True, in_columns=not named and "file" not in row)
+    return replace(_only(loops), tag=row["tag"])
 
 
-def _only_loop(loops: tuple[dict[str, LoopRecord], dict[str, RecordError]]) -> LoopRecord:
-    records, refused = loops
-    if refused:
-        raise next(iter(refused.values()))
-    return next(iter(records.values()))
+def _only(loops: Records) -> LoopRecord:
+    for error in loops[1].values():
+        raise error
+    return next(iter(loops[0].values()))
 
 
-def _merge_stated(row: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a table of loops states about one, overridden by the caller."""
-    both = {**row, **{k: v for k, v in given.items() if v is not None}}
-    return {
-        k: v for k, v in both.items() if k not in ("tag", "file", "label", "loop", "unit_group")
-    }
+def _read_file(path: Path, tag: str | None, given: Mapping[str, Any], **how: bool) -> Records:
+    """Return the records of a file by tag, and what was refused."""
+    chosen = given.get("columns") or {}
+    if path.suffix.lower() == ".mat":
+        from simbench.detectors.records.matlab import read_loops
+
+        tables = read_loops(path)
+    else:
+        tables = read_tables(path, lambda cells: is_head(cells, chosen))
+    return _read_loops(tables, tag, given, path.stem, **how)
 
 
-def _of_file(
-    path: Path,
+def _read_loops(
+    tables: Mapping[str, Sheet],
     tag: str | None,
-    *,
-    columns: Mapping[str, str] | None = None,
-    single: bool = False,
-    in_columns: bool = False,
-    **given: Any,
-) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:
-    """Return the records of a file by tag, and what was refused; of `single` only one is asked for.
-
-    A tag names the only loop where no column names one, unless it must stand `in_columns`.
-    """
-    given = {k: v for k, v in given.items() if v is not None}
-    chosen = dict(columns or {})
-    where = str(path)
-    if in_columns:
-        given["in_columns"] = True
-    tables = open_tables(path, chosen, tag)
-    return _of_tables(tables, where, tag, chosen, path.stem, single, **given)
-
-
-def _of_tables(
-    tables: Mapping[str, OpenedTable],
-    where: str,
-    tag: str | None,
-    chosen: Mapping[str, str],
+    given: Mapping[str, Any],
     stem: str,
     single: bool = False,
-    **given: Any,
-) -> tuple[dict[str, LoopRecord], dict[str, RecordError]]:
-    """Return the records of tables by tag, and what was refused; `stem` names a loop that nothing
-    else does.
+    in_columns: bool = False,
+) -> Records:
+    """Return the records of tables by tag, and what was refused; of `single` only one is asked for.
+
+    A tag names the only loop where no column names one, unless it must stand `in_columns`; `stem`
+    names a loop that nothing else does.
     """
-    in_columns = given.pop("in_columns", False)
-    loops: dict[str, tuple[OpenedTable, dict[str, str]]] = {}
+    # the loops that the columns name
+    about = {key: value for key, value in given.items() if value is not None}
+    chosen = about.pop("columns", {})
+    loops: dict[str, tuple[Sheet, Roles]] = {}
     for sheet, table in tables.items():
-        names = list(table.sheet.columns)
-        only = (bool(sheet) or (tag is not None and not in_columns)) and not names_loops(names)
-        if only and not (sheet or chosen or table.about):
-            table.sheet.notes.append(f"tag: no column names a loop; the only one is read as {tag}")
+        take_samples(table, chosen)
+        for part, rows in split_by_tag(table).items():
+            for name, roles in find_loops(rows, chosen).items():
+                label = name or part or sheet
+                own = replace(rows, notes=[*rows.notes])
+                loops[label if label not in loops else f"{sheet} {label}"] = own, roles
+
+    # those that are asked for
+    where = next(iter(tables.values())).where
+    asked = [*loops] if tag is None else choose_loop(tag, loops)
+    if not asked and [*loops] == [""] and not in_columns:
+        loops[""][0].notes.append(f"tag: no column names a loop; the only one is read as {tag}")
+        asked = [""]
+        stem = str(tag)
+    if not asked or (single and len(asked) > 1):
+        many = f"{len(asked)} loops" if asked else f"no column of loop {tag!r}; loops"
+        said = f"{where}: {many}: {', '.join(loops)[:200]}; the tag of one is needed"
+        like = get_close_matches(str(tag), loops, 1, 0.0) or [""]
+        raise RecordError(said, f"--tag {quote((asked or like)[0])}" if any(loops) else "")
+
+    # each as a record, or why it is none
+    records: dict[str, LoopRecord] = {}
+    refused: dict[str, RecordError] = {}
+    for label in asked:
+        table, roles = loops[label]
+        alone = len(loops) == 1 and tag is None and "" in tables
+        name = printable(stem if alone or not label else label)
         try:
-            named = find_loops(names, chosen, where, None if only or len(tables) > 1 else tag)
+            stated = {"tag": name, **table.about, **about}
+            records[name] = _make_record(table, roles, chosen, stated)
         except RecordError as error:
-            raise with_ranges(error, table) from None
-        for name, roles in named.items():
-            label = name or sheet or tag or ""
-            if len(named) == 1 and not sheet and tag is None:
-                label = printable(table.about.get("tag", stem))
-            loops[label if label not in loops else f"{sheet} {label}"] = table, roles
-    mine = {n: f for n, f in loops.items() if len(tables) == 1 or tag is None or is_loop(n, tag)}
-    if not mine or (single and len(mine) > 1):
-        raise several_loops({name: roles for name, (_, roles) in loops.items()}, where)
-    records = {}
-    refused = {}
-    left_out = {role for role, name in chosen.items() if name.lower() == NONE}
-    for label, (table, named) in mine.items():
-        roles = {role: name for role, name in named.items() if role not in left_out}
-        about = {"tag": printable(label or stem), **table.about, **given}
-        try:
-            records[label] = make_record(table.with_separate_notes(), roles, chosen, about)
-        except RecordError as error:
-            refused[label] = (
-                error
-                if where in str(error)
-                else RecordError(f"{where}: {error.sentence}", error.cure)
-            )
+            said = error.sentence if where in str(error) else f"{where}: {error.sentence}"
+            refused[name] = RecordError(said, error.cure)
     return records, refused
+
+
+def _make_record(
+    table: Sheet, roles: Roles, chosen: Mapping[str, str], about: dict[str, Any]
+) -> LoopRecord:
+    """Return the record of one loop of a table, with the notes on all that was done to it."""
+    # columns as numbers and modes
+    where = table.where
+    Ts = about.pop("Ts", None)
+    how = about.pop("resample", None)
+    automatic = about.pop("automatic", True)
+    if how not in (None, times.HELD_VALUES, times.STRAIGHT_LINES):
+        raise ParameterError(
+            f"resample {how!r}: {nearest(str(how), (times.HELD_VALUES, times.STRAIGHT_LINES))}"
+        )
+    if Ts is not None and not 0 < Ts < np.inf:
+        raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
+    refuse_missing(table, roles)
+    for role, name in roles.items():
+        if role not in (MODE, *chosen) and parse(name).word != role:
+            table.notes.append(f"columns: {role.upper()} is {name!r}")
+    names = {role: roles[role] for role in SIGNALS if role in roles}
+    columns = read_numbers(table, names.values())
+    signals = {role: columns[name] for role, name in names.items()}
+    modes = read_modes(table, roles[MODE]) if MODE in roles else None
+    known = np.isfinite(signals["op"]) & np.isfinite(signals["pv"])
+    if known.size < times.SHORTEST:
+        raise RecordError(f"{where}: {known.size} samples; at least {times.SHORTEST} are needed")
+    if not known.any():
+        raise RecordError(f"{where}: no row has both OP and PV; {LAYOUT} groupby(TIME).first()")
+
+    # their times
+    rows = np.arange(signals["pv"].size)
+    if Ts is not None and how is None:
+        t = rows * float(Ts)
+    else:
+        name = find_time(table, chosen, roles)
+        t = times.read_times(table, name)
+        rows = times.order_rows(t, signals, table, name, how is not None)
+        t = t[rows]
+        signals = {role: x[rows] for role, x in signals.items()}
+        modes = None if modes is None else modes[rows]
+    if how is not None:
+        recorded = t
+        t, signals, Ts = times.resample(t, signals, Ts, how, table)
+        last = np.searchsorted(recorded, t, side="right") - 1
+        modes = None if modes is None else modes[last]
+
+    # on an even grid, the longest stretch in automatic alone unless all is asked for
+    meta: dict[str, Any] = {}
+    recorded = t
+    if modes is not None and automatic:
+        kept = _find_automatic(modes, table.notes)
+        meta["automatic"] = float(np.mean(modes != MANUAL))
+        t = t[kept]
+        signals = {role: x[kept] for role, x in signals.items()}
+    step = float(np.median(np.diff(t))) if Ts is None else float(Ts)
+    begin, even = times.fill_gaps(t, signals, step, table)
+    begin += float(t[0])
+    if t[0] > times.CALENDAR:  # events are shared by records of the same time only
+        meta["start"] = begin
+    if Ts is None and step >= _SLOW:
+        slow = f"time: Ts = {step:g} s is slower than such loops are recorded"
+        table.notes.append(f"{slow}; if the times count milliseconds, add --ts {step / 1000:g}")
+    if not automatic:
+        meta["rows"] = np.rint((recorded - begin) / step).astype(int)
+        if modes is not None and (modes == MANUAL).any():
+            middles = begin + (np.arange(even["pv"].size) + 0.5) * step
+            meta["manual"] = modes[np.searchsorted(recorded, middles) - 1] == MANUAL
+
+    # as a record
+    about["meta"] = {**meta, **about.get("meta", {})}
+    _take_span(table, roles, about)
+    record = LoopRecord(Ts=step, **even, **about)
+    return replace(record, notes=(*table.notes, *_check_spans(record, where)))
+
+
+def _find_automatic(modes: np.ndarray, notes: list[str]) -> slice:
+    """Return the longest stretch in automatic or cascade, and say what share of the record either
+    is.
+    """
+    said = ", ".join(
+        f"{m} {np.mean(modes == m):.0%}" for m in ("AUTO", "CAS", MANUAL) if m in modes
+    )
+    runs = runs_of(modes != MANUAL)
+    a, b = max(runs.tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+    if b - a < times.SHORTEST:
+        notes.append(
+            f"mode: {said}: the controller is never in automatic, which says nothing about cycles"
+        )
+        return slice(None)
+    if b - a < modes.size:
+        part = f"judged samples {a} to {b - 1} of {modes.size} ({(b - a) / modes.size:.0%})"
+        said = f"{said}; {part}, the longest stretch in automatic"
+    notes.append(f"mode: {said}")
+    return slice(a, b)
+
+
+def _take_span(table: Sheet, roles: Roles, about: dict[str, Any]) -> None:
+    """Take the span that the unit of OP fixes, or ask for it."""
+    unit = table.units.get(roles["op"]) or parse(roles["op"]).unit
+    if about.get("op_span") is None and unit in _SPANS:
+        lo, hi = _SPANS[unit]
+        if unit != "ma":
+            asked = f"{table.where}: OP is in {unit!r}; which values mean 0 and 100 % is needed"
+            raise RecordError(f"{asked} (op_span)", f"--op-span {lo:g} {hi:g}")
+        about["op_span"] = lo, hi
+        table.notes.append("unit: OP is in mA, 4 to 20 mA taken as 0 to 100 %")
+
+
+def _check_spans(record: LoopRecord, where: str) -> list[str]:
+    """Refuse a span that is another signal's; return notes on samples outside one, and on an OP of
+    unknown unit.
+    """
+    # OP that may be no %; a share of 1 is asked for, as % is 100 times as large
+    notes = []
+    lo = float(record.op.min())
+    hi = float(record.op.max())
+    runs = f"OP runs from {lo:.4g} to {hi:.4g}"
+    if record.op_span is None:
+        if record.op_share:
+            asked = f"{where}: {runs}, a share of 1 or %; which values mean 0 and 100 % is needed"
+            raise RecordError(asked, "--op-span 0 1")
+        if record.op_percent is None:
+            unknown = (
+                "which values mean 0 and 100 % of travel is not known (--op-span LO HI states it)"
+            )
+            notes.append(f"unit: {runs}, which is no %: S and J are in OP units; {unknown}")
+        elif lo < hi <= _SHARE:
+            other = "is a share of 1, sizes are 100 times as large: add --op-span 0 1"
+            notes.append(f"unit: {runs}, taken as %; if it {other}")
+        elif _CURRENT[0] <= lo < hi <= _CURRENT[1]:
+            other = "is in mA, sizes are 6.25 times as large: add --op-span 4 20"
+            notes.append(f"unit: {runs}, taken as %; if it {other}")
+
+    # spans that are given
+    for name in ("op", "pv"):
+        lo, hi = getattr(record, f"{name}_span") or (0.0, 0.0)
+        outside = f"{name.upper()} lies outside {name}_span {lo:g} to {hi:g} in"
+        if (share := record.outside(name)) > MOST_OUTSIDE:
+            x = getattr(record, name)
+            needed = (
+                f"it is {x.min():.4g} to {x.max():.4g}; the values that mean 0 and 100 % are needed"
+            )
+            raise RecordError(f"{where}: {outside} {share:.0%} of the samples, {needed}")
+        if share := record.outside(name, 0.0):
+            notes.append(f"span: {outside} {share:.1%} of the samples")
+    return notes

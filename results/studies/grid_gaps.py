@@ -20,8 +20,7 @@ from joblib import delayed
 
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.folder import read_folder
-from simbench.detectors.records.labels import read_labels
+from simbench.detectors.records.folder import read_folder, read_labels
 from simbench.detectors.report.report import columns
 from simbench.gap.benchmark import measure
 from simbench.gap.benchmark.classifier import tell_apart

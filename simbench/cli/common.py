@@ -204,7 +204,7 @@ def reads(verb: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(verb)
     def asked(**values: Any) -> None:
-        from simbench.detectors.records.roles import column_pairs
+        from simbench.usage import column_pairs
 
         about = {name: values.pop(name, None) for name in _READING}
         about["columns"] = column_pairs(about["columns"])

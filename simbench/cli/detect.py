@@ -77,6 +77,11 @@ def detect(
     Of a folder the first table has one row per loop, ranked by the probability of stiction; loops
     that share an oscillation have the same event number. A file that is no record is listed with
     its reason, and the exit code is 1.
+
+    A record is a table (CSV, text, parquet, Excel, .mat) with a row per time and a column each for
+    op and pv, and for sp, mv, mode and the time where they are recorded; a tag may stand before
+    (FIC9.OP). Several loops have tags in the names of their columns, or a column of loop names.
+    Gaps of up to 3 samples are bridged; of a longer one the longest whole part is judged.
     """
     from simbench.detectors.report.report import describe_failures, table
     from simbench.files import refuse_kind, refuse_own_input
@@ -120,7 +125,7 @@ def detect(
         text = report.as_text(why=why, colour=sys.stdout.isatty())
         _print_text(text.removeprefix("".join(printed)).removeprefix("\n"))
     if labels is not None and report.conclusions:
-        from simbench.detectors.records.labels import read_labels
+        from simbench.detectors.records.folder import read_labels
         from simbench.gap.stiction.by_loop import as_lines
 
         print("\n".join(["", *as_lines(report.conclusions, read_labels(labels))]))

@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.clock import seconds
-from simbench.detectors.records.dialects import words
-from simbench.detectors.records.gaps import JITTER
-from simbench.detectors.records.historian import read_numbers
-from simbench.detectors.records.tables import read_sheet
+from simbench.detectors.records.columns import parse, read_numbers
+from simbench.detectors.records.files import read_texts
+from simbench.detectors.records.times import JITTER, read_times
 from simbench.files import plain_cell, refuse_kind, whole_file
 from simbench.loop.response import valve_response
 
@@ -26,33 +24,31 @@ def valve_file(
     parameters: Mapping[str, Any] | None = None,
 ) -> None:
     """Send the column `op` of a table through one valve model."""
+    # the column of OP, known at every sample
     refuse_kind(out)
-    sheet = read_sheet(Path(source))
-    table = sheet.columns
-    names = {name.lower(): name for name in table}
+    table = read_texts(source)
+    names = {name.lower(): name for name in table.columns}
     if "op" not in names:
-        raise RecordError(f"{source}: no column op; columns are: {', '.join(table)}")
-    op = read_numbers(sheet, [names["op"]], str(source))[names["op"]]
+        raise RecordError(f"{source}: no column op; columns are: {', '.join(table.columns)}")
+    op = read_numbers(table, [names["op"]])[names["op"]]
     empty = np.flatnonzero(np.isnan(op))
     if empty.size:
-        raise RecordError(
-            f"{source}, line {empty[0] + 2}: {names['op']} is empty; a valve needs OP at every"
-            " sample"
-        )
+        where = f"{source}, {table.place(empty[0])}: {names['op']} is empty"
+        raise RecordError(f"{where}; a valve needs OP at every sample")
+
+    # its sampling period, a second where no time is given
     Ts = 1.0
-    time = next((names[name] for name in words("time") if name in names), None)
+    time = next((name for name in table.columns if parse(name).role == "t"), None)
     if time is not None and op.size > 1:
-        step = np.diff(seconds(table[time], time, str(source)))
-        Ts = float(np.median(step))
-        uneven = np.flatnonzero(np.abs(step - Ts) > JITTER * Ts)
+        steps = np.diff(read_times(table, time))
+        Ts = float(np.median(steps))
+        uneven = np.flatnonzero(np.abs(steps - Ts) > JITTER * Ts)
         if uneven.size:
-            at = uneven[0] + 3
-            dt = step[uneven[0]]
-            raise RecordError(
-                f"{source}, line {at}: a time step of {dt:g} s among steps of {Ts:g} s; even steps"
-                " are needed"
-            )
-    columns = {name: cells for name, cells in table.items() if name.lower() != "mv"}
+            where = f"{source}, {table.place(uneven[0] + 1)}: a time step of {steps[uneven[0]]:g} s"
+            raise RecordError(f"{where} among steps of {Ts:g} s; even steps are needed")
+
+    # the table with the position in place of one that it had
+    columns = {name: cells for name, cells in table.columns.items() if name.lower() != "mv"}
     columns["mv"] = valve_response(model, op, parameters or {}, Ts).tolist()
     with whole_file(out) as f:
         writer = csv.writer(f, lineterminator="\n")

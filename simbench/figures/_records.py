@@ -10,7 +10,7 @@ import numpy as np
 from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
-from simbench.detectors.records.isdb import read_loops
+from simbench.detectors.records.matlab import read_loops
 from simbench.detectors.signal.conditioning import band
 from simbench.detectors.signal.oscillation import find_oscillation
 

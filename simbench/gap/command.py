@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from simbench.detectors.errors import ParameterError, RecordError, printable
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.records.folder import read_labels
 from simbench.detectors.records.io import read_record
-from simbench.detectors.records.labels import read_labels
 from simbench.files import picture_kind, refuse_own_input, whole_file
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake.partial import read_baseline

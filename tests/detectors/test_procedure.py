@@ -14,8 +14,7 @@ from simbench.detectors.judge import judge
 from simbench.detectors.methods.procedure import METHOD
 from simbench.detectors.procedure import CONCLUSIONS, FLOW, diagnose
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.records.folder import read_folder
-from simbench.detectors.records.labels import read_labels
+from simbench.detectors.records.folder import read_folder, read_labels
 from simbench.detectors.report.report import score_units
 from simbench.detectors.verdict import VERDICTS
 

@@ -46,7 +46,7 @@ def write(path, times, head: str = "t,op,pv") -> None:
         ("detect self.csv", "does not exist"),
         ("detect rec.csv --plugin self/x.py", ""),
         ("detect pipe.mat", "is needed"),
-        ("detect pipe.csv", "is needed"),
+        ("detect pipe.csv", "are needed"),
         ("simulate pipe.toml -o out.csv", "is needed"),
         ("run pipe.toml -o run", "is needed"),
         ("run smoke -o run --set seed=5_0", "seed"),
@@ -114,7 +114,7 @@ def test_a_file_in_another_alphabet_comes_back_as_a_short_sentence(here):
 @pytest.mark.parametrize("first", [45_000.0, 739_000.0])  # of a spreadsheet, and of MATLAB
 def test_days_are_never_taken_for_seconds(here, first):
     write(here / "days.csv", first + np.arange(900) / 86400, "timestamp,op,pv")
-    refused("detect days.csv", "or 1 s if it counts days", "--ts SECONDS")
+    refused("detect days.csv", "or 1 s if it counts days", "--ts 1")
     assert "Ts = 1 s" in answer_to("detect days.csv --method horch --ts 1")
 
 

@@ -1,0 +1,423 @@
+"""Choose the columns of every loop of a table by their names, and read cells as numbers and modes.
+
+To read the names of another system, add its words to `_NAMES`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+from shlex import quote
+from typing import NamedTuple
+
+import numpy as np
+
+from simbench.detectors.errors import RecordError, nearest, printable
+from simbench.detectors.records.files import Cells, Sheet
+
+SIGNALS = ("sp", "op", "pv", "mv")
+MODE = "mode"
+MANUAL = "MAN"
+NONE = "none"  # in place of a column that is not to be read
+_QUALITY = "quality"
+_ROLES = ("t", *SIGNALS, MODE, _QUALITY)
+# small letters, spaces between the words; a row has a time, may name its loop, and a quality
+_NAMES = {
+    "t": "time, timestamp, time stamp, t stamp, datetime, date time, date and time, date, elapsed,"
+    " last changed",
+    "tag": "tag, tag name, tagname, point, point name, name, loop, loop tag, loop name, entity id",
+    "value": "value, val, state",
+    _QUALITY: "quality, quality code, qc, status, validity, confidence, good, bad",
+    "pv": "pv, process value, process variable, measured value, measurement, meas, pv in",
+    "op": "op, out, output, co, controller output, control output, lmn",
+    "sp": "sp, setpoint, set point, spt, sv",
+    "mv": "mv, valve position, valve pos, position, pos, travel, valve travel, stem position",
+    MODE: "mode, controller mode",
+}
+_ROLE_OF = {word: role for role, words in _NAMES.items() for word in words.split(", ")}
+TIME_UNITS = {
+    **{"ms": 1e-3, "msec": 1e-3, "milliseconds": 1e-3, "s": 1.0, "sec": 1.0, "second": 1.0},
+    **{"seconds": 1.0, "min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0},
+    **{"hour": 3600.0, "hours": 3600.0, "d": 86400.0, "day": 86400.0, "days": 86400.0},
+}
+
+
+def _any_of(*roles: str) -> str:
+    words = sorted((word for word, role in _ROLE_OF.items() if role in roles), key=len)
+    return "|".join(words[::-1])
+
+
+_TIME = re.compile(
+    rf"(?:t|time|timestamp|elapsed)(?: (?P<unit>{'|'.join(TIME_UNITS)}))?"
+    rf"|(?:.* )?(?:{_any_of('t')})"
+)
+_OF_ROW = re.compile(rf"(?P<word>{_any_of('tag', 'value')})|(?:.* )?(?:{_any_of(_QUALITY)})")
+# the tag of a loop, the signal, what a system adds (FIC101/PID1/PV.CV), the unit
+_SIGNAL = re.compile(
+    rf"(?:(?P<loop>.+?) )??(?P<word>{_any_of(*SIGNALS, MODE)})"
+    r"(?: (?:f|cv|value|val|actual|current|raw|avg|mean|last|average))*"
+    r"(?: (?P<unit>pct|percent|%|k?pa|barg?|mbar|psig?|degc|degf|m3 ?h|kg ?h|mm|ma|v|volt|c|m))?"
+)
+# a transmitter or indicator of a position, by the letters of ISA-5.1: ZT1010, ZI-1010, ZIT1010A
+_POSITION = re.compile(r"(?:.* )?z(?:t|i|it) ?\d+[a-z]?(?: pv)?")
+LAYOUT = "a row per time with a column each for OP and PV is needed, which pandas makes by"
+
+_MODES = {
+    "AUTO": "auto, aut, a, automatic, true, on, lsp, local, closed, 1, 8",
+    MANUAL: "man, m, manual, hand, false, off, iman, init, lo, oos, rout, trk, track, open, 0, 16",
+    "CAS": "cas, c, casc, cascade, rcas, bcas, rsp, remote, 2, 3, 4",
+}
+_MODE_OF = {word: mode for mode, words in _MODES.items() for word in words.split(", ")}
+# written in place of a number that is not known
+_NO_VALUE = {
+    *("", "bad", "no data", "nan", "null", "none", "n/a", "#n/a", "na", "-", "--", "---", "?"),
+    *("bad input", "i/o timeout", "comm fail", "calc failed", "pt created", "scan off", "error"),
+}
+_SENTINELS = (-99999.0, -9999.0, -999.25, -999.0, 9999.0, 99999.0)  # the same, as numbers
+_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")  # may be, or have three decimals
+_STAMP = re.compile(r"\d{1,4}[-/.]\w{1,9}[-/.]\d{2,4}|\d:\d\d")
+
+Roles = dict[str, str]  # the column of each signal
+
+
+class Name(NamedTuple):
+    """A column's name taken apart: the signal, the words of its loop, the word for it, the unit."""
+
+    role: str = ""
+    loop: tuple[str, ...] = ()
+    word: str = ""
+    unit: str = ""
+
+
+@lru_cache(4096)
+def parse(name: str) -> Name:
+    """Take the name of a column apart."""
+    text = words_of(name)
+    bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", name)
+    unit = bracket[1].lower() if bracket else ""
+    if found := _TIME.fullmatch(text):
+        return Name("t", unit=unit or found["unit"] or "")
+    if found := _OF_ROW.fullmatch(text):
+        return Name(_ROLE_OF.get(found["word"], _QUALITY))
+    if _POSITION.fullmatch(text):  # what it measures is the valve's, not the process's
+        return Name("mv", (*text.split(),))
+    if found := _SIGNAL.fullmatch(text):
+        loop = (*(found["loop"] or "").split(),)
+        unit = unit or (found["unit"] or "").replace(" ", "")
+        return Name(_ROLE_OF[found["word"]], loop, found["word"], unit)
+    return Name(loop=(*text.split(),), unit=unit)
+
+
+@lru_cache(4096)
+def words_of(name: str) -> str:
+    """Return the words of a name in small letters with spaces between, without such in brackets."""
+    rest = re.sub(r"[\[(][^\])]*[\])]?", " ", name)
+    rest = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z])", " ", rest)  # SetPoint
+    return " ".join(re.findall(r"[^\W_]+|%", rest.casefold()))
+
+
+def is_head(cells: Sequence[str], chosen: Mapping[str, str]) -> bool:
+    """Return whether cells are the header of a record: OP and PV, by their names or as the caller
+    names them, or one of them, or a tag and a value, beside a time.
+    """
+    roles = {parse(cell).role for cell in cells} | {r for r, n in chosen.items() if n in cells}
+    timed = "t" in roles and ({"op", "pv"} & roles or {"tag", "value"} <= roles)
+    return len(cells) > 1 and bool({"op", "pv"} <= roles or timed)
+
+
+def take_samples(table: Sheet, chosen: Mapping[str, str]) -> None:
+    """Join dates with clock times, and leave out what is said of the quality of samples; refuse a
+    layout without a row per time and a column per signal.
+    """
+    # the tag of every value in a column of its own, or a time before each signal
+    roles = {name: parse(name).role for name in table.columns}
+    among = {*roles.values(), *chosen}
+    if {"t", "tag", "value"} <= among and not {"pv", "op"} <= among:
+        raise RecordError(f"{table.where}: a row per time and tag; {LAYOUT} pivot_table")
+    order = [*roles.values()]
+    if {"pv", "op"} <= {role for before, role in pairwise(order) if before == "t"}:
+        raise RecordError(f"{table.where}: signals with times of their own; {LAYOUT} merge_asof")
+
+    # a date and a clock time in two columns
+    words = {words_of(name): name for name in roles}
+    dates, clocks = (table.columns.get(words.get(word, "")) for word in ("date", "time"))
+    if isinstance(dates, list) and isinstance(clocks, list):
+        both = [d if d == c else f"{d} {c}" for d, c in zip(dates, clocks, strict=True)]
+        table.columns[words["time"]] = both
+        del table.columns[words["date"]]
+
+    # what is said of the quality of samples is for the caller to decide
+    for name in [n for n in table.columns if n not in chosen.values()]:
+        said = {str(cell)[:20].strip().lower() for cell in table.columns[name]} - {
+            "",
+            "nan",
+            "none",
+        }
+        if roles[name] != _QUALITY and not {"good", "bad"} <= said:
+            continue
+        if len(said) > 1 and chosen.get(_QUALITY, "").lower() != NONE:
+            kinds = sorted(said)
+            which = f"column {name!r} says {' and '.join(map(repr, kinds[:2]))} of samples"
+            needed = "the bad ones left empty are needed, which pandas makes by mask"
+            raise RecordError(f"{table.where}: {which}; {needed}", "--columns quality=none")
+        table.notes.append(f"quality: column {name!r} counts for nothing")
+        del table.columns[name]
+
+
+def split_by_tag(table: Sheet) -> dict[str, Sheet]:
+    """Take a table apart by the loop that every row names; itself under "" where none does."""
+    names = {parse(name).role: name for name in table.columns}
+    if "tag" not in names or not {"op", "pv"} <= names.keys() or parse(names["op"]).loop:
+        return {"": table}
+    tags = np.array([str(cell).strip() for cell in table.columns.pop(names["tag"])])
+    parts = {tag: _take_rows(table, np.flatnonzero(tags == tag)) for tag in dict.fromkeys(tags)}
+    return parts if len(parts) > 1 else {"": table}
+
+
+def _take_rows(table: Sheet, rows: np.ndarray) -> Sheet:
+    columns = {
+        name: cells[rows] if isinstance(cells, np.ndarray) else [cells[k] for k in rows]
+        for name, cells in table.columns.items()
+    }
+    lines = np.asarray(table.lines)[rows] if len(table.lines) else ()
+    return replace(table, columns=columns, lines=lines, notes=[*table.notes])
+
+
+def find_loops(table: Sheet, chosen: Mapping[str, str]) -> dict[str, Roles]:
+    """Return the loops of a table by tag, or "", with the column of each signal."""
+    # the columns that the caller names, and the others by loop
+    given = _check_chosen(table, chosen)
+    groups: dict[tuple[str, ...], dict[str, list[str]]] = {}
+    for name in table.columns:
+        role, loop, *_ = parse(name)
+        if role in (*SIGNALS, MODE) and name not in given.values():
+            groups.setdefault(loop, {}).setdefault(role, []).append(name)
+
+    # several loops, each with both signals
+    whole = [loop for loop, among in groups.items() if {"op", "pv"} <= among.keys()]
+    if len(whole) > 1 and not {"op", "pv"} & given.keys():
+        return {_tag_of(k, groups[k]["pv"][0]): _pick_each(table, groups[k], {}) for k in whole}
+
+    # one: its own columns, then such as name no loop, or a tag of the same number
+    loop = parse(given["pv"]).loop if "pv" in given else next(iter(whole), ())
+    mine = groups.get(loop, {})
+    more: dict[str, list[str]] = {}
+    for other, among in groups.items():
+        if not loop or not other or _number(other) == _number(loop) != "":
+            for role in among.keys() - mine.keys():
+                more[role] = [*more.get(role, []), *among[role]]
+    roles = _pick_each(table, more | mine, given)
+    one, two = (parse(roles.get(r, "")).loop if r not in given else () for r in ("pv", "op"))
+    if one and two and one != two and _number(one) != _number(two):
+        both = f"{table.where}: {roles['pv']} and {roles['op']} name two loops"
+        raise RecordError(f"{both}; which is PV and which OP is needed", _option(roles, "pv", "op"))
+    return {_tag_of(one, roles["pv"]) if one else "": roles}
+
+
+def _check_chosen(table: Sheet, chosen: Mapping[str, str]) -> Roles:
+    """Return the columns that the caller names, checked."""
+    given: Roles = {}
+    for role, name in chosen.items():
+        if role not in _ROLES:
+            raise RecordError(f"{table.where}: no column is a {role!r}, {nearest(role, _ROLES)}")
+        if name.lower() == NONE and role not in ("t", "op", "pv"):
+            continue
+        if name not in table.columns or role == _QUALITY:
+            known = "none" if role == _QUALITY else nearest(name, table.columns)
+            raise RecordError(f"{table.where}: no column {name!r} for {role}, {known}")
+        if name in given.values():
+            twice = f"{table.where}: column {name!r} is named for two roles"
+            raise RecordError(f"{twice}; each needs a column of its own")
+        given[role] = name
+    return given
+
+
+def _pick_each(table: Sheet, among: Mapping[str, list[str]], given: Roles) -> Roles:
+    """Return one column for each signal of a loop: of the standard name, else the only one."""
+    roles = {role: name for role, name in given.items() if role != "t"}
+    for role in (r for r in (*SIGNALS, MODE) if r in among and r not in given):
+        names = [n for n in among[role] if words_of(n) == role] or among[role]
+        names = [n for n in names if parse(n).word == role] or names
+        if len(names) > 1:
+            which = f"{table.where}: {' or '.join(names)} may be {role.upper()}; one is needed"
+            raise RecordError(which, _option({role: names[0]}, role))
+        roles[role] = names[0]
+    return roles
+
+
+def refuse_missing(table: Sheet, roles: Roles) -> None:
+    """Refuse a loop without OP or PV, with a command that names columns for them: such as move,
+    and do not rise from row to row, as clocks do.
+    """
+    missing = [role for role in ("pv", "op") if role not in roles]
+    if not missing:
+        return
+
+    # such columns
+    free = [roles["mv"]] if missing == ["op"] and parse(roles.get("mv", "")).word == "mv" else []
+    times = [name for name in table.columns if parse(name).role == "t"]
+    for name, cells in table.columns.items():
+        x = np.array([as_float(str(cell).replace(",", ".")) for cell in cells])
+        x = x[np.isfinite(x)]
+        if _rises(x) or name in times:
+            times.append(name)
+        elif x.size and np.ptp(x) > 0 and name not in roles.values():
+            free.append(name)
+    shown = ", ".join([*table.columns][:12])
+    lacks = f"{table.where}: no {missing[0].upper()} column; columns are: {shown}"
+    if len(free) < len(missing):
+        raise RecordError(f"{lacks}; {LAYOUT} merge of several files")
+
+    # as they may be meant
+    likely = {"t": times[0]} if times else {}
+    likely |= dict(zip(missing, free, strict=False))
+    raise RecordError(lacks, _option(likely, *likely))
+
+
+def _option(roles: Roles, *named: str) -> str:
+    return "--columns " + quote(",".join(f"{role}={roles[role]}" for role in named))
+
+
+def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
+    """Return the column of time, by its name or by the stamps that it holds."""
+    # by name, of the whole table before one of a signal
+    if "t" in chosen:
+        return chosen["t"]
+    free = [name for name in table.columns if name not in roles.values()]
+    times = [name for name in free if parse(name).role == "t"]
+    times = [name for name in times if words_of(name).startswith("t")] or times
+    if len(times) > 1:
+        which = f"{table.where}: {' or '.join(times)} may be the time; one is needed"
+        raise RecordError(which, _option({"t": times[0]}, "t"))
+
+    # by what it holds
+    stamped = times or [name for name in free if _STAMP.search(str(table.columns[name][0]))]
+    if stamped:
+        table.notes += [] if times else [f"time: {stamped[0]!r} holds time stamps"]
+        return stamped[0]
+    clocks = [name for name, x in table.columns.items() if _rises(_as_floats(x))]
+    cure = _option({"t": clocks[0]}, "t") if clocks else "--ts 1"
+    lacks = f"{table.where}: no time column (t, time, timestamp) and no sampling period Ts given"
+    if clocks and clocks[0] in roles.values():
+        cure = ""
+        lacks = f"{lacks}; {clocks[0]!r} is given as a signal, and rises as time does"
+    raise RecordError(f"{lacks}; either is needed", cure)
+
+
+def _rises(x: np.ndarray) -> bool:
+    return x.size > 1 and bool(np.all(np.diff(x) > 0))
+
+
+def _tag_of(loop: Sequence[str], name: str) -> str:
+    """Return the tag of a loop as a column writes it."""
+    at = name.casefold().rfind(loop[-1]) if loop else -1
+    return name[: at + len(loop[-1])] if at >= 0 else " ".join(loop)
+
+
+def _number(loop: Iterable[str]) -> str:
+    """Return the number of a tag: of the last word that has one."""
+    digits = [re.sub(r"\D", "", word) for word in loop]
+    return next(filter(None, digits[::-1]), "")
+
+
+def choose_loop(tag: str, labels: Iterable[str]) -> list[str]:
+    """Return the loops of exactly a tag, else those whose path ends with it, else holds it."""
+    asked = f" {words_of(tag)} "
+    among = {label: f" {words_of(label)} " for label in labels}
+    return (
+        [label for label in among if label == tag]
+        or [label for label, words in among.items() if words.endswith(asked)]
+        or [label for label, words in among.items() if asked in words]
+    )
+
+
+def read_numbers(table: Sheet, names: Iterable[str]) -> dict[str, np.ndarray]:
+    """Return columns as numbers, NaN where they are empty, or say "Bad" or the like."""
+    # by all of them together the comma is the decimal sign, or separates thousands
+    names = [*names]
+    texts = [c for n in names for c in table.columns[n] if isinstance(c, str) and "," in c]
+    commas = [text for text in texts if _COMMA.fullmatch(text.strip())]
+    if commas and table.delimiter != ";" and all(map(_THOUSANDS.fullmatch, commas)):
+        two = f"{commas[0].replace(',', '.')} or {commas[0].replace(',', '')}"
+        raise RecordError(f"{table.where}: {commas[0]!r} may be {two}; write points")
+    columns = {name: _as_floats(table.columns[name], bool(commas)) for name in names}
+    for name, x in columns.items():
+        if commas and isinstance(table.columns[name], np.ndarray) and np.any(x % 1 > 0):
+            mixed = f"{commas[0]!r} has a decimal comma, {name} a decimal point"
+            raise RecordError(f"{table.where}: {mixed}; one of them is needed")
+        columns[name] = _without_states(table, name, x)
+    return columns
+
+
+def _without_states(table: Sheet, name: str, x: np.ndarray) -> np.ndarray:
+    """Return a column with NaN for all that says that there is no number; other text is refused."""
+    # words
+    cells = table.columns[name]
+    states: Counter[str] = Counter()
+    for row in np.flatnonzero(~np.isfinite(x)):
+        text = str(cells[row]).strip()
+        if text.lower().strip("*<> ") not in _NO_VALUE:
+            what = f"{table.where}, {table.place(row)}: {name} is {text[:60]!r}"
+            raise RecordError(f"{what}; a number, or nothing for unknown, is needed")
+        states[text] += text not in ("", "nan", "None")
+    for state, count in (+states).items():
+        table.notes.append(f"status: {count} cells of {name} say {state!r} and count as missing")
+
+    # a number far from all others
+    known = x[np.isfinite(x)]
+    for sentinel in _SENTINELS:
+        rest = known[known != sentinel]
+        if 2 < rest.size < known.size and np.abs(rest - sentinel).min() > 10 * max(np.ptp(rest), 1):
+            count = f"status: {known.size - rest.size} cells of {name} hold {sentinel:g}"
+            table.notes.append(f"{count} and count as missing")
+            return np.where(x == sentinel, np.nan, x)
+    return x
+
+
+def _as_floats(cells: Cells, comma: bool = False) -> np.ndarray:
+    """Return cells as numbers, NaN where they are none."""
+    if isinstance(cells, list):
+        return np.array([as_float(cell, comma) for cell in cells], dtype=np.float64)
+    return cells.astype(np.float64) if cells.dtype.kind in "fiu" else np.full(len(cells), np.nan)
+
+
+def as_float(cell: object, comma: bool = False) -> float:
+    """Return a cell as a number, NaN where it is none."""
+    if isinstance(cell, float):
+        return cell
+    text = str(cell)
+    # Python reads 1_000, which no plant writes
+    if "_" in text or (comma and "." in text):
+        return np.nan
+    try:
+        return float(text.replace(",", ".") if comma else text)
+    except ValueError:
+        return np.nan
+
+
+def read_modes(table: Sheet, name: str) -> np.ndarray | None:
+    """Return the mode of every sample, held until the next; None where no word is understood."""
+    # the mode that each word or number means; "AUTO-INIT" and "P-AUTO" mean automatic
+    cells = table.columns[name]
+    said = [f"{c:g}" if isinstance(c, float) else str(c or "").strip() for c in cells]
+    modes = {}
+    for text in {*said}:
+        words = (text.lower(), *re.findall(r"[^-.\s]+", text.lower()))
+        modes[text] = next((_MODE_OF[word] for word in words if word in _MODE_OF), "")
+    known = [k for k, text in enumerate(said) if modes[text]]
+    if not known:
+        table.notes.append(f"mode: {name!r} is not understood and counts for nothing")
+        return None
+
+    # a historian stores a mode when it changes
+    odd = Counter(text for text in said if not modes[text] and text not in ("", "nan"))
+    for text, count in odd.most_common(1):
+        other = f"samples say {printable(text)!r}, which is no mode known here"
+        table.notes.append(f"mode: {count} {other}; the mode before them is taken to last")
+    before = np.searchsorted(known, np.arange(len(said)), side="right") - 1
+    return np.array([modes[said[k]] for k in known])[np.maximum(before, 0)]

@@ -1,0 +1,338 @@
+"""Every file is read right, or refused in one sentence with the options that read it; holes are
+bridged or cut, and that is said.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+
+from simbench.detectors.errors import ParameterError, RecordError
+from simbench.detectors.records.columns import parse, words_of
+from simbench.detectors.records.folder import read_folder, read_labels
+from simbench.detectors.records.io import read_columns, read_record, read_records
+from simbench.usage import column_pairs
+from tests.detectors.records import layouts
+from tests.detectors.records.layouts import LOOPS, OP, PV, SP, TS, K, N, stamps, wide, written
+
+
+@pytest.mark.parametrize("name", layouts.READ)
+def test_a_file_is_read_right_and_what_was_done_is_noted(tmp_path, name):
+    content, suffix, options, note = layouts.READ[name]
+    record = read_record(written(tmp_path, content, suffix), **options)
+    lost = np.isin(K, (40, 41)) if name in ("states", "a number for no data") else K < 0
+    assert record.Ts == pytest.approx(TS, abs=1e-9)
+    assert np.array_equal(record.pv[~lost], PV[~lost])
+    op = record.op if record.op_span is None else record.op_percent
+    assert np.allclose(op, OP, atol=1e-3)
+    assert record.sp is None or np.array_equal(record.sp, SP)
+    assert note in " | ".join(record.notes)
+    assert bool(note) or not record.notes
+
+
+@pytest.mark.parametrize("name", layouts.REFUSED)
+def test_a_file_is_refused_in_one_sentence_with_options_that_read_it(tmp_path, name):
+    content, options, words, cure = layouts.REFUSED[name]
+    file = written(tmp_path, content, "csv")
+    with pytest.raises(RecordError, match=words) as caught:
+        read_record(file, **options)
+    assert str(file) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert caught.value.cure == cure
+    if cure and "SECONDS" not in cure:
+        assert read_record(file, **{**options, **options_of(cure)}).n > 100
+
+
+def options_of(cure):
+    """Return the options of a command as those of a function."""
+    option, *values = shlex.split(cure)
+    return {
+        "--columns": lambda: {"columns": column_pairs(values)},
+        "--tag": lambda: {"tag": values[0]},
+        "--ts": lambda: {"Ts": float(values[0])},
+        "--resample": lambda: {"resample": values[0]},
+        "--op-span": lambda: {"op_span": (float(values[0]), float(values[1]))},
+    }[option]()
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("FIC101.PV", ("pv", ("fic101",))),
+        ("[default]U1/FIC101/OUT.CV", ("op", ("u1", "fic101"))),
+        ("feed_flow_sp", ("sp", ("feed", "flow"))),
+        ("ZT1010.PV", ("mv", ("zt1010", "pv"))),
+        ("valve travel (%)", ("mv", ())),
+        ("FIC101 MODE.ACTUAL", ("mode", ("fic101",))),
+        ("Elapsed Time (min)", ("t", ())),
+        ("FIC101.PV.Quality", ("quality", ())),
+        ("Flow", ("", ("flow",))),
+    ],
+)
+def test_the_name_of_a_column_says_the_signal_and_the_loop(name, found):
+    assert parse(name)[:2] == found
+    assert words_of(name) == words_of(name.upper())
+
+
+HOLES = {
+    "three samples": (slice(10, 13), N, 0, "3 of 300 samples of PV missing, bridged"),
+    "four samples": (slice(10, 14), N - 14, 14, "judged samples 14 to 299 of 300"),
+}
+
+
+@pytest.mark.parametrize("by_row", [False, True])
+@pytest.mark.parametrize("name", HOLES)
+def test_short_holes_are_bridged_and_long_ones_split(tmp_path, name, by_row):
+    hole, n, start, note = HOLES[name]
+    pv = PV.astype(object)
+    pv[hole] = ""
+    lines = wide("t,op,pv", TS * K, OP, pv).splitlines()
+    kept = [line for line in lines if not (by_row and line.endswith(","))]
+    record = read_record(written(tmp_path, "\n".join(kept), "csv"))
+    assert record.n == n
+    assert np.array_equal(record.op[5:], OP[start + 5 :]) or by_row
+    assert note in " | ".join(record.notes)
+    if n == N:
+        assert np.allclose(record.pv[9:14], np.linspace(PV[9], PV[13], 5))
+
+
+@pytest.mark.parametrize("name", ["sp", "mv"])
+@pytest.mark.parametrize(
+    ("hole", "n", "known"),
+    [(slice(80, 83), 300, True), (slice(80, 84), 216, True), (slice(100, 220), 300, False)],
+)
+def test_holes_of_sp_and_mv_split_unless_that_costs_half_of_the_record(
+    tmp_path, name, hole, n, known
+):
+    x = (K % 9).astype(object)
+    x[hole] = ""
+    record = read_record(written(tmp_path, wide(f"t,op,pv,{name}", K, OP, PV, x), "csv"))
+    assert (record.n, getattr(record, name) is not None) == (n, known)
+    assert np.array_equal(record.pv, PV[N - n :])
+    assert all(note.startswith("gaps") for note in record.notes)
+
+
+def test_a_set_point_holds_its_value_and_an_empty_one_is_unknown(tmp_path):
+    sp = np.where(K < 20, "10", np.where(K < 22, "", "12"))
+    record = read_record(written(tmp_path, wide("t,op,pv,sp", K, OP, PV, sp), "csv"))
+    assert record.sp is not None
+    assert np.array_equal(record.sp, np.where(K < 22, 10.0, 12.0))
+    empty = read_record(written(tmp_path, wide("t,op,pv,sp", K, OP, PV, [""] * N), "csv"))
+    assert (empty.sp, empty.notes) == (None, ())
+
+
+def test_a_time_step_that_differs_is_noted(tmp_path):
+    t = K + 0.3 * (K > 100)
+    record = read_record(written(tmp_path, wide("t,op,pv", t, OP, PV), "csv"))
+    assert record.n == N
+    assert "1 of 299 time steps differ from Ts = 1 s" in record.notes[0]
+    t = K + 0.002 * (-1.0) ** K
+    assert read_record(written(tmp_path, wide("t,op,pv", t, OP, PV), "csv")).notes == ()
+
+
+def test_samples_at_uneven_times_are_resampled_where_that_is_asked_for():
+    t = np.sort(np.random.default_rng(1).choice(1500, 900, replace=False)).astype(float)
+    table = {"t": t, "op": 50 + np.sin(t / 20), "pv": 20 + np.cos(t / 20)}
+    linear = read_columns(table, resample="linear")
+    assert linear.Ts == 1.0
+    assert np.allclose(linear.op, 50 + np.sin((t[0] + linear.t) / 20), atol=0.05)
+    assert "900 samples at uneven times on a grid of 1 s" in linear.notes[0]
+    held = read_columns(table, resample="held", Ts=2.0)
+    last = np.searchsorted(t, t[0] + held.t, side="right") - 1
+    assert np.array_equal(held.pv, table["pv"][last])
+    with pytest.raises(ParameterError, match="did you mean 'linear'"):
+        read_columns(table, resample="linea")
+
+
+def test_of_rows_with_equal_times_the_last_holds():
+    t = np.sort(np.random.default_rng(2).choice([*range(0, 900, 3), *range(200)], 420))
+    values = np.arange(420.0) % 17
+    table = {"t": t, "op": values, "pv": 2 * values}
+    with pytest.raises(RecordError, match="does not rise") as refused:
+        read_columns(table)
+    assert refused.value.cure == "--resample held"
+    record = read_columns(table, resample="held")
+    last = np.searchsorted(t, t[0] + record.t, side="right") - 1
+    assert np.array_equal(record.op, values[last])
+
+
+@pytest.mark.parametrize(
+    ("automatic", "manual"),
+    [("AUTO", "MAN"), ("RCAS", "Hand"), ("P-AUTO", "IMAN"), (1, 0), (8, 16)],
+)
+def test_the_longest_stretch_in_automatic_is_judged(tmp_path, automatic, manual):
+    modes = [manual] * 60 + [automatic] * 200 + [manual] * 10 + [automatic] * 30
+    file = written(tmp_path, wide("Time,PV,OP,Mode", stamps(), PV, OP, modes), "csv")
+    record = read_record(file)
+    assert np.array_equal(record.pv, PV[60:260])
+    assert "MAN 23%; judged samples 60 to 259 of 300 (67%)" in record.notes[0]
+    whole = read_record(file, automatic=False)
+    assert whole.n == N
+    assert np.array_equal(np.flatnonzero(whole.meta["manual"]), [*range(60), *range(260, 270)])
+
+
+def test_words_that_are_no_mode_are_noted(tmp_path):
+    some = ["AUTO"] * 280 + ["UNKNOWN"] * 20
+    for modes, note in ((some, "20 samples say 'UNKNOWN'"), (["x"] * N, "is not understood")):
+        file = written(tmp_path, wide("t,op,pv,mode", K, OP, PV, modes), "csv")
+        assert note in read_record(file).notes[0]
+
+
+def test_every_loop_of_a_file_is_a_record(tmp_path):
+    records, refused = read_records(written(tmp_path, LOOPS, "csv"))
+    assert (list(records), refused) == (["FIC101", "LIC7"], {})
+    assert np.array_equal(records["LIC7"].op, PV)
+
+
+def test_what_a_matlab_file_states_of_its_loops_is_read(tmp_path):
+    loop = {"PV": PV, "OP": OP, "SP": 1210.0, "Ts": 2, "Type": 1, "Comments": "Level control"}
+    other = {**loop, "Type": "Flow", "Comments": ["FC145", "stiction"]}
+    bad = {**loop, "OP": OP[:3]}
+    content = layouts.mat(
+        cdata={"chemicals": {"loop1": loop, "loop2": other}, "mining": {"loop1": bad}}
+    )
+    records, refused = read_folder(written(tmp_path, content, "mat"))
+    one, two = records["chemicals.loop1"], records["chemicals.loop2"]
+    assert (one.kind, one.process, one.Ts, one.tag) == (
+        "level",
+        "integrating",
+        2.0,
+        "chemicals.loop1",
+    )
+    assert one.sp is not None
+    assert np.all(one.sp == 1210)
+    assert (two.kind, two.process) == ("flow", None)
+    assert "no OP column" in refused["mining.loop1"]
+
+
+def test_the_range_of_a_record_is_never_proposed_as_that_of_its_valve():
+    for op, words in ((OP / 10 - 9, "--op-span LO HI"), (4 + 0.16 * OP, "--op-span 4 20")):
+        record = read_columns({"op": op, "pv": PV}, Ts=1.0)
+        assert words in record.notes[-1]
+    assert read_columns({"op": 40.95 * OP, "pv": PV}, Ts=1.0).S_unit == "OP units"
+
+
+def test_a_span_that_is_another_signals_is_refused_and_samples_outside_are_noted():
+    with pytest.raises(RecordError, match="PV lies outside pv_span 0 to 100"):
+        read_columns({"op": OP, "pv": PV}, Ts=1.0, pv_span=(0, 100))
+    record = read_columns({"op": OP, "pv": PV}, Ts=1.0, op_span=(0, OP.max() - 0.01))
+    assert "span: OP lies outside" in record.notes[0]
+
+
+def test_a_table_of_loops_states_what_the_file_does_not(tmp_path):
+    file = written(tmp_path, wide("Time,A,B,C,D", *layouts.TWO), "csv")
+    table = tmp_path / "plant.toml"
+    table.write_text(
+        '[[loop]]\ntag = "FIC1"\nkind = "flow"\nop_span = [0, 200]\ncolumns = {pv = "A", op ='
+        ' "B"}\n[[loop]]\ntag = "LIC2"\ncolumns = {pv = "C", op = "D"}\n'
+    )
+    flow = read_records(file, loops=table)[0]["FIC1"]
+    assert (flow.kind, flow.op_span, flow.tag) == ("flow", (0.0, 200.0), "FIC1")
+    assert np.array_equal(read_record(file, loops=table, tag="LIC2").pv, OP)
+    for text, words in (
+        ('[[loop]]\ntag = "A"\nknd = "flow"\n', "unknown key 'knd', did you mean 'kind'"),
+        ('[[loop]]\nkind = "flow"\n', "a tag is needed"),
+        (
+            '[[loop]]\ntag = "A"\nop_span = [1]\ncolumns = {pv = "A", op = "B"}',
+            "op_span = .1.; two",
+        ),
+        ("loop = 3", "it has loop"),
+        ("[[", "is no TOML"),
+    ):
+        table.write_text(text)
+        with pytest.raises(RecordError, match=words):
+            read_record(file, loops=table)
+
+
+def test_a_tag_names_the_loop_of_a_file_whose_columns_name_none_but_not_of_every_file(tmp_path):
+    file = written(tmp_path, layouts.named("PV", "OP"), "csv")
+    record = read_record(file, tag="FIC1")
+    assert record.tag == "FIC1"
+    assert "tag: no column names a loop; the only one is read as FIC1" in record.notes
+    with pytest.raises(RecordError, match="no column of loop 'FIC1'"):
+        read_folder(tmp_path, tag="FIC1")
+    table = tmp_path / "plant.toml"
+    table.write_text('[[loop]]\ntag = "FIC1"\n[[loop]]\ntag = "LIC2"\n')
+    assert set(read_records(file, loops=table)[1]) == {"FIC1", "LIC2"}
+    table.write_text(f'[[loop]]\ntag = "FIC1"\nfile = "{file.name}"\n')
+    assert np.array_equal(read_records(file, loops=table)[0]["FIC1"].pv, PV)
+
+
+def test_what_the_caller_knows_reaches_the_record(tmp_path):
+    known = {"kind": "diff_pressure", "process": "integrating", "op_span": (0, 200), "Ts": 7.0}
+    record = read_record(written(tmp_path, layouts.named("PV", "OP"), "csv"), **known)
+    got = record.kind, record.process, record.op_span, record.Ts
+    assert got == ("pressure", "integrating", (0, 200), 7.0)
+    for Ts in (0, -1, np.nan):
+        with pytest.raises(RecordError, match="sampling period must be a number above 0"):
+            read_columns({"op": OP, "pv": PV}, Ts=Ts)
+
+
+def test_a_folder_keeps_good_records_and_names_the_others(tmp_path):
+    for name in ("a.csv", "a.txt", "b.csv"):
+        (tmp_path / name).write_text(layouts.named("PV", "OP"))
+    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
+    records, refused = read_folder(tmp_path, each={"b": {"kind": "flow"}})
+    assert list(records) == ["a.csv", "a.txt", "b"]
+    assert records["b"].kind == "flow"
+    assert "no PV column" in refused["other"]
+    assert list(read_folder(tmp_path, names=["b"])[0]) == ["b"]
+    (tmp_path / "empty").mkdir()
+    for place, words in (
+        (tmp_path / "empty", "no loop record found"),
+        (tmp_path / "no", "does not exist"),
+    ):
+        with pytest.raises(RecordError, match=words):
+            read_folder(place)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes")
+def test_a_file_name_that_is_no_text_costs_nothing_but_its_beauty(tmp_path):
+    for name in (b"good", b"n\xff", b"e\x1b[31m", "r\u202e".encode()):
+        (tmp_path / os.fsdecode(name + b".csv")).write_text(layouts.named("PV", "OP"))
+    records, refused = read_folder(tmp_path)
+    assert (sorted(records), refused) == (["e\\x1b[31m", "good", "n\\udcff", "r\\u202e"], {})
+    assert sorted(r.tag for r in records.values()) == sorted(records)
+
+
+def test_labels_are_read_with_underscores_as_hyphens(tmp_path):
+    file = tmp_path / "labels.csv"
+    file.write_text("id,label,type,dynamics\na,stiction,diff_pressure,self_regulating\n7,,none,\n")
+    one, two = read_labels(file).values()
+    assert (one["kind"], one["process"], one["unit_group"]) == (
+        "diff-pressure",
+        "self-regulating",
+        "a",
+    )
+    assert (two["kind"], two["process"], two["loop"], two["label"]) == ("", "", "7", "")
+    for text, words in (
+        ("name,label\na,1\n", "needs the columns id"),
+        ("id,label\na,stikton\n", "line 2: label"),
+    ):
+        file.write_text(text)
+        with pytest.raises(RecordError, match=words):
+            read_labels(file)
+
+
+def test_a_large_parquet_file_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    file = tmp_path / "rec.parquet"
+    pd.DataFrame({"t": np.arange(400.0), "op": 50.0, "pv": 20.0}).to_parquet(file)
+    monkeypatch.setattr("simbench.detectors.records.files.MOST_UNPACKED", 100)
+    monkeypatch.setattr(parquet, "read_table", lambda *path, **how: pytest.fail("it was read"))
+    with pytest.raises(RecordError, match="unpacks to"):
+        read_record(file)
+
+
+def test_a_text_that_repeats_in_a_parquet_file_is_kept_once(tmp_path):
+    n = 400_000
+    text = pa.DictionaryArray.from_arrays(np.zeros(n, dtype=np.int32), ["y" * 100_000])
+    signals = {"t": np.arange(n), "op": np.arange(n) % 50, "pv": np.arange(n) % 20}
+    parquet.write_table(pa.table({**signals, "note": text}), tmp_path / "rec.parquet")
+    assert read_record(tmp_path / "rec.parquet").n == n  # 40 GB, each text for itself
