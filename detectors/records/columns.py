@@ -152,17 +152,15 @@ def take_samples(table: Sheet, chosen: Mapping[str, str]) -> None:
         del table.columns[words["date"]]
 
     # what is said of the quality of samples is for the caller to decide
-    for name in [n for n in table.columns if n not in chosen.values()]:
-        said = {str(cell)[:20].strip().lower() for cell in table.columns[name]} - {
-            "",
-            "nan",
-            "none",
-        }
-        if roles[name] != _QUALITY and not {"good", "bad"} <= said:
+    for name, cells in [*table.columns.items()]:
+        by_name = parse(name).role == _QUALITY
+        if name in chosen.values() or not (by_name or isinstance(cells, list)):
+            continue
+        said = {str(cell)[:20].strip().lower() for cell in cells} - {"", "nan", "none"}
+        if not by_name and not {"good", "bad"} <= said:
             continue
         if len(said) > 1 and chosen.get(_QUALITY, "").lower() != NONE:
-            kinds = sorted(said)
-            which = f"column {name!r} says {' and '.join(map(repr, kinds[:2]))} of samples"
+            which = f"column {name!r} says {' and '.join(map(repr, sorted(said)[:2]))} of samples"
             needed = "the bad ones left empty are needed, which pandas makes by mask"
             raise RecordError(f"{table.where}: {which}; {needed}", "--columns quality=none")
         table.notes.append(f"quality: column {name!r} counts for nothing")
@@ -339,19 +337,20 @@ def choose_loop(tag: str, labels: Iterable[str]) -> list[str]:
 def read_numbers(table: Sheet, names: Iterable[str]) -> dict[str, np.ndarray]:
     """Return columns as numbers, NaN where they are empty, or say "Bad" or the like."""
     # by all of them together the comma is the decimal sign, or separates thousands
-    names = [*names]
-    texts = [c for n in names for c in table.columns[n] if isinstance(c, str) and "," in c]
-    commas = [text for text in texts if _COMMA.fullmatch(text.strip())]
+    columns = {name: table.columns[name] for name in names}
+    texts = [c for cells in columns.values() if isinstance(cells, list) for c in cells]
+    commas = [str(text) for text in texts if _COMMA.fullmatch(str(text).strip())]
     if commas and table.delimiter != ";" and all(map(_THOUSANDS.fullmatch, commas)):
         two = f"{commas[0].replace(',', '.')} or {commas[0].replace(',', '')}"
         raise RecordError(f"{table.where}: {commas[0]!r} may be {two}; write points")
-    columns = {name: _as_floats(table.columns[name], bool(commas)) for name in names}
-    for name, x in columns.items():
-        if commas and isinstance(table.columns[name], np.ndarray) and np.any(x % 1 > 0):
+    read = {}
+    for name, cells in columns.items():
+        x = _as_floats(cells, bool(commas))
+        if commas and isinstance(cells, np.ndarray) and np.any(x % 1 > 0):
             mixed = f"{commas[0]!r} has a decimal comma, {name} a decimal point"
             raise RecordError(f"{table.where}: {mixed}; one of them is needed")
-        columns[name] = _without_states(table, name, x)
-    return columns
+        read[name] = _without_states(table, name, x)
+    return read
 
 
 def _without_states(table: Sheet, name: str, x: np.ndarray) -> np.ndarray:
@@ -383,7 +382,7 @@ def _as_floats(cells: Cells, comma: bool = False) -> np.ndarray:
     """Return cells as numbers, NaN where they are none."""
     if isinstance(cells, list):
         return np.array([as_float(cell, comma) for cell in cells], dtype=np.float64)
-    return cells.astype(np.float64) if cells.dtype.kind in "fiu" else np.full(len(cells), np.nan)
+    return np.asarray(cells, float) if cells.dtype.kind in "fiu" else np.full(len(cells), np.nan)
 
 
 def as_float(cell: object, comma: bool = False) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import zipfile
+from array import array
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, islice
@@ -186,17 +187,13 @@ def _read_text(path: Path, is_head: IsHead) -> Sheet:
 
 def _find_head(lines: list[str], is_head: IsHead) -> tuple[str, int]:
     """Return the separator and the place of the line that names signals, else of the first."""
-    best = (" ", 0)
-    most = 1
+    marks = ",;\t| "
     for k, line in enumerate(lines):
-        for mark in ",;\t| ":
-            row = next(csv.reader([line], delimiter=mark, skipinitialspace=True), [])
-            if is_head(row):
+        for mark in marks:
+            cells = [cell.strip(' "\r\n') for cell in line.split(mark)]
+            if is_head([cell for cell in cells if cell]):
                 return mark, k
-            if k == 0 and len(row) > most:
-                best = (mark, k)
-                most = len(row)
-    return best
+    return max(marks[:4], key="".join(lines[:1]).count) if lines else " ", 0
 
 
 def _build(where: str, rows: Iterator[Row], above: int) -> Sheet:
@@ -230,7 +227,7 @@ def _build(where: str, rows: Iterator[Row], above: int) -> Sheet:
         notes.append(f"file: line {line} taken as units or descriptions: {said}")
 
     # the samples, in arrays where they are numbers
-    lines: list[int] = []
+    lines = array("q")
     parts: list[list[Cells]] = [[] for _ in names]
     samples = _check_rows(where, rows, len(names), head, lines)
     while chunk := [*islice(samples, 1 + _CHUNK // len(names))]:
@@ -241,13 +238,13 @@ def _build(where: str, rows: Iterator[Row], above: int) -> Sheet:
 
 
 def _check_rows(
-    where: str, rows: Iterator[Row], size: int, head: list[str], lines: list[int]
+    where: str, rows: Iterator[Row], size: int, head: list[str], lines: array
 ) -> Iterator[list[str]]:
     """Yield the cells of rows, and add the lines on which they stand; a header may be repeated."""
     for row, line in rows:
-        if row[:size] == head:  # exports one after the other
+        if row == head:  # exports one after the other
             continue
-        if len(row) < size or any(map(str.strip, row[size:])):
+        if len(row) != size and (len(row) < size or any(map(str.strip, row[size:]))):
             needed = f"the header has {size}, as many are needed"
             raise RecordError(f"{where}, line {line}: {len(row)} cells; {needed}")
         lines.append(line)

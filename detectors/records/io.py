@@ -37,7 +37,7 @@ from simbench.detectors.records.columns import (
 from simbench.detectors.records.files import Sheet, read_tables, table_of
 from simbench.detectors.signal.holds import runs_of
 
-Records = tuple[dict[str, LoopRecord], dict[str, RecordError]]
+Found = dict[str, LoopRecord | RecordError]  # each loop, or why it is no record
 
 # what a row of a table of loops may state of a record, and where to find it or what it is called
 _OF_RECORD = ("columns", "op_span", "pv_span", "kind", "process", "Ts", "resample")
@@ -110,14 +110,12 @@ def read_record(
     >>> _ = file.write_text("t_s,OP,PV\\n0,50,1.0\\n2,51,\\n4,52,1.4\\n6,52,1.5\\n8,52,1.6\\n")
     >>> record = read_record(file, kind="flow")
     >>> record.Ts, record.pv.tolist(), record.notes
-    (2.0, [1.0, 1.2, 1.4, 1.5, 1.6], ('gaps: 1 of 5 samples missing, bridged by straight lines',))
+    (2.0, [1.0, 1.2, 1.4, 1.5, 1.6], ('gaps: 1 of 5 samples of PV missing, bridged',))
     """
-    path = Path(path)
     given = {"columns": columns, "Ts": Ts, "automatic": automatic, **about}
-    for row in read_loop_table(loops) if loops is not None else []:
-        if (tag is None and row.get("file", path.name) == path.name) or row["tag"] == tag:
-            return _read_row(path, row, given, tag is not None)
-    return _only(_read_file(path, tag, given, single=True))
+    found = _read(Path(path), tag, loops, given)
+    read = {name: one for name, one in found.items() if isinstance(one, LoopRecord)}
+    return _only(read or found if loops else found, str(path))
 
 
 def read_columns(
@@ -127,28 +125,47 @@ def read_columns(
     `read_record` reads a file.
     """
     given = {"columns": columns, **about}
-    return _only(_read_loops({"": table_of(table, "table")}, tag, given, "", single=True))
+    return _only(_read_loops({"": table_of(table, "table")}, tag, given, ""), "table")
 
 
 def read_records(
     path: str | Path, *, tag: str | None = None, loops: str | Path | None = None, **given: Any
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
     """Read every loop of a file: records by tag, and of what is refused the sentence."""
-    path = Path(path)
-    if loops is None:
-        records, refused = _read_file(path, tag, given)
-        if not records:
-            raise next(iter(refused.values()))
-        return records, {name: str(error) for name, error in refused.items()}
-    records = {}
-    refusals = {}
-    for row in read_loop_table(loops):
-        if row.get("file", path.name) == path.name and tag in (None, row["tag"]):
-            try:
-                records[row["tag"]] = _read_row(path, row, given)
-            except RecordError as error:
-                refusals[row["tag"]] = str(error)
-    return records, refusals
+    found = _read(Path(path), tag, loops, given)
+    records = {name: one for name, one in found.items() if isinstance(one, LoopRecord)}
+    if not records and loops is None:
+        _only(dict([*found.items()][:1]), str(path))
+    return records, {name: str(one) for name, one in found.items() if name not in records}
+
+
+def _read(path: Path, tag: str | None, loops: str | Path | None, given: Mapping[str, Any]) -> Found:
+    """Return what a file holds by tag, with what a table of loops states of each."""
+    found: Found = {}
+    for row in [] if loops is None else read_loop_table(loops):
+        if row.get("file", path.name) != path.name or tag not in (None, row["tag"]):
+            continue
+        about = {key: row[key] for key in _OF_RECORD if key in row}
+        about |= {key: value for key, value in given.items() if value is not None}
+        own = None if "columns" in row else row["tag"]
+        try:
+            # where nothing names the file, its columns must name the tag
+            loop = _only(_read_file(path, own, about, tag is None and "file" not in row), "")
+            found[row["tag"]] = replace(loop, tag=row["tag"])
+        except RecordError as error:
+            found[row["tag"]] = error
+    return found or _read_file(path, tag, given)
+
+
+def _only(found: Found, where: str) -> LoopRecord:
+    """Return the only loop that was found, or raise why there is none, or which there are."""
+    name, one = next(iter(found.items()))
+    if len(found) > 1:
+        several = f"{where}: {len(found)} loops: {', '.join(found)[:200]}"
+        raise RecordError(f"{several}; the tag of one is needed", f"--tag {quote(name)}")
+    if isinstance(one, RecordError):
+        raise one
+    return one
 
 
 def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
@@ -176,25 +193,10 @@ def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _read_row(path: Path, row: Mapping[str, Any], given: Mapping[str, Any], named: bool = False):
-    """Return the loop of a table's row; where neither row nor caller (`named`) names the file, its
-    columns must name the tag.
-    """
-    about = {key: row[key] for key in _OF_RECORD if key in row}
-    about |= {key: value for key, value in given.items() if value is not None}
-    tag = None if "columns" in row else row["tag"]
-    loops = _read_file(path, tag, about, single=True, in_columns=not named and "file" not in row)
-    return replace(_only(loops), tag=row["tag"])
-
-
-def _only(loops: Records) -> LoopRecord:
-    for error in loops[1].values():
-        raise error
-    return next(iter(loops[0].values()))
-
-
-def _read_file(path: Path, tag: str | None, given: Mapping[str, Any], **how: bool) -> Records:
-    """Return the records of a file by tag, and what was refused."""
+def _read_file(
+    path: Path, tag: str | None, given: Mapping[str, Any], inside: bool = False
+) -> Found:
+    """Return what a file holds by tag."""
     chosen = given.get("columns") or {}
     if path.suffix.lower() == ".mat":
         from simbench.detectors.records.matlab import read_loops
@@ -202,7 +204,7 @@ def _read_file(path: Path, tag: str | None, given: Mapping[str, Any], **how: boo
         tables = read_loops(path)
     else:
         tables = read_tables(path, lambda cells: is_head(cells, chosen))
-    return _read_loops(tables, tag, given, path.stem, **how)
+    return _read_loops(tables, tag, given, path.stem, inside)
 
 
 def _read_loops(
@@ -210,13 +212,10 @@ def _read_loops(
     tag: str | None,
     given: Mapping[str, Any],
     stem: str,
-    single: bool = False,
-    in_columns: bool = False,
-) -> Records:
-    """Return the records of tables by tag, and what was refused; of `single` only one is asked for.
-
-    A tag names the only loop where no column names one, unless it must stand `in_columns`; `stem`
-    names a loop that nothing else does.
+    inside: bool = False,
+) -> Found:
+    """Return what tables hold by tag; a tag names the only loop where no column names one, unless
+    it must stand `inside`, and `stem` one that nothing else names.
     """
     # the loops that the columns name
     about = {key: value for key, value in given.items() if value is not None}
@@ -233,30 +232,28 @@ def _read_loops(
     # those that are asked for
     where = next(iter(tables.values())).where
     asked = [*loops] if tag is None else choose_loop(tag, loops)
-    if not asked and [*loops] == [""] and not in_columns:
+    if not asked and [*loops] == [""] and not inside:
         loops[""][0].notes.append(f"tag: no column names a loop; the only one is read as {tag}")
         asked = [""]
         stem = str(tag)
-    if not asked or (single and len(asked) > 1):
-        many = f"{len(asked)} loops" if asked else f"no column of loop {tag!r}; loops"
-        said = f"{where}: {many}: {', '.join(loops)[:200]}; the tag of one is needed"
-        like = get_close_matches(str(tag), loops, 1, 0.0) or [""]
-        raise RecordError(said, f"--tag {quote((asked or like)[0])}" if any(loops) else "")
+    if not asked:
+        lacks = f"{where}: no column of loop {tag!r}; loops are: {', '.join(loops)[:200]}"
+        (like,) = get_close_matches(str(tag), loops, 1, 0.0)
+        raise RecordError(lacks, f"--tag {quote(like)}" if like else "")
 
     # each as a record, or why it is none
-    records: dict[str, LoopRecord] = {}
-    refused: dict[str, RecordError] = {}
+    found: Found = {}
     for label in asked:
         table, roles = loops[label]
         alone = len(loops) == 1 and tag is None and "" in tables
         name = printable(stem if alone or not label else label)
         try:
             stated = {"tag": name, **table.about, **about}
-            records[name] = _make_record(table, roles, chosen, stated)
+            found[name] = _make_record(table, roles, chosen, stated)
         except RecordError as error:
             said = error.sentence if where in str(error) else f"{where}: {error.sentence}"
-            refused[name] = RecordError(said, error.cure)
-    return records, refused
+            found[name] = RecordError(said, error.cure)
+    return found
 
 
 def _make_record(
