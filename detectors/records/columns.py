@@ -260,7 +260,9 @@ def refuse_missing(table: Sheet, roles: Roles) -> None:
     free = [roles["mv"]] if missing == ["op"] and parse(roles.get("mv", "")).word == "mv" else []
     times = [name for name in table.columns if parse(name).role == "t"]
     for name, cells in table.columns.items():
-        x = np.array([as_float(str(cell).replace(",", ".")) for cell in cells])
+        if isinstance(cells, list):  # whatever the decimal sign
+            cells = [str(cell).replace(",", ".") for cell in cells]
+        x = _as_floats(cells)
         x = x[np.isfinite(x)]
         if _rises(x) or name in times:
             times.append(name)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import csv
-import zipfile
 from array import array
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -117,6 +116,8 @@ def _read_parquet(path: Path) -> Sheet:
 
 def _read_workbook(path: Path, is_head: IsHead) -> dict[str, Sheet]:
     """Read the sheets that have a header, or the first, from their header on."""
+    import zipfile
+
     import pandas as pd
 
     # what no sheet can be read of, or too large a one

@@ -4,7 +4,6 @@ a file that cannot be read gives one clear sentence.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
@@ -47,9 +46,7 @@ _SPANS = {
     **{"ma": (4.0, 20.0), "v": (1.0, 5.0), "volt": (1.0, 5.0), "bar": (0.2, 1.0)},
     **{"kpa": (20.0, 100.0), "psi": (3.0, 15.0), "psig": (3.0, 15.0), "counts": (0.0, 4095.0)},
 }
-_SHARE = 1.1  # what an output that is a share of 1 may read, 10 % over its range
 _CURRENT = (3.5, 20.6)  # what an output of 4 to 20 mA may read
-_SLOW = 900.0  # s; a sampling period at which nobody records a loop for its control
 
 
 def read_record(
@@ -170,6 +167,8 @@ def _only(found: Found, where: str) -> LoopRecord:
 
 def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
     """Return what a TOML file states of each loop, one dict each, checked."""
+    import tomllib
+
     # [[loop]] tables and nothing else
     needed = "[[loop]] tables, one a tag, are needed"
     try:
@@ -315,9 +314,6 @@ def _make_record(
     begin += float(t[0])
     if t[0] > times.CALENDAR:  # events are shared by records of the same time only
         meta["start"] = begin
-    if Ts is None and step >= _SLOW:
-        slow = f"time: Ts = {step:g} s is slower than such loops are recorded"
-        table.notes.append(f"{slow}; if the times count milliseconds, add --ts {step / 1000:g}")
     if not automatic:
         meta["rows"] = np.rint((recorded - begin) / step).astype(int)
         if modes is not None and (modes == MANUAL).any():
@@ -382,9 +378,6 @@ def _check_spans(record: LoopRecord, where: str) -> list[str]:
                 "which values mean 0 and 100 % of travel is not known (--op-span LO HI states it)"
             )
             notes.append(f"unit: {runs}, which is no %: S and J are in OP units; {unknown}")
-        elif lo < hi <= _SHARE:
-            other = "is a share of 1, sizes are 100 times as large: add --op-span 0 1"
-            notes.append(f"unit: {runs}, taken as %; if it {other}")
         elif _CURRENT[0] <= lo < hi <= _CURRENT[1]:
             other = "is in mA, sizes are 6.25 times as large: add --op-span 4 20"
             notes.append(f"unit: {runs}, taken as %; if it {other}")
