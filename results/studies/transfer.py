@@ -414,7 +414,7 @@ def draw(rows: list[dict[str, Any]], homes: dict[str, Home], names: list[str], f
     """
     import pandas as pd
 
-    from simbench.figures._style import BLUE, label, panels, styled, write_picture
+    from simbench.page.style import BLUE, label, panels, styled, write_picture
 
     @styled
     def picture() -> Any:

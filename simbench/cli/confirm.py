@@ -128,7 +128,7 @@ def _need_one(verb: str, loop: Path | None, option: str, other: Any) -> None:
 
 def _show_outcome(result: Any, picture: Path | None, as_json: bool) -> None:
     if picture is not None:
-        from simbench.figures._style import write_picture
+        from simbench.page.style import write_picture
 
         write_picture(result.plot(), picture)
     show_result(result, as_json)

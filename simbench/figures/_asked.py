@@ -7,7 +7,7 @@ from simbench.bench.score.show.asked import Asked
 from simbench.bench.score.show.picture import sides
 from simbench.bench.store.benchmark import benchmark_text, benchmark_version
 from simbench.detectors.errors import ParameterError
-from simbench.figures._style import write_picture
+from simbench.page.style import write_picture
 
 
 def write_asked(asked: Asked, path: Path) -> None:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from simbench.detectors.procedure import CONCLUSIONS, FLOW
-from simbench.figures._style import BLACK, BLUE, GREY, RED, VERDICT, arrow, styled, write_picture
+from simbench.page.style import BLACK, BLUE, GREY, RED, VERDICT, arrow, styled, write_picture
 
 if TYPE_CHECKING:
     from simbench.detectors.procedure import Diagnosis

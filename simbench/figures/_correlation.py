@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from simbench.detectors.methods.horch import correlation_indices
-from simbench.figures._style import BLUE, GREY, label
+from simbench.page.style import BLUE, GREY, label
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from simbench.detectors.signal.oscillation import zero_crossings
 from simbench.figures._loops import COLUMNS, Loops
-from simbench.figures._style import SIGNAL, label, panels
 from simbench.loop.simulate import simulate
+from simbench.page.style import SIGNAL, label, panels
 from simbench.scenarios.spec import Loop
 from simbench.theory.cycle import cycle_start, exact_cycle
 from simbench.theory.sampled import sampled_loop

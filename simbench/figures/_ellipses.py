@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from simbench.detectors.signal.ellipse import TOLERANCE, Ellipse
-from simbench.figures._style import BLUE, GREY, ORANGE, RED, arrow, label
+from simbench.page.style import BLUE, GREY, ORANGE, RED, arrow, label
 
 
 def ellipse_points(ellipse: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from simbench.detectors.signal.half_cycles import GUARD, HALF_CYCLE_POINTS, sines, triangles
 from simbench.detectors.signal.oscillation import zero_crossings
-from simbench.figures._style import BLACK, BLUE, RED, label, room
+from simbench.page.style import BLACK, BLUE, RED, label, room
 
 
 def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:

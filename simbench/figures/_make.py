@@ -275,7 +275,7 @@ def _make_one(
     given: Mapping[str, str | Path | None],
     numbers: Mapping[str, float] | None,
 ) -> Drawn:
-    from simbench.figures._style import write_picture
+    from simbench.page.style import write_picture
 
     if lacking := _lacking(name, given):
         return Drawn(name, left_out=lacking)
@@ -298,7 +298,7 @@ def _draw_figure(
     in it.
     """
     from simbench.figures._folder import FIGURES
-    from simbench.figures._style import GREY
+    from simbench.page.style import GREY
 
     module = FIGURES.load(name.replace("-", "_"))
     loops = Loops(numbers)

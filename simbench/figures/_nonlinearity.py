@@ -11,7 +11,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.bicoherence import bicoherence
 from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._ellipses import ellipse_points
-from simbench.figures._style import BLUE, GREY, RED, label, mosaic, note
+from simbench.page.style import BLUE, GREY, RED, label, mosaic, note
 
 _SEGMENT = 64
 

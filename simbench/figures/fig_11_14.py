@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._correlation import correlation, draw_correlation
-from simbench.figures._style import note, panel, span, styled
+from simbench.page.style import note, panel, span, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.14 and Eqs 11.6 to 11.8 (absolute bars restored), after Horch (1999)"

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from simbench.figures._nonlinearity import draw_nonlinearity, nonlinearity
 from simbench.figures._records import real_loop
-from simbench.figures._style import styled
+from simbench.page.style import styled
 
 SOURCE = "Jelali (2013), Fig. 11.21 and Example 11.5; data: ISDB loop CHEM30"
 

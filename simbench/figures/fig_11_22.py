@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from simbench.detectors.signal.oscillation import regular_segment
 from simbench.figures._nonlinearity import draw_nonlinearity, nonlinearity
 from simbench.figures._records import filter_record, real_loop
-from simbench.figures._style import styled
+from simbench.page.style import styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.22 and Example 11.5 (apparent stiction 0.43 %); data: ISDB loop CHEM30"

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._records import NeedsRecord, real_loop
-from simbench.figures._style import BLUE, label, panels, parts, styled
+from simbench.page.style import BLUE, label, panels, parts, styled
 
 SOURCE = "Jelali (2013), Fig. 11.6; data: ISDB (Jelali & Huang 2010), StictionGPT"
 LOOPS = (

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from simbench.figures._cycles import draw_cycles, panel_cycles
 from simbench.figures._loops import Loops
-from simbench.figures._style import styled
+from simbench.page.style import styled
 from simbench.scenarios.spec import Loop
 
 SOURCE = (

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from simbench.confirm.grade import grade
 from simbench.figures._loops import pi_loop
-from simbench.figures._style import styled, table
+from simbench.page.style import styled, table
 
 SOURCE = (
     "Jelali (2013), Table 11.1, after Ruel (2000); limits of the process gain 0.5 and 3, as far as"

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from simbench.detectors.methods.srinivasan import SHAPES, cycles, label_shares
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._loops import choudhury, pi_loop
-from simbench.figures._style import SIGNAL, label, panels, styled
+from simbench.page.style import SIGNAL, label, panels, styled
 from simbench.theory.tables import TABLE_11_2
 
 SOURCE = "Jelali (2013), Table 11.2, after Forsman (2000) and Srinivasan et al. (2005a)"

@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.figures._style import styled, table
+from simbench.page.style import styled, table
 
 SOURCE = "Jelali (2013), Table 11.4, after Yamashita (2006)"
 

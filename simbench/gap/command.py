@@ -112,8 +112,8 @@ def diagnose_files(
         if wanted.write_loop is not None:
             _write_loop(report, Path(wanted.write_loop), [str(p) for p in records], baseline)
         if wanted.picture is not None:
-            from simbench.figures._style import write_picture
             from simbench.gap.report.sheet import draw_sheet
+            from simbench.page.style import write_picture
 
             write_picture(draw_sheet(report), wanted.picture)
         if wanted.html is not None:
@@ -141,8 +141,8 @@ def grid_files(
     units.
     """
     # here, for it loads the benchmark
-    from simbench.figures._style import write_picture
     from simbench.gap.benchmark.measure import grid as grid_gap
+    from simbench.page.style import write_picture
 
     refuse_own_input([picture], [folder, labels])
     if picture is not None:

@@ -1,1 +1,1 @@
-"""Write pages about records: the conclusion, the signals, and the verdict of every method."""
+"""Write pages: documents of text, sortable tables, and pictures as inline SVG in one style."""

@@ -11,7 +11,7 @@ import pandas as pd
 from simbench.detectors.report import summary
 from simbench.detectors.report.report import Report
 from simbench.detectors.verdict import PROBABILITY
-from simbench.html.document import Part, Pictures, Points, Section, Table, texts, two_digits, write
+from simbench.page.document import Part, Pictures, Points, Section, Table, texts, two_digits, write
 from simbench.page.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page

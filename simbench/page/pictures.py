@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from simbench.detectors.record import LoopRecord
-from simbench.figures._style import (
+from simbench.page.style import (
     BLUE,
     SIGNAL,
     label,

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from simbench.bench.store.benchmark import benchmark_text
-from simbench.html.document import Section, write
+from simbench.page.document import Section, write
 from simbench.report import (
     axes,
     failures,

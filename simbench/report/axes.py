@@ -1,7 +1,7 @@
 """Section of the report: accuracy of every detector along every axis of the grid."""
 
 from simbench.bench.score.names import LEAST
-from simbench.html.document import Part, Table, Text
+from simbench.page.document import Part, Table, Text
 from simbench.report.data import RunData
 
 TITLE = "By axis"

@@ -4,7 +4,7 @@ and why methods gave no decision.
 
 import re
 
-from simbench.html.document import Part, Table, Text
+from simbench.page.document import Part, Table, Text
 from simbench.report.data import RunData
 
 TITLE = "Failures and abstentions"

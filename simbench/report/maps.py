@@ -9,7 +9,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 
 from simbench.bench.score.names import LEAST
-from simbench.html.document import Part, Pictures, Text
+from simbench.page.document import Part, Pictures, Text
 from simbench.report.data import RunData
 
 if TYPE_CHECKING:

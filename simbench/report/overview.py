@@ -1,7 +1,7 @@
 """Section of the report: the cost of all detectors in one picture."""
 
 from simbench.bench.score.show.picture import bars
-from simbench.html.document import Part, Pictures, Text
+from simbench.page.document import Part, Pictures, Text
 from simbench.report.data import RunData
 
 TITLE = "Overview"

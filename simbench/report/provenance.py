@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from simbench.bench.store.manifest import FROM_FILE
-from simbench.html.document import Commands, Part, Table, Text
+from simbench.page.document import Commands, Part, Table, Text
 from simbench.report.data import RunData
 
 TITLE = "Provenance"

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
 from simbench.bench.statistics import auc
-from simbench.figures._style import GREY, label, panel, series, styled
-from simbench.html.document import Part, Pictures, Text
+from simbench.page.document import Part, Pictures, Text
+from simbench.page.style import GREY, label, panel, series, styled
 from simbench.report.data import RunData
 
 TITLE = "ROC"

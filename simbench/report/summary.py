@@ -7,8 +7,7 @@ import pandas as pd
 from simbench.bench.score.names import ALL, NO_WAVEFORM, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.show.picture import sides
 from simbench.bench.score.show.table import NO_REFERENCES
-from simbench.html.document import Part, Pictures, Table, Text, Tiles, texts
-from simbench.html.table import percent
+from simbench.page.document import Part, Pictures, Table, Text, Tiles, percent, texts
 from simbench.report.data import RunData
 
 TITLE = "Summary"

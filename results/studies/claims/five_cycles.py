@@ -17,7 +17,7 @@ from results.studies.claims.judged import Claim, Loops, counted, decided
 from simbench.detectors.prepared import prepare
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.autocorrelation import acf
-from simbench.figures._style import BLUE, GREY, ORANGE, label, panels, styled, write_picture
+from simbench.page.style import BLUE, GREY, ORANGE, label, panels, styled, write_picture
 
 LOW, HIGH = 0.4, 0.6  # of the index, He 2007
 CYCLES, FEWEST = 5, 4  # cycles of the autocorrelation, and fewest half cycles

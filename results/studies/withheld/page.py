@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from results.studies.withheld.others import Scored
 from results.studies.withheld.picture import confusion, confusion_figure
-from simbench.html.document import Pictures, Section, Table, Text, write
+from simbench.page.document import Pictures, Section, Table, Text, write
 
 _HOW = (
     "One effect was withheld from the baseline of most records, none from others; some have two, or"

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from simbench.figures._style import write_picture
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
+from simbench.page.style import write_picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

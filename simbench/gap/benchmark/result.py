@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from simbench.bench.statistics import Estimate
 from simbench.detectors.report.report import columns
-from simbench.figures._style import BLUE, GREY, label, panels, styled
+from simbench.page.style import BLUE, GREY, label, panels, styled
 
 _CHANCE = 0.5
 _SHOWN = 12  # nuisances in the table on the screen

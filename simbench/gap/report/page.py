@@ -16,7 +16,8 @@ from simbench.gap.report.ranked import numbers, words
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import compared, end_of, gap_sizes
 from simbench.gap.situation import Situation
-from simbench.html.document import (
+from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
+from simbench.page.document import (
     Commands,
     Details,
     Part,
@@ -30,7 +31,6 @@ from simbench.html.document import (
     two_digits,
     write,
 )
-from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 _MEANING = {
     NONE: "the simulation lacks nothing",

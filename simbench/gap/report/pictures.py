@@ -12,7 +12,9 @@ from matplotlib.figure import Figure
 from scipy.signal import welch
 
 from simbench.detectors.record import LoopRecord
-from simbench.figures._style import (
+from simbench.gap.closed_loop.remaining import Remaining
+from simbench.gap.report.traces import BASELINE, FIXED, IDENTIFIED, NEAREST, RECORD, SHOWN, TUNED
+from simbench.page.style import (
     BLACK,
     BLUE,
     GREEN,
@@ -24,8 +26,6 @@ from simbench.figures._style import (
     panels,
     styled,
 )
-from simbench.gap.closed_loop.remaining import Remaining
-from simbench.gap.report.traces import BASELINE, FIXED, IDENTIFIED, NEAREST, RECORD, SHOWN, TUNED
 
 Traces = Mapping[str, LoopRecord]  # the record and its simulations by name, the record first
 PHONE_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone

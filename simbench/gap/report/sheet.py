@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from simbench.figures._style import label, styled
 from simbench.gap.report.pictures import fill_gap, fill_ranking, fill_traces
 from simbench.gap.report.ranked import LEAST_SHOWN, words
 from simbench.gap.report.result import GapReport
 from simbench.gap.report.traces import compared, end_of, gap_sizes
+from simbench.page.style import label, styled
 
 _SAMPLES = 400  # of the record's end: a few periods of most loops
 _MOST = 5  # candidates: as many as fit beside the traces

@@ -14,7 +14,7 @@ from sklearn.metrics import roc_auc_score
 from simbench.bench.execute.run import run_grid
 from simbench.detectors.plugins.registry import methods
 from simbench.files import FileError
-from simbench.html.table import sortable
+from simbench.page.document import sortable
 from simbench.report import write_report
 from simbench.report.data import RunData
 from simbench.report.failures import _pattern

@@ -20,7 +20,7 @@ from simbench.bench.store.reading import RunArrays, _own_axes
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.verdict import NO_DECISION, STICTION
-from simbench.html.document import as_html
+from simbench.page.document import as_html
 from simbench.report import summary
 from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop

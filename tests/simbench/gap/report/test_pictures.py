@@ -21,7 +21,7 @@ from simbench.gap.report.pictures import (
     spectrum,
 )
 from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, SHOWN, TUNED
-from simbench.html.document import Points, Text, Tiles
+from simbench.page.document import Points, Text, Tiles
 
 SHARES = {"controller": 0.12, "valve": 0.62, "process": 0.0, "disturbance": 0.2, "sensor": 0.06}
 RNG = np.random.default_rng(0)

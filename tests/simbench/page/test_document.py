@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from simbench.html.document import (
+from simbench.page.document import (
     Commands,
     Details,
     Pictures,

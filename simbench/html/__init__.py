@@ -1,1 +1,0 @@
-"""Build HTML pages: documents of text, tiles, sortable tables, and pictures as inline SVG."""

@@ -1,0 +1,262 @@
+"""A page as a document: sections of text, tiles, lists, tables, pictures and commands."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import sys
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from html import escape
+from importlib.metadata import version
+from pathlib import Path, PurePath
+from typing import Any, Literal
+
+import matplotlib
+import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from simbench.detectors.errors import printable
+from simbench.files import whole_file
+
+_Format = Callable[[Any], str]
+
+
+@dataclass(frozen=True)
+class Text:
+    """A paragraph, or a heading within a section."""
+
+    text: str
+    look: Literal["", "strong", "good", "bad", "heading"] = ""
+    kind = "text"
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Numbers that are read first, each with what it is."""
+
+    items: Sequence[tuple[str, str]]
+    kind = "tiles"
+
+
+@dataclass(frozen=True)
+class Points:
+    """A list."""
+
+    items: Iterable[str]
+    kind = "points"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table that can be sorted: how its columns are written, which hold long text, and what
+    stands small beside the values of a column.
+    """
+
+    frame: pd.DataFrame
+    formats: Mapping[str, Callable[[Any], str]] = field(default_factory=dict)
+    long: Sequence[str] = ()
+    beside: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    kind = "table"
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Pictures, each with what it shows; small ones stand side by side, a wide one by itself."""
+
+    items: Iterable[tuple[Figure, str]]
+    wide: bool = False
+    kind = "pictures"
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Lines to be copied."""
+
+    lines: Iterable[str]
+    kind = "commands"
+
+
+@dataclass(frozen=True)
+class Details:
+    """Parts that are shown when their summary is opened."""
+
+    summary: str
+    parts: Sequence[Part]
+    kind = "details"
+
+
+Part = Text | Tiles | Points | Table | Pictures | Commands | Details
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section: the id of its anchor, its title, and its parts; without parts it is not shown."""
+
+    name: str
+    title: str
+    parts: Sequence[Part]
+
+
+def texts(lines: Iterable[str], look: Literal["", "strong"] = "") -> list[Part]:
+    """Return lines as paragraphs."""
+    return [Text(line, look) for line in lines]
+
+
+def two_digits(*columns: str) -> dict[str, Callable[[Any], str]]:
+    """Return formats that write columns with two decimals, as shares are."""
+    return dict.fromkeys(columns, "{:.2f}".format)
+
+
+def write(
+    path: str | Path, title: str, subtitle: str, sections: Iterable[Section], footer: str = ""
+) -> None:
+    """Write a self-contained page, readable in light and dark and on a phone."""
+    text = render(
+        "page.html",
+        title=title,
+        subtitle=subtitle,
+        sections=[
+            {"id": s.name, "title": s.title, "body": as_html(s.parts, s.name)}
+            for s in sections
+            if s.parts
+        ],
+        footer=footer or f"simbench {version('stiction-simbench')}",
+    )
+    with whole_file(path) as f:
+        f.write(text)
+
+
+def as_html(parts: Sequence[Part], name: str) -> Markup:
+    """Return the parts of a section as HTML; `name` begins the ids of what its pictures hold."""
+    return Markup().join(_render_part(part, f"{name}-{i}") for i, part in enumerate(parts))
+
+
+def _render_part(part: Part, name: str) -> Markup:
+    values: dict[str, Any] = dict(vars(part))
+    if isinstance(part, Table):
+        values = {"table": sortable(part.frame, part.formats, part.long, part.beside)}
+    elif isinstance(part, Pictures):
+        drawn = enumerate(part.items)
+        values["items"] = [(inline_svg(f, f"{name}-{i}", says), says) for i, (f, says) in drawn]
+    elif isinstance(part, Details):
+        values["body"] = as_html(part.parts, name)
+    return render("part.html", kind=part.kind, **values)
+
+
+@cache
+def _environment() -> Environment:
+    """Return the templates; texts are escaped, a missing value is an error."""
+    return Environment(
+        loader=PackageLoader("simbench.page", "templates"),
+        autoescape=True,
+        finalize=_escape_hidden,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _escape_hidden(value: Any) -> Any:
+    """Escape what a browser would not show of a text that is not yet a part of a page."""
+    plain = isinstance(value, (str, PurePath)) and not isinstance(value, Markup)
+    return printable(value, "\n\t") if plain and not str(value).isprintable() else value
+
+
+def render(template: str, **values: Any) -> Markup:
+    """Fill one template."""
+    return Markup(_environment().get_template(template).render(**values))
+
+
+def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
+    """Return a figure as an <svg> element for an HTML page, for which alone it was drawn: pyplot
+    keeps it no longer.
+    """
+    figure.patch.set_alpha(0.0)
+    for axes in figure.axes:
+        axes.patch.set_alpha(0.0)
+    buffer = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
+        pyplot.close(figure)
+    text = re.sub(r"\s+", " ", buffer.getvalue()).replace("> <", "><")
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text)
+    # black follows the page's text colour, so that one picture serves light and dark
+    text = re.sub(r"(stroke|fill): #000000", r"\1: currentColor", text)
+    # ids are unique within one picture only
+    text = re.sub(r'\bid="', f'id="{name}-', text)
+    text = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", text)
+    width = re.search(r'viewBox="0 0 ([\d.]+)', text)
+    wide = float(width.group(1)) if width else 400.0
+    head = (
+        f'<svg role="img" aria-label="{escape(caption, quote=True)}"'
+        f' style="max-width:{wide * 1.5:.0f}px" '
+    )
+    text = re.sub(r'<svg ([^>]*?)(width|height)="[^"]*"', r"<svg \1", text, count=1)
+    text = re.sub(r'<svg ([^>]*?)(width|height)="[^"]*"', r"<svg \1", text, count=1)
+    return Markup(text.replace("<svg ", head, 1))
+
+
+def sortable(
+    frame: pd.DataFrame,
+    formats: Mapping[str, _Format] | None = None,
+    long: Collection[str] = (),
+    beside: Mapping[str, Sequence[str]] | None = None,
+) -> dict[str, Any]:
+    """Return columns and rows of a table as part.html draws them."""
+    formats = formats or {}
+    numbers = {
+        c
+        for c in frame.columns
+        if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool
+    }
+    # it stays in view when the rest is scrolled
+    names = [c for c in frame.columns if c not in numbers and c not in long][:1]
+    kinds = {
+        c: "n" if c in numbers else "long" if c in long else "name" if c in names else ""
+        for c in frame.columns
+    }
+    columns = [{"name": str(c), "kind": kind.replace("long", "")} for c, kind in kinds.items()]
+    rows = []
+    for i, record in enumerate(frame.itertuples(index=False, name=None)):
+        row = []
+        for name, value in zip(frame.columns, record):
+            small = beside[name][i] if beside and name in beside else ""
+            text = _text(value, formats.get(name))
+            row.append(
+                {
+                    "text": text,
+                    "small": small,
+                    "kind": kinds[name],
+                    "value": _key(value, name in numbers),
+                }
+            )
+        rows.append(row)
+    return {"columns": columns, "rows": rows}
+
+
+def percent(value: float) -> str:
+    """Write a share in %, one decimal."""
+    return f"{100 * value:.1f} %"
+
+
+def _text(value: Any, how: _Format | None) -> str:
+    if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    if how is not None:
+        return how(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value)
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _key(value: Any, number: bool) -> str | None:
+    if not number:
+        return None
+    return "" if value is None or pd.isna(value) else repr(float(value))
