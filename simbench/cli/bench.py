@@ -137,10 +137,9 @@ def score(
     if to is not None:
         say(f"{to.suffix[1:]}: {to.resolve()}", as_json)
     if report is not None:
-        from simbench.report import write_report
-        from simbench.report.data import RunData
+        from simbench.bench.score.page import write_page
 
-        write_report(folder, report, RunData(folder, book, scores))
+        write_page(scores, folder, report, truth, str(failed))
         say(f"report: {report.resolve()}", as_json)
     end_by_failures(failed, allow_failed)
 

@@ -53,6 +53,7 @@ _LEFT_OUT = (
     "check_power",
     "check_result",
     "compare",
+    "page",
     "pairing",
     "paper",
     "part_files",

@@ -65,11 +65,7 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     title = [*_advice(scores, rows), *_title(scores, whole)]
     if rows.empty:
         return [*title, *_sentences(scores, truth, where)]
-    first = rows.iloc[0]
-    title += wrap(
-        f"{first.n} loops have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]}"
-        f" (truth {truth!r})."
-    )
+    title += _label(rows, truth)
     tail = [
         *wrap(_LEGEND.format(undecided=scores.undecided)),
         *_references(rows, whole),
@@ -77,6 +73,23 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     ]
     room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 2
     return [*title, "", *ranking(rows, scores, room), *tail]
+
+
+def opening_lines(scores: Any, truth: str) -> list[str]:
+    """Return the sentences around a ranking, a paragraph each."""
+    rows = scores.rows(truth)
+    parts = _advice(scores, rows), _title(scores, True), _label(rows, truth) if len(rows) else []
+    around = *parts, _references(rows, True), _sentences(scores, truth, "")
+    return [" ".join(filter(None, lines)) for lines in around if lines]
+
+
+def _label(rows: pd.DataFrame, truth: str) -> list[str]:
+    """Return how many loops the ranking is on, and what counts as stiction."""
+    first = rows.iloc[0]
+    return wrap(
+        f"{first.n} loops have a clear label and oscillate; in {first.positives} {_TRUTHS[truth]}"
+        f" (truth {truth!r})."
+    )
 
 
 def _advice(scores: Any, rows: pd.DataFrame) -> list[str]:
@@ -195,6 +208,7 @@ def _title(scores: Any, whole: bool) -> list[str]:
         )
     if not whole:
         return lines
+    lines[-1] += "." * (not lines[-1].endswith("."))
     words = (
         scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
     )

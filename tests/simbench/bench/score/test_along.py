@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from simbench.bench.score.page import draw_maps
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
 from simbench.detectors.errors import ParameterError
-from simbench.report.maps import draw_maps
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,6 @@ from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.bench.store.reading import RunArrays
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
-from simbench.report.data import RunData
 from simbench.scenarios.settled import table_file
 
 SHIPPED = ["horch", "he"]
@@ -56,7 +55,7 @@ def test_scores_are_those_of_a_run_that_asks_all_methods(place):
 
 
 def test_page_figures_and_comparison_of_a_run_show_shipped_methods_too(place, tmp_path, capsys):
-    assert set(RunData.read(place / "mine").book.methods) == {"yamashita", *SHIPPED}
+    assert set(shipped.read_joined(place / "mine").methods) == {"yamashita", *SHIPPED}
     page = tmp_path / "page.html"
     assert main(["score", str(place / "mine"), "--paired", "--report", str(page)]) == 0
     assert "horch" in page.read_text()

@@ -48,7 +48,7 @@ def test_run_and_score_of_smoke_print_one_table_on_one_screen(tmp_path):
     assert "Table 11.3 predicts a limit cycle" in report.stdout
     text = (tmp_path / "report.html").read_text()
     assert "no_waveform" in text
-    assert "Oscillating loops; label: Table 11.3" in text
+    assert "Table 11.3 predicts a limit cycle" in text
 
 
 def test_an_unknown_truth_is_refused(tmp_path):
