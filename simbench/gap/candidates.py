@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from simbench.gap.effects import Parameters, Recogniser, recogniser
-from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, size_penalty
 from simbench.gap.situation import Situation
@@ -135,12 +134,3 @@ def find_look_alikes(
             if e == effect or recogniser(e) != Recogniser()
         )
     )
-
-
-def smallest_detectable(
-    s: Situation, base: Fit, longest_load: float, effects: Iterable[str] = EFFECTS
-) -> dict[str, tuple[float, str]]:
-    """Return the size of each effect that would have shown, with its unit."""
-    probe = Probe(Engine(s.data, longest_load), base, s)
-    sizes = {e: recogniser(e).smallest(probe) for e in effects}
-    return {e: size for e, size in sizes.items() if size is not None}

@@ -112,12 +112,12 @@ def diagnose_files(
         if wanted.write_loop is not None:
             _write_loop(report, Path(wanted.write_loop), [str(p) for p in records], baseline)
         if wanted.picture is not None:
-            from simbench.gap.report.sheet import draw_sheet
+            from simbench.gap.report.view import draw_sheet
             from simbench.page.style import write_picture
 
             write_picture(draw_sheet(report), wanted.picture)
         if wanted.html is not None:
-            from simbench.gap.report.page import write_page
+            from simbench.gap.report.view import write_page
 
             options = {
                 **about,

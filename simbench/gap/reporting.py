@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from simbench.detectors.errors import Refusal
 from simbench.detectors.prepared import Prepared
-from simbench.gap.candidates import find_look_alikes, smallest_detectable
+from simbench.gap.candidates import find_look_alikes
 from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
@@ -18,7 +18,6 @@ from simbench.gap.effects import is_friction
 from simbench.gap.report.next_test import tell_apart
 from simbench.gap.report.ranked import Gap, Ranked
 from simbench.gap.report.result import DiagnosisDetails, GapReport
-from simbench.gap.situation import load_memory
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import at_rest, from_posterior, from_record, without
 from simbench.gap.stiction.deniable import deniable
@@ -92,12 +91,10 @@ def report(
         next_test=advice,
         notes=tuple(_notes(assessment, main)),
         conclusion=replace(conclusion, notes=s.record.notes),
-        # of friction the conclusion says what would have shown
         behind=DiagnosisDetails(
             assessment,
             runs,
             main,
-            smallest_detectable(s, assessment.base, load_memory(s)),
             None if otherwise is None else otherwise[0],
         ),
         op_unit=s.record.S_unit,

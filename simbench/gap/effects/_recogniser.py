@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.valve_map import MapSearch
@@ -43,8 +42,6 @@ class Recogniser:
     band : callable, optional
         Range of OP (%) within which the valve rests; only of friction. After it any plant looks as
         if it integrated.
-    smallest : callable
-        The size that would have shown in this record.
     """
 
     fit: Callable[[Engine, Fit], tuple[Fit, float]] | None = None
@@ -54,7 +51,6 @@ class Recogniser:
     ordinary: Callable[[Fit, Fit, Situation], float | None] | None = None
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     band: Callable[[Mapping[str, float | str]], float] | None = None
-    smallest: Callable[[Probe], tuple[float, str] | None] = lambda probe: None
 
 
 def clip(x: float, low: float, high: float) -> float:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from simbench.gap.effects._mismatch import dead_times, release_number
 from simbench.gap.effects._recogniser import Parameters, Recogniser
-from simbench.gap.effects._smallest import Probe
-from simbench.gap.likelihood.model import Fit, Spec
+from simbench.gap.likelihood.model import Fit
 from simbench.gap.situation import Situation
 
 
@@ -14,17 +13,8 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"extra": (fit.theta["Td"] + s.data.late - s.data.Td) * s.record.Ts}
 
 
-def smallest(probe: Probe) -> tuple[float, str]:
-    """Force a longer dead time."""
-    Ts = probe.situation.record.Ts
-    Td = probe.base.theta["Td"]
-    spec = Spec(free=frozenset({"Td"}))
-    return probe.first(spec, lambda x: {"Td": Td + x * 5.0}, lambda x: x * 5.0 * Ts), "s"
-
-
 RECOGNISER = Recogniser(
     fit=release_number("Td", dead_times),
     numbers=numbers,
     needs=frozenset({"plant"}),
-    smallest=smallest,
 )

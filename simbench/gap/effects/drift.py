@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._recogniser import Parameters, Recogniser
-from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
 from simbench.gap.situation import Situation
@@ -32,16 +31,6 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": float(rate), "walk": float(fit.theta["walk"] / np.sqrt(Ts))}
 
 
-def smallest(probe: Probe) -> tuple[float, str]:
-    """Force a walk."""
-    d = probe.engine.data
-    spread = float(np.std(d.y))
-    size = probe.first(
-        Spec(walk=True), lambda x: {"walk": x * spread / np.sqrt(d.n)}, lambda x: x * spread
-    )
-    return size, "PV units over the record"
-
-
 def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
     """Return 0 where the baseline states a slow load on PV, which does the same."""
     return 0.0 if s.loads_on_pv else None
@@ -51,5 +40,4 @@ RECOGNISER = Recogniser(
     fit=fit,
     numbers=numbers,
     ordinary=ordinary,
-    smallest=smallest,
 )

@@ -9,5 +9,4 @@ RECOGNISER = Recogniser(
     fit=pole("sensor"),
     numbers=tau,
     needs=frozenset({"plant"}),
-    smallest=lambda probe: probe.pole("sensor"),
 )

@@ -9,5 +9,4 @@ RECOGNISER = Recogniser(
     fit=release_number("T", times),
     numbers=lambda fit, s: {"factor": clip(fit.theta["T"] / s.data.T, 0.05, 20.0)},
     needs=frozenset({"plant", "time constant"}),
-    smallest=lambda probe: None if probe.engine.data.T == 0 else probe.factor("T"),
 )

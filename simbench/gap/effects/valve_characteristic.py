@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.gap.effects._recogniser import Recogniser, clip
-from simbench.gap.effects._smallest import Probe
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec
@@ -28,20 +27,9 @@ def by_mv(search: MapSearch) -> MapFit:
     return search.zoom(kernels.CURVE, ("R",), [(r, 0.0) for r in ratios], 1.0)
 
 
-def smallest(probe: Probe) -> tuple[float, str]:
-    """Force a ratio above 1."""
-    forced = probe.first(
-        Spec(valve=kernels.CURVE),
-        lambda x: {"R": float(np.exp(3.0 * x))},
-        lambda x: float(np.exp(3.0 * x)),
-    )
-    return forced, ""
-
-
 RECOGNISER = Recogniser(
     fit=fit,
     numbers=lambda fit, s: {"R": clip(fit.theta["R"], 0.01, 100.0)},
     by_mv=by_mv,
     needs=frozenset({"plant"}),
-    smallest=smallest,
 )

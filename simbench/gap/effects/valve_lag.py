@@ -32,5 +32,4 @@ RECOGNISER = Recogniser(
     numbers=tau,
     by_mv=by_mv,
     needs=frozenset({"plant", NOT_IN_PLANT}),
-    smallest=lambda probe: probe.pole("valve"),
 )

@@ -1,6 +1,4 @@
-"""Draw a diagnosis: probable blocks, signals, PV-OP plots, spectra, probabilities, and the gap
-as bars.
-"""
+"""Draw a diagnosis: signals, PV-OP plots, what remains, probabilities, and the gap as bars."""
 
 from __future__ import annotations
 
@@ -9,11 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.signal import welch
 
 from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.remaining import Remaining
-from simbench.gap.report.traces import BASELINE, FIXED, IDENTIFIED, NEAREST, RECORD, SHOWN, TUNED
 from simbench.page.style import (
     BLACK,
     BLUE,
@@ -27,16 +23,25 @@ from simbench.page.style import (
     styled,
 )
 
+# what is drawn
+RECORD = "record"
+BASELINE = "baseline"
+IDENTIFIED = "identified"
+TUNED = "recalibrated"
+FIXED = "with the effect"
+SHOWN = "as the record shows it"
+NEAREST = "with the nearest effect"
+
 Traces = Mapping[str, LoopRecord]  # the record and its simulations by name, the record first
 PHONE_WIDTH = 4.6  # inches; no wider, or the letters are too small on a phone
 LOOK = {
-    RECORD: (BLACK, "-"),
-    BASELINE: (BLUE, "--"),
-    IDENTIFIED: (BLUE, "--"),
-    TUNED: (GREEN, "-."),
-    FIXED: (RED, "-"),
-    NEAREST: (ORANGE, "-"),
-    SHOWN: (RED, "-"),
+    RECORD: BLACK,
+    BASELINE: BLUE,
+    IDENTIFIED: BLUE,
+    TUNED: GREEN,
+    FIXED: RED,
+    NEAREST: ORANGE,
+    SHOWN: RED,
 }
 _OF_GAP = {
     "before": BLUE,
@@ -54,14 +59,6 @@ _OF_BLOCK = {
     "sensor": BLACK,
 }
 _BEYOND = 2.0  # share of the record's range that a runaway simulation may be drawn beyond it
-
-
-@styled
-def draw_blocks(shares: Mapping[str, float]) -> Figure:
-    """Draw the probability of each block as bars, the largest on top."""
-    figure, axes = panel(PHONE_WIDTH, 0.65 + 0.28 * len(shares))
-    fill_ranking(axes, dict(sorted(shares.items(), key=lambda share: -share[1])))
-    return figure
 
 
 def _op_label(record: LoopRecord) -> str:
@@ -87,7 +84,7 @@ def fill_traces(panels: Iterable[Axes], signal: str, traces: Traces, part: slice
         last = name == list(traces)[-1]
         if signal == "PV" and trace.sp is not None:
             axes.plot(trace.t[part], trace.sp[part], color=GREY, linestyle=":", linewidth=1.0)
-        axes.plot(trace.t[part], x, color=LOOK[name][0], linewidth=0.9)
+        axes.plot(trace.t[part], x, color=LOOK[name], linewidth=0.9)
         label(
             axes, "time (s)" if last else "", _op_label(trace) if signal == "OP" else signal, name
         )
@@ -107,7 +104,7 @@ def draw_loops(across: str, traces: Traces, part: slice) -> Figure:
     for axes in grid.flat[len(both) :]:
         axes.set_axis_off()
     for axes, (name, (op, x)) in zip(grid.flat, both.items()):
-        axes.plot(op, x, color=LOOK[name][0], linewidth=0.7, alpha=0.9)
+        axes.plot(op, x, color=LOOK[name], linewidth=0.7, alpha=0.9)
         label(axes, "", "", name)
         if not _mark_beyond(axes, op, sideways):
             _mark_beyond(axes, x, upwards)
@@ -118,32 +115,11 @@ def draw_loops(across: str, traces: Traces, part: slice) -> Figure:
 
 
 @styled
-def draw_spectra(traces: Traces) -> Figure:
-    """Draw the power spectra of PV and OP over the whole length, record and simulations in one
-    panel each.
-    """
-    figure, grid = panels(2, 1, PHONE_WIDTH, 4.4, sharex=True)
-    of_op = "%" if traces[RECORD].op_percent is not None else "OP units"
-    units = "PV units$^2$ s", f"{of_op}$^2$ s"
-    for axes, signal, unit in zip(grid[:, 0], ("PV", "OP"), units):
-        for name in (*list(traces)[1:], RECORD):  # the record last, on top
-            f, power = spectrum(_signal(traces[name], signal), traces[name].Ts)
-            colour, dashes = LOOK[name]
-            wide = 2.0 if name in (BASELINE, IDENTIFIED) else 1.1
-            axes.loglog(f, power, color=colour, linestyle=dashes, label=name, linewidth=wide)
-        axes.set_ylim(max(power.min(), 1e-8 * power.max()) / 5.0, power.max() * 8.0)
-        label(axes, "", f"power of {signal} ({unit})")
-    grid[1, 0].set_xlabel("frequency (1/s)")
-    grid[0, 0].legend(loc="upper right")
+def draw_ranking(probabilities: Mapping[str, float]) -> Figure:
+    """Draw candidates as bars of their probability."""
+    figure, axes = panel(PHONE_WIDTH, 0.65 + 0.34 * len(probabilities))
+    fill_ranking(axes, probabilities)
     return figure
-
-
-def spectrum(x: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (1/s) and power density by Welch's averages of at least seven
-    half-overlapping pieces.
-    """
-    f, power = welch(x, 1.0 / Ts, nperseg=max(32, min(1024, x.size // 4)))
-    return f[1:], np.maximum(power[1:], np.finfo(float).tiny)
 
 
 def fill_ranking(axes: Axes, probabilities: Mapping[str, float]) -> None:

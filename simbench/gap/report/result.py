@@ -29,15 +29,11 @@ CONFIDENCE = 0.9  # share of sets that hold the truth
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisDetails:
-    """What an answer rests on, for text, page and loop file.
-
-    `detectable` holds, per effect, the smallest size that would have shown, with its unit.
-    """
+    """What an answer rests on, for text, page and loop file."""
 
     found: Assessment
     loops: ClosedLoops
     shrinkage: Shrinkage
-    detectable: dict[str, tuple[float, str]]
     # with the controller, the load or the plant that the record shows, where no known effect is
     # what is missing
     shown: Copy | None = None

@@ -15,7 +15,6 @@ from simbench.gap.candidates import (
     fit_candidates,
     possible_effects,
     proven,
-    smallest_detectable,
 )
 from simbench.gap.effects import NOT_IN_PLANT, recogniser
 from simbench.gap.intake.check import check
@@ -111,48 +110,6 @@ def test_the_controllers_proofs_come_first():
     assert fitted["saturation"]["lo"] == pytest.approx(48.5)
     assert fitted["quantisation"] == {"step": pytest.approx(0.4), "at": "loop"}
     assert proven(situation()) == {}
-
-
-@pytest.fixture(scope="module")
-def sizes(plain):
-    engine = Engine(plain.data, load_memory(plain))
-    return smallest_detectable(plain, engine.base(), load_memory(plain))
-
-
-@pytest.mark.parametrize(
-    ("effect", "name"),
-    [
-        ("sensor_lag", "tau"),
-        *(
-            pytest.param(effect, name, marks=pytest.mark.slow)
-            for effect, name in (
-                ("noise", "factor"),
-                ("extra_lag", "tau"),
-                ("dead_time_mismatch", "extra"),
-            )
-        ),
-    ],
-)
-def test_well_above_the_smallest_detectable_size_an_effect_shows_and_well_below_it_does_not(
-    sizes, effect, name
-):
-    size = sizes[effect][0]
-    gains = []
-    for times in (0.25, 4.0):
-        value = 1.0 + times * (size - 1.0) if name == "factor" else times * size
-        s = situation(effect=[{"name": effect, name: value}])
-        engine = Engine(s.data, load_memory(s))
-        fitted = fit_candidates(engine, engine.base(), [effect])
-        gains.append(fitted[effect].log_likelihood_gain)
-    assert gains[0] < 9.0 < gains[1]
-
-
-def test_more_noise_hides_larger_effects(sizes):
-    loud = situation(FLOW | {"noise": {"std": 0.6}})
-    base = Engine(loud.data, load_memory(loud)).base()
-    hidden = smallest_detectable(loud, base, load_memory(loud))
-    for effect in ("extra_lag", "dead_time_mismatch", "outliers"):
-        assert hidden[effect][0] > sizes[effect][0], effect
 
 
 JUMPING = ("load_steps", "valve_lag", "extra_lag", "sensor_lag", "gain_mismatch", "deadband")

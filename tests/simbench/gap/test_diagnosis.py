@@ -131,10 +131,6 @@ def stubs(monkeypatch):
         return "bump it"
 
     monkeypatch.setattr(reporting, "tell_apart", tell_apart)
-    monkeypatch.setattr(
-        reporting, "smallest_detectable", lambda s, base, load: {"deadband": (load, "%")}
-    )
-    monkeypatch.setattr(reporting, "load_memory", lambda s: 60.0)
     shown = Deniable(2.0)
     monkeypatch.setattr(reporting, "deniable", lambda view: shown)
     monkeypatch.setattr(reporting.resolve, "friction", lambda loop: [])

@@ -17,7 +17,7 @@ from simbench.gap.closed_loop.gap import held_out
 from simbench.gap.closed_loop.nearest import nearest
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
-from simbench.gap.report.page import write_page
+from simbench.gap.report.view import write_page
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 

@@ -13,7 +13,7 @@ from simbench.gap import diagnose
 from simbench.gap.closed_loop.arx import in_samples
 from simbench.gap.closed_loop.copies import AS_SHOWN, shown
 from simbench.gap.closed_loop.described import shown_words
-from simbench.gap.report.traces import SHOWN, compared
+from simbench.gap.report.view import SHOWN, compared
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 

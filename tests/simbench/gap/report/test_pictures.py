@@ -1,54 +1,27 @@
 """Pictures by their geometry: what is connected, where the words are, and what the bars show."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.report import page
 from simbench.gap.report.pictures import (
     LOOK,
     _limits,
-    draw_blocks,
     draw_gap,
     draw_loops,
-    draw_spectra,
     draw_traces,
     fill_ranking,
-    spectrum,
 )
-from simbench.gap.report.traces import BASELINE, FIXED, NEAREST, RECORD, SHOWN, TUNED
-from simbench.page.document import Points, Text, Tiles
+from simbench.gap.report.view import BASELINE, FIXED, NEAREST, RECORD, SHOWN, TUNED
 
-SHARES = {"controller": 0.12, "valve": 0.62, "process": 0.0, "disturbance": 0.2, "sensor": 0.06}
 RNG = np.random.default_rng(0)
 
 
 def trace(scale=1.0, mv=True):
     op, pv = (50.0 + scale * RNG.standard_normal(800) for _ in range(2))
     return LoopRecord(op=op, pv=pv, sp=np.full(800, 50.0), mv=op if mv else None, Ts=1.0)
-
-
-def test_blocks_are_bars_of_their_probability_the_largest_on_top():
-    axes = draw_blocks(SHARES).axes[0]
-    ranked = dict(sorted(SHARES.items(), key=lambda share: -share[1]))
-    assert [p.get_width() for p in axes.patches] == pytest.approx(list(ranked.values()))
-    assert [t.get_text() for t in axes.get_yticklabels()] == list(ranked)
-
-
-def test_spectra_name_every_line_once_and_keep_the_record_in_sight():
-    upper, lower = draw_spectra({RECORD: trace(), BASELINE: trace(), FIXED: trace(1e4)}).axes
-    assert [t.get_text() for t in upper.get_legend().get_texts()] == [BASELINE, FIXED, "record"]
-    assert lower.get_legend() is None
-    assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "frequency (1/s)")
-    for axes in (upper, lower):
-        record = axes.lines[-1].get_ydata()
-        low, high = axes.get_ylim()
-        assert record.min() / 10 < low < record.min() / 2
-        assert 4 * record.max() < high < 16 * record.max()
 
 
 def test_the_axes_hold_the_record_and_what_is_near():
@@ -72,67 +45,29 @@ def test_bars_are_as_long_as_their_numbers_from_the_top_down():
     assert 4.0 < gap.get_xlim()[1] < 5.0
 
 
-def test_the_answer_has_its_probability_that_of_stiction_and_whether_it_is_near():
-    first = {
-        "effect": "stiction",
-        "block": "valve",
-        "probability": 0.912,
-        "parameters": {"S": 5.0, "J": 2.0},
-    }
-    parts = page._answer(
-        SimpleNamespace(
-            gap=SimpleNamespace(near=False),
-            identified=list,
-            shrinkage={"value": -0.08, "lo": -0.25, "hi": 0.0},
-            effect="stiction",
-            effects=(first,),
-            named=["stiction"],
-            answer=lambda: "It sticks.",
-            nearness=lambda: "It is far.",
-            probability_of_stiction=0.95,
-            conclusion=SimpleNamespace(as_lines=lambda: ["Stiction."]),
-            op_unit="% of travel",
-        )
-    )
-    (tiles,) = (part for part in parts if isinstance(part, Tiles))
-    assert tiles.items == [
-        ("0.91", "probability of stiction"),
-        ("0.95", "probability of stiction, all effects with friction"),
-        ("no", "near the record"),
-        ("-8 %", "of the gap above the floor is removed (90 % interval -25 to 0 %)"),
-    ]
-    said = [part.text for part in parts if isinstance(part, Text)]
-    assert said == ["It sticks.", "It is far.", "The valve", "Stiction."]
-    (points,) = (part for part in parts if isinstance(part, Points))
-    assert list(points.items) == [
-        "stiction (valve): MV sticks, then slips. Fitted: S = 5, J = 2 % of travel."
-    ]
-
-
 DRAWN = {
     "traces": lambda runs: draw_traces("PV", runs, slice(300)),
     "loops": lambda runs: draw_loops("PV", runs, slice(300)),
-    "spectra": draw_spectra,
 }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("draw", "high"),
     # an inch or so for each panel, and what the axes' words need
-    [("traces", 0.5 + 5 * 1.15), ("loops", 0.3 + 3 * 1.85), ("spectra", 4.4)],
+    [("traces", 0.5 + 5 * 1.15), ("loops", 0.3 + 3 * 1.85)],
 )
 def test_pictures_fit_on_a_phone_and_every_line_has_the_colour_of_its_loop(draw, high):
     runs = {name: trace() for name in (RECORD, BASELINE, TUNED, FIXED, NEAREST)}
     figure = DRAWN[draw](runs)
     assert figure.get_size_inches() == pytest.approx((4.6, high))
-    colours = {colour for colour, _ in LOOK.values()}
+    colours = set(LOOK.values())
     for line in (line for axes in figure.axes for line in axes.lines):
         assert 0.6 <= line.get_linewidth() <= 2.0
         assert (line.get_alpha() or 1.0) >= 0.8
         assert to_hex(line.get_color()).upper() in colours | {"#6E6E6E"}
     # what the record shows takes the place of the effect, never beside it
     assert len(colours) == len(LOOK) - 2 == 5
-    assert LOOK[SHOWN][0] == LOOK[FIXED][0]
+    assert LOOK[SHOWN] == LOOK[FIXED]
 
 
 @pytest.mark.parametrize(("signal", "up", "lines"), [("PV", "PV", 2), ("OP", "OP (%)", 1)])
@@ -156,17 +91,3 @@ def test_a_simulation_that_runs_away_is_marked(share, warns, far, word):
         axes = draw("PV", {RECORD: record, FIXED: away}, slice(800)).axes[1]
         words = [t.get_text() for t in axes.texts]
         assert words == [f"runs beyond these axes,\nto {word}"] * warns
-
-
-@pytest.mark.parametrize(
-    ("n", "Ts", "lowest"),
-    [(400, 1.0, 1 / 100), (400, 0.5, 1 / 50), (60, 1.0, 1 / 32), (9000, 1.0, 1 / 1024)],
-)
-def test_a_spectrum_is_the_mean_of_seven_pieces_and_more(n, Ts, lowest):
-    x = RNG.standard_normal(n)
-    f, power = spectrum(x, Ts)
-    assert f[0] == pytest.approx(lowest)
-    assert f[-1] == pytest.approx(0.5 / Ts)
-    # the whole power is the variance
-    assert np.sum(power) * f[0] == pytest.approx(np.var(x), rel=0.35)
-    assert np.all(spectrum(np.zeros(100), 1.0)[1] == np.finfo(float).tiny)

@@ -8,7 +8,7 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.gap.closed_loop import level
 from simbench.gap.report.ranked import Ranked
-from simbench.gap.report.traces import FIXED, RECORD, compared, end_of
+from simbench.gap.report.view import FIXED, RECORD, compared, end_of
 from simbench.scenarios.spec import Loop
 
 X = np.arange(100.0)
