@@ -540,8 +540,8 @@ def table(folder: str | Path, kind: str = "paper", truth: str = "cycled") -> pd.
     UserError
         When the folder holds no complete run, or for another kind.
     """
+    from simbench.bench.score import paper
     from simbench.bench.score.scoring import score_run
-    from simbench.bench.score.show import paper
 
     scores = score_run(folder)
     kinds = {

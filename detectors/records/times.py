@@ -242,6 +242,7 @@ def fill_gaps(t: np.ndarray, signals: Signals, Ts: float, table: Sheet) -> tuple
 
     # each signal on the grid; a set point holds its value until it is changed
     filled: Signals = {}
+    bridged: dict[int, list[str]] = {}
     for role, x in signals.items():
         here = np.isfinite(x) & (place >= lo) & (place <= hi)
         at = place[here]
@@ -254,9 +255,11 @@ def fill_gaps(t: np.ndarray, signals: Signals, Ts: float, table: Sheet) -> tuple
             filled[role] = x[here][np.maximum(np.searchsorted(at, grid, side="right") - 1, 0)]
         else:
             filled[role] = np.interp(grid, at, x[here])
-        if holes.any():
-            bridged = f"gaps: {holes.sum()} of {grid.size} samples of {role.upper()} missing"
-            table.notes.append(f"{bridged}, bridged")
+        bridged.setdefault(int(holes.sum()), []).append(role.upper())
+    for count, roles in bridged.items():
+        if count:
+            of = f"{count} of {grid.size} samples of {', '.join(roles)}"
+            table.notes.append(f"gaps: {of} missing, bridged")
     if off.any():
         differ = f"time steps differ from Ts = {Ts:g} s by more than {JITTER:.0%}"
         often = off.mean() > MOST_MISSING

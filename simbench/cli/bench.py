@@ -112,9 +112,9 @@ def score(
     detector costs less than both.
     """
     from simbench.bench.execute.failures import read_failures
+    from simbench.bench.score.asked import Asked
     from simbench.bench.score.scoring import score_book
     from simbench.bench.score.shipped import read_joined
-    from simbench.bench.score.show.asked import Asked
     from simbench.bench.store.reading import TRUTHS
     from simbench.figures._asked import write_asked
     from simbench.files import refuse_own_input

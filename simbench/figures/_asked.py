@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from simbench.bench.score.show import paper
-from simbench.bench.score.show.asked import Asked
-from simbench.bench.score.show.picture import sides
+from simbench.bench.score import paper
+from simbench.bench.score.asked import Asked
+from simbench.bench.score.picture import sides
 from simbench.bench.store.benchmark import benchmark_text, benchmark_version
 from simbench.detectors.errors import ParameterError
 from simbench.page.style import write_picture

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
 from simbench.bench.score.names import LEAST, ROLE_YARDSTICK
+from simbench.bench.score.picture import bars, sides
 from simbench.bench.score.result import Scores
-from simbench.bench.score.show.picture import bars, sides
-from simbench.bench.score.show.table import opening_lines
+from simbench.bench.score.table import opening_lines
 from simbench.bench.statistics import auc
 from simbench.bench.store.benchmark import benchmark_text
 from simbench.bench.store.manifest import FROM_FILE

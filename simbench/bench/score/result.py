@@ -10,14 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from simbench.bench.score import picture
 from simbench.bench.score.along import along
 from simbench.bench.score.compare import Comparison, compare
 from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, group_of, kind_of
 from simbench.bench.score.ranks import UNDECIDED, Ranks
-from simbench.bench.score.show import picture
-from simbench.bench.score.show.table import headline
-from simbench.bench.score.show.whole_table import full_text
+from simbench.bench.score.table import headline
 from simbench.bench.score.tally import RATES
+from simbench.bench.score.whole_table import full_text
 from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.reading import RunArrays

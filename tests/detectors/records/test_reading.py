@@ -82,7 +82,7 @@ def test_the_name_of_a_column_says_the_signal_and_the_loop(name, found):
 
 
 HOLES = {
-    "three samples": (slice(10, 13), N, 0, "3 of 300 samples of PV missing, bridged"),
+    "three samples": (slice(10, 13), N, 0, "PV missing, bridged"),
     "four samples": (slice(10, 14), N - 14, 14, "judged samples 14 to 299 of 300"),
 }
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from simbench.bench.score.show.table import along_lines, two_way_lines
+from simbench.bench.score.table import along_lines, two_way_lines
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,8 +5,8 @@ each.
 import numpy as np
 import pytest
 
+from simbench.bench.score.picture import sides
 from simbench.bench.score.scoring import score_book
-from simbench.bench.score.show.picture import sides
 
 
 def test_each_bar_is_the_whole_and_begins_with_what_is_right(book, noisy):

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 import simbench as sb
+from simbench.bench.score import paper
 from simbench.bench.score.scoring import score_book
-from simbench.bench.score.show import paper
 from simbench.cli import main
 
 
