@@ -251,13 +251,15 @@ def _read_all(
     """Return records by name (None for a single one), the sentences of those left out, and whether
     one record alone was asked for.
     """
+    # labels are of several records
+    if labels is not None and path.is_file() and path.suffix.lower() != ".mat":
+        one = f"labels score a folder of records; {path} is no folder, which is needed"
+        raise ParameterError(one)
+
     # a folder's records with what the labels say of them, or those of one file
     each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
     records, refused = read_folder(path, names=known or None, each=each, **about)
     alone = path.is_file() and len(records) + len(refused) == 1
-    if labels is not None and alone:
-        one = f"labels score a folder of records; {path} is no folder, which is needed"
-        raise ParameterError(one)
     return {None if alone else name: record for name, record in records.items()}, refused, alone
 
 

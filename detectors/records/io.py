@@ -187,8 +187,10 @@ def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
         if odd is not None:
             known = nearest(odd, (*_OF_RECORD, *_OF_ROW))
             raise RecordError(f"{where}: unknown key {odd!r}, {known}")
-        if "tag" not in row or not isinstance(row.get("columns", {}), dict):
-            raise RecordError(f"{where}: a tag is needed, and names of columns in a table")
+        names = row.get("columns", {})
+        texts = [row.get("tag"), *names.values()] if isinstance(names, dict) else [names]
+        if not {*map(type, texts)} <= {str}:
+            raise RecordError(f"{where}: a tag is needed, and columns as a table of names")
     return rows
 
 
@@ -268,7 +270,7 @@ def _make_record(
         raise ParameterError(
             f"resample {how!r}: {nearest(str(how), (times.HELD_VALUES, times.STRAIGHT_LINES))}"
         )
-    if Ts is not None and not 0 < Ts < np.inf:
+    if Ts is not None and not (isinstance(Ts, (int, float)) and 0 < Ts < np.inf):
         raise RecordError(f"{where}: Ts = {Ts} s; the sampling period must be a number above 0")
     refuse_missing(table, roles)
     for role, name in roles.items():

@@ -243,6 +243,8 @@ def test_a_table_of_loops_states_what_the_file_does_not(tmp_path):
             '[[loop]]\ntag = "A"\nop_span = [1]\ncolumns = {pv = "A", op = "B"}',
             "op_span = .1.; two",
         ),
+        ('[[loop]]\ntag = "A"\ncolumns = {pv = 3}', "columns as a table of names"),
+        ('[[loop]]\ntag = "A"\nTs = "x"\ncolumns = {pv = "A", op = "B"}', "Ts = x s"),
         ("loop = 3", "it has loop"),
         ("[[", "is no TOML"),
     ):
