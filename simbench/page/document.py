@@ -1,4 +1,4 @@
-"""A page as a document: sections of text, tiles, lists, tables, pictures and commands."""
+"""A page as a document: sections of text, lists, tables, pictures and commands."""
 
 from __future__ import annotations
 
@@ -33,14 +33,6 @@ class Text:
     text: str
     look: Literal["", "strong", "good", "bad", "heading"] = ""
     kind = "text"
-
-
-@dataclass(frozen=True)
-class Tiles:
-    """Numbers that are read first, each with what it is."""
-
-    items: Sequence[tuple[str, str]]
-    kind = "tiles"
 
 
 @dataclass(frozen=True)
@@ -90,7 +82,7 @@ class Details:
     kind = "details"
 
 
-Part = Text | Tiles | Points | Table | Pictures | Commands | Details
+Part = Text | Points | Table | Pictures | Commands | Details
 
 
 @dataclass(frozen=True)
@@ -239,11 +231,6 @@ def sortable(
             )
         rows.append(row)
     return {"columns": columns, "rows": rows}
-
-
-def percent(value: float) -> str:
-    """Write a share in %, one decimal."""
-    return f"{100 * value:.1f} %"
 
 
 def _text(value: Any, how: _Format | None) -> str:
