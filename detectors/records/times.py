@@ -55,8 +55,9 @@ def read_times(table: Sheet, name: str) -> np.ndarray:
     # every sample has one
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
-        said = str(cells[bad[0]]).strip()[:60]
-        raise RecordError(f"{table.where}, {table.place(bad[0])}: {name} is {said!r}; {_NEEDED}")
+        text = str(cells[bad[0]]).strip()[:60]
+        said = "empty" if text in ("", "nan", "NaT", "None") else repr(text)
+        raise RecordError(f"{table.where}, {table.place(bad[0])}: {name} is {said}; {_NEEDED}")
     return t
 
 

@@ -276,7 +276,7 @@ REFUSED = {
     ),
     "a coarse clock": (wide("t,PV,OP", K // 2, PV, OP), {}, "does not rise", "--ts 0.4983"),
     "time is text": ("t,op,pv\n0,1,2\nlater,1,2\n2,1,2\n", {}, "line 3: t is 'later'", ""),
-    "a time is missing": ("t,op,pv\n0,1,2\n,1,2\n2,1,2\n", {}, "line 3: t is 'nan'", ""),
+    "a time is missing": ("t,op,pv\n0,1,2\n,1,2\n2,1,2\n", {}, "line 3: t is empty", ""),
     "two samples": ("t,op,pv\n0,1,2\n1,1,2\n", {}, "2 samples; at least 3", ""),
     "ragged": ("t,op,pv\n0,1,2\n1,2\n2,1,2\n", {}, "line 3: 2 cells; the header has 3", ""),
     "a column twice": (
