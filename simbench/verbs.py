@@ -35,8 +35,8 @@ from simbench.detectors.views import page_part
 if TYPE_CHECKING:
     import pandas as pd
 
+    from simbench.bench.check.check_result import Check
     from simbench.bench.execute.run_options import RunOptions
-    from simbench.bench.score.check_result import Check
     from simbench.bench.score.result import Scores
     from simbench.detectors.contract import Contract
     from simbench.detectors.sources import Source
@@ -393,7 +393,7 @@ def check(
     RunError
         Where the two cannot be compared.
     """
-    from simbench.bench.score.check import MARGIN, check_run
+    from simbench.bench.check.check import MARGIN, check_run
 
     return check_run(folder, against, MARGIN if margin is None else margin, exact)
 

@@ -16,10 +16,10 @@ from unittest.mock import patch
 
 import numpy as np
 
+from simbench.bench.check.check import check_books
+from simbench.bench.check.check_result import NO_LOSS
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.score.check import check_books
-from simbench.bench.score.check_result import NO_LOSS
 from simbench.bench.store.reading import CODES, RunArrays, RunError, read_table
 from simbench.detectors.judge import judge_one
 from simbench.detectors.methods import (

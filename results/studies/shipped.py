@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow.parquet as pq
 
+from simbench.bench.check.baseline import write_shipped
 from simbench.bench.execute.compute_piece import PieceSettings, compute_piece
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario.oracle import ORACLE
-from simbench.bench.score.baseline import write_shipped
 from simbench.bench.score.shipped import FOLDER, results, shipped
 from simbench.bench.store.benchmark import BENCHMARK, benchmark_of
 from simbench.bench.store.manifest import read_manifest, write_manifest

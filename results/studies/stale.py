@@ -28,7 +28,7 @@ _LOADED_BY_NAME = {
 _VERBS = {
     "run": "simbench.bench.execute.run",
     "score": "simbench.bench.score.scoring",
-    "check": "simbench.bench.score.check",
+    "check": "simbench.bench.check.check",
     "gap": "simbench.gap.diagnosis",
     "figure": "simbench.figures",
     "detect": "simbench.verbs",

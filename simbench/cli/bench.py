@@ -188,8 +188,8 @@ def check(
     Use it in continuous integration: make a baseline once with --update, commit it, and let this
     command fail the build when a change makes a detector less accurate.
     """
-    from simbench.bench.score.check import check_run, update_baseline
-    from simbench.bench.score.check_result import NO_LOSS, NOT_COMPARABLE, WORSE
+    from simbench.bench.check.check import check_run, update_baseline
+    from simbench.bench.check.check_result import NO_LOSS, NOT_COMPARABLE, WORSE
     from simbench.bench.store.folder import RunError
     from simbench.files import refuse_own_input, whole_file
 

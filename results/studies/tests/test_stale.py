@@ -17,7 +17,7 @@ GRAPH = grimp.build_graph("simbench", "results")
     [
         (
             "python -m results.studies.gate runs/ci > results/gate.txt",
-            {"results/studies/gate.py", "simbench/bench/score/check.py"},
+            {"results/studies/gate.py", "simbench/bench/check/check.py"},
         ),
         # found by name: no import says so
         ("simbench run ci -o runs/ci", {"detectors/methods/he.py", "simbench/loop/valves/kano.py"}),

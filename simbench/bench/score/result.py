@@ -10,18 +10,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from simbench.bench.score import picture
-from simbench.bench.score.along import along
+from simbench.bench.score.answers import answers_of, axis_codes
 from simbench.bench.score.compare import Comparison, compare
-from simbench.bench.score.names import ALL, OF_OSCILLATING, SAMPLED, group_of, kind_of
+from simbench.bench.score.names import (
+    ALL,
+    OF_OSCILLATING,
+    ROLE_YARDSTICK,
+    SAMPLED,
+    group_of,
+    kind_of,
+)
 from simbench.bench.score.ranks import UNDECIDED, Ranks
-from simbench.bench.score.table import headline
-from simbench.bench.score.tally import RATES
-from simbench.bench.score.whole_table import full_text
+from simbench.bench.score.table import full_text, headline
+from simbench.bench.score.tally import RATES, counted, long_table, tallied, with_names
 from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import unmatched
-from simbench.bench.store.reading import RunArrays
-from simbench.detectors.errors import UserError, nearest
+from simbench.bench.store.reading import TRUTHS, RunArrays
+from simbench.detectors.errors import ParameterError, UserError, nearest
 from simbench.detectors.views import page_part
 from simbench.files import csv_text
 
@@ -30,6 +38,12 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+_MOST = 2  # axes of a table that can be read
+_SHOWN = [
+    f"{name}{end}"
+    for name in ("accuracy", "sensitivity", "false_positives", "no_decision")
+    for end in ("", "_lo", "_hi")
+]
 _PLACE = ("method", "truth", "process", "population")
 _ROWS = (
     *_PLACE,
@@ -320,7 +334,7 @@ class Scores:
         ParameterError
             For what is no axis of this run, or more than two.
         """
-        return self._of_chosen(along(self._answers(), axis, truth))
+        return self._of_chosen(_along(self._answers(), axis, truth))
 
     def compare(self, truth: str = "cycled") -> Comparison:
         """Compare every two methods, scenario by scenario.
@@ -382,3 +396,29 @@ class Scores:
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return json.loads(frame.to_json(orient="records", double_precision=6))
+
+
+def _along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") -> pd.DataFrame:
+    """Return rates by method and value of one axis or two."""
+    axes = [axis] if isinstance(axis, str) else list(axis)
+    for name in axes:
+        if name not in book.along:
+            raise ParameterError(f"no axis {name!r} in this run: {nearest(name, book.along)}")
+    if not 0 < len(set(axes)) == len(axes) <= _MOST:
+        raise ParameterError(f"axes {', '.join(axes) or '(none)'}: one axis or two different ones")
+    if truth not in TRUTHS:
+        raise ParameterError(f"truth {truth!r}: {nearest(truth, TRUTHS)}")
+    values, codes = zip(*(axis_codes(book, name) for name in axes), strict=True)
+    everyone = [a for a in answers_of(book) if a.role != ROLE_YARDSTICK]
+    label = book.truth[truth]
+    counts = counted(long_table(everyone), label=label, **dict(zip(axes, codes, strict=True)))
+    table = tallied(counts, [*axes, "method"])[["n", "applicable", "sticky", *_SHOWN]]
+    table = table[table["n"] > 0].drop(columns="n").reset_index()
+    table = table.rename(columns={"applicable": "n", "sticky": "positives"})
+    # one more value than there are: of loops that have none
+    texts = [np.array([*of, None], dtype=object) for of in values]
+    for name, text in zip(axes, texts, strict=True):
+        table[name] = text[table[name]]
+    table = table[table[axes].notna().all(axis=1)]
+    table = with_names(table, everyone)
+    return table.loc[:, ["method", *axes, "n", "positives", *_SHOWN]].reset_index(drop=True)

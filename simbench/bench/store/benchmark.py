@@ -46,12 +46,7 @@ _FILES = (
 )
 # they print, compare or transport, and decide no truth and no score
 _LEFT_OUT = (
-    "along",
     "asked",
-    "baseline",
-    "check",
-    "check_power",
-    "check_result",
     "compare",
     "page",
     "pairing",
@@ -63,7 +58,6 @@ _LEFT_OUT = (
     "several_seeds",
     "shipped",
     "table",
-    "whole_table",
 )
 
 

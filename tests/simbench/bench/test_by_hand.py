@@ -11,11 +11,11 @@ import pytest
 
 from results.studies.leak import Leak
 from simbench.bench import statistics as of
+from simbench.bench.check.check_result import Check
 from simbench.bench.execute import compute_piece as piece
 from simbench.bench.execute.failures import Failures
 from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario import truth
-from simbench.bench.score.check_result import Check
 from simbench.bench.score.names import kind_of
 from simbench.bench.score.pairing import pair
 from simbench.bench.score.ranks import loops_needed, rank_methods

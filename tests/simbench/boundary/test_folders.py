@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from simbench.bench.check.check import check_run, update_baseline
 from simbench.bench.execute import pieces
 from simbench.bench.execute.run import Interrupted, run_grid
-from simbench.bench.score.check import check_run, update_baseline
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.folder import RunError
 from simbench.bench.store.reading import read_table

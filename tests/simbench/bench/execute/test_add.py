@@ -8,11 +8,11 @@ import pytest
 from bench_fixtures import NEVER, raise_after
 
 import simbench as sb
+from simbench.bench.check.baseline import write_baseline
 from simbench.bench.execute import compute_piece, pieces
 from simbench.bench.execute.add import add_to_run
 from simbench.bench.execute.repeat import run_again
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest
 from simbench.bench.store.folder import RunError

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from bench_fixtures import NEVER
 
+from simbench.bench.check.baseline import write_baseline
 from simbench.bench.execute.repeat import compared, run_again
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.baseline import write_baseline
 from simbench.bench.store.folder import RunError
 from simbench.bench.store.manifest import read_manifest
 from simbench.cli import main

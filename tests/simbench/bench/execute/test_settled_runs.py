@@ -8,10 +8,10 @@ import math
 import pandas as pd
 import pytest
 
+from simbench.bench.check.baseline import write_baseline
+from simbench.bench.check.check import check_run
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario import resolve
-from simbench.bench.score.baseline import write_baseline
-from simbench.bench.score.check import check_run
 from simbench.bench.store.benchmark import grid_of
 from simbench.bench.store.manifest import RunError, read_manifest
 from simbench.scenarios.grid import load_grid

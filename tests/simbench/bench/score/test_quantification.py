@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from simbench.bench.check.baseline import write_baseline
+from simbench.bench.check.check import check_books
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.baseline import write_baseline
-from simbench.bench.score.check import check_books
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.reading import read_book

@@ -10,9 +10,9 @@ import pytest
 import simbench as sb
 from results.studies import shipped as study
 from results.studies.shipped import GRIDS, ask_again
+from simbench.bench.check.baseline import write_baseline
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score import shipped
-from simbench.bench.score.baseline import write_baseline
 from simbench.bench.score.scoring import score_book, score_run
 from simbench.bench.store.benchmark import evaluator_hash
 from simbench.bench.store.folder import RunError

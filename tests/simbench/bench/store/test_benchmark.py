@@ -8,8 +8,8 @@ import pytest
 from bench_fixtures import SMALL
 from typer.testing import CliRunner
 
+from simbench.bench.check.baseline import write_baseline
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.baseline import write_baseline
 from simbench.bench.store import benchmark
 from simbench.bench.store.benchmark import benchmark_of, grid_of
 from simbench.bench.store.manifest import read_manifest, write_manifest

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from simbench.bench.score.baseline import write_baseline
-from simbench.bench.score.check_power import (
+from simbench.bench.check.baseline import write_baseline
+from simbench.bench.check.check_power import (
     COUNTED,
     LEVEL,
     loops_needed,
@@ -20,7 +20,7 @@ from simbench.bench.score.check_power import (
     smallest_seen,
     unseen_losses,
 )
-from simbench.bench.score.check_result import Check, sentence
+from simbench.bench.check.check_result import Check, sentence
 from simbench.bench.score.names import ALL
 from simbench.bench.score.pairing import Paired, Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared

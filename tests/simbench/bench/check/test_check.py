@@ -12,8 +12,8 @@ import pytest
 from bench_fixtures import change_answers
 from typer.testing import CliRunner
 
+from simbench.bench.check.check import check_books, check_run, update_baseline
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.check import check_books, check_run, update_baseline
 from simbench.bench.score.power import smallest_loss_found
 from simbench.bench.statistics import mcnemar
 from simbench.bench.store.reading import RunError, read_book
@@ -494,7 +494,7 @@ def test_the_exit_code_tells_four_results_apart(run, moved, tmp_path, monkeypatc
     said = few.verdict[0].copy()
     said[np.flatnonzero((said == few.truth["cycled"]) & (few.applicable[0] != 0))[:2]] = 2
     monkeypatch.setattr(
-        "simbench.bench.score.check.read_book",
+        "simbench.bench.check.check.read_book",
         lambda folder: change_answers(few, "horch", said) if folder == run else few,
     )
     code, said, _ = checked(run, "--against", base)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from simbench.bench.score.check_result import Check
+from simbench.bench.check.check_result import Check
 from simbench.bench.score.power import loops_for, smallest_loss_found
 from simbench.bench.score.quantification import MEDIAN_ERROR
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
