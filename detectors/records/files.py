@@ -79,7 +79,8 @@ def read_texts(path: str | Path) -> Sheet:
         return table_of(frame, str(path), "line")
     except Exception as error:  # the file's, or one of many of its reader
         why = str(error).partition("\n")[0]
-        raise RecordError(f"file {path} cannot be read as a table: {why}") from error
+        broken = f"file {path} cannot be read as a table: {why}"
+        raise RecordError(f"{broken}; rows as long as the header are needed") from error
 
 
 def table_of(columns: Any, where: str, row: str = "row") -> Sheet:

@@ -238,7 +238,8 @@ def _read_loops(
         asked = [""]
         stem = str(tag)
     if not asked:
-        lacks = f"{where}: no column of loop {tag!r}; loops are: {', '.join(loops)[:200]}"
+        known = ", ".join(loops)[:200]
+        lacks = f"{where}: no column of loop {tag!r}; the tag of a loop is needed: {known}"
         (like,) = get_close_matches(str(tag), loops, 1, 0.0)
         raise RecordError(lacks, f"--tag {quote(like)}" if like else "")
 
