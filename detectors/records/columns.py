@@ -22,6 +22,7 @@ from simbench.detectors.records.files import Cells, Sheet
 SIGNALS = ("sp", "op", "pv", "mv")
 MODE = "mode"
 MANUAL = "MAN"
+SHORTEST = 3  # samples of a record
 NONE = "none"  # in place of a column that is not to be read
 _QUALITY = "quality"
 _ROLES = ("t", *SIGNALS, MODE, _QUALITY)
@@ -97,13 +98,18 @@ class Name(NamedTuple):
 @lru_cache(4096)
 def parse(name: str) -> Name:
     """Take the name of a column apart."""
+    # the words, and a unit in brackets
     text = words_of(name)
     bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", name)
     unit = bracket[1].lower() if bracket else ""
+
+    # what a row is about
     if found := _TIME.fullmatch(text):
         return Name("t", unit=unit or found["unit"] or "")
     if found := _OF_ROW.fullmatch(text):
         return Name(_ROLE_OF.get(found["word"], _QUALITY))
+
+    # a signal of a loop, or a column of something else
     if _POSITION.fullmatch(text):  # what it measures is the valve's, not the process's
         return Name("mv", (*text.split(),))
     if found := _SIGNAL.fullmatch(text):
@@ -173,8 +179,10 @@ def split_by_tag(table: Sheet) -> dict[str, Sheet]:
     if "tag" not in names or not {"op", "pv"} <= names.keys() or parse(names["op"]).loop:
         return {"": table}
     tags = np.array([str(cell).strip() for cell in table.columns.pop(names["tag"])])
-    parts = {tag: _take_rows(table, np.flatnonzero(tags == tag)) for tag in dict.fromkeys(tags)}
-    return parts if len(parts) > 1 else {"": table}
+    counts = Counter(tags.tolist())
+    if len(counts) < 2 or min(counts.values()) < SHORTEST:  # remarks, and no tags
+        return {"": table}
+    return {tag: _take_rows(table, np.flatnonzero(tags == tag)) for tag in counts}
 
 
 def _take_rows(table: Sheet, rows: np.ndarray) -> Sheet:
@@ -221,10 +229,13 @@ def _check_chosen(table: Sheet, chosen: Mapping[str, str]) -> Roles:
     """Return the columns that the caller names, checked."""
     given: Roles = {}
     for role, name in chosen.items():
+        # a role that there is, and that is to be read
         if role not in _ROLES:
             raise RecordError(f"{table.where}: no column is a {role!r}, {nearest(role, _ROLES)}")
         if name.lower() == NONE and role not in ("t", "op", "pv"):
             continue
+
+        # a column of its own
         if name not in table.columns or role == _QUALITY:
             known = "none" if role == _QUALITY else nearest(name, table.columns)
             raise RecordError(f"{table.where}: no column {name!r} for {role}, {known}")

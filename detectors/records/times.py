@@ -11,12 +11,11 @@ from itertools import product
 import numpy as np
 
 from simbench.detectors.errors import RecordError
-from simbench.detectors.records.columns import TIME_UNITS, as_float, parse
+from simbench.detectors.records.columns import SHORTEST, TIME_UNITS, as_float, parse
 from simbench.detectors.records.files import Sheet
 
 Signals = dict[str, np.ndarray]
 
-SHORTEST = 3  # samples of a record
 BRIDGED = 3  # samples; a longer hole splits the record
 MOST_MISSING = 0.20  # share of a record that may be missing
 JITTER = 0.01  # deviation from Ts, as a share of it, above which time has a gap

@@ -201,6 +201,12 @@ READ = {
         {"tag": "F1"},
         "",
     ),
+    "remarks in a column of tags": (
+        wide("Time,PV,OP,name", stamps(), PV, OP, [f"note {k}" for k in K]),
+        "csv",
+        {},
+        "",
+    ),
     "excel": (
         book(Trend=[["Trend", "", "", ""], TABLE[0], ["", "m3/h", "%", "m3/h"], *TABLE[1:]]),
         "xlsx",
