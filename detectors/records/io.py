@@ -334,9 +334,12 @@ def _find_automatic(modes: np.ndarray, notes: list[str]) -> slice:
     """Return the longest stretch in automatic or cascade, and say what share of the record either
     is.
     """
+    # the share of each mode
     said = ", ".join(
         f"{m} {np.mean(modes == m):.0%}" for m in ("AUTO", "CAS", MANUAL) if m in modes
     )
+
+    # the longest run, all where none is long enough to judge
     runs = runs_of(modes != MANUAL)
     a, b = max(runs.tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
     if b - a < times.SHORTEST:

@@ -141,6 +141,7 @@ def tabulate(rows: pd.DataFrame) -> Table:
 
 def _map(scores: Scores, truth: str) -> list[Part]:
     """Draw one map per method and kind of plant: accuracy over dead time and S/2J."""
+    # the kinds of plants that the grid has
     pictures = []
     for process, axis in _AXES.items():
         rates = scores.along([_BAND, axis], truth)
@@ -149,6 +150,8 @@ def _map(scores: Scores, truth: str) -> list[Part]:
             pictures.append((draw_maps(rates, axis), caption))
     if not pictures:
         return [Text("This grid has no axes of dead time and S/2J.")]
+
+    # what the maps show
     says = (
         "Accuracy against the label above, over dead time and S/2J; no decision counts as"
         " wrong. A healthy loop stands in the cell of its sticky siblings. Below the share stands"

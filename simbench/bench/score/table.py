@@ -449,6 +449,8 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     rows = rows[rows.cost_over_no_waveform.notna()]
     if rows.empty:
         return []
+
+    # the difference with its interval, and whether it is resolved
     lo = rows.cost_over_no_waveform_lo
     hi = rows.cost_over_no_waveform_hi
     table = _rates(rows, {})
@@ -469,6 +471,8 @@ def _details(scores: Any, truth: str) -> list[str]:
         **{"sensitivity_at_5": "sens. at 5 %", "auc": "AUC", "risk_coverage": "risk"},
         "accuracy_all": "of all",
     }
+
+    # the rank before the rates
     table = _rates(rows, titles)
     unranked = np.where(rows.kind > 1, "", "-")
     ranks = np.where(rows["rank"].isna(), unranked, rows["rank"].map("{:.0f}".format))
@@ -486,6 +490,8 @@ def _left_out(scores: Any) -> list[str]:
     rows = rows[rows.n > 0] if len(rows) else rows
     if rows.empty:
         return []
+
+    # which loops they are, and the share called stiction with its interval
     titles = {"no_stiction": "no stiction", "no_decision": "no decision"}
     table = _rates(rows, titles, "n")
     ends = zip(rows.stiction, rows.stiction_lo, rows.stiction_hi, rows.n < LEAST, strict=True)
@@ -518,6 +524,8 @@ def _pair_S_and_J(scores: Any) -> list[str]:
     rows = rows[rows.n >= LEAST]
     if rows.empty:
         return []
+
+    # the columns of S beside those of J
     names = {r.method: r.method + HOME_MARKS[r.home] for r in scores.table.itertuples()}
     table = pd.DataFrame({"method": rows.method.replace(names), "family": rows.family})
     table = table.drop_duplicates().set_index(["method", "family"])

@@ -54,9 +54,12 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
     """Write a diagnosis as one self-contained HTML page, readable in light and dark and on a
     phone.
     """
+    # what repeats it
     situation = report.behind.found.situation
     loop = report.fixed_loop().to_toml().strip()
     again: list[Part] = [Commands(command)] if command else []
+
+    # from the answer to the commands
     sections = [
         Section("answer", "The answer", _answer(report)),
         Section("look", "Record and simulation", _look(report, situation)),
@@ -121,6 +124,8 @@ def _remaining(report: GapReport) -> list[Part]:
     """Return in which features the record differs from its simulations, the answer in them."""
     if not report.remaining:
         return []
+
+    # a picture and the numbers
     caption = "Recorded values beside the range of the simulations, the farthest on top"
     table = pd.DataFrame([one.as_json() for one in report.remaining])
     formats = {"simulated": lambda ends: " to ".join(f"{end:.3g}" for end in ends)}
@@ -137,6 +142,7 @@ def _remaining(report: GapReport) -> list[Part]:
 
 def _which(report: GapReport) -> list[Part]:
     """Return every effect with its probability, and what each says."""
+    # the ranking with what each effect means
     frame = report.to_frame()
     says = {
         "none": "the simulation lacks nothing",
@@ -145,6 +151,8 @@ def _which(report: GapReport) -> list[Part]:
     }
     frame["meaning"] = frame["effect"].map(says)
     frame["effect"] = frame["effect"].map(words)
+
+    # beside a picture of the first
     top = _most_probable(report)
     table = Table(
         frame.rename(columns=words), {"probability": "{:.3f}".format}, ["parameters", "meaning"]
