@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         "run smoke -o runs/smoke",
         "run chapter -o runs/chapter -j 2 --method fast,oracle --resume",
         "run my_baseline -o run --plugin mine.py --method mine",
-        "run --again runs/theirs/manifest.json -o runs/ours",
+        "run runs/theirs -o runs/ours",
         "run runs/chapter --add --plugin mine.py --method mine",
         "run runs/chapter --answers theirs.csv",
         "run records -o runs/ours -j 2",
@@ -110,14 +110,6 @@ def run(
             " plant, recorded and table-11-3.",
         ),
     ] = False,
-    again: Annotated[
-        Path | None,
-        Option(
-            metavar="MANIFEST",
-            help="Take grid, methods and settings from this manifest of a finished run, in place of"
-            " GRID; give the files of its plug-ins.",
-        ),
-    ] = None,
     add: Annotated[
         bool,
         Option(
@@ -186,19 +178,12 @@ def run(
     if add or answers:
         from simbench.bench.execute.add import add_to_run
 
-        _refuse_beside_add(grid, again)
+        _refuse_beside_add(grid)
         folder, scores, told["added"] = add_to_run(
             str(grid), method or [], out, jobs, add=add, answers=answers or [], **options
         )
-    elif again is not None:
-        from simbench.bench.execute.repeat import run_again
-
-        _refuse_beside_again(grid, method)
-        folder, scores, told["again"] = run_again(again, out, jobs, **options)
     elif grid is None:
-        raise ParameterError(
-            "GRID is missing: name a grid (`simbench list grids`), or give --again MANIFEST"
-        )
+        raise ParameterError("GRID is missing: name a grid; `simbench list grids` names them all")
     else:
         out = out or Path("runs") / Path(grid).stem
         plan: Any = grid
@@ -218,12 +203,12 @@ def run(
         show({**about, **told, **scores.as_json()}, as_json)
     else:
         lines = [scores.as_text(full=full, where=where_more_is(folder, full)), f"run: {folder}"]
-        lines += [text if key == "added" else f"again: {text}" for key, text in told.items()]
+        lines += told.values()
         show("\n".join(lines), as_json)
     end_by_failures(failed, allow_failed)
 
 
-def _refuse_beside_add(grid: str | None, again: Path | None) -> None:
+def _refuse_beside_add(grid: str | None) -> None:
     """Refuse --add and --answers without a finished run to add to."""
     from simbench.bench.store.benchmark import is_stored
 
@@ -231,18 +216,4 @@ def _refuse_beside_add(grid: str | None, again: Path | None) -> None:
         raise ParameterError(
             f"--add and --answers add methods to a finished run; GRID is {grid}: the folder of a"
             " run is needed"
-        )
-    if again is not None:
-        raise ParameterError(
-            f"--add and --answers take the loops of {grid} as they stand; leave out --again"
-        )
-
-
-def _refuse_beside_again(grid: str | None, method: list[str] | None) -> None:
-    """Refuse a grid and methods beside the manifest that states them."""
-    given = [f"GRID {grid}"] * (grid is not None) + ["--method"] * bool(method)
-    if given:
-        raise ParameterError(
-            f"--again takes grid, methods and settings from the manifest; leave out"
-            f" {', '.join(given)}"
         )

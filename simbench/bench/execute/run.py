@@ -14,10 +14,10 @@ import secrets
 import signal
 import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Unpack, cast
+from typing import Unpack, cast
 
 import cloudpickle
 
@@ -32,7 +32,7 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import shipped
 from simbench.bench.store.benchmark import is_stored, stored_grid
 from simbench.bench.store.folder import RunError, write_file
-from simbench.bench.store.manifest import SOURCES, refuse_unlike, run_key
+from simbench.bench.store.manifest import SOURCES, run_key
 from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.faults import describe_judging
 from simbench.detectors.judge import refuse_wrong_forms
@@ -106,15 +106,9 @@ def run_scored(
     out: str | Path | None = None,
     methods: Methods = ("fast",),
     jobs: int = 1,
-    *,
-    like: Mapping[str, Any] | None = None,
     **options: Unpack[RunOptions],
 ) -> tuple[Path, Scores | None]:
-    """Run a grid as `run_grid` does, and return its scores, too; None where the run was whole.
-
-    `like` is the manifest of a run that this one repeats; another grid, method or plug-in is
-    refused before anything is simulated.
-    """
+    """Run a grid as `run_grid` does, and return its scores, too; None where the run was whole."""
     began = time.perf_counter()
     plan = read_plan(grid, options)
     files, parts = _plugin_files(options)
@@ -132,8 +126,6 @@ def run_scored(
         _refuse_wrong_run(plan, names)
         with_reference = options.get("with_reference", False)
         manifest = describe_run(plan, names, {**digests, **digests_of_own(own)}, with_reference)
-        if like is not None:
-            refuse_unlike(like, manifest)
         folder = local_path(Path("runs") / plan.name if out is None else out)
         apart = bool(files or own or any(parts))
         backend = options.get("backend", "loky")

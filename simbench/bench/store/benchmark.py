@@ -20,7 +20,7 @@ from simbench.scenarios.expansion import Grid
 from simbench.scenarios.grid_file import GridFile
 from simbench.scenarios.packaged import grid_names
 from simbench.scenarios.sample import Sample
-from simbench.scenarios.settled import COLUMNS, SettledGrid, settled_grid, table_of
+from simbench.scenarios.settled import COLUMNS, SettledGrid, table_of
 from simbench.scenarios.toml import content_hash
 
 BENCHMARK = "benchmark"
@@ -199,15 +199,6 @@ def stored_grid(folder: str | Path) -> SettledGrid:
         raise without_loops(str(folder))
     table = table_of(stored.to_pylist())
     return SettledGrid(grid.name, grid.content, grid.overrides, table, int(manifest["scenarios"]))
-
-
-def grid_of_run(folder: Path, manifest: Mapping[str, Any]) -> Grid:
-    """Return the grid whose groups a run simulated: settled by it, the package's table, or the
-    loops that it took from another run.
-    """
-    if SETTLED not in manifest:
-        return grid_of(manifest)
-    return settled_grid(manifest["grid"]) if manifest[SETTLED] == PACKAGE else stored_grid(folder)
 
 
 def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any], common: int) -> None:

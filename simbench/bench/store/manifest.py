@@ -124,24 +124,6 @@ def unmatched(manifest: Mapping[str, Any]) -> int:
     return planned - done if manifest.get("complete") and planned and done else 0
 
 
-def refuse_unlike(stated: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
-    """Raise RunError, with the difference, if a run has another grid, other methods or other
-    plug-ins than the one that it is to repeat.
-    """
-    lacking = [name for name in stated["plugins"] if name not in manifest["plugins"]]
-    if lacking:
-        raise RunError(f"the manifest states plug-in {lacking[0]}: {_how_given(lacking[0])}")
-    for key in ("grid_hash", "plugins", "methods"):
-        # of methods only the names: their thresholds and sources may be another version's
-        was, now = (
-            m[key] if key != "methods" else dict.fromkeys(m[key]) for m in (stated, manifest)
-        )
-        if was != now:
-            raise RunError(
-                f"this is not the run that the manifest states: {_difference(key, was, now)}"
-            )
-
-
 def refuse_to_mix(where: Path, manifest: Mapping[str, Any]) -> None:
     """Raise RunError, with the difference, if the run on disk is not the one that is to be
     continued.
@@ -233,15 +215,6 @@ def _difference(key: str, old: Any, new: Any) -> str:
         return f"{key} {verb}: {'; '.join(changes[:3])}"
     names = {"grid_hash": "the grid", "code": "the code"}
     return f"{names.get(key, key)} differs (was {old}, is {new})"
-
-
-def _how_given(plugin: str) -> str:
-    """Say how a plug-in is handed to a run."""
-    kind, _, name = plugin.rpartition(" ")
-    if kind == "own":
-        return f"{name} was handed over in Python, and can only be run again from there"
-    option = f"{kind}-plugin" if kind else "plugin"
-    return f"its file is needed (--{option} FILE.py); a run's folder keeps it in {SOURCES}/"
 
 
 def _describe_change(name: str, old: Any, new: Any) -> str:

@@ -11,7 +11,6 @@ import simbench as sb
 from simbench.bench.check.baseline import write_baseline
 from simbench.bench.execute import compute_piece, pieces
 from simbench.bench.execute.add import add_to_run
-from simbench.bench.execute.repeat import run_again
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest
@@ -252,10 +251,3 @@ def test_on_the_command_line_into_another_folder(place, run, tmp_path, capsys):
     ):
         assert main(["run", *wrong]) == 2
         assert word in capsys.readouterr().err
-
-
-def test_answers_of_a_file_are_not_asked_for_again(run, tmp_path):
-    write_answers(run, tmp_path / "mine.csv", "he", "mine")
-    add_to_run(run, add=False, answers=[tmp_path / "mine.csv"])
-    told = run_again(run, tmp_path / "again").told
-    assert told.endswith("answered from a file, not asked again: mine")
