@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from simbench.detectors.procedure import CONCLUSIONS, FLOW
-from simbench.page.style import BLACK, BLUE, GREY, RED, VERDICT, arrow, styled, write_picture
+from simbench.figures._marks import arrow
+from simbench.page.style import BLACK, BLUE, GREY, RED, VERDICT, styled, write_picture
 
 if TYPE_CHECKING:
     from simbench.detectors.procedure import Diagnosis

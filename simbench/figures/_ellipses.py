@@ -5,7 +5,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from simbench.detectors.signal.ellipse import TOLERANCE, Ellipse
-from simbench.page.style import BLUE, GREY, ORANGE, RED, arrow, label
+from simbench.figures._marks import arrow
+from simbench.page.style import BLUE, GREY, ORANGE, RED, label
 
 
 def ellipse_points(ellipse: Ellipse, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 
 from simbench.detectors.signal.half_cycles import GUARD, HALF_CYCLE_POINTS, sines, triangles
 from simbench.detectors.signal.oscillation import zero_crossings
-from simbench.page.style import BLACK, BLUE, RED, label, room
+from simbench.figures._marks import room
+from simbench.page.style import BLACK, BLUE, RED, label
 
 
 def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:

@@ -7,7 +7,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.confirm.gain_change import gain_change
-from simbench.page.style import GREY, SIGNAL, label, note, panels, room, styled
+from simbench.figures._marks import note, room
+from simbench.page.style import GREY, SIGNAL, label, panels, styled
 from simbench.scenarios.spec import Loop
 
 _SHOWN = 5.5  # periods on either side of the change

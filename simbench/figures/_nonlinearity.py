@@ -11,7 +11,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.bicoherence import bicoherence
 from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._ellipses import ellipse_points
-from simbench.page.style import BLUE, GREY, RED, label, mosaic, note
+from simbench.figures._marks import mosaic, note
+from simbench.page.style import BLUE, GREY, RED, label
 
 _SEGMENT = 64
 

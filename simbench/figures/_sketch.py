@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
+from simbench.figures._marks import arrow as head
 from simbench.page.style import BLACK, BLUE, GREY, styled
-from simbench.page.style import arrow as head
 
 _Point = tuple[float, float]
 _SKETCH_COLUMNS = ["shape", "part", "x", "y", "text"]

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.page.style import BLUE, GREY, RED, label, mosaic, styled
+from simbench.figures._marks import mosaic
+from simbench.page.style import BLUE, GREY, RED, label, styled
 
 SOURCE = "Jelali (2013), Fig. 11.10, after Yamashita (2006)"
 COLOUR = {"I": RED, "S": GREY, "D": BLUE}

@@ -12,7 +12,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.detectors.methods.yamashita import movement_indices
-from simbench.page.style import BLUE, RED, arrow, label, note, panels, parts, styled, text_near
+from simbench.figures._marks import arrow, note, parts, text_near
+from simbench.page.style import BLUE, RED, label, panels, styled
 
 SOURCE = "Jelali (2013), Fig. 11.11a to c, after Yamashita (2006) and Manum & Scali (2006)"
 # corners (OP, MV) of each loop and the symbol of the side that leaves it

@@ -6,8 +6,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.detectors.methods.yamashita import movement_indices
+from simbench.figures._marks import mosaic, note
 from simbench.figures._records import real_loop
-from simbench.page.style import BLUE, SIGNAL, label, mosaic, note, styled
+from simbench.page.style import BLUE, SIGNAL, label, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.12 and Example 11.1 (rho1 = 0.48, rho3 = 0.41); data: ISDB loop PAP2"

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from simbench.figures._correlation import correlation, draw_correlation
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._loops import Loops, sine
+from simbench.figures._marks import note
 from simbench.loop.simulate import simulate
-from simbench.page.style import SIGNAL, label, note, panels, styled
+from simbench.page.style import SIGNAL, label, panels, styled
 
 SOURCE = "Jelali (2013), Fig. 11.13, after Horch (1999)"
 PERIOD = 100.0  # s, of the sine; about that of the sticky loop's cycle

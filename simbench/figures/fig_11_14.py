@@ -7,7 +7,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._correlation import correlation, draw_correlation
-from simbench.page.style import note, panel, span, styled
+from simbench.figures._marks import note, span
+from simbench.page.style import panel, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.14 and Eqs 11.6 to 11.8 (absolute bars restored), after Horch (1999)"

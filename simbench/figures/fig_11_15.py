@@ -4,8 +4,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._correlation import correlation, draw_correlation
+from simbench.figures._marks import note, parts
 from simbench.figures._records import filter_record, real_loop
-from simbench.page.style import note, panels, parts, styled
+from simbench.page.style import panels, styled
 
 SOURCE = "Jelali (2013), Fig. 11.15 and Example 11.2; data: ISDB loops CHEM1, PAP4"
 PRINTED = {"CHEM1": (0.73, 0.40), "PAP4": (0.13, 0.0)}

@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from simbench.detectors.judge import judge
 from simbench.figures._correlation import correlation, draw_correlation
 from simbench.figures._loops import Loops, sine
+from simbench.figures._marks import note, parts
 from simbench.loop.simulate import simulate
-from simbench.page.style import VERDICT, note, panels, parts, styled
+from simbench.page.style import VERDICT, panels, styled
 from simbench.scenarios.spec import Loop
 
 SOURCE = "Jelali (2013), Fig. 11.16 and Example 11.3, verdicts in the order of Eq. 11.9"

@@ -10,8 +10,9 @@ from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.conditioning import band
 from simbench.figures._fits import eta, half_cycle_fits
 from simbench.figures._loops import Loops
+from simbench.figures._marks import note
 from simbench.loop.simulate import simulate
-from simbench.page.style import BLACK, BLUE, GREY, RED, label, note, panels, styled
+from simbench.page.style import BLACK, BLUE, GREY, RED, label, panels, styled
 from simbench.scenarios.spec import Loop
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.sampled import sampled_loop

@@ -9,8 +9,9 @@ from simbench.detectors.judge import judge
 from simbench.detectors.signal.conditioning import band
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.figures._fits import draw_fits, half_cycle_fits
+from simbench.figures._marks import note
 from simbench.figures._records import NeedsRecord, real_loop
-from simbench.page.style import note, panels, styled
+from simbench.page.style import panels, styled
 
 SOURCE = "Jelali (2013), Fig. 11.18 and Example 11.4; data: ISDB loops CHEM1, PAP3"
 PRINTED = {

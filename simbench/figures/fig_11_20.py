@@ -13,7 +13,8 @@ from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._cycles import sustained_cycle
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
 from simbench.figures._loops import Loops
-from simbench.page.style import BLACK, note, panel, styled
+from simbench.figures._marks import note
+from simbench.page.style import BLACK, panel, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.20 and Eq. 11.15 (square root restored), after Choudhury et al. (2006)"

@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 
 from simbench.detectors.signal.ellipse import fit_ellipse
 from simbench.figures._ellipses import draw_ellipse, ellipse_table
+from simbench.figures._marks import note
 from simbench.figures._records import NeedsRecord, filter_record, real_loop
-from simbench.page.style import note, panel, styled
+from simbench.page.style import panel, styled
 
 SOURCE = "Jelali (2013), Fig. 11.23 and Example 11.6 (fitness 93.5 %); data: ISDB loop POW2"
 

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from simbench.confirm.travel import travel_test
 from simbench.figures._loops import Loops
-from simbench.page.style import GREY, SIGNAL, label, note, panels, room, styled
+from simbench.figures._marks import note, room
+from simbench.page.style import GREY, SIGNAL, label, panels, styled
 from simbench.scenarios.spec import Loop
 
 SOURCE = "Jelali (2013), Fig. 11.26 and Procedure 11.4, after Gerry & Ruel (2001)"

@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from simbench.figures._marks import note, parts, span
 from simbench.loop.response import valve_response
-from simbench.page.style import BLUE, GREY, ORANGE, label, note, panels, parts, span, styled
+from simbench.page.style import BLUE, GREY, ORANGE, label, panels, styled
 
 SOURCE = "Jelali (2013), Fig. 11.4, redrawn there from ISA-S51.1 (1979)"
 # % of travel

@@ -10,8 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._loops import Loops
+from simbench.figures._marks import span, text_near
 from simbench.loop.response import valve_response
-from simbench.page.style import BLUE, GREY, ORANGE, RED, label, panel, span, styled, text_near
+from simbench.page.style import BLUE, GREY, ORANGE, RED, label, panel, styled
 
 SOURCE = "Jelali (2013), Fig. 11.5, after Choudhury et al. (2005) and Rossi & Scali (2005)"
 S = 30.0

@@ -7,8 +7,9 @@ not name its four loops; the first four of ours that are there are drawn.
 import pandas as pd
 from matplotlib.figure import Figure
 
+from simbench.figures._marks import parts
 from simbench.figures._records import NeedsRecord, real_loop
-from simbench.page.style import BLUE, label, panels, parts, styled
+from simbench.page.style import BLUE, label, panels, styled
 
 SOURCE = "Jelali (2013), Fig. 11.6; data: ISDB (Jelali & Huang 2010), StictionGPT"
 LOOPS = (

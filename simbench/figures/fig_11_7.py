@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from simbench.figures._marks import note, parts
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.page.style import BLUE, GREY, RED, label, note, panels, parts, styled
+from simbench.page.style import BLUE, GREY, RED, label, panels, styled
 
 SOURCE = (
     "Jelali (2013), Fig. 11.7, after Olsson et al. (1998); numbers: Choudhury et al. (2005),"

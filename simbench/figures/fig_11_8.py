@@ -11,7 +11,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._loops import COLUMNS, Loops
-from simbench.page.style import BLACK, BLUE, GREY, ORANGE, RED, label, panels, parts, styled
+from simbench.figures._marks import parts
+from simbench.page.style import BLACK, BLUE, GREY, ORANGE, RED, label, panels, styled
 from simbench.scenarios.spec import Loop
 from simbench.theory.describing import intersections, stiction
 from simbench.theory.sampled import sampled_loop

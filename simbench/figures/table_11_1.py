@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 from simbench.confirm.grade import grade
 from simbench.figures._loops import pi_loop
-from simbench.page.style import styled, table
+from simbench.figures._marks import table
+from simbench.page.style import styled
 
 SOURCE = (
     "Jelali (2013), Table 11.1, after Ruel (2000); limits of the process gain 0.5 and 3, as far as"

@@ -13,8 +13,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from simbench.figures._loops import choudhury, pi_loop
+from simbench.figures._marks import table
 from simbench.loop.simulate import simulate
-from simbench.page.style import styled, table
+from simbench.page.style import styled
 from simbench.scenarios.parts import Part
 from simbench.scenarios.spec import Loop
 from simbench.theory.sampled import phase_crossings

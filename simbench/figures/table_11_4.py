@@ -3,7 +3,8 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from simbench.page.style import styled, table
+from simbench.figures._marks import table
+from simbench.page.style import styled
 
 SOURCE = "Jelali (2013), Table 11.4, after Yamashita (2006)"
 
