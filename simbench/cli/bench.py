@@ -153,9 +153,6 @@ def check(
         Path,
         Option(metavar="DIR", help="Compare with the baseline, an earlier run, in this folder."),
     ],
-    junit: Annotated[
-        Path | None, Option(metavar="FILE.xml", help="Write a JUnit summary to this file.")
-    ] = None,
     markdown: Annotated[
         Path | None, Option(metavar="FILE.md", help="Write a Markdown summary to this file.")
     ] = None,
@@ -193,7 +190,7 @@ def check(
     from simbench.bench.store.folder import RunError
     from simbench.files import refuse_own_input, whole_file
 
-    refuse_own_input([junit, markdown], [folder, against])
+    refuse_own_input([markdown], [folder, against])
     if update:
         say(update_baseline(folder, against))
         return
@@ -203,10 +200,9 @@ def check(
         if as_json:
             show({"result": NOT_COMPARABLE, "reason": str(error)}, as_json)
         raise
-    for path, text in ((junit, result.as_junit()), (markdown, result.as_markdown())):
-        if path is not None:
-            with whole_file(path) as f:
-                f.write(text)
+    if markdown is not None:
+        with whole_file(markdown) as f:
+            f.write(result.as_markdown())
     show_result(result, as_json)
     if result.result != NO_LOSS:
         raise Exit(1 if result.result == WORSE else 3)

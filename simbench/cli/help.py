@@ -44,8 +44,6 @@ GROUPS = {
         "picture",
         "report",
         "to",
-        "orders",
-        "junit",
         "markdown",
         "why",
         "full",

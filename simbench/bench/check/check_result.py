@@ -1,17 +1,16 @@
-"""What a check found, for a terminal, for a pull request's summary, and for a test reporter."""
+"""What a check found, for a terminal, and for a pull request's summary."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
-from xml.etree import ElementTree
 
 import pandas as pd
 
 from simbench.bench.score.compare import plain
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR
-from simbench.detectors.report.report import columns
+from simbench.page.text import lines_of
 
 NO_LOSS = "same"
 WORSE = "worse"
@@ -104,14 +103,14 @@ class Check:
         lines = []
         moved = _table_of_moves(self).drop(columns="seen")
         if len(moved):
-            lines += ["", *_align_columns(moved.head(_SCREEN["rates"]))]
+            lines += ["", *_short_lines(moved.head(_SCREEN["rates"]))]
         if len(self.flips):
             most = _SCREEN["flips"]
             flips = _worst_first(self)
             names = ["scenario_id", "method", "was", "now", "cycled", "disturbance"]
             kept = [name for name in names if name in flips]
             lines += ["", f"{_number(flips)} changed{_cut(self, most)}"]
-            lines += _align_columns(flips[kept].head(most))
+            lines += _short_lines(flips[kept].head(most))
             first = str(flips["scenario_id"].iloc[0])
             lines += ["", "To simulate one of them again:", command_again(self, first)]
         return lines
@@ -121,17 +120,13 @@ class Check:
         lines = [f"### Detector check: {self.result}", "", self.basis, ""]
         lines += [f"- {r}" for r in self.reasons] + [""] * bool(self.reasons)
         moved = _table_of_moves(self)
-        lines += _table(moved) if len(moved) else ["No rate moved."]
+        lines.append(_markdown(moved) if len(moved) else "No rate moved.")
         if len(self.flips):
             shown = _worst_first(self).head(_SHOWN)
             title = f"{_number(self.flips)} changed{_cut(self, _SHOWN)}"
-            lines += ["", f"<details><summary>{title}</summary>", "", *_table(shown), ""]
-            lines += [
-                "",
-                f"`{command_again(self, str(shown['scenario_id'].iloc[0]))}`",
-                "",
-                "</details>",
-            ]
+            lines += ["", f"<details><summary>{title}</summary>", "", _markdown(shown), "", ""]
+            again = command_again(self, str(shown["scenario_id"].iloc[0]))
+            lines += [f"`{again}`", "", "</details>"]
         return "\n".join(lines) + "\n"
 
     def as_json(self) -> dict[str, Any]:
@@ -143,31 +138,6 @@ class Check:
             "basis": self.basis,
         }
         return {**about, "reasons": self.reasons, **tables}
-
-    def as_junit(self) -> str:
-        """Return JUnit XML: one test case per method, and one for the tables themselves."""
-        suite = ElementTree.Element("testsuite", name="simbench check")
-        cases = [("run", list(self.problems))]
-        for method, rows in self.tests.groupby("method", sort=True):
-            wrong = [sentence(row) for row in rows[rows["worse"]].to_dict("records")]
-            cases.append(
-                (
-                    str(method),
-                    [*wrong, *(said for said in self.unseen if said.startswith(f"{method}:"))],
-                )
-            )
-        for name, wrong in cases:
-            case = ElementTree.SubElement(suite, "testcase", classname="simbench.check", name=name)
-            if wrong:
-                ElementTree.SubElement(case, "failure", message=wrong[0]).text = "\n".join(wrong)
-        suite.set("tests", str(len(cases)))
-        suite.set("failures", str(sum(bool(wrong) for _, wrong in cases)))
-        ElementTree.indent(suite)
-        # the declaration by hand: ElementTree would name the machine's locale
-        return (
-            '<?xml version="1.0"'
-            f' encoding="utf-8"?>\n{ElementTree.tostring(suite, encoding="unicode")}\n'
-        )
 
 
 def command_again(check: Check, scenario_id: str) -> str:
@@ -254,20 +224,17 @@ def headline(row: dict[str, Any]) -> str:
     return f"{row['method']} {clause}, before {before:.1f} %{cases} ({row_of})"
 
 
-def _align_columns(frame: pd.DataFrame) -> list[str]:
-    """Return a table in columns that fit a terminal."""
-
-    def cell(x: Any) -> str:
-        return f"{x:.3g}" if isinstance(x, float) else str(x)[:_NAME]
-
-    return columns([list(frame.columns), *([cell(x) for x in row] for row in frame.values)])
+def _texts(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with its numbers as texts."""
+    return frame.map(lambda x: f"{x:.3g}" if isinstance(x, float) else str(x))
 
 
-def _table(frame: pd.DataFrame) -> list[str]:
-    def cell(x: Any) -> str:
-        return f"{x:.3g}" if isinstance(x, float) else str(x).replace("|", "\\|")
+def _short_lines(frame: pd.DataFrame) -> list[str]:
+    """Return a table in lines that fit a terminal."""
+    return lines_of(_texts(frame).map(lambda text: text[:_NAME]))
 
-    rows = [[cell(x) for x in row] for row in frame.itertuples(index=False)]
-    return [
-        "| " + " | ".join(r) + " |" for r in [list(frame.columns), ["---"] * frame.shape[1], *rows]
-    ]
+
+def _markdown(frame: pd.DataFrame) -> str:
+    """Return a table as Markdown; a bar in a name ends no cell."""
+    escaped = _texts(frame).map(lambda text: text.replace("|", "\\|"))
+    return escaped.to_markdown(index=False, disable_numparse=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import combinations
@@ -16,12 +15,11 @@ from simbench.bench.score.pairing import Paired
 from simbench.bench.statistics import holm, mean_ranks, rate
 from simbench.bench.store.reading import TRUTHS, RunArrays
 from simbench.detectors.errors import UserError, nearest
-from simbench.detectors.report.report import columns
 from simbench.detectors.views import page_part
+from simbench.page.text import WIDTH, lines_of, wrap
 
 _LEVEL = 0.05
 _ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
-_WIDTH = 100  # characters of a line
 _COUNTS = ("win", "tie", "loss")
 _PAIR = ("first", "second", "n", *_COUNTS, "p", "differ")
 
@@ -157,9 +155,7 @@ class Comparison:
 
     def _pair_lines(self) -> list[str]:
         """Return a line for every pair."""
-        listed = self.listed()
-        head = [name.lower() for name in listed.columns]
-        return [self.legend, "", *columns([head, *listed.itertuples(index=False)])]
+        return [self.legend, "", *lines_of(self.listed().rename(columns=str.lower))]
 
     def _names(self) -> list[str]:
         """Return the methods with a number, and a mark where one failed."""
@@ -169,35 +165,32 @@ class Comparison:
         ]
 
     def _accuracies(self) -> list[str]:
-        lines = [("method", "n", "accuracy", "95 %", "mean rank")]
-        for name, r in zip(self._names(), self.ranking.itertuples(), strict=True):
-            rank = "-" if np.isnan(r.mean_rank) else f"{r.mean_rank:.2f}"
-            ends = f"{r.accuracy_lo:.3f}-{r.accuracy_hi:.3f}"
-            lines.append((name, str(r.n), f"{r.accuracy:.3f}", ends, rank))
-        return columns(lines)
+        r = self.ranking
+        share = "{:.3f}".format
+        table = pd.DataFrame({"method": self._names(), "n": r.n, "accuracy": r.accuracy.map(share)})
+        table["95 %"] = r.accuracy_lo.map(share) + "-" + r.accuracy_hi.map(share)
+        table["mean rank"] = r.mean_rank.map("{:.2f}".format).replace("nan", "-")
+        return lines_of(table)
 
     def _matrix_lines(self) -> list[str]:
         """Return the matrix, in parts as wide as a line."""
+        # the columns have the numbers of their methods
         names = self._names()
-        text = self.cells().to_numpy()
-        widths = [
-            max(len(str(k + 1)), *map(len, text[:, k])) + 2 if names else 0
-            for k in range(len(names))
-        ]
-        room = _WIDTH - max(map(len, names), default=0)
-        parts = [[]]
-        for k, width in enumerate(widths):
-            if sum(widths[i] for i in parts[-1]) + width > room:
-                parts.append([])
-            parts[-1].append(k)
-        lines = textwrap.wrap(self.legend, _WIDTH)
-        for part in parts:
-            head = ("", *(str(k + 1) for k in part))
-            rows = [
-                (name, *("." if i == k else text[i, k] for k in part))
-                for i, name in enumerate(names)
-            ]
-            lines += ["", *columns([head, *rows])]
+        numbers = [str(k) for k in range(1, len(names) + 1)]
+        table = self.cells().set_axis(numbers, axis=1)
+        for k in range(len(numbers)):
+            table.iloc[k, k] = "."
+        table.insert(0, "", names)
+
+        # as many of them as a line has room for, then the next
+        widths = [max(len(name), *table[name].map(len)) + 2 for name in numbers]
+        lines = wrap(self.legend)
+        room = WIDTH - max(map(len, names), default=0)
+        while numbers:
+            fit = max(int((np.cumsum(widths) <= room).sum()), 1)
+            lines += ["", *lines_of(table[["", *numbers[:fit]]])]
+            numbers = numbers[fit:]
+            widths = widths[fit:]
         return lines
 
     def as_json(self) -> dict[str, Any]:

@@ -7,7 +7,6 @@ request.
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,16 +29,19 @@ from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.shipped import UNLIKE
 from simbench.bench.store.benchmark import FROM_RECORDS, benchmark_text
 from simbench.bench.store.manifest import unmatched
-from simbench.detectors.report.report import columns
+from simbench.page.text import WIDTH, lines_of, wrap
 
 # of the default output
 _LINES = 30
-_WIDTH = 100  # characters
 # lines that a command prints around the table: what failed, the run's folder
 _BESIDES = 2
 _RIVALS = 4  # names of methods that the advice holds at most
 PLANNED = (0.01, 0.03)  # differences for which the full text tells how many loops they take
-HEAD = ("rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision")
+# rates by the name of their column
+_TITLES = {
+    name: name.replace("_", " ")
+    for name in ("cost", "accuracy", "sensitivity", "false_positives", "no_decision")
+}
 _TRUTHS = {
     "cycled": "the valve makes the loop cycle",
     "predicted": "Table 11.3 predicts a limit cycle",
@@ -134,48 +136,37 @@ def _references(rows: pd.DataFrame, whole: bool) -> list[str]:
 
 def along_lines(rates: pd.DataFrame, axes: Sequence[str], grid: str) -> list[str]:
     """Return how the methods depend on an axis of the grid, a line per value and method."""
-    lines = [(axes[0], "method", "n", "accuracy", "sensitivity", "false positives", "no decision")]
-    for r in rates.to_dict("records"):
-        few = r["n"] < LEAST
-        shares = [
-            interval_text(r[name], r[f"{name}_lo"], r[f"{name}_hi"], few)
-            for name in ("accuracy", "sensitivity", "false_positives")
-        ]
-        counts = (str(r[axes[0]]), r["method"], str(r["n"]))
-        lines.append((*counts, *shares, rate_text(r["no_decision"], few)))
+    titles = {name: title for name, title in _TITLES.items() if name != "cost"}
+    table = _rates(rates, titles, "n", intervals=("accuracy", "sensitivity", "false_positives"))
+    table.insert(0, axes[0], rates[axes[0]])
     about = f"grid {grid}, all loops with a label; -: fewer than {LEAST} loops, or no such loop"
-    return [*wrap(about), *columns(lines)]
+    return [*wrap(about), *lines_of(table)]
 
 
 def two_way_lines(
     rates: pd.DataFrame, axes: Sequence[str], grid: str, shares: Sequence[str] = ("accuracy",)
 ) -> list[str]:
     """Return some shares of each method over two axes, the first down and the second across."""
+    # what the tables hold
     down, across = axes
     more = "" if len(shares) > 1 else "; --method ID: sensitivity and false positives of one, too"
+    names = ", ".join(_TITLES[name] for name in shares)
     lines = wrap(
-        f"grid {grid}: {_list_in_words(shares)} and number of loops, {down} down and {across}"
-        f" across; in brackets: fewer than {LEAST} loops{more}"
+        f"grid {grid}: {names} and number of loops, {down} down and {across} across; in brackets:"
+        f" fewer than {LEAST} loops{more}"
     )
-    values = list(dict.fromkeys(rates[across]))
+
+    # a table for each method and share, the axes in their order
+    values = rates[across].unique()
     for method, of in rates.groupby("method", sort=False):
         for name in shares:
-            title = str(method) if len(shares) == 1 else f"{method}: {name.replace('_', ' ')}"
-            rows: list[tuple[str, ...]] = [(title, *values)]
-            for value, line in of.groupby(down, sort=False):
-                known = {r[across]: _cell(r[name], loops_of(r, name)) for _, r in line.iterrows()}
-                rows.append((str(value), *(known.get(v, "-") for v in values)))
-            lines += ["", *columns(rows)]
+            title = str(method) if len(shares) == 1 else f"{method}: {_TITLES[name]}"
+            cells = [_cell(r[name], loops_of(r, name)) for r in of.to_dict("records")]
+            square = of.assign(cell=cells).pivot(index=down, columns=across, values="cell")
+            square = square.reindex(of[down].unique()).reindex(columns=values).fillna("-")
+            square.insert(0, title, square.index)
+            lines += ["", *lines_of(square)]
     return lines
-
-
-def _list_in_words(shares: Sequence[str]) -> str:
-    """Return the names of shares in words.
-
-    >>> _list_in_words(["accuracy", "sensitivity", "false_positives"])
-    'accuracy, sensitivity, false positives'
-    """
-    return ", ".join(name.replace("_", " ") for name in shares)
 
 
 def _cell(share: float, n: int) -> str:
@@ -270,90 +261,74 @@ def why_not(scores: Any, rows: pd.DataFrame) -> str:
 
 
 def ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
-    """Return a ranking, within so many lines below its head; what reference rows cannot spare the
-    last methods do.
+    """Return a ranking, within so many lines below its head: constant answers are left out first,
+    then the last methods.
     """
-    body: list[tuple[str, Any]] = []
-    before = ""
-    for r in rows.itertuples():
-        if r.group != before:
-            body.append(("title", f"-- {r.group}"))
-        body.append(("always" if r.method in CONSTANTS else "fixed" if r.kind == 2 else "row", r))
-        before = r.group
-    if len(body) > room:
-        body = [(kind, r) for kind, r in body if kind != "always"]
-    # the user's own methods stay
-    spare = [k for k, (kind, r) in enumerate(body) if kind == "row" and not r.own][::-1][
-        : max(len(body) + 1 - room, 0)
-    ]
-    dropped = set(spare) if len(body) > room else set()
-    shown = [k for k in range(len(body)) if k not in dropped]
-    headings = {
-        k
-        for k, after in zip(shown, [*shown[1:], None], strict=True)
-        if body[k][0] == "title" and (after is None or body[after][0] == "title")
-    }
-    lines = _cells([r for k, (kind, r) in enumerate(body) if kind != "title" and k not in dropped])
-    out = [lines[0]]
-    cells = iter(lines[1:])
-    for k, (kind, r) in enumerate(body):
-        if k not in dropped | headings:
-            out.append(r if kind == "title" else next(cells))
-    return [*out, *([f"... and {len(dropped)} more methods: --full"] if dropped else [])]
+    # what fits, one line kept for how many do not; reference rows and the user's own methods stay
+    too_many = _height(rows) - room
+    if too_many > 0:
+        rows = rows[~rows.method.isin(CONSTANTS)]
+        too_many = _height(rows) - room
+    spare = rows.index[(rows.kind != 2) & ~rows.own][::-1]
+    dropped = spare[: too_many + 1] if too_many > 0 else spare[:0]
+    rows = rows.drop(index=dropped)
+
+    # each group below its name
+    head, *body = _cells(rows)
+    lines = [head]
+    for line, group, begins in zip(body, rows.group, _begins(rows), strict=True):
+        if begins:
+            lines.append(f"-- {group}")
+        lines.append(line)
+    return [*lines, *([f"... and {len(dropped)} more methods: --full"] if len(dropped) else [])]
 
 
-def _cells(rows: Sequence[Any]) -> list[str]:
+def _begins(rows: pd.DataFrame) -> pd.Series:
+    """Return which rows are the first of a group with a name."""
+    return rows.group.ne(rows.group.shift(fill_value=""))
+
+
+def _height(rows: pd.DataFrame) -> int:
+    """Return how many lines rows take with the names of their groups."""
+    return len(rows) + int(_begins(rows).sum())
+
+
+def _cells(rows: pd.DataFrame) -> list[str]:
     """Return a head and one line a row; of too wide a table the intervals of all but the cost are
     left out.
     """
-    for shown in (interval_text, lambda value, lo, hi, few: rate_text(value, few)):
-        lines = [HEAD]
-        for r in rows:
-            few = r.applicable < LEAST
-            rank = math.isnan(r.rank)
-            lines.append(
-                (
-                    ("" if r.kind > 1 else "-") if rank else f"{r.rank:.0f}",
-                    r.method + HOME_MARKS[r.home],
-                    interval_text(r.cost, r.cost_lo, r.cost_hi, few),
-                    shown(
-                        r.accuracy,
-                        r.accuracy_lo,
-                        r.accuracy_hi,
-                        few,
-                    ),
-                    rate_text(r.sensitivity, few),
-                    rate_text(r.false_positives, few),
-                    shown(r.no_decision, r.no_decision_lo, r.no_decision_hi, few),
-                )
-            )
-        text = columns(lines)
-        if max(map(len, text)) <= _WIDTH:
+    for intervals in (("cost", "accuracy", "no_decision"), ("cost",)):
+        table = _rates(rows, _TITLES, intervals=intervals).drop(columns="n")
+        table.insert(0, "rank", _rank_texts(rows))
+        lines = lines_of(table)
+        if max(map(len, lines)) <= WIDTH:
             break
-    return text
+    return lines
+
+
+def _rank_texts(rows: pd.DataFrame) -> np.ndarray:
+    """Return ranks as texts: - of a method without one, nothing of a reference row."""
+    unranked = np.where(rows.kind > 1, "", "-")
+    return np.where(rows["rank"].isna(), unranked, rows["rank"].map("{:.0f}".format))
 
 
 def rate_text(x: float, few: bool = False) -> str:
-    """Return a share with two digits."""
-    return (
-        "-"
-        if few or math.isnan(x)
-        else f"{x:.2f}".replace("0.", ".", 1)
-        if x < 0.995
-        else f"{x:.2f}"
-    )
+    """Return a share with two digits; nothing of few loops.
+
+    >>> rate_text(0.5), rate_text(1.0), rate_text(0.5, few=True)
+    ('.50', '1.00', '-')
+    """
+    if few or math.isnan(x):
+        return "-"
+    text = f"{x:.2f}"
+    return text.replace("0.", ".", 1) if x < 0.995 else text
 
 
 def interval_text(value: float, lo: float, hi: float, few: bool = False) -> str:
     """Return a share and its interval."""
-    return (
-        "-" if few or math.isnan(value) else f"{rate_text(value)} {rate_text(lo)}-{rate_text(hi)}"
-    )
-
-
-def wrap(text: str) -> list[str]:
-    """Return a sentence in lines of the width of the tables."""
-    return textwrap.wrap(text, _WIDTH)
+    if few or math.isnan(value):
+        return "-"
+    return f"{rate_text(value)} {rate_text(lo)}-{rate_text(hi)}"
 
 
 def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
@@ -376,7 +351,7 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         _left_out(scores),
         _dead_band(scores),
         _pair_S_and_J(scores),
-        ["labels that disagree", *_lines(scores.disagreement)],
+        ["labels that disagree", *lines_of(scores.disagreement)],
         wrap(where),
     )
     return [*lines, *(line for section in sections if section for line in ("", *section))]
@@ -393,19 +368,23 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
     )
 
 
-def _lines(frame: pd.DataFrame) -> list[str]:
-    """Return a frame of texts as aligned columns; nothing of an empty one."""
-    rows = [tuple(map(str, row)) for row in frame.itertuples(index=False, name=None)]
-    return columns([tuple(frame.columns), *rows]) if rows else []
-
-
-def _rates(rows: pd.DataFrame, titles: Mapping[str, str], n: str = "applicable") -> pd.DataFrame:
+def _rates(
+    rows: pd.DataFrame,
+    titles: Mapping[str, str],
+    n: str = "applicable",
+    intervals: Sequence[str] = (),
+) -> pd.DataFrame:
     """Return rates of methods as texts, of few loops none; a method has the mark of its home."""
     few = rows[n] < LEAST
-    shown = {"method": rows.method + rows.home.map(HOME_MARKS), "n": rows[n]}
+    marks = rows.home.map(HOME_MARKS).fillna("") if "home" in rows else ""
+    table = pd.DataFrame({"method": rows.method + marks, "n": rows[n]})
     for name, title in titles.items():
-        shown[title] = [rate_text(x, some) for x, some in zip(rows[name], few, strict=True)]
-    return pd.DataFrame(shown)
+        if name in intervals:
+            ends = zip(rows[name], rows[f"{name}_lo"], rows[f"{name}_hi"], few, strict=True)
+            table[title] = [interval_text(*shares) for shares in ends]
+        else:
+            table[title] = [rate_text(x, some) for x, some in zip(rows[name], few, strict=True)]
+    return table
 
 
 def _still(scores: Any, truth: str) -> list[str]:
@@ -415,7 +394,7 @@ def _still(scores: Any, truth: str) -> list[str]:
         return []
     title = f"loops that do not oscillate ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
     titles = {"false_positives": "false positives", "no_decision": "no decision"}
-    return [title, *_lines(_rates(rows[rows.role != ROLE_YARDSTICK], titles))]
+    return [title, *lines_of(_rates(rows[rows.role != ROLE_YARDSTICK], titles))]
 
 
 def _causes(scores: Any) -> list[str]:
@@ -428,7 +407,7 @@ def _causes(scores: Any) -> list[str]:
     wide = table.pivot(index="method", columns="cause", values="share").fillna("")
     wide = wide.loc[table.method.unique(), rows.cause.unique()].reset_index()
     title = f"false positives by cause, loops that the valve does not make cycle ({of_each})"
-    return [*wrap(title), *_lines(wide)]
+    return [*wrap(title), *lines_of(wide)]
 
 
 def _at_home(scores: Any, rows: pd.DataFrame) -> pd.DataFrame:
@@ -458,7 +437,7 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     table["95 %"] = lo.map("{:+.2f}".format) + " to " + hi.map("{:+.2f}".format)
     answers = np.select([hi < 0, lo > 0], ["yes", "no"], "cannot tell")
     table[f"less than {NO_WAVEFORM}"] = answers
-    return [f"cost less that of {NO_WAVEFORM} on the same oscillating loops", *_lines(table)]
+    return [f"cost less that of {NO_WAVEFORM} on the same oscillating loops", *lines_of(table)]
 
 
 def _details(scores: Any, truth: str) -> list[str]:
@@ -474,15 +453,13 @@ def _details(scores: Any, truth: str) -> list[str]:
 
     # the rank before the rates
     table = _rates(rows, titles)
-    unranked = np.where(rows.kind > 1, "", "-")
-    ranks = np.where(rows["rank"].isna(), unranked, rows["rank"].map("{:.0f}".format))
-    table.insert(0, "rank", ranks)
+    table.insert(0, "rank", _rank_texts(rows))
     title = f"all loops, truth {truth!r} ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
     legend = (
         "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; risk: area"
         " under the risk-coverage curve; of all: accuracy, not-applicable counted as wrong"
     )
-    return [title, *_lines(table), *wrap(legend)]
+    return [title, *lines_of(table), *wrap(legend)]
 
 
 def _left_out(scores: Any) -> list[str]:
@@ -491,17 +468,15 @@ def _left_out(scores: Any) -> list[str]:
     if rows.empty:
         return []
 
-    # which loops they are, and the share called stiction with its interval
-    titles = {"no_stiction": "no stiction", "no_decision": "no decision"}
-    table = _rates(rows, titles, "n")
-    ends = zip(rows.stiction, rows.stiction_lo, rows.stiction_hi, rows.n < LEAST, strict=True)
+    # beside the answers which loops they are
+    titles = {name: name.replace("_", " ") for name in ("stiction", "no_stiction", "no_decision")}
+    table = _rates(rows, titles, "n", intervals=("stiction",))
     table.insert(1, "loops", rows.of)
-    table.insert(3, "stiction", [interval_text(*shares) for shares in ends])
     title = (
         "not in any row above: answers on entrained and unclear loops, and on those a method does"
         " not apply to"
     )
-    return [title, *_lines(table)]
+    return [title, *lines_of(table)]
 
 
 def _dead_band(scores: Any) -> list[str]:
@@ -539,4 +514,4 @@ def _pair_S_and_J(scores: Any) -> list[str]:
         " valve's S; held: share of the intervals that hold the truth, nominally nine in ten; -"
         " where a method states no level."
     )
-    return [*wrap(text), *_lines(table.astype(object).fillna("-").reset_index())]
+    return [*wrap(text), *lines_of(table.astype(object).fillna("-").reset_index())]

@@ -34,7 +34,7 @@ QUICK = {
     "diagnose": "diagnose ../rec.csv --picture path.svg",
     "figure": "figure table-11-4 -o .",
     "score": "score ../run --report report.html",
-    "check": "check ../run --against ../baseline --junit j.xml --markdown m.md",
+    "check": "check ../run --against ../baseline --markdown m.md",
     "simulate a grid": "simulate smoke -o records --n 2",
     "run --answers": "run ../run --answers ../answers.csv -o joined",
 }
