@@ -4,7 +4,7 @@ and a score table.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -123,15 +123,13 @@ class Report:
             raise UnknownName("method", method, by_method, "this report")
         return by_method[method]
 
-    def as_text(self, *, why: bool = False, colour: bool = False) -> str:
+    def as_text(self, *, why: bool = False) -> str:
         """Return summary, table and scores for a terminal.
 
         Parameters
         ----------
         why : bool
             Each method's reason as well.
-        colour : bool
-            With the colours of a terminal.
 
         Returns
         -------
@@ -139,7 +137,7 @@ class Report:
             One line per verdict, and how many methods said what.
         """
         concluded = {name: conclusion.as_lines() for name, conclusion in self.conclusions.items()}
-        text = summary.as_text(self.groups(), concluded, why=why, colour=colour)
+        text = summary.as_text(self.groups(), concluded, why=why)
         if len(self.records) > 1 and self.conclusions:
             text = "\n".join([*self._ranked_lines(), "", text])
         if not self.scores:
@@ -214,7 +212,11 @@ class Report:
             word = summary.CONCLUDED[row["conclusion"]]
             lines.append((row["record"], word, p, row["cause"], str(row["event"] or "")))
         cut = [f"and {more} more loops: --csv FILE"] if more > 0 else []
-        return [*columns(lines), *cut, *(f"{name}: {why}" for name, why in self.refused.items())]
+        return [
+            *summary.columns(lines),
+            *cut,
+            *(f"{name}: {why}" for name, why in self.refused.items()),
+        ]
 
     def _repr_html_(self) -> str:
         frame = self.to_frame()
@@ -283,69 +285,62 @@ def score_units(
     """Score verdicts against labels by cost, in the columns of a run's scores, counted by unit: the
     records of a loop, or of loops that share an oscillation.
     """
-    units: dict[str, dict[tuple[str, str], list[Verdict]]] = {}
-    for name, verdict in verdicts:
+    import pandas as pd
+
+    # what each record says, by unit
+    said = []
+    for name, v in verdicts:
         row = labels.get(str(name))
         if row is not None and row["label"] not in ("", "unknown"):
-            units.setdefault(verdict.method, {}).setdefault(
-                (row["unit_group"], row["label"]), []
-            ).append(verdict)
+            vote = np.nan if v.verdict == NO_DECISION else float(v.verdict == STICTION)
+            covers = v.applicable is not False
+            said.append((v.method, row["unit_group"], row["label"], covers, vote, v.score))
+    table = pd.DataFrame(said, columns=["method", "unit", "label", "covers", "vote", "score"])
+    of_unit = table.groupby(["method", "unit", "label"], sort=False)
+    units = of_unit.agg({"covers": "any", "vote": "mean", "score": "median"}).reset_index()
+
+    # of each method the rates of the units that it covers: most of the votes decide
     rows = []
-    for method, groups in units.items():
-        votes: dict[bool, list[bool | None]] = {True: [], False: []}
-        scores = {True: [], False: []}
-        covered = {
-            key: verdicts_of_unit
-            for key, verdicts_of_unit in groups.items()
-            if any(v.applicable is not False for v in verdicts_of_unit)
-        }
-        for (_, label), verdicts_of_unit in covered.items():
-            decided = [v.verdict == STICTION for v in verdicts_of_unit if v.verdict != NO_DECISION]
-            votes[label == STICTION].append(None if not decided else float(np.mean(decided)) > 0.5)
-            known = [v.score for v in verdicts_of_unit if not np.isnan(v.score)]
-            if known:
-                scores[label == STICTION].append(float(np.median(known)))
-        every = votes[True] + votes[False]
-        right = votes[True].count(True) + votes[False].count(False)
-        lost = [
-            _UNDECIDED if v is None else float(v is not sticky)
-            for sticky in votes
-            for v in votes[sticky]
-        ]
+    for method, of in units.groupby("method", sort=False):
+        some = of[of.covers]
+        sticky = (some.label == STICTION).to_numpy()
+        open_ = some.vote.isna().to_numpy()
+        called = (some.vote > 0.5).to_numpy()
+        right = ~open_ & (called == sticky)
         rows.append(
             {
                 "method": method,
-                "n": len(groups),
-                "applicable": len(covered),
-                "positives": len(votes[True]),
-                **_cost(lost),
-                "accuracy": _share(right, len(every)),
-                "sensitivity": _share(votes[True].count(True), len(votes[True])),
-                "false_positives": _share(votes[False].count(True), len(votes[False])),
-                "no_decision": _share(every.count(None), len(every)),
-                "auc": _auc(scores[True], scores[False]),
+                "n": len(of),
+                "applicable": len(some),
+                "positives": int(sticky.sum()),
+                **_cost(np.where(open_, _UNDECIDED, ~right)),
+                "accuracy": _share(right),
+                "sensitivity": _share(called[sticky]),
+                "false_positives": _share(called[~sticky]),
+                "no_decision": _share(open_),
+                "auc": _auc(some.score.to_numpy(), sticky),
             }
         )
     return sorted(rows, key=lambda row: (np.isnan(row["cost"]), row["cost"]))
 
 
-def _share(part: int, whole: int) -> float:
-    return part / whole if whole else float("nan")
+def _share(which: np.ndarray) -> float:
+    return float(which.mean()) if which.size else float("nan")
 
 
-def _cost(lost: list[float]) -> dict[str, float]:
-    if not lost:
+def _cost(lost: np.ndarray) -> dict[str, float]:
+    if not lost.size:
         return {"cost": float("nan"), "cost_lo": 0.0, "cost_hi": 1.0}
     # one unit of 0 and one of 1 added: few that all cost the same do not show the cost exactly
-    mean = float(np.mean(lost))
-    half = 1.96 * float(np.sqrt(np.var([*lost, 0.0, 1.0]) / len(lost)))
+    mean = float(lost.mean())
+    half = 1.96 * float(np.sqrt(np.var([*lost, 0.0, 1.0]) / lost.size))
     return {"cost": mean, "cost_lo": max(mean - half, 0.0), "cost_hi": min(mean + half, 1.0)}
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Return rows as lines of equal columns, the head first."""
     head = list(rows[0])
-    return columns(
+    return summary.columns(
         [head]
         + [[_number(v) if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
     )
@@ -355,25 +350,11 @@ def _number(x: float) -> str:
     return "-" if np.isnan(x) else f"{x:.2f}"
 
 
-def columns(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Return cells as lines of equal columns: for files, which have no width to which rich could
-    fit a table.
-
-    >>> columns([("a", "b"), ("long", "c")])
-    ['a     b', 'long  c']
-    """
-    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
-    return [
-        "  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    ]
-
-
-def _auc(positive: list[float], negative: list[float]) -> float:
-    """Return the probability that a positive scores above a negative (ties count half)."""
-    if not positive or not negative:
+def _auc(score: np.ndarray, sticky: np.ndarray) -> float:
+    """Return the probability that a sticky unit scores above another (ties count half)."""
+    known = ~np.isnan(score)
+    pairs = score[sticky & known], score[~sticky & known]
+    if not min(map(len, pairs)):
         return float("nan")
     # no subtraction: a loop that does not oscillate scores -inf
-    return float(
-        np.mean(np.greater.outer(positive, negative) + 0.5 * np.equal.outer(positive, negative))
-    )
+    return float(np.mean(np.greater.outer(*pairs) + 0.5 * np.equal.outer(*pairs)))

@@ -4,10 +4,9 @@ request.
 
 from __future__ import annotations
 
-import io
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 
 VERDICT_WORDS = {STICTION: "stiction", NO_STICTION: "no stiction", NO_DECISION: "no decision"}
 CONCLUDED = {**VERDICT_WORDS, NO_DECISION: "cannot tell"}
-_COLOURS = {STICTION: "red", NO_STICTION: "green", NO_DECISION: "yellow"}
 _SIGNS = {STICTION: "S", NO_STICTION: "-", NO_DECISION: "?"}
 _LEGEND = (
     "S: stiction, -: no stiction, ?: no decision, blank: the method does not apply to the loop."
@@ -36,8 +34,8 @@ _LEGEND = (
 _IN_DATA = f"JSON and CSV have {NO_STICTION} and {NO_DECISION}."
 _COLUMNS = f"Score: on each method's own scale, more is stickier. {_IN_DATA}"
 _NOT_ASKED = f"not asked: {NOT_OSCILLATING}"
+FITS = {True: "yes", False: "no", None: "cannot tell"}  # whether a method applies
 _NAMED = 5  # records named in a sentence
-_WIDE = 400  # columns of a table that goes to a file: nothing is cut or wrapped
 
 
 def sentence(verdicts: Sequence[Verdict]) -> str:
@@ -86,7 +84,6 @@ def as_text(
     concluded: Mapping[str | None, Sequence[str]] | None = None,
     *,
     why: bool = False,
-    colour: bool = False,
 ) -> str:
     """Return what was concluded of each record, summary and table, and the reasons where asked
     for.
@@ -102,7 +99,7 @@ def as_text(
         lines += [
             *([opening(name, record, concluded.get(name, ()))] if record is not None else []),
             f"Methods: {sentence(verdicts)}{beside}.",
-            *_render(_table(counted), colour),
+            *_table(counted),
             _COLUMNS,
             *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)]),
         ]
@@ -119,7 +116,7 @@ def as_text(
             lines += [
                 f"Columns: {', '.join(methods)}.",
                 f"{_LEGEND} {_IN_DATA}",
-                *_render(_matrix(records), colour),
+                *_matrix(records),
             ]
         else:
             lines.append(f"What each method says: --why, or --csv FILE. {_IN_DATA}")
@@ -181,61 +178,53 @@ def opening(name: str | None, record: LoopRecord, concluded: Iterable[str] = ())
     return "\n".join([read, *concluded])
 
 
-def _table(verdicts: Sequence[Verdict]) -> Any:
-    from rich.table import Table
+def columns(lines: Sequence[Sequence[str]], right: Collection[str] = ()) -> list[str]:
+    """Return cells as lines of equal columns, the head first; those headed by one of `right` are
+    flush right.
 
-    table = Table(box=None, pad_edge=False)
+    >>> columns([("a", "b"), ("long", "c")])
+    ['a     b', 'long  c']
+    """
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    sides = [str.rjust if head in right else str.ljust for head in lines[0]]
+    return [
+        "  ".join(side(cell, w) for side, cell, w in zip(sides, line, widths, strict=True)).rstrip()
+        for line in lines
+    ]
+
+
+def _table(verdicts: Sequence[Verdict]) -> list[str]:
+    """Return one line per method: verdict, score, S and J where one gives them, and whether it
+    applies where that is known of any.
+    """
+    # columns that say something
     units = " / ".join(
         dict.fromkeys(v.S_unit for v in verdicts if v.S is not None or v.J is not None)
     )
-    table.add_column("method", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    for head in ("score", f"S ({units})" if units else "", "J" if units else ""):
-        if head:
-            table.add_column(head, justify="right", no_wrap=True)
+    sizes = [f"S ({units})", "J"] if units else []
     # of a loop of unknown kind a note says so once
-    any_known = any(v.applicable is not None for v in verdicts)
-    if any_known:
-        table.add_column("applicable", no_wrap=True)
+    applies = ["applicable"] if any(v.applicable is not None for v in verdicts) else []
+
+    # a line per method
+    lines = [["method", "verdict", "score", *sizes, *applies]]
     for v in verdicts:
+        word = _NOT_ASKED if _rests(v) else VERDICT_WORDS[v.verdict]
         score = f"{v.score:.3f}" if np.isfinite(v.score) else ""
-        fits = {True: "yes", False: "no", None: "cannot tell"}[v.applicable]
-        levels = ([level(v.S), level(v.J)] if v.S is not None else ["", ""]) if units else []
-        table.add_row(
-            v.method,
-            f"[{_COLOURS[v.verdict]}]{_NOT_ASKED if _rests(v) else VERDICT_WORDS[v.verdict]}[/]",
-            score,
-            *levels,
-            *([fits] if any_known else []),
-        )
-    return table
+        levels = ["", ""] if v.S is None else [level(v.S), level(v.J)]
+        fits = [FITS[v.applicable]]
+        lines.append([v.method, word, score, *levels[: len(sizes)], *fits[: len(applies)]])
+    return columns(lines, right=("score", *sizes))
 
 
-def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]]) -> Any:
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("record", no_wrap=True)
-    for i in range(1, len(groups[0][1]) + 1):  # a name is too wide for a column of one sign
-        table.add_column(str(i), justify="right", no_wrap=True)
+def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]]) -> list[str]:
+    """Return one line per record, with a sign for each method, which has a number in the head."""
+    numbers = [str(i) for i in range(1, len(groups[0][1]) + 1)]
+    lines = [("record", numbers)]
     for name, verdicts, _ in groups:
-        signs = [
-            " " if v.applicable is False else f"[{_COLOURS[v.verdict]}]{_SIGNS[v.verdict]}[/]"
-            for v in verdicts
-        ]
-        table.add_row(escape(str(name)), *signs)  # a path may begin with [default]
-    return table
-
-
-def _render(table: Any, colour: bool) -> list[str]:
-    from rich.console import Console
-
-    out = io.StringIO()
-    Console(
-        file=out, width=_WIDE, force_terminal=colour, color_system="standard" if colour else None
-    ).print(table)
-    return [line.rstrip() for line in out.getvalue().splitlines()]
+        signs = [" " if v.applicable is False else _SIGNS[v.verdict] for v in verdicts]
+        lines.append((str(name), signs))
+    wide = len(numbers[-1])
+    return columns([(name, " ".join(sign.rjust(wide) for sign in signs)) for name, signs in lines])
 
 
 def _not_counted(verdicts: Iterable[Verdict]) -> list[str]:

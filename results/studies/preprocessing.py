@@ -25,7 +25,7 @@ from simbench.detectors.judge import answer_of, check_thresholds, judge
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import Prepared, prepare
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.report.report import columns
+from simbench.detectors.report.summary import columns
 from simbench.detectors.verdict import NO_DECISION, STICTION, Verdict
 from simbench.usage import exit_code
 

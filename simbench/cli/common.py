@@ -325,10 +325,10 @@ def show_result(result: Any, as_json: bool) -> None:
     show(result.as_json() if as_json else result.as_text(), as_json)
 
 
-def show(content: Any, as_json: bool, kept: str = "") -> None:
-    """Print an answer, as JSON where asked; `kept` are characters that `say` would escape."""
+def show(content: Any, as_json: bool) -> None:
+    """Print an answer, as JSON where asked."""
     text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrap_lines(str(content))
-    print(printable(masked(text), f"\n{kept}"))
+    print(printable(masked(text), "\n"))
     sys.stdout.flush()
 
 

@@ -93,7 +93,7 @@ def detect(
 
     def print_conclusion(report: Report) -> None:
         printed.append(report.opening())
-        _print_text(printed[0])
+        show(printed[0], False)
 
     report = judge_files(
         path,
@@ -122,8 +122,8 @@ def detect(
     if as_json:
         show(report.as_json(), as_json)
     else:
-        text = report.as_text(why=why, colour=sys.stdout.isatty())
-        _print_text(text.removeprefix("".join(printed)).removeprefix("\n"))
+        text = report.as_text(why=why)
+        show(text.removeprefix("".join(printed)).removeprefix("\n"), False)
     if labels is not None and report.conclusions:
         from simbench.detectors.records.folder import read_labels
         from simbench.gap.stiction.by_loop import as_lines
@@ -135,13 +135,6 @@ def detect(
         say(f"page: {html.resolve()}", as_json)
     if report.refused:
         raise Exit(1)
-
-
-def _print_text(text: str) -> None:
-    """Print lines of the report, with their colours; names of records are escaped where they are
-    read.
-    """
-    show(text, False, kept="\x1b")
 
 
 @app.command(epilog=examples("diagnose rec.csv --kind flow --picture path.svg"))

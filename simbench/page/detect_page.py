@@ -75,7 +75,6 @@ def _ranking(report: Report) -> Section:
 
 
 def _table(report: Report) -> pd.DataFrame:
-    fits = {True: "yes", False: "no", None: "cannot tell"}
     shared = {
         name: summary.notes_of(verdicts, record) for name, verdicts, record in report.groups()
     }
@@ -86,7 +85,7 @@ def _table(report: Report) -> pd.DataFrame:
             "verdict": summary.VERDICT_WORDS[v.verdict],
             "score": v.score,
             "S, J": "" if v.S is None else f"{summary.level(v.S)}, {summary.level(v.J)} {v.S_unit}",
-            "applicable": fits[v.applicable],
+            "applicable": summary.FITS[v.applicable],
             "reason": summary.own_reason(v, shared.get(name, ())),
         }
         for name, v in report.verdicts

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import io
-import math
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from html import escape
@@ -131,7 +130,7 @@ def as_html(parts: Sequence[Part], name: str) -> Markup:
 def _render_part(part: Part, name: str) -> Markup:
     values: dict[str, Any] = dict(vars(part))
     if isinstance(part, Table):
-        values = {"table": sortable(part.frame, part.formats, part.long, part.beside)}
+        values = {"columns": sortable(part), "rows": len(part.frame)}
     elif isinstance(part, Pictures):
         drawn = enumerate(part.items)
         values["items"] = [(inline_svg(f, f"{name}-{i}", says), says) for i, (f, says) in drawn]
@@ -195,55 +194,38 @@ def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
     return Markup(text.replace("<svg ", head, 1))
 
 
-def sortable(
-    frame: pd.DataFrame,
-    formats: Mapping[str, _Format] | None = None,
-    long: Collection[str] = (),
-    beside: Mapping[str, Sequence[str]] | None = None,
-) -> dict[str, Any]:
-    """Return columns and rows of a table as part.html draws them."""
-    formats = formats or {}
-    numbers = {
-        c
-        for c in frame.columns
-        if pd.api.types.is_numeric_dtype(frame[c]) and frame[c].dtype != bool
-    }
-    # it stays in view when the rest is scrolled
-    names = [c for c in frame.columns if c not in numbers and c not in long][:1]
-    kinds = {
-        c: "n" if c in numbers else "long" if c in long else "name" if c in names else ""
-        for c in frame.columns
-    }
-    columns = [{"name": str(c), "kind": kind.replace("long", "")} for c, kind in kinds.items()]
-    rows = []
-    for i, record in enumerate(frame.itertuples(index=False, name=None)):
-        row = []
-        for name, value in zip(frame.columns, record):
-            small = beside[name][i] if beside and name in beside else ""
-            text = _text(value, formats.get(name))
-            row.append(
-                {
-                    "text": text,
-                    "small": small,
-                    "kind": kinds[name],
-                    "value": _key(value, name in numbers),
-                }
-            )
-        rows.append(row)
-    return {"columns": columns, "rows": rows}
+def sortable(part: Table) -> list[dict[str, Any]]:
+    """Return the columns of a table as part.html draws them: name, kind, and of each value its
+    text, what stands small beside it, and the number that it is sorted by.
+    """
+    columns = []
+    named = False
+    for name, values in part.frame.items():
+        # numbers are flush right; the first other column stays in view when the rest is scrolled
+        kind = ""
+        if pd.api.types.is_numeric_dtype(values) and values.dtype != bool:
+            kind = "n"
+        elif name in part.long:
+            kind = "long"
+        elif not named:
+            kind = "name"
+            named = True
+
+        # each value as text
+        keys = [None] * len(values)
+        if kind == "n":
+            keys = ["" if pd.isna(value) else repr(float(value)) for value in values]
+        texts = [_text(value, part.formats.get(str(name))) for value in values]
+        small = part.beside.get(str(name), [""] * len(values))
+        cells = list(zip(texts, small, keys, strict=True))
+        columns.append({"name": str(name), "kind": kind, "cells": cells})
+    return columns
 
 
 def _text(value: Any, how: _Format | None) -> str:
-    if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
+    """Return a value as it is asked for, a number with three digits, nothing of one that lacks."""
+    if value is None or value is pd.NA or value != value:
         return ""
     if how is not None:
         return how(value)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return str(value)
     return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def _key(value: Any, number: bool) -> str | None:
-    if not number:
-        return None
-    return "" if value is None or pd.isna(value) else repr(float(value))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
-from simbench.detectors.report.report import columns
+from simbench.detectors.report.summary import columns
 
 if TYPE_CHECKING:
     import pandas as pd

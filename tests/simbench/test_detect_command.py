@@ -158,13 +158,6 @@ def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
     assert "no column 'bb' for op" in capsys.readouterr().err
 
 
-def test_colour_is_for_terminals_alone(folder, capsys):
-    assert "\x1b[" not in printed(capsys, "detect", folder / "sticky.csv", *FAST).out
-    from simbench.verbs import judge_files
-
-    assert "\x1b[31mstiction" in judge_files(folder / "sticky.csv", ["he"]).as_text(colour=True)
-
-
 def test_simulate_prints_what_it_wrote(capsys, tmp_path):
     loop = tmp_path / "loop.toml"
     loop.write_text(

@@ -19,7 +19,7 @@ from joblib import Parallel, delayed
 
 from simbench.bench.statistics import rate
 from simbench.detectors.errors import UserError
-from simbench.detectors.report.report import columns
+from simbench.detectors.report.summary import columns
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap import conclude
 from simbench.gap.stiction.by_loop import group_conclusions

@@ -2,6 +2,8 @@
 out.
 """
 
+import math
+
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
@@ -46,6 +48,13 @@ def test_a_table_writes_its_columns_as_asked():
     assert '<td class="n" data-v="0.1234">0.12</td>' in html
     assert "0.5 <small>0.4-0.6</small>" in html
     assert "&lt;a&gt;" in html
+
+
+def test_missing_values_are_empty_cells():
+    table = Table(pd.DataFrame({"a": [1.5, math.nan], "b": ["x", None]}))
+    html = as_html([table], "t")
+    assert '<td class="n" data-v="1.5">1.5</td><td class="name">x</td>' in html
+    assert '<td class="n" data-v=""></td><td class="name"></td>' in html
 
 
 def test_pictures_of_one_page_share_no_id(tmp_path):

@@ -6,7 +6,6 @@ import re
 
 import chromium
 import numpy as np
-import pandas as pd
 import pytest
 from chromium import needs_browser
 from sklearn.metrics import roc_auc_score
@@ -18,7 +17,6 @@ from simbench.bench.score.scoring import score_run
 from simbench.bench.store.manifest import read_manifest
 from simbench.detectors.plugins.registry import methods
 from simbench.files import FileError
-from simbench.page.document import sortable
 
 BROKEN = '''"""A detector that fails on every third record."""
 from simbench.detectors.method import Method
@@ -122,12 +120,6 @@ def test_roc_curve_is_that_of_every_threshold_and_its_area_the_auc():
     assert np.allclose(alarms, [over[~positive].mean() for over in passed])
     assert np.allclose(hits, [over[positive].mean() for over in passed])
     assert np.trapezoid(hits, alarms) == pytest.approx(roc_auc_score(positive, finite))
-
-
-def test_missing_values_are_empty_cells():
-    table = sortable(pd.DataFrame({"a": [1.5, np.nan], "b": ["x", None]}))
-    assert [[c["text"] for c in row] for row in table["rows"]] == [["1.5", "x"], ["", ""]]
-    assert table["rows"][1][0]["value"] == ""
 
 
 @needs_browser
