@@ -337,7 +337,7 @@ class _Bar:
         self._failures += receipt.failures
         for name in self._seconds:
             self._seconds[name] += getattr(receipt, name)
-        self._bar.note = f"failures={self._failures}"
+        self._bar.set_postfix_str(f"failures={self._failures}", refresh=False)
         count = self._bar.skip if receipt.reused else self._bar.update
         count(receipt.scenarios)
 

@@ -267,7 +267,7 @@ def ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
     # what fits, one line kept for how many do not; reference rows and the user's own methods stay
     too_many = _height(rows) - room
     if too_many > 0:
-        rows = rows[~rows.method.isin(CONSTANTS)]
+        rows = rows.loc[~rows.method.isin(CONSTANTS)]
         too_many = _height(rows) - room
     spare = rows.index[(rows.kind != 2) & ~rows.own][::-1]
     dropped = spare[: too_many + 1] if too_many > 0 else spare[:0]
