@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from functools import cache
 from typing import Any, TextIO
@@ -13,8 +12,6 @@ _FIRST_USE = (
     " seconds, and later commands start at once"
 )
 SILENCE = 1.0  # s of compiling before anything is said
-_PAUSE = 0.4  # s without a function being compiled, after which none is expected
-_FUNCTIONS = 54  # that `detect` compiles at its first use: the length of the bar
 
 
 @cache
@@ -29,53 +26,22 @@ def announce() -> None:
 
 
 def _watch(shown_on: TextIO) -> Any:
-    """Return a listener that tells, after a second of silence, that kernels are compiled, and at a
-    terminal how many are; `shown_on` is the true stderr, whatever a plug-in's output is redirected
-    to.
+    """Return a listener that tells once, after a second of silence, that kernels are compiled;
+    `shown_on` is the true stderr, whatever a plug-in's output is redirected to.
     """
     from numba.core.event import Listener
 
+    began = time.monotonic()
+
     class Watch(Listener):
-        def __init__(self):
-            self.running = 0
-            self.done = 0
-            self.told = False
-            self.began = self.ended = time.monotonic()
-            self.thread = None
+        told = False
 
         def on_start(self, event):
-            self.running += 1
-            if time.monotonic() - self.began >= SILENCE:
-                self.say()
-            if self.thread is None or not self.thread.is_alive():
-                self.thread = threading.Thread(target=self.tell, daemon=True)
-                self.thread.start()
-
-        def on_end(self, event):
-            self.running -= 1
-            self.done += 1
-            self.ended = time.monotonic()
-
-        def say(self):
-            """Say once what happens."""
-            if not self.told:
+            if not self.told and time.monotonic() - began >= SILENCE:
                 self.told = True
                 print(_FIRST_USE, file=shown_on, flush=True)
 
-        def tell(self):
-            """Speak while functions are compiled; what was drawn is wiped once none is."""
-            at_terminal = shown_on.isatty()
-            drawn = False
-            while self.running or time.monotonic() - self.ended < _PAUSE:
-                if time.monotonic() - self.began >= SILENCE:
-                    self.say()
-                    if at_terminal:
-                        full = min(self.done, _FUNCTIONS) * 30 // _FUNCTIONS
-                        bar = f"[{'#' * full}{'.' * (30 - full)}] {self.done} functions compiled"
-                        print(f"\r{bar}", end="", file=shown_on, flush=True)
-                        drawn = True
-                time.sleep(0.05)
-            if drawn:
-                print("\r\x1b[K", end="", file=shown_on, flush=True)
+        def on_end(self, event):
+            """Nothing is said of one function."""
 
     return Watch()

@@ -2,18 +2,16 @@
 texts.
 """
 
-import functools
 import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from simbench.page.style import BLACK, GREY, RED
+from simbench.page.style import GREY, RED
 
 _LABEL_BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 
@@ -88,40 +86,39 @@ def span(
 def table(
     frame: pd.DataFrame,
     widths: Sequence[int],
-    framed: set[tuple[int, int]] = frozenset(),
+    framed: set[tuple[int, int]] = frozenset(),  # type: ignore[assignment]
     foot: str = "",
-) -> Figure:  # type: ignore[assignment]
-    """Draw a table of texts."""
-    head = [_wrap(str(c), w) for c, w in zip(frame.columns, widths)]
-    body = [
-        [_wrap(str(v), w) for v, w in zip(row, widths)] for row in frame.itertuples(index=False)
-    ]
-    heights = [max(c.count("\n") + 1 for c in row) * 0.155 + 0.11 for row in [head, *body]]
+) -> Figure:
+    """Draw a table of texts, its columns so many letters wide, cells in `framed` (row, column) in
+    a frame.
+    """
+    # the texts in lines, and what room they take
+    rows = [tuple(map(str, frame.columns)), *frame.astype(str).itertuples(index=False, name=None)]
+    texts = [[_wrap(t, w) for t, w in zip(row, widths, strict=True)] for row in rows]
+    heights = [max(t.count("\n") + 1 for t in row) * 0.155 + 0.11 for row in texts]
+    columns = [w * 0.072 + 0.2 for w in widths]
     below = _wrap(foot, int(sum(widths) * 1.35))
     bottom = (below.count("\n") + 1) * 0.15 + 0.12 if foot else 0.05
-    width = sum(widths) * 0.072 + 0.2 * len(widths)
+    width = sum(columns) + 0.1
     figure = Figure(figsize=(width, sum(heights) + bottom + 0.1))
+    high = figure.get_figheight()
+
+    # the table above its foot
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
-    axes.set_xlim(0, width)
-    axes.set_ylim(-bottom - 0.05, sum(heights) + 0.05)
-    left = np.concatenate([[0.0], np.cumsum([w * 0.072 + 0.2 for w in widths])])
-    rule = functools.partial(axes.axhline, color=BLACK, xmin=0.1 / width, xmax=1 - 0.1 / width)
-    top = sum(heights)
-    for i, (row, height) in enumerate(zip([head, *body], heights)):
-        if i < 2:
-            rule(top, linewidth=0.8 if i else 1.2)
-        for j, text in enumerate(row):
-            weight = "normal" if i else "bold"
-            axes.text(left[j] + 0.12, top - height / 2, text, va="center", fontweight=weight)
-            if (i - 1, j) in framed:
-                corner = left[j] + 0.04, top - height + 0.03
-                size = left[j + 1] - left[j] - 0.14, height - 0.06
-                look = {"fill": False, "edgecolor": RED, "linewidth": 1.4}
-                axes.add_patch(matplotlib.patches.Rectangle(corner, *size, **look))
-        top -= height
-    rule(top, linewidth=1.2)
-    axes.text(0.12, top - 0.08, below, va="top", fontsize=7.5, color=GREY)
+    place = (0.05 / width, (bottom + 0.05) / high, 1.0 - 0.1 / width, sum(heights) / high)
+    drawn = axes.table(
+        texts, cellLoc="left", colWidths=columns, bbox=place, edges="B"
+    )
+    drawn.auto_set_font_size(False)
+    for (i, j), cell in drawn.get_celld().items():
+        cell.set_height(heights[i] / sum(heights))
+        cell.set_text_props(fontweight="normal" if i else "bold", fontsize=8.5)
+        cell.set_linewidth(0.8 if i in (0, len(frame)) else 0.0)
+        if (i - 1, j) in framed:
+            cell.visible_edges = "closed"
+            cell.set(edgecolor=RED, linewidth=1.4)
+    axes.text(0.12 / width, (bottom - 0.05) / high, below, va="top", fontsize=7.5, color=GREY)
     return figure
 
 
