@@ -107,9 +107,7 @@ def table(
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     place = (0.05 / width, (bottom + 0.05) / high, 1.0 - 0.1 / width, sum(heights) / high)
-    drawn = axes.table(
-        texts, cellLoc="left", colWidths=columns, bbox=place, edges="B"
-    )
+    drawn = axes.table(texts, cellLoc="left", colWidths=columns, bbox=place, edges="B")
     drawn.auto_set_font_size(False)
     for (i, j), cell in drawn.get_celld().items():
         cell.set_height(heights[i] / sum(heights))

@@ -179,12 +179,12 @@ def draw_maps(rates: pd.DataFrame, axis: str) -> Figure:
     image = None
     for axes, method in zip(panels, methods, strict=False):
         mine = rates[rates.method == method].pivot(index=_BAND, columns=axis)
-        shares = mine["accuracy"].reindex(index=down, columns=across).to_numpy()
-        n = mine["n"].reindex(index=down, columns=across).to_numpy()
+        shares, n = (
+            mine[name].reindex(index=down, columns=across).to_numpy() for name in ("accuracy", "n")
+        )
         few = n < LEAST
-        for shown, alpha in ((few, _PALE), (~few, 1.0)):
-            values = np.where(shown, shares, np.nan)
-            image = axes.pcolormesh(edges[1], edges[0], values, alpha=alpha, **look)
+        alpha = np.where(few, _PALE, 1.0)
+        image = axes.pcolormesh(edges[1], edges[0], shares, alpha=alpha, **look)
         for (i, j), share in np.ndenumerate(shares):
             if np.isfinite(share):
                 # black follows the page from light to dark, as pale cells do; a full one stays

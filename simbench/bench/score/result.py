@@ -400,6 +400,7 @@ def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 def _along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") -> pd.DataFrame:
     """Return rates by method and value of one axis or two."""
+    # one axis or two of the run
     axes = [axis] if isinstance(axis, str) else list(axis)
     for name in axes:
         if name not in book.along:
@@ -408,6 +409,8 @@ def _along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") ->
         raise ParameterError(f"axes {', '.join(axes) or '(none)'}: one axis or two different ones")
     if truth not in TRUTHS:
         raise ParameterError(f"truth {truth!r}: {nearest(truth, TRUTHS)}")
+
+    # rates of every method in every cell
     values, codes = zip(*(axis_codes(book, name) for name in axes), strict=True)
     everyone = [a for a in answers_of(book) if a.role != ROLE_YARDSTICK]
     label = book.truth[truth]
@@ -415,7 +418,8 @@ def _along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") ->
     table = tallied(counts, [*axes, "method"])[["n", "applicable", "sticky", *_SHOWN]]
     table = table[table["n"] > 0].drop(columns="n").reset_index()
     table = table.rename(columns={"applicable": "n", "sticky": "positives"})
-    # one more value than there are: of loops that have none
+
+    # cells by their values; one more than there are: of loops that have none
     texts = [np.array([*of, None], dtype=object) for of in values]
     for name, text in zip(axes, texts, strict=True):
         table[name] = text[table[name]]

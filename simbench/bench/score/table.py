@@ -65,16 +65,21 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     """Return one table of at most 30 lines and 100 columns, the ranking on oscillating loops, and
     three sentences; `whole`: with every method.
     """
+    # above the ranking: advice, the run, what counts as stiction
     rows = scores.rows(truth)
     title = [*_advice(scores, rows), *_title(scores, whole)]
     if rows.empty:
         return [*title, *_sentences(scores, truth, where)]
     title += _label(rows, truth)
+
+    # below it: what the columns mean, and which differences are resolved
     tail = [
         *wrap(_LEGEND.format(undecided=scores.undecided)),
         *_references(rows, whole),
         *_sentences(scores, truth, where, whole),
     ]
+
+    # as many methods as a screen has room for
     room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 2
     return [*title, "", *ranking(rows, scores, room), *tail]
 
@@ -182,6 +187,7 @@ def _cell(share: float, n: int) -> str:
 
 def _title(scores: Any, whole: bool) -> list[str]:
     """Return what a run is; of the `whole` text also how many loops cycle and were left out."""
+    # the run, and what is particular about it
     m = scores.manifest
     counts = scores.counts
     about = (
@@ -201,6 +207,8 @@ def _title(scores: Any, whole: bool) -> list[str]:
         )
     if not whole:
         return lines
+
+    # how many of its loops cycle
     lines[-1] += "." * (not lines[-1].endswith("."))
     words = (
         scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
@@ -212,6 +220,8 @@ def _title(scores: Any, whole: bool) -> list[str]:
         f"{counts[OF_OSCILLATING]} loops oscillate. Of all loops, the valve makes the loop cycle:"
         f" {said}."
     )
+
+    # healthy loops that no sticky one stands for
     if left_out := unmatched(m):
         lines += wrap(
             f"{left_out} {'echo was' if left_out == 1 else 'echoes were'} left out, as the sticky"
@@ -222,12 +232,15 @@ def _title(scores: Any, whole: bool) -> list[str]:
 
 def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list[str]:
     """Return which differences are resolved, and where the report is."""
+    # methods without a rank
     standing = scores.standing[truth, ALL, OF_OSCILLATING]
     rows = scores.rows(truth)
     said = [
         f"Not ranked, too many errors: {m} failed on {k} records."
         for m, k in scores.failing.items()
     ]
+
+    # what the ranks tell, or why there are none
     if math.isnan(standing.resolution):
         said.append(f"There is no ranking: {why_not(scores, rows)}.")
     elif not scores.chosen and _rivals(rows) < 2:
@@ -333,6 +346,7 @@ def interval_text(value: float, lo: float, hi: float, few: bool = False) -> str:
 
 def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     """Return every table of a run, the whole ranking first."""
+    # the ranking of all loops, then of each kind of process
     lines = headline(scores, truth, whole=True)
     for process in ("self-regulating", "integrating"):
         rows = scores.rows(truth, process=process)
@@ -343,6 +357,8 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
             )
             lines += ["", title, *(ranking(rows, scores) if rows.iloc[0].n >= LEAST else [])]
             lines.append(_resolution(scores, truth, process))
+
+    # what else the scores hold, each below a title
     sections = (
         _still(scores, truth),
         _causes(scores),
