@@ -40,7 +40,7 @@ def write_page(report: Report, path: str | Path) -> None:
         if record is not None:
             title = name or record.tag or "The record"
             seen = [
-                (draw_trend(record), "The record: PV (red), SP (grey), OP (blue)"),
+                (draw_trend(record), "The record: PV (orange), SP (grey), OP (blue)"),
                 (draw_pv_op(record), "PV against OP"),
             ]
             shown: list[Part] = [Pictures(seen)]

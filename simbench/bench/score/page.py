@@ -188,7 +188,7 @@ def draw_maps(rates: pd.DataFrame, axis: str) -> Figure:
         for (i, j), share in np.ndenumerate(shares):
             if np.isfinite(share):
                 # black follows the page from light to dark, as pale cells do; a full one stays
-                ink = "black" if few[i, j] else "white" if share < 0.55 else "#111111"
+                ink = "black" if few[i, j] else "#fefefe" if share < 0.55 else "#111111"
                 text = f"{share:.2f}\n{n[i, j]:.0f}"
                 axes.text(j, i, text, ha="center", va="center", fontsize=6, color=ink)
         axes.invert_yaxis()
