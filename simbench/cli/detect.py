@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,6 +23,7 @@ from simbench.cli.common import (
     show,
     show_result,
 )
+from simbench.detectors.errors import masked
 
 if TYPE_CHECKING:
     from simbench.detectors.report.report import Report
@@ -118,7 +120,7 @@ def detect(
     if html is not None:
         from simbench.page.detect_page import write_page
 
-        write_page(report, html)
+        write_page(report, html, masked(shlex.join(["simbench", *sys.argv[1:]])))
     if as_json:
         show(report.as_json(), as_json)
     else:

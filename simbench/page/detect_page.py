@@ -11,7 +11,17 @@ import pandas as pd
 from simbench.detectors.report import summary
 from simbench.detectors.report.report import Report
 from simbench.detectors.verdict import PROBABILITY
-from simbench.page.document import Part, Pictures, Points, Section, Table, texts, two_digits, write
+from simbench.page.document import (
+    Commands,
+    Part,
+    Pictures,
+    Points,
+    Section,
+    Table,
+    texts,
+    two_digits,
+    write,
+)
 from simbench.page.pictures import draw_pv_op, draw_trend
 
 _SHOWN = 12  # records drawn on one page
@@ -24,10 +34,11 @@ _COLUMNS = (
 )
 
 
-def write_page(report: Report, path: str | Path) -> None:
-    """Write conclusions and verdicts as one self-contained HTML page; of a folder the first table
-    has one row per loop.
+def write_page(report: Report, path: str | Path, command: str = "") -> None:
+    """Write conclusions and verdicts as one self-contained HTML page, with the command that made
+    it; of a folder the first table has one row per loop.
     """
+    # the answer, or the loops by it
     groups = report.groups()
     if report.of_folder:
         parts = [_ranking(report)]
@@ -36,6 +47,8 @@ def write_page(report: Report, path: str | Path) -> None:
         lines = report.conclusions[name].as_lines() if name in report.conclusions else []
         answer = [*lines, f"Methods: {summary.sentence(verdicts)}."]
         parts = [Section("answer", "The answer", texts(answer))]
+
+    # the first records in pictures
     for number, (name, verdicts, record) in enumerate(groups[:_SHOWN]):
         if record is not None:
             title = name or record.tag or "The record"
@@ -47,8 +60,12 @@ def write_page(report: Report, path: str | Path) -> None:
             if notes := summary.notes_of(verdicts, record):
                 shown.append(Points(notes))
             parts.append(Section(f"record-{number}", title, shown))
+
+    # what each method says, and how to repeat it
     table = Table(_table(report), two_digits("score"), ["reason"])
     parts.append(Section("methods", "Every method", [table, Points(_COLUMNS)]))
+    if command:
+        parts.append(Section("reproduce", "How to reproduce", [Commands([command])]))
     write(
         path,
         "Does the valve stick?",

@@ -129,11 +129,17 @@ def test_table_and_page_are_written(folder, capsys, tmp_path):
     assert "http" not in html.replace("http://www.w3.org", "")
 
 
-def test_a_page_says_how_many_of_its_loops_are_drawn(folder, tmp_path, capsys, monkeypatch):
+def test_a_page_says_how_many_of_its_loops_are_drawn_and_what_made_it(
+    folder, tmp_path, capsys, monkeypatch
+):
     monkeypatch.setattr("simbench.page.detect_page._SHOWN", 1)
+    monkeypatch.setattr("sys.argv", ["simbench", "detect", "my plant", "--html", "page.html"])
     page = tmp_path / "page.html"
     printed(capsys, "detect", folder, "--method", "horch", "--html", page)
-    assert "The first 1 of 2 loops are drawn below" in page.read_text(encoding="utf-8")
+    html = page.read_text(encoding="utf-8")
+    assert "The first 1 of 2 loops are drawn below" in html
+    assert "<pre>simbench detect &#39;my plant&#39; --html page.html\n</pre>" in html
+    assert f"simbench {version('stiction-simbench')}" in html
 
 
 def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
