@@ -12,7 +12,7 @@ import numpy as np
 from simbench.bench.scenario.truth import healthy_twin
 from simbench.confirm.expected import Expected, expect_change, odds_of_friction, with_friction
 from simbench.confirm.phase import Phase, interval, measure, plain, ratio_error
-from simbench.confirm.rig import Trace, lengthen_loop, run_rig
+from simbench.confirm.rig import Trace, draw_trace, lengthen_loop, run_rig
 from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.setup import Setup
@@ -80,21 +80,8 @@ class GainChange:
 
     def plot(self) -> Figure:
         """Draw OP and PV around the change of gain."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(7.5, 4.2), layout="constrained")
-        t = np.arange(self.trace.op.size) * self.Ts
-        for axes, name, values in zip(
-            figure.subplots(2, 1, sharex=True), ("OP (%)", "PV"), (self.trace.op, self.trace.pv)
-        ):
-            axes.plot(t, values, linewidth=1.0)
-            axes.axvline(self.changed * self.Ts, color="0.4", linestyle="--", linewidth=0.8)
-            axes.set_ylabel(name)
-        figure.axes[0].set_title(
-            f"{self.verdict}: {self.reason}", fontsize=8, loc="left", wrap=True
-        )
-        figure.axes[1].set_xlabel("time (s)")
-        return figure
+        title = f"{self.verdict}: {self.reason}"
+        return draw_trace(self.trace, self.Ts, [self.changed], title)
 
 
 def gain_change(loop: Loop, factor: float = 0.6, seed: int = 0) -> GainChange:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from simbench.loop.linear import control_start, parts_of, plant_start
 from simbench.loop.setup import Setup
 from simbench.scenarios.parts import MAX_SAMPLES
 from simbench.scenarios.spec import Loop
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def lengthen_loop(loop: Loop, samples: int) -> Loop:
@@ -41,6 +44,30 @@ class Trace:
     op: np.ndarray
     pv: np.ndarray
     mv: np.ndarray
+
+
+def draw_trace(trace: Trace, Ts: float, marks: Sequence[int], title: str) -> Figure:
+    """Draw OP with MV above PV over time, with dashed lines at some samples."""
+    from matplotlib.figure import Figure
+
+    # the signals
+    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
+    t = np.arange(trace.op.size) * Ts
+    above, below = figure.subplots(2, 1, sharex=True)
+    above.plot(t, trace.op, linewidth=1.0, label="OP")
+    if np.isfinite(trace.mv).any():
+        above.plot(t, trace.mv, linewidth=1.0, label="MV")
+    above.legend(fontsize=7)
+    below.plot(t, trace.pv, linewidth=1.0)
+
+    # what happens when
+    for axes, name in ((above, "OP (%)"), (below, "PV")):
+        axes.set_ylabel(name)
+        for mark in marks:
+            axes.axvline(t[mark], color="0.4", linestyle="--", linewidth=0.8)
+    above.set_title(title, fontsize=8, loc="left", wrap=True)
+    below.set_xlabel("time (s)")
+    return figure
 
 
 def run_rig(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbench.confirm.rig import LiveLoop, Trace, lengthen_loop
+from simbench.confirm.rig import LiveLoop, Trace, draw_trace, lengthen_loop
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.loop.resolve import resolve_loop
@@ -101,23 +101,8 @@ class TravelTest:
 
     def plot(self) -> Figure:
         """Draw OP and PV over the test, with the three phases marked."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(7.5, 4.2), layout="constrained")
-        t = np.arange(self.trace.op.size) * self.Ts
-        names = ("OP and MV (%)", "PV")
-        above, below = figure.subplots(2, 1, sharex=True)
-        above.plot(t, self.trace.op, linewidth=1.0, label="OP")
-        above.plot(t, self.trace.mv, linewidth=1.0, label="MV")
-        above.legend(fontsize=7)
-        below.plot(t, self.trace.pv, linewidth=1.0)
-        for axes, name in zip((above, below), names):
-            axes.set_ylabel(name)
-            for start in np.nonzero(np.diff(self.phase))[0] + 1:
-                axes.axvline(t[start], color="0.4", linestyle="--", linewidth=0.8)
-        above.set_title(self.reason, fontsize=8, loc="left", wrap=True)
-        below.set_xlabel("time (s)")
-        return figure
+        starts = np.nonzero(np.diff(self.phase))[0] + 1
+        return draw_trace(self.trace, self.Ts, starts, self.reason)
 
 
 def travel_test(
