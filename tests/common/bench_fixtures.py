@@ -189,3 +189,17 @@ def detect(prepared):
     """Say no."""
     return Verdict("never", NO_STICTION, 0.0, reason="always")
 '''
+
+BROKEN = '''"""A detector that fails on every third record."""
+from simbench.detectors.method import Method
+from simbench.detectors.verdict import Verdict
+
+METHOD = Method(title="fails", source="a test")
+
+
+def detect(prepared):
+    """Raise, or say no."""
+    if prepared.record.n % 3 == 0:
+        raise ZeroDivisionError("on purpose <b>bold</b>")
+    return Verdict("broken", "no_stiction", score=0.0, reason="never <i>sure</i>")
+'''

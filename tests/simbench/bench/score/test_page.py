@@ -7,6 +7,7 @@ import re
 import chromium
 import numpy as np
 import pytest
+from bench_fixtures import BROKEN
 from chromium import needs_browser
 from sklearn.metrics import roc_auc_score
 
@@ -17,20 +18,6 @@ from simbench.bench.score.scoring import score_run
 from simbench.bench.store.manifest import read_manifest
 from simbench.detectors.plugins.registry import methods
 from simbench.files import FileError
-
-BROKEN = '''"""A detector that fails on every third record."""
-from simbench.detectors.method import Method
-from simbench.detectors.verdict import Verdict
-
-METHOD = Method(title="fails", source="a test")
-
-
-def detect(prepared):
-    """Raise, or say no."""
-    if prepared.record.n % 3 == 0:
-        raise ZeroDivisionError("on purpose <b>bold</b>")
-    return Verdict("broken", "no_stiction", score=0.0, reason="never <i>sure</i>")
-'''
 
 
 @pytest.fixture(scope="module")

@@ -2,25 +2,13 @@
 
 import json
 
+from bench_fixtures import BROKEN
 from typer.testing import CliRunner
 
 from simbench.bench.execute.run import run_grid
 from simbench.cli import app
 
 HEAD = ["rank", "method", "cost", "accuracy", "sensitivity", "false positives", "no decision"]
-BROKEN = '''"""A detector that fails on every third record."""
-from simbench.detectors.method import Method
-from simbench.detectors.verdict import Verdict
-
-METHOD = Method(title="fails", source="a test")
-
-
-def detect(prepared):
-    """Raise, or say no."""
-    if prepared.record.n % 3 == 0:
-        raise ZeroDivisionError("on purpose")
-    return Verdict("broken", "no_stiction", score=0.0, reason="never sure")
-'''
 
 
 def called(*arguments):
