@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbench.confirm.travel import TravelTest, travel_test
+from simbench.detectors.report.summary import columns
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import valve_response
 from simbench.scenarios.spec import Loop
@@ -114,12 +115,12 @@ class _GradedTest:
             self.test.as_text(),
             "",
             "Grades by Table 11.1 of the chapter (PV in % of its span):",
-            f"{'quantity':20s}{'value':>7s}  {'grade':15s}how it was measured",
         ]
+        rows = [("quantity", "value", "grade", "how it was measured")]
         for g in self.grades:
             value = "-" if g.value is None else f"{g.value:.2g}"
-            lines.append(f"{g.parameter:20s}{value:>7s}  {words[g.acceptable]:15s}{g.reason}")
-        return "\n".join(lines)
+            rows.append((g.parameter, value, words[g.acceptable], g.reason))
+        return "\n".join([*lines, *columns(rows, right=["value"])])
 
     def plot(self) -> Figure:
         """Draw the travel test."""

@@ -40,6 +40,7 @@ class DiagnosisDetails:
 
 
 _MOST_LINES = 5  # differences that are put into words
+_MOST_ANSWERS = 6  # that a terminal lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,15 +285,19 @@ class GapReport:
         str
             The answer, what remains, the valve, the ranking and what to do next, a line each.
         """
+        # the answer, and what remains with it
         lines = [self.answer(), self.nearness(), *self.identified()]
         if self.remaining:
             lines += ["What remains between record and simulations:"]
             lines += [f"  {line}" for line in self.remaining_lines()]
         lines += ["", "The valve:", *self.conclusion.as_lines(), "", *self.which_lines()]
+
+        # what is not next to impossible, and how the gap is measured
+        shown = [r for r in self.ranking[:_MOST_ANSWERS] if r.probability >= LEAST_SHOWN]
         lines += ["", "probability  effect"]
         lines += [
             f"{r.probability:11.3f}  {r.effect:24s}{self._sizes(r.effect, r.parameters)}".rstrip()
-            for r in self.ranking[:6]
+            for r in shown
         ]
         lines += ["", *self.gap_lines(), *self.next_line()] + [f"note: {n}" for n in self.notes]
         return "\n".join(lines)

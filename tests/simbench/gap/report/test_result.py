@@ -167,6 +167,11 @@ def test_five_of_the_differences_that_remain_are_put_into_words():
     }
 
 
+def test_a_terminal_lists_no_answer_that_is_next_to_impossible():
+    unlikely = Ranked("drift", "sensor", 0.004, None, None, {})
+    assert "drift" not in report(ranking=(*RANKING[:2], unlikely)).as_text()
+
+
 def test_a_terminal_shows_six_candidates_and_blocks_of_half_a_percent_and_more():
     lines = report().as_text().splitlines()
     assert lines[:2] == [report().answer(), report().nearness()]
