@@ -39,7 +39,7 @@ class DiagnosisDetails:
     shown: Copy | None = None
 
 
-_MOST_LINES = 5  # differences that are put into words
+_MOST_LINES = 3  # differences that are put into words
 _MOST_ANSWERS = 6  # that a terminal lists
 
 
@@ -286,11 +286,11 @@ class GapReport:
             The answer, what remains, the valve, the ranking and what to do next, a line each.
         """
         # the answer, and what remains with it
-        lines = [self.answer(), self.nearness(), *self.identified()]
+        lines = [self.answer(), self.nearness(), *joined(self.identified())]
         if self.remaining:
             lines += ["What remains between record and simulations:"]
             lines += [f"  {line}" for line in self.remaining_lines()]
-        lines += ["", "The valve:", *self.conclusion.as_lines(), "", *self.which_lines()]
+        lines += ["", "The valve:", *self.conclusion.as_lines(), "", *joined(self.which_lines())]
 
         # what is not next to impossible, and how the gap is measured
         shown = [r for r in self.ranking[:_MOST_ANSWERS] if r.probability >= LEAST_SHOWN]
@@ -299,7 +299,8 @@ class GapReport:
             f"{r.probability:11.3f}  {r.effect:24s}{self._sizes(r.effect, r.parameters)}".rstrip()
             for r in shown
         ]
-        lines += ["", *self.gap_lines(), *self.next_line()] + [f"note: {n}" for n in self.notes]
+        lines += ["", *joined(self.gap_lines()), *self.next_line()]
+        lines += [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 
     def which_lines(self) -> list[str]:
@@ -365,7 +366,7 @@ class GapReport:
         Returns
         -------
         list of str
-            At most five differences, a line each; none where nothing is plain.
+            At most three differences, a line each; none where nothing is plain.
         """
         return [one.sentence() for one in self.remaining[:_MOST_LINES]]
 
@@ -381,6 +382,11 @@ class GapReport:
         if self.next_test is None or self.conclusion.next == self.next_test:
             return []
         return [f"Next: {self.next_test}."]
+
+
+def joined(sentences: list[str]) -> list[str]:
+    """Return sentences as one paragraph, none of none."""
+    return [" ".join(sentences)] if sentences else []
 
 
 def _hedge(said: str, p: float) -> str:

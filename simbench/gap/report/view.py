@@ -29,7 +29,7 @@ from simbench.gap.report.pictures import (
     fill_traces,
 )
 from simbench.gap.report.ranked import LEAST_SHOWN, Ranked, words
-from simbench.gap.report.result import GapReport
+from simbench.gap.report.result import GapReport, joined
 from simbench.gap.situation import Situation
 from simbench.loop.effects import EFFECTS, UNKNOWN
 from simbench.page.document import (
@@ -81,7 +81,7 @@ def _answer(report: GapReport) -> list[Part]:
     caption = "Gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
     return [
         *texts([report.answer(), report.nearness()], "strong"),
-        *texts([" ".join(report.identified())] if report.identified() else []),
+        *texts(joined(report.identified())),
         Text("The valve", "heading"),
         *texts(report.conclusion.as_lines()),
         Text("The gap", "heading"),
