@@ -34,9 +34,12 @@ class Progress(tqdm):
         delay: float = 0.0,
         shown: bool | None = None,
     ) -> None:
+        # how often something is drawn or printed
         self._lines = not (shown or sys.stderr.isatty())
         pause = BETWEEN_LINES if self._lines else _BETWEEN_FRAMES
         delay = BETWEEN_LINES if self._lines else delay
+
+        # the rest is counted by tqdm
         about = {"total": total, "initial": initial, "desc": desc, "unit": unit}
         super().__init__(items, **about, mininterval=pause, delay=delay, disable=shown is False)
 

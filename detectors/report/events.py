@@ -34,16 +34,21 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
     Two loops that cycle by themselves drift apart; a source and its victims do not. Records without
     time stamps are taken for records of one time where they are of one length.
     """
+    # loops that oscillate
     swinging = [
         (name, p)
         for name, p in records.items()
         if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)
     ]
+
+    # join every two that swing together
     joined = scipy.cluster.hierarchy.DisjointSet(name for name, _ in swinging)
     for i, (a, one) in enumerate(swinging):
         for b, other in swinging[:i]:
             if not joined.connected(a, b) and _swing_together(one, other):
                 joined.merge(a, b)
+
+    # groups of more than one, the largest first
     groups: dict[str, list[str]] = {}
     for name, _ in swinging:
         groups.setdefault(joined[name], []).append(name)

@@ -68,10 +68,13 @@ class Report:
         loop shares with others, else null. A file that is no record has one object, without a
         method.
         """
+        # what stands beside each verdict
         concluded = {n: {"conclusion": c.as_json()} for n, c in self.conclusions.items()}
         place = {
             n: {} if n is None else {"record": n, "event": self.events.get(n)} for n in self.records
         }
+
+        # verdicts, then files that are no records
         answers = [
             {**place[name], **v.as_json(), **concluded.get(name, {})}
             for name, verdicts, _ in self.groups()
@@ -136,10 +139,13 @@ class Report:
         str
             One line per verdict, and how many methods said what.
         """
+        # what was concluded, and what each method says
         concluded = {name: conclusion.as_lines() for name, conclusion in self.conclusions.items()}
         text = summary.as_text(self.groups(), concluded, why=why)
         if len(self.records) > 1 and self.conclusions:
             text = "\n".join([*self._ranked_lines(), "", text])
+
+        # scores against labels
         if not self.scores:
             return text
         most = max(self.scores, key=lambda row: row["applicable"])
@@ -262,6 +268,7 @@ def describe_failures(verdicts: Iterable[tuple[str | None, Verdict]]) -> list[st
 
 def choose_methods(names: Iterable[str]) -> list[str]:
     """Return method ids for names that may be sets of methods."""
+    # each name once, sets as what they hold
     chosen: list[str] = []
     for name in (part.strip() for text in names for part in text.split(",")):
         if name == PUBLISHED:

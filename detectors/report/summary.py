@@ -40,12 +40,17 @@ _NAMED = 5  # records named in a sentence
 
 def sentence(verdicts: Sequence[Verdict]) -> str:
     """Count the verdicts of the methods; they are evidence, no conclusion."""
+    # one method has no count
     if len(verdicts) == 1 and not _rests(verdicts[0]):
         return f"{verdicts[0].method} reports {VERDICT_WORDS[verdicts[0].verdict]}"
+
+    # which methods count
     asked = [v for v in verdicts if not _is_test(v.method)]
     others = [v for v in asked if v.applicable is not False]
     left_out = len(asked) - len(others)
     resting = len(others) - len(others := [v for v in others if not _rests(v)])
+
+    # how many say what
     count = Counter(v.verdict for v in others)
     if resting and not others:
         return f"{resting} {_NOT_ASKED}"
@@ -88,6 +93,7 @@ def as_text(
     """Return what was concluded of each record, summary and table, and the reasons where asked
     for.
     """
+    # one record: conclusion, methods, notes
     records = list(groups)
     concluded = concluded or {}
     lines = []
@@ -120,6 +126,8 @@ def as_text(
             ]
         else:
             lines.append(f"What each method says: --why, or --csv FILE. {_IN_DATA}")
+
+    # the reason of each method
     if why:
         for name, verdicts, record in records:
             shared = set(notes_of(verdicts, record))

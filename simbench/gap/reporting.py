@@ -41,6 +41,7 @@ def report(
     loops: CandidateLoops | Refusal | None = None,
 ) -> GapReport:
     """Turn evidence and simulations into the answer."""
+    # whether the record would have shown friction that is denied
     s = assessment.situation
     shown = None
     stated = s.trusted and bool(resolve.friction(s.baseline))
@@ -48,7 +49,11 @@ def report(
         shown = deniable(assessment)
         if shown.open:
             weights = weights.with_friction(DENIED_BELOW)
+
+    # the posterior beside simulations
     weights, main, left = _beside_simulations(assessment, weights, runs)
+
+    # what stays unknown
     unseen = not assessment.valve_seen or assessment.mv_unexplained
     if s.trusted and (stated or (weights.first == UNKNOWN and unseen)):
         # what is not known may be friction, where no MV shows the valve, and a valve whose friction
@@ -60,9 +65,13 @@ def report(
     if otherwise is not None:
         main = otherwise[1]
         left = remaining(s, main.features)
+
+    # the answers, the likeliest first, and what would tell them apart
     named = name_effects(weights, assessment)
     lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
     advice = tell_apart(tuple(lines.values()), assessment.valve_seen)
+
+    # the valve
     if stands(s.record):
         conclusion = at_rest(s.record)
     elif isinstance(loops, Refusal) and s.trusted:
@@ -71,6 +80,8 @@ def report(
         conclusion = from_posterior(weights, named, assessment, shown, advice)
     else:
         conclusion = from_record(Prepared(replace(s.record, mv=None)), loops)[0]
+
+    # all of it as one answer
     return GapReport(
         block=weights.block(named[0]),
         effect=named[0],
@@ -140,6 +151,7 @@ def _ranking(
     """Return every answer, the most probable first; the gap before and after of those that were
     simulated.
     """
+    # gaps of the answers that were simulated
     effects = [e for e in named if e in EFFECTS]
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     sizes = {NONE: (main.before, main.before)}
@@ -152,6 +164,8 @@ def _ranking(
             rival = runs.rival([e], effects)
             if rival is not None:
                 sizes[e] = rival.before, rival.after
+
+    # a line for every answer
     return [
         Ranked(
             e,
@@ -186,8 +200,11 @@ def _notes(
     main: Shrinkage,
 ) -> list[str]:
     """Return what else a reader must know, a sentence each."""
+    # of record and samples
     s = assessment.situation
     notes = [*s.notes, *(f"{block}: {why}" for block, why in assessment.unexplained.items())]
+
+    # of the gap and of what the loop file states
     if not main.resolvable and within_reach(main.after, main.plant_floor):
         notes.append(
             f"the gap ({main.before:.2f}) does not stand out of its floor ({main.floor:.2f}): no"

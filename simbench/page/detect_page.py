@@ -75,6 +75,7 @@ def write_page(report: Report, path: str | Path, command: str = "") -> None:
 
 
 def _ranking(report: Report) -> Section:
+    # a row a loop, in words
     frame = report.loops()
     frame["conclusion"] = frame["conclusion"].replace(summary.CONCLUDED)
     shown = ["record", "conclusion", PROBABILITY, "cause", "event", "reason", "next"]
@@ -82,6 +83,8 @@ def _ranking(report: Report) -> Section:
     table = Table(
         frame, two_digits(PROBABILITY.replace("_", " ")), long=["cause", "reason", "next"]
     )
+
+    # what is not in the table
     says = ["Event: loops with the same number share one oscillation."]
     if len(report.records) > _SHOWN:
         says.append(
@@ -92,9 +95,12 @@ def _ranking(report: Report) -> Section:
 
 
 def _table(report: Report) -> pd.DataFrame:
+    # what is said of a record once is not said of every method
     shared = {
         name: summary.notes_of(verdicts, record) for name, verdicts, record in report.groups()
     }
+
+    # a row a verdict
     return pd.DataFrame(
         {
             **({} if name is None else {"record": name}),

@@ -107,6 +107,7 @@ def write(
     path: str | Path, title: str, subtitle: str, sections: Iterable[Section], footer: str = ""
 ) -> None:
     """Write a self-contained page, readable in light and dark and on a phone."""
+    # the page whole, then the file
     text = render(
         "page.html",
         title=title,
@@ -167,6 +168,7 @@ def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
     """Return a figure as an <svg> element for an HTML page, for which alone it was drawn: pyplot
     keeps it no longer.
     """
+    # draw it on no ground of its own
     figure.patch.set_alpha(0.0)
     for axes in figure.axes:
         axes.patch.set_alpha(0.0)
@@ -175,6 +177,8 @@ def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
         pyplot.close(figure)
+
+    # keep the element alone, in one line
     text = re.sub(r"\s+", " ", buffer.getvalue()).replace("> <", "><")
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text)
@@ -185,6 +189,8 @@ def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
     # ids are unique within one picture only
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", text)
+
+    # as wide as its place, at most half as wide again as drawn
     width = re.search(r'viewBox="0 0 ([\d.]+)', text)
     wide = float(width.group(1)) if width else 400.0
     head = (

@@ -20,9 +20,12 @@ _POINTS = 700  # drawn of a trend; a longer record is drawn by the extremes of i
 @styled
 def draw_trend(record: LoopRecord) -> Figure:
     """Draw PV (with SP) above OP over time."""
+    # two panels with room for numbers of any width
     figure, axes = panels(2, 1, 5.0, 2.6, sharex=True)
     _place(figure, left=0.18, right=0.985, bottom=0.165, top=0.93, hspace=0.12)
     above, below = axes.ravel()
+
+    # each signal, thinned, in its colour
     hours = 3600.0 if record.duration > 7200 else 60.0
     for ax, signals in ((above, ("sp", "pv")), (below, ("op",))):
         for name in signals:
@@ -30,6 +33,8 @@ def draw_trend(record: LoopRecord) -> Figure:
             if x is not None:
                 k = _thin(x)
                 ax.plot(record.t[k] / hours, x[k], color=SIGNAL[name.upper()], lw=0.8)
+
+    # names and units
     label(above, "", "PV" if record.sp is None else "PV, SP")
     label(below, "time (h)" if hours == 3600.0 else "time (min)", _op(record))
     return figure

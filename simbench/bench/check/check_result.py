@@ -100,10 +100,13 @@ class Check:
 
     def changes(self) -> list[str]:
         """Return the rates that moved and the scenarios that flipped, the worst first."""
+        # rates that moved
         lines = []
         moved = _table_of_moves(self).drop(columns="seen")
         if len(moved):
             lines += ["", *_short_lines(moved.head(_SCREEN["rates"]))]
+
+        # scenarios that flipped
         if len(self.flips):
             most = _SCREEN["flips"]
             flips = _worst_first(self)

@@ -107,6 +107,7 @@ class Comparison:
 
     def as_text(self) -> str:
         """Return how often each method is right, and all pairs, for a terminal."""
+        # how often each method is right
         lines = [f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals"]
         lines += self._accuracies()
         if not np.isnan(self.critical_difference):
@@ -118,6 +119,8 @@ class Comparison:
             lines.append(
                 f"! {row.method} failed on {row.failed} of {row.n} records, which count as wrong"
             )
+
+        # the pairs
         differ = int(self.pairs["differ"].sum())
         lines += [
             "",
@@ -236,14 +239,19 @@ def compare(
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
+    # loops with a label, and mean ranks on them
     use = np.flatnonzero(book.truth[truth] >= 0)
     side = _Side.of(book, truth, use)
     ranks, cd = _mean_ranks(book, side, use, failing)
+
+    # every two methods, or the chosen with every other
     numbers = range(len(book.methods))
     first = [k for k in numbers if book.methods[k] in chosen]
     couples = list(combinations(numbers, 2))
     if chosen:
         couples = [(i, j) for i in first for j in numbers if j > i or (j < i and j not in first)]
+
+    # each pair on the loops that both apply to
     found = []
     for i, j in couples:
         at = side.applies[i] & side.applies[j]

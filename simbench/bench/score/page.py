@@ -95,11 +95,14 @@ def write_page(
 
 def _rank(scores: Scores, truth: str, failed: str) -> list[Part]:
     """Draw what each method is right on and costs, and list the ranking as the text does."""
+    # the sentences of the text
     rows = scores.rows(truth)
     parts = texts(opening_lines(scores, truth))
     parts += [Text(f"{failed}.", "bad")] if failed else []
     if rows.empty:
         return parts
+
+    # what each method is right on, the ranking, and what each costs
     right = "Of the loops that the valve makes cycle and of the others: right, open, wrong"
     cost = "Cost of each method, with its 95 % interval"
     parts.append(Pictures([(sides(rows).figure, right)], wide=True))

@@ -211,9 +211,12 @@ class Scores:
         OP and PV, those that see MV, reference rows, other tests; `group` names what they are
         ranked with, `shared` tells whether others have the same rank.
         """
+        # the rows of one block
         t = self.table
         here = (t.truth == truth) & (t.process == process)
         rows = t[here & (t.population == population)]
+
+        # what orders them: kind, coverage, failures, then cost
         kind = [kind_of(role, mv) for role, mv in zip(rows.role, rows.sees_mv)]
         part = [k < 2 and on < n for k, on, n in zip(kind, rows.rank_loops, rows.n)]
         answered = [-int(n) if p else 0 for n, p in zip(rows.applicable, part)]
@@ -222,6 +225,8 @@ class Scores:
         order = ["kind", "partial", "_failed", "_unranked", "_few", "cost"]
         rows = rows.assign(**keys, _failed=failed).sort_values(order, kind="stable")
         rows = rows.drop(columns=["_failed", "_unranked", "_few"])
+
+        # which are ranked with each other
         rows = rows.assign(group=[group_of(row, self.failing) for row in rows.itertuples()])
         alike = rows.duplicated(["kind", "group", "rank"], keep=False)
         return self._of_chosen(rows.assign(shared=rows["rank"].notna() & alike))

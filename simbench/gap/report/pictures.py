@@ -97,10 +97,13 @@ def draw_loops(across: str, traces: Traces, part: slice) -> Figure:
     """Draw PV (or MV) over OP, a panel each for the record and every simulation, all on the same
     axes.
     """
+    # a panel each on common axes
     rows = (len(traces) + 1) // 2
     figure, grid = panels(rows, 2, PHONE_WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
     both = {name: (t.op[part], _signal(t, across)[part]) for name, t in traces.items()}
     sideways, upwards = (_limits(signals) for signals in zip(*both.values()))
+
+    # the loops, and a word where one runs away
     for axes in grid.flat[len(both) :]:
         axes.set_axis_off()
     for axes, (name, (op, x)) in zip(grid.flat, both.items()):
@@ -108,6 +111,8 @@ def draw_loops(across: str, traces: Traces, part: slice) -> Figure:
         label(axes, "", "", name)
         if not _mark_beyond(axes, op, sideways):
             _mark_beyond(axes, x, upwards)
+
+    # what the axes are
     grid[0, 0].set(xlim=sideways, ylim=upwards)
     figure.supxlabel(_op_label(next(iter(traces.values()))), fontsize="medium")
     figure.supylabel("MV (%)" if across == "MV" else across, fontsize="medium")

@@ -216,6 +216,7 @@ class GapReport:
         str
             The first row of the ranking with its probability, and parameters with units.
         """
+        # nothing is lacking, or nothing known
         p = self.ranking[0].probability
         if self.effect == NONE:
             late = any(note.startswith("clock:") for note in self.notes)
@@ -226,6 +227,8 @@ class GapReport:
             said += f" ({p:.2f}; block: {self.block})"
             shown = self.behind.shown
             return said + ("." if shown is None else f": {shown_words(shown, self.block)}.")
+
+        # one effect or two
         first, *second = (
             words(e["effect"]) + "{}" + self._sizes(e["effect"], e["parameters"], ": ")
             for e in self.effects
@@ -311,6 +314,7 @@ class GapReport:
         list of str
             Effects of the same signals, those that cannot be excluded, and blocks.
         """
+        # answers of the same signals, and those that cannot be excluded
         lines = []
         if len(self.group) > 1:
             names = ", ".join(words(e) for e in self.group)
@@ -319,6 +323,8 @@ class GapReport:
         if len(self.set) > 1:
             names = ", ".join(words(e) for e in self.set)
             lines.append(f"Not excluded at {100 * CONFIDENCE:.0f} %: {names}.")
+
+        # the share of each block
         if any(self.blocks.values()):
             named = [r for r in self.ranking if r.effect not in (NONE, UNKNOWN)]
             known = {b: sum(r.probability for r in named if r.block == b) for b in BLOCKS}
@@ -340,6 +346,7 @@ class GapReport:
         list of str
             Sentences on its unit, its floor and its shrinkage.
         """
+        # what is measured, and its floor
         g = self.gap
         s = self.shrinkage
         lines = [
@@ -348,6 +355,8 @@ class GapReport:
             f"It is {g.recalibrated:.2f} with K, T and Td fitted again and nothing added;"
             f" simulations that differ only in their seeds are {g.floor:.2f} apart (the floor).",
         ]
+
+        # how far the gap shrinks
         if s is not None:
             value, lo, hi = (100 * s[k] for k in ("value", "lo", "hi"))
             removes = f"removes {value:.0f} %" if value > 0 else "does not remove any"

@@ -221,6 +221,7 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     """Return the record, and simulations of its length with the baseline, the recalibrated loop and
     the loop with the named (or nearest) effect; what cannot be simulated is left out.
     """
+    # the loops by what they are called
     runs = report.behind.loops
     near = nearest(report)
     before, tuned, _ = runs.runs_with(report.named)
@@ -233,6 +234,8 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
         loops[SHOWN] = report.behind.shown.loop
     elif shown:
         loops[FIXED if report.named else NEAREST] = runs.corrected(shown)
+
+    # a record of each
     found = {name: run_with_seeds(loop, 0, 1) for name, loop in loops.items()}
     return {RECORD: record_in_percent(report.behind.found.situation)} | {
         name: records[0] for name, records in found.items() if records
