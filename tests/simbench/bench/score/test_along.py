@@ -65,10 +65,9 @@ def test_cells_of_few_loops_are_marked_with_their_number():
     first = figure.axes[0]
     shown = [text.get_text() for text in first.texts]
     assert shown == ["1.00\n8", "1.00\n32"]
-    pale, full = first.collections
-    assert pale.get_alpha() < full.get_alpha() == 1.0
-    drawn = [np.ma.getmaskarray(mesh.get_array()).ravel().tolist() for mesh in (pale, full)]
-    assert drawn == [[False, True], [True, False]]
+    (mesh,) = first.collections
+    pale, full = np.ravel(mesh.get_alpha())
+    assert pale < full == 1.0
 
 
 @pytest.mark.parametrize(
