@@ -53,6 +53,7 @@ VISIBLE = """[...document.querySelectorAll("svg")].map(s => {
   const r = s.getBoundingClientRect(), b = s.getBBox(), style = getComputedStyle(s);
   return [r.width, r.height, r.left, r.right, b.width, b.height,
           style.visibility, style.display]; })"""
+FIXED = """document.querySelectorAll('svg [style*="#ffffff"], svg [style*="#000000"]').length"""
 WIDE = 704  # px: a wide picture scrolls in a frame on a phone
 
 
@@ -70,7 +71,7 @@ def assert_alone(file: Path) -> None:
 
 def seen_pictures(file: Path, width: int, dark: bool) -> int:
     """Assert that a page fails in nothing, asks for nothing and never scrolls sideways, and that
-    its pictures are seen in its ink; return how many there are.
+    its pictures are seen in its ink and on its ground; return how many there are.
     """
     with opened(file, width, dark) as page:
         pictures = page.evaluate(VISIBLE)
@@ -81,6 +82,8 @@ def seen_pictures(file: Path, width: int, dark: bool) -> int:
             "(s => [s.color, s.backgroundColor])(getComputedStyle(document.body))"
         )
         lines = page.evaluate('getComputedStyle(document.querySelector("svg")).fill')
+        named = page.evaluate('document.querySelectorAll("svg[role=img][aria-label]").length')
+        fixed = page.evaluate(FIXED)
         assert page.errors == []
         assert page.requests == [file.resolve().as_uri()]
     assert over <= 0, "the page itself never scrolls sideways"
@@ -93,6 +96,8 @@ def seen_pictures(file: Path, width: int, dark: bool) -> int:
     bright = [sum(int(x) for x in re.findall(r"\d+", c)[:3]) for c in (ink, ground)]
     assert (bright[0] > bright[1]) == dark
     assert lines == ink, "pictures follow the page's ink"
+    assert fixed == 0, "what is black or white in a picture follows the page"
+    assert named == len(pictures), "every picture has a text in its place"
     return len(pictures)
 
 

@@ -14,8 +14,10 @@ import sys
 import tempfile
 from importlib.metadata import version
 
+import chromium
 import pytest
 import typer
+from chromium import needs_browser
 
 from simbench import cli, verbs
 from simbench.detectors import faults
@@ -140,6 +142,17 @@ def test_a_page_says_how_many_of_its_loops_are_drawn_and_what_made_it(
     assert "The first 1 of 2 loops are drawn below" in html
     assert "<pre>simbench detect &#39;my plant&#39; --html page.html\n</pre>" in html
     assert f"simbench {version('stiction-simbench')}" in html
+
+
+@needs_browser
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 400])
+def test_in_a_browser_a_trend_and_a_loop_of_every_record_are_seen(
+    folder, tmp_path, capsys, width, dark
+):
+    page = tmp_path / "page.html"
+    printed(capsys, "detect", folder, "--method", "horch", "--html", page)
+    assert chromium.seen_pictures(page, width, dark) == 2 * 2
 
 
 def test_columns_period_and_loop_are_chosen(folder, capsys, tmp_path):
