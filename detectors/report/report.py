@@ -271,6 +271,7 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     # each name once, sets as what they hold
     chosen: list[str] = []
     for name in (part.strip() for text in names for part in text.split(",")):
+        # published thresholds, a set, or one method
         if name == PUBLISHED:
             some = registry.variants()
         elif name in _SETS:

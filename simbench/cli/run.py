@@ -149,6 +149,7 @@ def run(
     from simbench.bench.score.scoring import score_run
     from simbench.bench.store.benchmark import is_records
 
+    # options of the loops and of the work
     if about and not (grid is not None and is_records(grid)):
         option, value = next(iter(about.items()))
         raise ParameterError(
@@ -174,6 +175,8 @@ def run(
         "address": address,
         "resume": resume,
     }
+
+    # add to a run, or run a grid, which may be made of records
     told = {}
     if add or answers:
         from simbench.bench.execute.add import add_to_run
@@ -195,6 +198,8 @@ def run(
             plan = made.grid
             options["sets"] = None
         folder, scores = run_scored(plan, out, method or ["fast", ORACLE], jobs, **options)
+
+    # scores, and what failed
     if scores is None or allow_failed:
         scores = score_run(folder, allow_failed=allow_failed)
     failed = read_failures(folder)

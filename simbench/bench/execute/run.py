@@ -109,6 +109,7 @@ def run_scored(
     **options: Unpack[RunOptions],
 ) -> tuple[Path, Scores | None]:
     """Run a grid as `run_grid` does, and return its scores, too; None where the run was whole."""
+    # what is run, and by which methods
     began = time.perf_counter()
     plan = read_plan(grid, options)
     files, parts = _plugin_files(options)
@@ -117,6 +118,8 @@ def run_scored(
     digests = digests_of(("", files), *zip(KINDS_OF_PART, parts))
     sources = {Path(f).name: Path(f).read_bytes() for f in _all_there(files, *parts)}
     adopted = {name: as_plugin(name, detector) for name, detector in own.items()}
+
+    # refuse what cannot run, and state in the manifest what is run
     with (
         registry.adopted(adopted),
         registry.added(files) as added,
@@ -126,6 +129,8 @@ def run_scored(
         _refuse_wrong_run(plan, names)
         with_reference = options.get("with_reference", False)
         manifest = describe_run(plan, names, {**digests, **digests_of_own(own)}, with_reference)
+
+        # compute what is not there yet, and join the pieces
         folder = local_path(Path("runs") / plan.name if out is None else out)
         apart = bool(files or own or any(parts))
         backend = options.get("backend", "loky")
@@ -266,6 +271,7 @@ def _work_pieces(
     folder: Path, task: _Task, run: Runner, bar: _Bar, missing: dict[int, Sequence[int]]
 ) -> list[Receipt]:
     """Return the receipts of some pieces, in order; what a dead worker held is worked again."""
+    # again and again what is missing, as long as workers die
     lives = LIVES
     receipts = {}
     while missing:
@@ -282,6 +288,8 @@ def _work_pieces(
                     f"worker processes keep dying ({error}); fewer jobs may leave each more memory"
                 ) from None
         missing = {number: groups for number, groups in missing.items() if number not in receipts}
+
+    # in the order of the pieces
     return [receipts[number] for number in sorted(receipts)]
 
 
