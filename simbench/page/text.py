@@ -10,7 +10,7 @@ from simbench.detectors.report.summary import columns
 if TYPE_CHECKING:
     import pandas as pd
 
-WIDTH = 100  # characters of a line
+LINE_WIDTH = 100  # characters of a line
 
 
 def wrap(text: str) -> list[str]:
@@ -19,7 +19,7 @@ def wrap(text: str) -> list[str]:
     >>> [len(line) for line in wrap("word " * 30)]
     [99, 49]
     """
-    return textwrap.wrap(text, WIDTH)
+    return textwrap.wrap(text, LINE_WIDTH)
 
 
 def lines_of(frame: pd.DataFrame) -> list[str]:

@@ -16,7 +16,7 @@ from simbench.bench.statistics import holm, mean_ranks, rate
 from simbench.bench.store.reading import TRUTHS, RunArrays
 from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.views import page_part
-from simbench.page.text import WIDTH, lines_of, wrap
+from simbench.page.text import LINE_WIDTH, lines_of, wrap
 
 _LEVEL = 0.05
 _ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
@@ -188,7 +188,7 @@ class Comparison:
         # as many of them as a line has room for, then the next
         widths = [max(len(name), *table[name].map(len)) + 2 for name in numbers]
         lines = wrap(self.legend)
-        room = WIDTH - max(map(len, names), default=0)
+        room = LINE_WIDTH - max(map(len, names), default=0)
         while numbers:
             fit = max(int((np.cumsum(widths) <= room).sum()), 1)
             lines += ["", *lines_of(table[["", *numbers[:fit]]])]

@@ -29,7 +29,7 @@ from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.shipped import UNLIKE
 from simbench.bench.store.benchmark import FROM_RECORDS, benchmark_text
 from simbench.bench.store.manifest import unmatched
-from simbench.page.text import WIDTH, lines_of, wrap
+from simbench.page.text import LINE_WIDTH, lines_of, wrap
 
 # of the default output
 _LINES = 30
@@ -314,7 +314,7 @@ def _cells(rows: pd.DataFrame) -> list[str]:
         table = _rates(rows, _TITLES, intervals=intervals).drop(columns="n")
         table.insert(0, "rank", _rank_texts(rows))
         lines = lines_of(table)
-        if max(map(len, lines)) <= WIDTH:
+        if max(map(len, lines)) <= LINE_WIDTH:
             break
     return lines
 

@@ -81,6 +81,7 @@ def benchmark_of(grid: Grid, table: Iterable[tuple[str, str]]) -> dict[str, Any]
 
     Examples
     --------
+    >>> from simbench.scenarios.settled import settled_grid
     >>> grid = settled_grid("smoke")
     >>> one, other = ("a", "0f"), ("b", "3c")
     >>> benchmark_of(grid, [one, other]) == benchmark_of(grid, [other, one])
