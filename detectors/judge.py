@@ -47,7 +47,6 @@ def judge(
     *,
     raw: bool = False,
     thresholds: Mapping[str, Mapping[str, float]] | None = None,
-    halves: bool = True,
 ) -> list[Verdict]:
     """Judge one record by several methods, sharing what they have in common.
 
@@ -58,7 +57,7 @@ def judge(
     'no_stiction'
     """
     JUDGING["record"] = record.tag or "the record"
-    blind = (prepare if halves else Prepared)(record.without_mv())
+    blind = prepare(record.without_mv())
     sighted = replace(record, meta={})
     verdicts = []
     for name in methods:

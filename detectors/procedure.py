@@ -181,15 +181,7 @@ class Diagnosis:
         )
 
 
-def diagnose(
-    record: LoopRecord,
-    *,
-    odds_low: float = ODDS_LOW,
-    odds_high: float = ODDS_HIGH,
-    follow_min: float = FOLLOW_MIN,
-    weighted: bool = True,
-    veto: bool = False,
-) -> Diagnosis:
+def diagnose(record: LoopRecord) -> Diagnosis:
     """Take a record through the whole procedure.
 
     Source: Jelali (2013), section 11.9. Where the chapter takes a majority vote, indices are
@@ -202,18 +194,18 @@ def diagnose(
     >>> diagnose(LoopRecord(np.sin(t), -np.sin(t), 1.0, process="self-regulating")).verdict
     'no_stiction'
     """
-    return walk(prepare(record), ProcedureRules(odds_low, odds_high, follow_min, weighted, veto))
+    return walk(prepare(record), ProcedureRules())
 
 
 @dataclass(frozen=True)
 class ProcedureRules:
-    """The settings of `diagnose`."""
+    """The bounds of the procedure, as `diagnose` has them."""
 
-    odds_low: float
-    odds_high: float
-    follow_min: float
-    weighted: bool
-    veto: bool
+    odds_low: float = ODDS_LOW
+    odds_high: float = ODDS_HIGH
+    follow_min: float = FOLLOW_MIN
+    weighted: bool = True
+    veto: bool = False
 
 
 def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:

@@ -69,13 +69,10 @@ class Receipt:
 
 
 class Piece(NamedTuple):
-    """A finished piece: its receipt, the parquet file of each table, and by scenario id the records
-    that are stored with the run.
-    """
+    """A finished piece: its receipt, and the parquet file of each table."""
 
     receipt: Receipt
     tables: dict[str, bytes]
-    kept: dict[str, LoopRecord]
 
 
 class Answer(NamedTuple):
@@ -106,12 +103,11 @@ class PieceSettings:
     """How the records of a run are judged, the same for every piece.
 
     `plugins` and `parts` are files outside the package, of detectors and of parts of loops; `own`
-    are the caller's detectors; of each piece the first `keep` records are handed back.
+    are the caller's detectors.
     """
 
     methods: tuple[str, ...]
     plugins: tuple[str, ...] = ()
-    keep: int = 0
     parts: tuple[tuple[str, ...], ...] = ()
     own: Mapping[str, Any] = field(default_factory=dict)
 
@@ -132,7 +128,6 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
     failures = 0
     scenarios = []
     verdicts = []
-    kept = {}
     held = []
     # one thread per worker: with more, sums in linear algebra come out in another order
     with one_thread():
@@ -156,11 +151,9 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
                 verdicts += [verdict_row(it.ident, answer) for answer in answers]
                 raised = sum(answer.error is not None for answer in answers)
                 failures += raised or int(it.error is not None)
-                if it.run is not None and len(kept) < settings.keep:
-                    kept[it.ident] = it.run.record
             held = []
     took = (simulating, judging, time.perf_counter() - began)
-    return piece_of(number, scenarios, verdicts, failures, took)._replace(kept=kept)
+    return piece_of(number, scenarios, verdicts, failures, took)
 
 
 def piece_of(
@@ -175,7 +168,7 @@ def piece_of(
         "scenarios": tables.encode(scenarios, tables.SCENARIOS, number),
         "verdicts": tables.encode(verdicts, tables.VERDICT_SCHEMA, number),
     }
-    return Piece(Receipt(number, len(scenarios), failures, *seconds), files, {})
+    return Piece(Receipt(number, len(scenarios), failures, *seconds), files)
 
 
 def judge_record(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[Answer]]:

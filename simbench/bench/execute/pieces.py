@@ -30,7 +30,7 @@ from simbench.bench.store.folder import (
 )
 from simbench.bench.store.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
 from simbench.bench.store.reading import RunArrays
-from simbench.files import FileError, record_text, remove_stale_temporaries
+from simbench.files import FileError, remove_stale_temporaries
 from simbench.files import folder as make_folder
 
 _RECEIPTS = "receipts"
@@ -85,8 +85,6 @@ def write_piece(folder: Path, piece: Piece, key: str) -> Receipt:
     there = find_receipt(folder, receipt.piece, key)
     if there is not None:  # somebody believed dead was only slow
         return there
-    for ident, record in piece.kept.items():
-        write_file(folder / f"records/{ident}.csv", record_text(record).encode())
     for kind, content in piece.tables.items():
         write_file(folder / partition_file(kind, receipt.piece), content)
     stated = {"run": key, **asdict(receipt)}

@@ -140,7 +140,7 @@ def run_scored(
                 return folder, None
             for name, source in sources.items():
                 write_file(folder / SOURCES / name, source)
-            settings = PieceSettings(tuple(names), files, options.get("keep", 0), parts, own)
+            settings = PieceSettings(tuple(names), files, parts, own)
             task = _Task(plan, folder, run_key(manifest), settings)
             shown = options.get("progress")
             with _Bar(shown, len(plan)) as bar, _stoppable(), _resumable(folder):

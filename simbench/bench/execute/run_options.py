@@ -32,8 +32,6 @@ class RunOptions(TypedDict, total=False):
         Changed settings of the grid, and other values of its axes.
     fresh_seeds : bool
         Draw the grid's seed instead of using the one in its file.
-    keep : int
-        Number of records that are stored with the run; 0 when absent.
     progress : bool, optional
         Show progress on stderr; None shows it on a terminal.
     with_reference : bool
@@ -55,7 +53,6 @@ class RunOptions(TypedDict, total=False):
     sets: Mapping[str, Any] | None
     axes: Mapping[str, Sequence[Any]] | None
     fresh_seeds: bool
-    keep: int
     progress: bool | None
     with_reference: bool
     n: int | None

@@ -555,16 +555,6 @@ def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_pa
     assert "failures=0" in err
 
 
-@pytest.mark.usefixtures("unscored")
-def test_a_sample_of_the_records_is_kept(small, tmp_path):
-    run = run_grid(small, tmp_path / "run", ["yamashita"], keep=1)
-    kept = sorted((run / "records").glob("*.csv"))
-    assert len(kept) == 8
-    scenario = read_scenario(run, kept[0].stem)
-    record = simulate(scenario.loop, scenario.seed).record
-    assert np.array_equal(pd.read_csv(kept[0]).pv, record.pv)
-
-
 def test_the_manifest_states_what_was_run(finished):
     content = read_manifest(finished)
     assert content["complete"]
