@@ -54,15 +54,16 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def read_manifest(path: str | Path, name: str = MANIFEST) -> dict[str, Any]:
-    """Return the manifest of a run, whose file may have another name where it was handed on."""
+def read_manifest(path: str | Path) -> dict[str, Any]:
+    """Return the manifest of a run."""
+    # the file as JSON
     folder = local_path(path)
-    file = folder / name
+    file = folder / MANIFEST
     try:
         manifest = json.loads(file.read_bytes())
         written_in = manifest["format"]
     except (FileNotFoundError, NotADirectoryError):
-        raise NoRun(f"{folder} holds no run: {name} is missing") from None
+        raise NoRun(f"{folder} holds no run: {MANIFEST} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         where = (
             f", line {error.lineno}, column {error.colno},"
@@ -77,6 +78,8 @@ def read_manifest(path: str | Path, name: str = MANIFEST) -> dict[str, Any]:
             f"{file} cannot be read ({error.strerror or error}); a file of the run is needed there:"
             " restore it"
         ) from None
+
+    # of today's format, and as it was written
     if written_in != FORMAT:
         raise RunError(
             f"{file} was written in format version {written_in!r:.60}; version {FORMAT} is needed:"
