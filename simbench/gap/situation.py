@@ -73,8 +73,6 @@ class Situation(Seen):
     """
 
     archive: Archive
-    # (n,), the PV that the plant gave the controller, as far as it can be recovered
-    plant_pv: np.ndarray
     data: Data  # the engine's input
     notes: list[str] = field(default_factory=list)  # what the reader must know
     frozen: bool = False  # PV rests while OP moves

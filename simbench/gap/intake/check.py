@@ -96,7 +96,6 @@ def check(
     s = Situation(
         **vars(seen),
         archive=archive,
-        plant_pv=plant_pv,
         data=data_of(seen, plant_pv, resolution),
         notes=notes,
         frozen=rests and is_frozen(record, op, samples, noise),
