@@ -41,7 +41,8 @@ class Progress(tqdm):
 
         # the rest is counted by tqdm
         about = {"total": total, "initial": initial, "desc": desc, "unit": unit}
-        super().__init__(items, **about, mininterval=pause, delay=delay, disable=shown is False)
+        about |= {"mininterval": pause, "miniters": 1, "delay": delay}  # by the clock alone
+        super().__init__(items, **about, disable=shown is False)
 
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
         """Draw the bar, or print a line."""
@@ -62,5 +63,6 @@ class Progress(tqdm):
 
     def skip(self, count: int) -> None:
         """Count items as done that were done before, without letting them flatter the rate."""
-        self.initial += count
+        if not self.disable:
+            self.initial += count
         self.update(count)

@@ -26,6 +26,30 @@ def test_work_shorter_than_a_minute_writes_nothing_to_a_log(capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.parametrize(("shown", "said"), [(False, ""), (None, "work: 30 of 40 after")])
+def test_what_was_done_before_counts_and_flatters_no_rate(monkeypatch, capsys, shown, said):
+    monkeypatch.setattr(progress, "BETWEEN_LINES", 0.0)
+    with progress.Progress(total=40, desc="work", shown=shown) as bar:
+        bar.skip(20)
+        time.sleep(0.5)
+        bar.update(10)
+    last = capsys.readouterr().err.splitlines()[-1:]
+    assert "".join(last).startswith(said)
+    # ten in half a second: as many again are left
+    assert all(line.endswith(("00:00 left", "00:01 left")) for line in last)
+
+
+def test_a_slow_part_after_a_fast_one_has_its_lines(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "BETWEEN_LINES", 0.1)
+    with progress.Progress(total=2000, desc="work") as bar:
+        time.sleep(0.15)
+        bar.update(1000)
+        for _ in range(3):
+            time.sleep(0.15)
+            bar.update()
+    assert len(capsys.readouterr().err.splitlines()) == 4
+
+
 def test_a_command_stopped_by_sigterm_prints_that():
     # in many naps: a signal between the print and one long sleep would wait for its end
     code = "import time\ndef nap():\n for _ in range(600): time.sleep(0.1)\n"
