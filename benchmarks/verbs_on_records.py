@@ -20,8 +20,8 @@ from pathlib import Path
 
 from simbench.cli import main as simbench
 from simbench.detectors.records.folder import read_labels
-from simbench.detectors.report.summary import columns
 from simbench.detectors.verdict import PROBABILITY
+from simbench.detectors.views import columns
 from simbench.gap.stiction.by_loop import count_agreement, group_conclusions
 from simbench.gap.stiction.conclusion import WORDS
 

@@ -16,7 +16,7 @@ from simbench.detectors.plugins.registry import PUBLISHED
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report import summary
 from simbench.detectors.verdict import NO_DECISION, PROBABILITY, STICTION, Verdict
-from simbench.detectors.views import page_part
+from simbench.detectors.views import columns, page_part
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -219,7 +219,7 @@ class Report:
             lines.append((row["record"], word, p, row["cause"], str(row["event"] or "")))
         cut = [f"and {more} more loops: --csv FILE"] if more > 0 else []
         return [
-            *summary.columns(lines),
+            *columns(lines),
             *cut,
             *(f"{name}: {why}" for name, why in self.refused.items()),
         ]
@@ -348,7 +348,7 @@ def _cost(lost: np.ndarray) -> dict[str, float]:
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Return rows as lines of equal columns, the head first."""
     head = list(rows[0])
-    return summary.columns(
+    return columns(
         [head]
         + [[_number(v) if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
     )

@@ -19,6 +19,7 @@ from simbench.detectors.verdict import (
     Level,
     Verdict,
 )
+from simbench.detectors.views import columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -184,21 +185,6 @@ def opening(name: str | None, record: LoopRecord, concluded: Iterable[str] = ())
         f" s{', ' + known if known else ''}"
     )
     return "\n".join([read, *concluded])
-
-
-def columns(lines: Sequence[Sequence[str]], right: Collection[str] = ()) -> list[str]:
-    """Return cells as lines of equal columns, the head first; those headed by one of `right` are
-    flush right.
-
-    >>> columns([("a", "b"), ("long", "c")])
-    ['a     b', 'long  c']
-    """
-    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
-    sides = [str.rjust if head in right else str.ljust for head in lines[0]]
-    return [
-        "  ".join(side(cell, w) for side, cell, w in zip(sides, line, widths, strict=True)).rstrip()
-        for line in lines
-    ]
 
 
 def _table(verdicts: Sequence[Verdict]) -> list[str]:

@@ -26,8 +26,8 @@ from simbench.bench.score.shipped import results
 from simbench.bench.statistics import area, dense_ranks
 from simbench.detectors.judge import judge
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.report.summary import columns
 from simbench.detectors.verdict import STICTION
+from simbench.detectors.views import columns
 from simbench.scenarios.settled import settled_grid
 from simbench.usage import exit_code
 

@@ -21,7 +21,7 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.folder import read_folder
 from simbench.detectors.repaired import repair_record
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 from simbench.gap.closed_loop.copies import archived, copies
 from simbench.gap.closed_loop.gap import measure, simulate_runs, within_reach
 from simbench.gap.diagnosis import diagnose

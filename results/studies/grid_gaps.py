@@ -21,7 +21,7 @@ from joblib import delayed
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.folder import read_folder, read_labels
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 from simbench.gap.benchmark import measure
 from simbench.gap.benchmark.classifier import tell_apart
 from simbench.gap.benchmark.from_records import grid_from_records

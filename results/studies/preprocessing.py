@@ -25,8 +25,8 @@ from simbench.detectors.judge import answer_of, check_thresholds, judge
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import Prepared, prepare
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.report.summary import columns
 from simbench.detectors.verdict import NO_DECISION, STICTION, Verdict
+from simbench.detectors.views import columns
 from simbench.usage import exit_code
 
 SEED = 100400  # draws the loops of grid chapter; of no other study

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.stats import kurtosis, norm, rankdata
 
 from results.studies.grid_gaps import read
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 from simbench.files import whole_file
 from simbench.gap.benchmark.from_records import grid_from_records, grid_of_loops
 from simbench.gap.benchmark.near_loop import NearLoop

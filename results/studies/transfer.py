@@ -36,9 +36,9 @@ from simbench.detectors.judge import judge
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
-from simbench.detectors.report.summary import columns
 from simbench.detectors.signal.oscillation import detrend, find_oscillation
 from simbench.detectors.verdict import NO_DECISION, STICTION
+from simbench.detectors.views import columns
 from simbench.files import folder, write_table
 from simbench.progress import Progress
 from simbench.scenarios.grid import load_grid

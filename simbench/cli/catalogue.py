@@ -10,7 +10,7 @@ from typer import Argument, Exit
 
 from simbench.cli.common import Json, app, examples, show, show_result
 from simbench.detectors.errors import ParameterError, nearest
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 
 if TYPE_CHECKING:
     from simbench.scenarios.expansion import Grid

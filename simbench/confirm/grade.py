@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbench.confirm.travel import TravelTest, travel_test
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.response import valve_response
 from simbench.scenarios.spec import Loop

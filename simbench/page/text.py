@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 
 if TYPE_CHECKING:
     import pandas as pd

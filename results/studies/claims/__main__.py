@@ -27,7 +27,7 @@ from results.studies.claims.judged import (
 )  # fmt: skip
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.judge import judge
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 from simbench.usage import exit_code
 
 # every other file of this folder is a claim

@@ -19,8 +19,8 @@ from joblib import Parallel, delayed
 
 from simbench.bench.statistics import rate
 from simbench.detectors.errors import UserError
-from simbench.detectors.report.summary import columns
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.detectors.views import columns
 from simbench.gap import conclude
 from simbench.gap.stiction.by_loop import group_conclusions
 from simbench.gap.stiction.conclusion import WORDS, Conclusion, without

@@ -22,7 +22,7 @@ from results.studies.withheld.score import judge_record, true_circumstances
 from results.studies.withheld.truth import read_any, rows_of
 from simbench.bench.statistics import mcnemar
 from simbench.detectors.errors import ParameterError, nearest
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 from simbench.progress import Progress
 

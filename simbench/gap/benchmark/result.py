@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from simbench.bench.statistics import Estimate
-from simbench.detectors.report.summary import columns
+from simbench.detectors.views import columns
 from simbench.page.style import BLUE, GREY, label, panels, styled
 
 _CHANCE = 0.5

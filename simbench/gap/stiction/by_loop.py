@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from scipy.special import logit
 
-from simbench.detectors.report.summary import columns
 from simbench.detectors.verdict import NO_DECISION, STICTION
+from simbench.detectors.views import columns
 from simbench.gap.stiction.conclusion import WORDS, Conclusion
 from simbench.gap.stiction.probability import probability, verdict
 

@@ -13,8 +13,9 @@ from simbench.cli import main
 from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import Report, choose_methods, score_units
-from simbench.detectors.report.summary import columns, own_reason, sentence
+from simbench.detectors.report.summary import own_reason, sentence
 from simbench.detectors.verdict import Verdict
+from simbench.detectors.views import columns
 from simbench.verbs import judge_files
 
 KEYS = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
