@@ -327,8 +327,7 @@ def show_result(result: Any, as_json: bool) -> None:
 
 def show(content: Any, as_json: bool) -> None:
     """Print an answer, as JSON where asked."""
-    text = json.dumps(content, indent=1, allow_nan=False) if as_json else wrap_lines(str(content))
-    print(printable(masked(text), "\n"))
+    say(json.dumps(content, indent=1, allow_nan=False) if as_json else wrap_lines(str(content)))
     sys.stdout.flush()
 
 

@@ -55,13 +55,14 @@ def draw_trace(trace: Trace, Ts: float, marks: Sequence[int], title: str) -> Fig
     t = np.arange(trace.op.size) * Ts
     above, below = figure.subplots(2, 1, sharex=True)
     above.plot(t, trace.op, linewidth=1.0, label="OP")
-    if np.isfinite(trace.mv).any():
+    known = bool(np.isfinite(trace.mv).any())
+    if known:
         above.plot(t, trace.mv, linewidth=1.0, label="MV")
     above.legend(fontsize=7)
     below.plot(t, trace.pv, linewidth=1.0)
 
     # what happens when
-    for axes, name in ((above, "OP (%)"), (below, "PV")):
+    for axes, name in ((above, "OP and MV (%)" if known else "OP (%)"), (below, "PV")):
         axes.set_ylabel(name)
         for mark in marks:
             axes.axvline(t[mark], color="0.4", linestyle="--", linewidth=0.8)
