@@ -41,7 +41,6 @@ def situation(*, straight=0.9, plant=FOPTD, op=OP, valve=None, law=None, archive
         law=law or Law(0.0, 0.5, 20.0),
         samples=SimpleNamespace(straight=straight),
         archive=archive or Archive(),
-        plant_pv=PV,
         data=data,
     )
 
