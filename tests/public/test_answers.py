@@ -390,7 +390,7 @@ def test_gap_diagnose(answer, place):
     assert sum(friction) == pytest.approx(answered["conclusion"]["probability"])
     assert answered["set"][0] == answered["effect"]
     assert set(answered["shrinkage"]) == {"value", "lo", "hi"}
-    assert set(answered["blocks"]) == set(EFFECTS)
+    assert set(answered["blocks"]) == {*EFFECTS, "unknown"}
     assert sum(answered["blocks"].values()) == pytest.approx(1.0)
     assert finite(answered)
     # set point, operating point and length are the record's

@@ -44,13 +44,13 @@ class Posterior:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Summed probability of what lies in each block, none left out; all 0 where none is the
-        answer.
+        """Summed probability of the effects of each block, and that of unknown; none left out, all
+        0 where none is the answer.
         """
-        if self.first == NONE:
-            return dict.fromkeys(BLOCKS, 0.0)
         p = self.probability
-        sums = {b: sum(v for e, v in p.items() if self.block(e) == b) for b in BLOCKS}
+        sums = {b: sum(v for e, v in p.items() if block_of(e) == b) for b in (*BLOCKS, UNKNOWN)}
+        if self.first == NONE:
+            return dict.fromkeys(sums, 0.0)
         whole = sum(sums.values())
         return {b: v / whole for b, v in sums.items()}
 

@@ -17,7 +17,7 @@ from simbench.gap.decide.assess import Assessment
 from simbench.gap.report.ranked import LEAST_SHOWN, PERCENT, Gap, Ranked, numbers, words
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.gap.thresholds import COVERED, LIKELIER
-from simbench.loop.effects import BLOCKS, NONE, UNKNOWN
+from simbench.loop.effects import NONE, UNKNOWN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,7 +69,8 @@ class GapReport:
         first: feature with its unit, block in which to look first, recorded value, range of the
         simulations, distance (standard deviations between simulations).
     blocks : dict
-        Summed probability of what lies in each block; sums to 1, or all 0 when nothing is lacking.
+        Summed probability of the effects of each block, and of "unknown"; sums to 1, or all 0 when
+        nothing is lacking.
     next_test : str or None
         What would tell apart the effects between which this record does not decide, in a sentence;
         None where it decides.
@@ -324,14 +325,11 @@ class GapReport:
             names = ", ".join(words(e) for e in self.set)
             lines.append(f"Not excluded at {100 * CONFIDENCE:.0f} %: {names}.")
 
-        # the share of each block
-        if any(self.blocks.values()):
-            named = [r for r in self.ranking if r.effect not in (NONE, UNKNOWN)]
-            known = {b: sum(r.probability for r in named if r.block == b) for b in BLOCKS}
-            for answer, says in ((UNKNOWN, "no known effect"), (NONE, "nothing missing")):
-                known[says] = sum(r.probability for r in self.ranking if r.effect == answer)
-            shares = [f"{b} {p:.2f}" for b, p in known.items() if p >= LEAST_SHOWN]
-            lines.append(f"Probability by block: {', '.join(shares)}.")
+        # the share of each block, and of what no known effect explains
+        said = {UNKNOWN: "no known effect"}
+        shares = [f"{said.get(b, b)} {p:.2f}" for b, p in self.blocks.items() if p >= LEAST_SHOWN]
+        if shares:
+            lines.append(f"Of what is missing, by block: {', '.join(shares)}.")
         return lines
 
     def _sizes(self, effect: str, parameters: dict[str, float | str], begin: str = "") -> str:

@@ -108,7 +108,7 @@ def test_json_has_the_contracts_keys_and_no_others(sticky):
         "plant_floor",
         "near",
     }
-    assert set(report["blocks"]) == set(BLOCKS)
+    assert set(report["blocks"]) == {*BLOCKS, UNKNOWN}
 
 
 def test_probabilities_and_shares_sum_to_one(sticky):

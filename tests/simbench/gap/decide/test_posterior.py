@@ -201,11 +201,11 @@ def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_it
     assert far.probability["drift"] > 0.0
 
 
-def test_the_blocks_shares_are_the_sums_of_what_lies_in_them():
+def test_shares_are_the_sums_of_what_lies_in_each_block_and_unknown_has_its_own():
     w = weighed(noise=12.0, drift=10.0, stiction=9.0)
     p = w.probability
     sums = {b: sum(p[e] for e in EFFECTS if block_of(e) == b) for b in BLOCKS}
-    sums[w.unknown_block] += p[UNKNOWN]
+    sums[UNKNOWN] = p[UNKNOWN]
     whole = sum(sums.values())
     assert w.shares == pytest.approx({b: v / whole for b, v in sums.items()})
     assert set(weighed(noise=-3.0).shares.values()) == {0.0}
