@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from joblib import Parallel, delayed
+from scipy.special import logit
 
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.errors import ParameterError, RecordError, Refusal, UserError
@@ -33,8 +34,9 @@ from simbench.gap.situation import Situation
 from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, judged
-from simbench.gap.stiction.friction import as_believed, refuse_unweighable
+from simbench.gap.stiction.friction import as_believed, friction_of, refuse_unweighable
 from simbench.gap.stiction.probability import pool_log_odds
+from simbench.loop import resolve
 from simbench.loop.effects import NONE, block_of
 from simbench.safe_path import safe_path
 from simbench.scenarios.spec import Loop
@@ -136,7 +138,7 @@ def diagnose_all(
         controls = [check_healthy(one, baseline) for one in healthy]
         ordinary = learn(controls) if controls else None
         said += [note for one in controls if (note := _not_healthy(one))]
-        assessment, loops = _assess_all(records, baseline, jobs, ordinary)
+        assessment, loops = _assess_all(records, baseline, jobs, ordinary, seed)
         kind = ClosedLoops if assessment.situation.stated_parts else IdentifiedLoops
         found = report(assessment, weigh_evidence(assessment), kind(assessment, seed), loops)
     return replace(found, notes=(*found.notes, *said))
@@ -196,11 +198,13 @@ def _assess_one(
     record: LoopRecord,
     baseline: Loop | Partial | None,
     ordinary: Healthy | None = None,
+    seed: int = 0,
 ) -> tuple[Assessment, CandidateLoops | Refusal | None]:
     """Return the assessment of one record, and the loops that may have made it, or why it is not
     weighed; None where that is not asked.
 
-    With a trusted baseline friction is weighed with all other effects: no loops are needed then.
+    With a trusted baseline friction is weighed with all other effects, and what OP and PV show of
+    it without that baseline is evidence, where it states none: no loops are needed then.
     """
     # 1. the record and the baseline: can they be compared, and what does the baseline not say?
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
@@ -215,20 +219,34 @@ def _assess_one(
     situation = replace(situation, notes=[*situation.notes, *completions])
     if ordinary is not None:
         situation = ordinary.ordinary_in(situation)
-    # 3. with an identified baseline: does friction explain the record better than other loops?
+    # 3. does friction explain the record better than other loops, with nothing known of its loop?
     loops: CandidateLoops | Refusal | None = None
     friction = None
+    alone = 0.0
     try:
         refuse_unweighable(record)
         if not situation.trusted:
             loops = candidate_loops(record, baseline)
             friction = loops.probability
+        elif record.mv is None and not resolve.friction(situation.baseline):
+            alone = _friction_alone(record)
     except UserError as why:
         loops = Refusal(str(why))
         situation.notes.append(f"{FRICTION}: cannot tell, {why}")
         friction = None if situation.trusted else 0.0
     # 4. every effect fitted and scored
-    return assess(situation, friction), loops
+    return assess(situation, friction, alone, seed), loops
+
+
+def _friction_alone(record: LoopRecord) -> float:
+    """Return the log-odds of friction by OP and PV, where they speak for it without a model of the
+    loop; 0 where they do not, or cannot tell.
+    """
+    try:
+        weighed = friction_of(record)
+    except UserError:
+        return 0.0
+    return max(float(logit(weighed.probability)), 0.0)
 
 
 def _not_healthy(s: Situation) -> str:
@@ -249,13 +267,14 @@ def _assess_all(
     baseline: Loop | Partial | None,
     jobs: int,
     ordinary: Healthy | None = None,
+    seed: int = 0,
 ) -> tuple[Assessment, CandidateLoops | Refusal | None]:
     """Assess every record; evidence adds up, and the longest record carries the fits, parameters
     and the gap.
     """
     longest, *shorter = sorted(records, key=lambda r: -r.n)
     assessed = delayed(_assess_one)
-    calls = [assessed(r, baseline, ordinary) for r in (longest, *shorter)]
+    calls = [assessed(r, baseline, ordinary, seed) for r in (longest, *shorter)]
     with safe_path():
         pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
     every = [assessment for assessment, _ in pairs]

@@ -235,28 +235,19 @@ OF_TWO = AnswerThreshold(
     "of the probability of two effects together, that the weaker one has in the ranking",
     _CHOICE,
 )
-DOUBT = AnswerThreshold(
-    0.7,
-    "slope",
-    "of unknown by the logarithm of how far the worst residual test is beyond its limit",
-    f"likeliest on 792 {_DEVELOPMENT}",
+UNKNOWN_BEFORE = AnswerThreshold(
+    0.1, "probability", "that something unknown is lacking, before looking", _CHOICE
 )
-MEMORY_LIMIT = AnswerThreshold(
-    15.0, "nats", "that innovations may remember: 98 to 99 % of records", _DEVELOPMENT
+TAILS = AnswerThreshold(
+    3.0,
+    "degrees of freedom",
+    "of Student's t, by which a test of a record is compared with those of simulations: so few do"
+    " not tell how heavy its tails are",
+    _CHOICE,
 )
-INPUT_LIMIT = AnswerThreshold(
-    10.0, "nats", "that OP may tell of innovations: 98 to 99 % of records", _DEVELOPMENT
+LEAST_SCATTER = AnswerThreshold(
+    1.0, "nats", "by which a test scatters between simulations at least", _CHOICE
 )
-SHIFTS_LIMIT = AnswerThreshold(
-    10.0,
-    "nats",
-    "that a jump of PV within a sample may bring",
-    "a choice on ten sites, where shifts of a transmitter brought 7 to 160 nats; by themselves:"
-    " python -m results.studies.nuisances --pairs 20 (results/nuisances.txt)",
-)
-
-
-FACT = AnswerThreshold(10.0, "times a limit", "that what needs no statistics counts for", _CHOICE)
 NOMINAL = AnswerThreshold(
     0.1,
     "share",

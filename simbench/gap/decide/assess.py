@@ -1,14 +1,16 @@
 """Fit all effects to one record, collect the evidence of every source as rows, and test what the
 best model leaves.
 
-The steps stand in `assess`: fit every effect (`_fitted`), read the rows off (`_rows`), choose one
-effect or two (`_choose_effects`), and test what the best model does not explain (`tests_of`).
+The steps stand in `assess`: fit every effect (`_fit_effects`), read the rows off (`_rows`), choose
+one effect or two (`_choose_effects`), and ask what the best model leaves (`left_over`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+
+from scipy.special import expit
 
 from simbench.gap.candidates import (
     Candidate,
@@ -18,34 +20,26 @@ from simbench.gap.candidates import (
     meaningful,
     possible_effects,
 )
-from simbench.gap.decide.evidence import LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
+from simbench.gap.decide.evidence import ALONE, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
+from simbench.gap.decide.left_over import Left, left_over
 from simbench.gap.decide.recorded_mv import Maps, by_op, by_stem, valve_maps
 from simbench.gap.effects import NOT_IN_PLANT, Parameters, Recogniser, is_friction, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
-from simbench.gap.likelihood.residual_tests import shifts, tests_of
 from simbench.gap.situation import Situation, load_memory
 from simbench.gap.thresholds import (
     BY_MV,
-    FACT,
-    INPUT_LIMIT,
+    EDGE,
     LEAST_NATS,
     LIKELIER,
-    MEMORY_LIMIT,
     SECOND_NATS,
-    SHIFTS_LIMIT,
+    TEMPERATURE,
     TERM_NATS,
 )
 from simbench.loop.effects import NONE, block_of
 
 NOISE_EFFECT = "noise"
-# what the residual tests of whole models do not exceed, and the block that fails beyond
-RESIDUAL_LIMITS = {
-    "memory": (MEMORY_LIMIT, "disturbance"),
-    "input": (INPUT_LIMIT, "process"),
-    "shifts": (SHIFTS_LIMIT, "sensor"),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +49,7 @@ class Assessment(Fitted):
     rows: tuple[Evidence, ...] = ()
     # nats that effects of another block bring on top of the first one chosen
     on_top: Mapping[str, float] = field(default_factory=dict)
-    tests: Mapping[str, float] = field(default_factory=dict)  # residual statistics of `final`
+    tests: tuple[Left, ...] = ()  # what the residual tests of `final` say
     mv_unexplained: bool = False  # MV strays from OP as no map makes it
     valve_seen: bool = False  # MV was recorded
     # the effect, if any, that shows what an ordinary load does by itself: it is in every model
@@ -70,36 +64,38 @@ class Assessment(Fitted):
         """The strongest effect, before `none` and `unknown` are weighed."""
         return self.chosen[0] if self.chosen else NONE
 
-    def shown(self, effect: str) -> bool:
-        """Whether more than the likelihood of PV shows an effect."""
-        return any(
-            row.effect == effect and row.source != PV and row.nats > LEAST_NATS for row in self.rows
-        )
+    @property
+    def friction_alone(self) -> float:
+        """Probability of friction by OP and PV without the loop file; a half where not asked."""
+        nats = max((row.nats for row in self.rows if row.source == ALONE), default=0.0)
+        return float(expit(TEMPERATURE * nats))
 
     @property
-    def failures(self) -> list[tuple[float, str, str]]:
-        """Every test of every record as (times its limit, block, message)."""
-        return [test for one in (self, *self.other_records) for test in failures(one)]
+    def unknowns(self) -> list[Left]:
+        """What speaks for something unknown in every record."""
+        return [one for record in (self, *self.other_records) for one in unknowns_of(record)]
 
     @property
     def worst_test(self) -> tuple[float, str]:
-        """By how many times its limit the best model fails a test, at worst, and in which block."""
-        ratio, block, _ = max(self.failures, default=(0.0, NONE, ""))
-        return ratio, block
+        """The largest probability that something is unknown, and its block."""
+        worst = max(self.unknowns, key=lambda one: one.probability, default=Left(0.0, NONE, ""))
+        return worst.probability, worst.block
 
     @property
     def unexplained(self) -> dict[str, str]:
         """The blocks in which something no known effect explains, each with its first reason."""
         out: dict[str, str] = {}
-        for ratio, block, message in self.failures:
-            if ratio > 1.0:
-                out.setdefault(block, message)
+        for one in self.unknowns:
+            if one.probability > LIKELIER:
+                out.setdefault(one.block, one.message)
         return out
 
 
-def assess(situation: Situation, friction: float | None = None) -> Assessment:
+def assess(
+    situation: Situation, friction: float | None = None, alone: float = 0.0, seed: int = 0
+) -> Assessment:
     """Fit and score every effect; `friction` is its probability where it is weighed apart, in an
-    identified loop.
+    identified loop, and `alone` its log-odds by OP and PV without the loop file.
     """
     if situation.trusted and situation.tuned:
         refuse_other_plant(situation)
@@ -112,16 +108,21 @@ def assess(situation: Situation, friction: float | None = None) -> Assessment:
     parameters = _numbers_of_effects(s, fits, maps)
 
     # one effect or two, by the evidence of every source
-    rows = _rows(s, fits.candidates, maps, parameters)
+    rows = _rows(s, fits.candidates, maps, parameters, alone)
     chosen, final, on_top = _choose_effects(s, rows, engine, fits.base, fits.candidates, friction)
     if len(chosen) == 2 and chosen[1] in fits.candidates:
         parameters[chosen[1]] = recogniser(chosen[1]).numbers(final, s)
 
     # what the best model leaves: jumps of the load take up those of PV, and what a mismatch leaves
-    # looks like some
+    # looks like some; of an identified plant none is asked whether it is whole
     loaded = any(block_of(e) == "disturbance" for e in chosen)
-    left = tests_of(engine, final)
-    left["shifts"] = shifts(engine, fits.base if loaded else final)
+    tests: tuple[Left, ...] = ()
+    if situation.trusted:
+        inside = {e: parameters[e] for e in chosen if e in parameters and e not in known_by(rows)}
+        brought = [nats_of(rows).get(e, 0.0) for e in chosen[:1]] + [on_top[e] for e in chosen[1:]]
+        explained = max(sum(brought), LEAST_NATS)
+        fit_of_shifts = fits.base if loaded else final
+        tests = left_over(s, (final, fit_of_shifts), inside, explained, seed)
     return Assessment(
         situation=replace(s, data=situation.data),
         base=fits.base,
@@ -131,7 +132,7 @@ def assess(situation: Situation, friction: float | None = None) -> Assessment:
         final=final,
         rows=tuple(rows),
         on_top=on_top,
-        tests=left,
+        tests=tests,
         mv_unexplained=mv_strays,
         valve_seen=bool(maps),
         friction=friction,
@@ -242,10 +243,14 @@ def _split_candidates(
 
 
 def _rows(
-    s: Situation, candidates: Mapping[str, Candidate], maps: Maps, parameters: Mapping
+    s: Situation,
+    candidates: Mapping[str, Candidate],
+    maps: Maps,
+    parameters: Mapping,
+    alone: float,
 ) -> list[Evidence]:
-    """Return what law, samples, MV and PV show, each effect's rows with its numbers; what the
-    baseline states has none.
+    """Return what law, samples, MV, PV, and OP and PV without a model show, each effect's rows with
+    its numbers; what the baseline states has none.
     """
     rows = [
         Evidence(e, LAW if block_of(e) == "controller" else SAMPLES, TERM_NATS, p)
@@ -253,11 +258,14 @@ def _rows(
     ]
     seen = {e: (MV, gain) for e, (gain, _) in maps.items()}
     seen |= {e: (PV, float(c.log_likelihood_gain)) for e, c in candidates.items()}
-    return rows + [
+    rows += [
         Evidence(e, source, nats, parameters.get(e, {}))
         for e, (source, nats) in seen.items()
         if e not in s.proven and e not in s.stated
     ]
+    without_model = alone / TEMPERATURE
+    by_pv = [row for row in rows if row.source == PV and is_friction(row.effect)]
+    return rows + [replace(row, source=ALONE, nats=without_model) for row in by_pv if alone]
 
 
 def _choose_effects(
@@ -301,34 +309,19 @@ def _choose_effects(
     return [first, second], final, on_top
 
 
-def failures(assessment: Assessment) -> list[tuple[float, str, str]]:
-    """Return every test of one record as (times its limit, block, message)."""
-    situation = assessment.situation
-    out: list[tuple[float, str, str]] = []
-    if situation.unexplained_law:
-        out.append((FACT, "controller", situation.unexplained_law))
-    out += [
-        (FACT, block_of(effect), f"{words}, as no known effect makes it")
-        for effect, words in situation.facts.items()
+def unknowns_of(assessment: Assessment) -> list[Left]:
+    """Return what speaks for something unknown in one record: what needs no statistics, and the
+    tests of its best model.
+    """
+    s = assessment.situation
+    facts = [("controller", s.unexplained_law)] if s.unexplained_law else []
+    facts += [
+        (block_of(effect), f"{words}, as no known effect makes it")
+        for effect, words in s.facts.items()
         if recogniser(effect) == Recogniser()
     ]
-    if situation.frozen and situation.trusted:
-        out.append(
-            (
-                FACT,
-                "sensor",
-                f"PV does not change for {situation.samples.held} samples",
-            )
-        )
+    if s.frozen and s.trusted:
+        facts.append(("sensor", f"PV does not change for {s.samples.held} samples"))
     if assessment.mv_unexplained:
-        out.append((FACT, "valve", "MV strays from OP as no known valve makes it"))
-    if not situation.trusted:
-        # a residual test asks whether a model is whole; one whose plant was identified never is
-        return out
-    for name, (limit, block) in RESIDUAL_LIMITS.items():
-        message = (
-            f"the best model does not explain everything ({name}:"
-            f" {assessment.tests[name]:.0f}, limit {limit:.0f})"
-        )
-        out.append((max(assessment.tests[name], 0.0) / limit, block, message))
-    return out
+        facts.append(("valve", "MV strays from OP as no known valve makes it"))
+    return [*(Left(float(EDGE), block, why) for block, why in facts), *assessment.tests]

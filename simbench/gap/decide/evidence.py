@@ -11,6 +11,7 @@ LAW = "controller's law"
 SAMPLES = "single samples"
 MV = "MV"
 PV = "PV beside OP"
+ALONE = "OP and PV without a model"
 
 
 @dataclass(frozen=True)

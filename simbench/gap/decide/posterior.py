@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, softmax
+from scipy.special import softmax
 
 from simbench.gap.decide.evidence import Evidence, known_by, nats_of
 from simbench.gap.effects import is_friction
 from simbench.gap.thresholds import (
-    DOUBT,
     EDGE,
     LEAST_NATS,
+    LIKELIER,
     OF_TWO,
     SECOND_NATS,
     TEMPERATURE,
@@ -72,20 +72,15 @@ class Posterior:
         """Return the posterior where no effect is likelier than not, and simulations with the
         likeliest answer stay `times` as far from the record as is near, most in one block.
 
-        Unknown takes from all but friction, whose probability is asked by itself, what a failed
-        residual test gives it, and is the first.
+        Unknown takes from all but friction, whose probability is asked by itself, and is the first:
+        its odds are `times`.
         """
         p = self.probability
         rest = 1.0 - self.friction
         stuck = max(v for e, v in p.items() if is_friction(e))
-        q = min(max(doubt(times), stuck / rest), EDGE)
+        q = min(max(times / (1.0 + times), stuck / rest), EDGE)
         moved = {e: v if is_friction(e) else (1.0 - q) * v for e, v in p.items()}
         return Posterior({**moved, UNKNOWN: moved[UNKNOWN] + q * rest}, block)
-
-
-def doubt(times: float) -> float:
-    """Return the share of `unknown` where a test is at so many times its limit: a half at it."""
-    return float(expit(DOUBT * np.log(max(times, 1e-3))))
 
 
 def posterior(
@@ -106,7 +101,8 @@ def posterior(
     on_top : mapping of str to float
         Nats that each effect of another block brings on top of the first.
     worst_test : (float, str)
-        Times its limit that the best model fails a residual test, and its block.
+        Largest probability that a fact or a residual test gives to something unknown, and its
+        block.
     friction : float, optional
         Probability of friction where it is weighed apart from the other effects.
 
@@ -119,8 +115,8 @@ def posterior(
     -----
     An effect without a row has nothing to speak for it. `none` has `LEAST_NATS`, a second effect
     asks for `SECOND_NATS`, and of two effects together the weaker counts for `OF_TWO`, as the
-    probabilities sum to 1. `unknown` has the share that a logistic curve gives to the worst
-    residual test, a half where it just fails; while none fails it is not the first.
+    probabilities sum to 1. `unknown` has what the worst test gives it; it is not the first while
+    that is less than a half, or where an effect is known.
     """
     known = known_by(rows)
     nats = nats_of(rows)
@@ -149,10 +145,9 @@ def posterior(
         for e in on_top:
             p[first] -= OF_TWO * whole * beside[e]
             p[e] += OF_TWO * whole * beside[e]
-    ratio, block = worst_test
-    q = doubt(ratio)
+    q, block = worst_test
     best = max(p.values())
-    if ratio < 1.0 or known:
+    if q < LIKELIER or known:
         q = min(q, EDGE * best / (1.0 + best))
     p = {e: (1.0 - q) * v for e, v in p.items()} | {UNKNOWN: q}
     if apart and bands:

@@ -192,6 +192,12 @@ def from_posterior(
         reasons.append(describe_sizes(*sizes, "% of travel"))
     if shown is not None:
         reasons.append(shown.sentence(1.0, "% of travel"))
+    alone = assessment.friction_alone
+    if answer != STICTION and verdict(alone) == STICTION:
+        reasons.append(
+            f"OP and PV by themselves say stiction ({alone:.2f}), and the loop file contradicts"
+            " them: is it this loop's, with its units?"
+        )
     if answer == STICTION or (answer == NO_DECISION and test is None):
         to_do = _open_to_do(answer, _swings(assessment), shown)
     elif test is not None:

@@ -394,13 +394,18 @@ def _why_unclaimed(likeliest: Assessment, gain: float) -> str:
         )
     op = likeliest.situation.op
     S = float(likeliest.candidates[FRICTION].fit.theta["S"])
-    turned = largest_reversal(op)
-    if S <= turned - written_unit(op):
+    if passes(S, op):
         return ""
+    turned = largest_reversal(op) / S
     return (
-        f"OP turned by {turned / S:.0%} at most of the band that would explain PV, which was never"
+        f"OP turned by {turned:.0%} at most of the band that would explain PV, which was never"
         " passed both ways"
     )
+
+
+def passes(S: float, op: np.ndarray) -> bool:
+    """Return whether OP (n,) passed a band S (its unit) both ways: else S is only OP's range."""
+    return S <= largest_reversal(op) - written_unit(op)
 
 
 def largest_reversal(op: np.ndarray) -> float:

@@ -13,6 +13,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.situation import load_memory
+from simbench.gap.stiction.friction import passes
 from simbench.gap.thresholds import AS_GOOD, REFITTED
 
 _OFF = np.geomspace(0.002, 1.0, 25)  # logarithms of the factors of S that are tried
@@ -25,7 +26,7 @@ Levels = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Size:
-    """A number with its interval."""
+    """A number with its interval, which is open (`hi` infinite) where only a bound is seen."""
 
     value: float
     lo: float
@@ -35,15 +36,17 @@ class Size:
         """Return the size in another unit."""
         return Size(self.value * by, self.lo * by, self.hi * by)
 
-    def sentence(self) -> str:
-        """Return number and interval in words."""
-        return f"{self.value:.3g} ({self.lo:.3g} to {self.hi:.3g})"
+    def sentence(self, name: str) -> str:
+        """Return number and interval in words, under a name."""
+        if np.isinf(self.hi):
+            return f"{name} is at least {self.lo:.3g}"
+        return f"{name} = {self.value:.3g} ({self.lo:.3g} to {self.hi:.3g})"
 
 
 def describe_sizes(S: Size, J: Size, unit: str) -> str:
     """Return sizes and their intervals in words."""
-    both = f"S = {S.sentence()}, J = {J.sentence()}" if J.hi > 0.0 else f"S = {S.sentence()}"
-    return f"{both} {unit}"
+    said = [x.sentence(name) for name, x in (("S", S), ("J", J)) if x.hi > 0.0]
+    return f"{', '.join(said)} {unit}"
 
 
 def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:
@@ -63,7 +66,8 @@ def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:
         levels = _by_pv(assessment, effect)
     else:
         return None
-    return _spread(levels, S, J)
+    size, jump = _spread(levels, S, J)
+    return (size if passes(S, s.op) else replace(size, hi=np.inf)), jump
 
 
 def _by_pv(assessment: Assessment, effect: str) -> Levels:

@@ -12,7 +12,6 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnosis, reporting
 from simbench.gap.closed_loop.gap import Compared, Shrinkage
-from simbench.gap.decide.assess import RESIDUAL_LIMITS
 from simbench.gap.decide.evidence import PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.diagnosis import diagnose
@@ -65,7 +64,7 @@ def situation(
     )
 
 
-def assessed(*chosen, parameters=None, shown=(), s=None, rows=(), friction=0.5):
+def assessed(*chosen, parameters=None, shown=(), s=None, rows=(), friction=0.5, alone=0.5):
     return SimpleNamespace(
         chosen=list(chosen),
         candidates={},
@@ -78,7 +77,7 @@ def assessed(*chosen, parameters=None, shown=(), s=None, rows=(), friction=0.5):
         friction=friction,
         valve_seen=False,
         mv_unexplained=False,
-        tests=dict.fromkeys(RESIDUAL_LIMITS, 0.0),
+        friction_alone=alone,
     )
 
 
@@ -188,6 +187,12 @@ def test_what_is_not_known_may_be_friction_unless_mv_shows_a_sound_valve(stubs, 
     found.valve_seen, found.mv_unexplained = bool(seen), bool(strays)
     answer = report(found, weighed(unknown=0.9, stiction=0.1), Loops())
     assert answer.probability_of_stiction == pytest.approx(p)
+
+
+def test_a_loop_file_that_contradicts_what_the_record_shows_by_itself_is_questioned(stubs):
+    shown = (report(assessed(alone=p), weighed(none=1.0), Loops()) for p in (0.5, 0.95))
+    reasons = [one.conclusion.reason for one in shown]
+    assert ["by themselves say stiction" in reason for reason in reasons] == [False, True]
 
 
 def test_an_interval_is_claimed_only_of_an_effect_and_a_gap(stubs):

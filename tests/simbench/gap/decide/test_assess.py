@@ -1,18 +1,15 @@
-"""Just inside and just outside: what the best model may leave behind, and what counts beyond."""
+"""What speaks for something unknown in one record or several: facts and tests."""
 
 from types import SimpleNamespace
 
 import pytest
 from left_out import left_out
 
-from simbench.gap.decide.assess import RESIDUAL_LIMITS, Assessment
+from simbench.gap.decide.assess import Assessment
+from simbench.gap.decide.left_over import Left
 
-BLOCKS = {
-    "memory": (15.0, "disturbance"),
-    "input": (10.0, "process"),
-    "shifts": (10.0, "sensor"),
-}
-QUIET = dict.fromkeys(BLOCKS, 0.0)
+FAILED = Left(0.8, "disturbance", "innovations remember")
+PASSED = Left(0.1, "process", "OP tells nothing")
 
 
 def situation(*, law="", frozen=False, trusted=True, facts=None):
@@ -26,7 +23,7 @@ def situation(*, law="", frozen=False, trusted=True, facts=None):
     )
 
 
-def assessed(here, tests=QUIET, valve=False, others=()):
+def assessed(here, tests=(PASSED,), valve=False, others=()):
     return Assessment(
         here,
         None,
@@ -40,19 +37,13 @@ def assessed(here, tests=QUIET, valve=False, others=()):
     )
 
 
-def blocks(*args, **kwargs):
-    return set(assessed(*args, **kwargs).unexplained)
-
-
-@pytest.mark.parametrize("name", list(BLOCKS))
-@pytest.mark.parametrize("share", [-5.0, 0.95, 1.05])
-def test_a_residual_test_fails_in_its_block_beyond_its_limit(name, share):
-    assert set(RESIDUAL_LIMITS) == set(BLOCKS)
-    limit, block = BLOCKS[name]
-    here = assessed(situation(), QUIET | {name: share * limit})
-    assert set(here.unexplained) == ({block} if share > 1.0 else set())
-    ratios = [r for r, _, message in here.failures if name.removesuffix(" nats") in message]
-    assert max(ratios) == pytest.approx(max(share, 0.0))
+def test_a_test_fails_that_makes_something_unknown_more_probable_than_not():
+    assert assessed(situation(), (PASSED, FAILED)).unexplained == {
+        "disturbance": "innovations remember"
+    }
+    assert assessed(situation()).unexplained == {}
+    assert assessed(situation()).worst_test == (0.1, "process")
+    assert assessed(situation(), ()).worst_test == (0.0, "none")
 
 
 @pytest.mark.parametrize(
@@ -68,23 +59,15 @@ def test_a_residual_test_fails_in_its_block_beyond_its_limit(name, share):
 )
 def test_what_needs_no_statistics_outranks_a_failed_test(here, valve, block):
     with left_out("compression"):
-        outranks(here, valve, block)
-
-
-def outranks(here, valve, block):
-    assert blocks(here, valve=valve) == ({block} if block else set())
-    # memory at five times its limit
-    tests = QUIET | {"memory": 75.0} if here.trusted else QUIET
-    worst = assessed(here, tests, valve).worst_test
-    if block:
-        assert worst == (pytest.approx(10.0), block)
-    elif here.trusted:
-        assert worst == (pytest.approx(5.0), "disturbance")
+        found = assessed(here, (FAILED,), valve)
+        assert set(found.unexplained) == {"disturbance", *([block] if block else [])}
+        worst = (pytest.approx(0.99), block) if block else (0.8, "disturbance")
+        assert found.worst_test == worst
 
 
 def test_what_another_record_of_the_loop_shows_counts_as_much_as_what_this_one_does():
-    other = assessed(situation(), QUIET | {"memory": 75.0, "input": 11.0})
+    other = assessed(situation(), (FAILED,))
     both = assessed(situation(law="OP stands still"), others=(other,))
-    assert list(both.unexplained) == ["controller", "disturbance", "process"]
+    assert list(both.unexplained) == ["controller", "disturbance"]
     assert both.unexplained["controller"] == "OP stands still"
-    assert assessed(situation(), others=(other,)).worst_test == (pytest.approx(5.0), "disturbance")
+    assert assessed(situation(), others=(other,)).worst_test == (0.8, "disturbance")

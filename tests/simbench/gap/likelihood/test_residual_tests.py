@@ -24,23 +24,23 @@ def of(residual, u=OP):
 
 @pytest.mark.parametrize("scale", [0.2, 1.0])
 def test_white_innovations_pass_whatever_their_size(scale):
-    assert max(abs(x) for x in of(scale * WHITE).values()) < 3.0
+    assert max(abs(x) for x in of(scale * WHITE).values()) < 11.0
 
 
 @pytest.mark.parametrize("lag", [1, 25, 26])
 @pytest.mark.parametrize("share", [0.2, 0.4])
-def test_memory_and_input_count_squared_correlations_over_25_lags(lag, share):
+def test_memory_and_input_count_half_a_nat_for_squared_correlations_over_25_lags(lag, share):
     # x_k = w_k + share w_{k-lag} has a correlation of share / (1 + share^2)
     rho = share / (1.0 + share**2)
-    expected = 4000 * rho**2 / np.sqrt(50.0) if lag <= 25 else 0.0
+    expected = 0.5 * 4000 * rho**2 if lag <= 25 else 0.0
     assert of(WHITE + share * np.roll(WHITE, lag))["memory"] == pytest.approx(
-        expected, abs=3.0 + 0.2 * expected
+        expected, abs=11.0 + 0.2 * expected
     )
     du = np.append(0.0, np.diff(OP))
-    expected = 4000 * share**2 / (1.0 + share**2) / np.sqrt(50.0) if lag <= 25 else 0.0
+    expected = 0.5 * 4000 * share**2 / (1.0 + share**2) if lag <= 25 else 0.0
     values = of(WHITE + share * np.roll(du, lag))
-    assert values["input"] == pytest.approx(expected, abs=3.0 + 0.2 * expected)
-    assert abs(values["memory"]) < 4.0
+    assert values["input"] == pytest.approx(expected, abs=11.0 + 0.2 * expected)
+    assert abs(values["memory"]) < 14.0
 
 
 @pytest.mark.parametrize("where", [0, kernels.SKIP - 1])
@@ -53,7 +53,7 @@ def test_the_start_is_not_judged(where):
 def test_one_huge_innovation_counts_as_six_standard_deviations():
     odd, six = WHITE - WHITE[kernels.SKIP :].mean(), WHITE - WHITE[kernels.SKIP :].mean()
     odd[[2000, 2300]], six[[2000, 2300]] = (50.0, -50.0), (6.0, -6.0)
-    assert of(odd) == pytest.approx(of(six), abs=0.05)
+    assert of(odd) == pytest.approx(of(six), abs=0.2)
     assert of(six)["memory"] != pytest.approx(of(WHITE)["memory"], abs=1e-3)
 
 
@@ -78,5 +78,6 @@ def a_loop(shift=0.0, jump=0.0, wild=0.0):
     [(False, {}), (True, {"shift": 1.5}), (False, {"jump": 8.0}), (False, {"wild": 1.5})],
 )
 def test_a_jump_of_pv_is_told_from_a_jump_of_the_load_and_from_a_wild_sample(shows, changed):
-    nats = shifts(*a_loop(**changed))
+    engine, fit = a_loop(**changed)
+    [nats] = shifts(engine, [fit])
     assert nats > 20.0 if shows else nats < 0.0

@@ -170,6 +170,7 @@ def assessed(chosen=()):
     return SimpleNamespace(
         chosen=list(chosen),
         parameters={},
+        friction_alone=0.5,
         situation=SimpleNamespace(op=WAVE, record=SimpleNamespace(pv=WAVE, Ts=1.0, mv=None)),
     )
 

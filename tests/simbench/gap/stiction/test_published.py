@@ -69,7 +69,7 @@ def test_a_large_band_is_found_in_three_cycles_and_said_alike_with_its_interval(
     assert found.verdict == STICTION
     assert found.S.value == pytest.approx(14.0, rel=0.25)
     assert found.S.lo <= found.S.value <= found.S.hi
-    assert found.S.sentence() in found.reason
+    assert found.S.sentence("S") in found.reason
     whole = diagnose(record, identify=True)
     assert whole.conclusion == found
     bands = [row.parameters["S"] for row in whole.ranking[:2] if "S" in row.parameters]

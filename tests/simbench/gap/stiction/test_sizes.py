@@ -2,11 +2,14 @@
 says little.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from recorded import LOADED_FAST
 
 from simbench.gap.stiction.candidate_loops import candidate_loops
-from simbench.gap.stiction.sizes import Size, _spread
+from simbench.gap.stiction.friction import largest_reversal
+from simbench.gap.stiction.sizes import Size, _spread, describe_sizes, sizes_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -48,3 +51,16 @@ def test_a_sharp_peak_has_a_narrow_interval():
     size, _ = _spread(sharp, 2.0, 1.0)
     assert 1.4 < size.lo < 2.0 < size.hi < 2.6
     assert Size(2.0, 1.0, 3.0).scaled(2.0) == Size(value=4.0, lo=2.0, hi=6.0)
+
+
+def test_a_band_that_op_never_passed_both_ways_is_a_bound():
+    loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 2.0}})
+    record = simulate(loop, 3).record.without_mv()
+    S, J = Size(2.0, 1.5, np.inf), Size(1.0, 0.5, 1.5)
+    assert describe_sizes(S, J, "%") == "S is at least 1.5, J = 1 (0.5 to 1.5) %"
+    view = candidate_loops(record).closed.fitted
+    turned = largest_reversal(view.situation.op)
+    wide = replace(view, parameters=view.parameters | {"stiction": {"S": 1.1 * turned, "J": 0.1}})
+    narrow = replace(view, parameters=view.parameters | {"stiction": {"S": 0.5 * turned, "J": 0.1}})
+    assert sizes_of(wide, "stiction")[0].hi == np.inf
+    assert sizes_of(narrow, "stiction")[0].hi < np.inf
