@@ -303,6 +303,13 @@ OTHER_LOOP = AnswerThreshold(
 PLANT_APART = AnswerThreshold(
     1.5, "factor", "in gain or time, by which a plant is another", _CHOICE
 )
+ORDINARY_CARD = AnswerThreshold(
+    0.85,
+    "times the stated noise",
+    "up to which a lattice of PV is that of any card or archive, and no gap",
+    "a choice: cards of 12 to 16 bits and decimals of archives are .2 to .8 of the noise; of 18"
+    " records of four simulators that hide a lattice four hide a finer one",
+)
 FEWEST_SWINGS = AnswerThreshold(
     8.0,
     "periods",

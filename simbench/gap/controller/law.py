@@ -27,6 +27,7 @@ class Law:
     foreign: str = ""  # why it is another controller
     late: int = 0  # samples by which OP answers late
     averaged: bool = False  # the archive's PV is a mean
+    quick: bool = False  # it runs several times in a sample, as moves of the set point show
     blur: float = 0.0  # what the digits leave uncertain of the recovered PV (PV units)
     # samples that an otherwise exact law does not explain
     strays: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))

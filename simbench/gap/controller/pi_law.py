@@ -21,7 +21,15 @@ from simbench.gap.controller.recovered_pv import (
     recover_pv,
     rest_of_mean,
 )
-from simbench.gap.controller.regression import EXACT, FORMS, about_zero, by_steps, by_sums, spread
+from simbench.gap.controller.regression import (
+    EXACT,
+    FORMS,
+    LawFit,
+    about_zero,
+    by_steps,
+    by_sums,
+    spread,
+)
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.gap.sensor.samples import exception_band
 
@@ -37,6 +45,7 @@ _HALF = 0.5  # share of OP's moves above which such rounding explains too much t
 LAW_ROWS = 60  # changes of OP and PV, stored and in automatic, enough to see the law
 _LOUD = 5.0  # bands of OP, of which an archive by exception misses none under another tuning either
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
+_MOSTLY = 0.8  # share of the set point's moves, at which a controller faster than the archive shows
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 # half steps of a coarse OP beyond half a step, below which a law explains OP: at .03 two of 164
 # records lose theirs
@@ -304,9 +313,18 @@ class _Examination:
             moved = np.flatnonzero(np.diff(sp) != 0.0) + 1
             near_sp = np.isin(fit.strays, np.concatenate([moved, moved + 1]))
             if near_sp.mean() > 0.7 and near_sp.sum() > 0.5 * moved.size:
+                quick = self._within_a_sample(fit, moved)
                 foreign = "OP answers a set-point step otherwise than it answers PV"
-                law = replace(law, foreign=foreign)
+                law = replace(law, quick=quick, foreign="" if quick else foreign)
         return law
+
+    def _within_a_sample(self, fit: LawFit, moved: np.ndarray) -> bool:
+        """Return whether OP is off the law at moves of the set point by less than the integral of
+        one sample: the controller runs several times in it.
+        """
+        left = self.du - fit.a * self.e[1:] - fit.b * self.e[:-1]
+        integral = abs(fit.a + fit.b) * np.abs(np.diff(self.level))[moved - 1]
+        return bool(np.mean(np.abs(left[moved - 1]) <= integral) > _MOSTLY)
 
     def _find_hidden_law(self, law: Law) -> Law:
         """Return a law that the recorded PV does not show: another controller, or another PV than

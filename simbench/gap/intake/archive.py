@@ -4,6 +4,8 @@ rounding, compression, averages and spikes.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from simbench.detectors.signal.lattice import hides_nothing
@@ -11,7 +13,9 @@ from simbench.detectors.signal.lines import on_line
 from simbench.detectors.signal.spikes import cleaned, find_spikes
 from simbench.gap.controller.regression import EXACT
 from simbench.gap.situation import Archive, Seen
+from simbench.gap.thresholds import ORDINARY_CARD
 from simbench.loop.controller import derivative_filter
+from simbench.scenarios.parts import Part
 
 # share of samples on a line through their neighbours; exceptions of a quarter of the noise leave
 # fewer
@@ -56,6 +60,20 @@ def _astray(s: Seen) -> str:
     return (
         f"OP strays from a law that holds elsewhere, in {count} samples" if count >= _STRAYS else ""
     )
+
+
+def with_card(s: Seen, archive: Archive) -> Seen:
+    """Return a record beside its baseline with the lattice of PV in it, where a card or the digits
+    of an archive are no coarser: what any plant has is in every simulation, and no gap.
+    """
+    stated = any(part.name == "quantisation" for part in s.baseline.effect)
+    if archive.rounding is None or stated or not s.trusted:
+        return s
+    step, at = archive.rounding
+    if step > ORDINARY_CARD * s.noise:
+        return s
+    card = Part(name="quantisation", parameters={"step": step, "at": at})
+    return replace(s, baseline=s.baseline.replace(effect=(*s.baseline.effect, card)))
 
 
 def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from simbench.detectors.record import LoopRecord
 from simbench.gap.candidates import proven
-from simbench.gap.intake.archive import find_archive, why_no_law
-from simbench.gap.intake.clock import on_one_clock, pv_late
+from simbench.gap.intake.archive import find_archive, why_no_law, with_card
+from simbench.gap.intake.clock import on_one_clock, pv_late, without_repeats
 from simbench.gap.intake.observed import (
     data_of,
     is_frozen,
@@ -47,6 +47,7 @@ def check(
     """
     tuned = trusted if tuned is None else tuned
     where = f"record {record.tag!r}" if record.tag else "record"
+    record, slips = without_repeats(record)
     op = op_in_percent(record, trusted or tuned, where)
     refuse_unfit(record, where)
     refuse_other_pace(record.Ts, baseline.sampling.Ts, where)
@@ -87,6 +88,8 @@ def check(
     notes = notes_of(record, law)
     if late:
         notes.append(CLOCK.format(late * record.Ts))
+    if slips:
+        notes.append(f"clock: {slips} scans stand on record twice; judged without their repeats")
     if stated:
         notes.append(f"the loop file states {', '.join(stated)}: that is no gap, of whatever size")
     if not trusted:
@@ -94,7 +97,7 @@ def check(
     rests = archive.rounding is None and archive.band == 0.0 and "sensor" not in blocks
     strange = tuned and "controller" not in blocks
     s = Situation(
-        **vars(seen),
+        **vars(with_card(seen, archive)),
         archive=archive,
         data=data_of(seen, plant_pv, resolution),
         notes=notes,

@@ -1,4 +1,6 @@
-"""Compare the clocks of PV and OP: a controller cannot answer what it has not seen."""
+"""Compare the clocks of PV and OP, and of the archive: a controller cannot answer what it has not
+seen, and a scan that stands on record twice was one.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +17,19 @@ _MOST = 60  # samples by which PV may be stamped late
 _LEFT = 0.2
 _SHARE = 0.3
 _SHIFTED = 0.5  # of a record, that must be left
+_SLIPS = 0.02  # share of scans that stand twice, above which the archive repeats values by nature
+
+
+def without_repeats(record: LoopRecord) -> tuple[LoopRecord, int]:
+    """Return a record without the scans that its archive took twice, as OP and PV repeat together
+    and hardly ever alone, and how many these are.
+    """
+    op, pv = (np.append(False, np.diff(x) == 0.0) for x in (record.op, record.pv))
+    twice = op & pv
+    count = int(twice.sum())
+    if not 0 < count <= _SLIPS * record.n or int(op.sum() + pv.sum()) > 3 * count:
+        return record, 0
+    return record.with_signals(lambda x: x[~twice], Ts=record.Ts), count
 
 
 def pv_late(record: LoopRecord, op: np.ndarray, controller: Controller) -> int:

@@ -121,6 +121,8 @@ def notes_of(r: LoopRecord, law: Law) -> list[str]:
         notes.append("no set point recorded: the mean of PV stands for it")
     else:
         notes += moves_of(r.sp)
+    if law.quick:
+        notes.append("controller: it runs several times a sample, as moves of the set point show")
     if law.reason and not law.apart:
         notes.append(f"controller: cannot tell, {law.reason}")
     return notes

@@ -259,3 +259,33 @@ def residual_free(situation):
     engine = Engine(situation.data, load_memory(situation))
     found = residual_tests.memory_and_input(engine.base(), engine.data)
     return max(found.values()) < 18.0
+
+
+@pytest.mark.parametrize(("share", "ordinary"), [(0.6, True), (3.0, False)])
+@pytest.mark.parametrize("at", ["loop", "record"])
+def test_the_lattice_of_an_ordinary_card_is_in_every_simulation_and_a_coarse_one_is_a_gap(
+    share, ordinary, at
+):
+    card = {"name": "quantisation", "step": share * 0.1, "at": at}
+    situation = admitted(run(effect=[card]), loop())
+    assert ("quantisation" in situation.stated) == ordinary
+    assert ("quantisation" in situation.proven) != ordinary
+
+
+@pytest.mark.parametrize("count", [0, 4, 400])
+def test_a_few_scans_that_stand_on_record_twice_are_left_out(count):
+    record = run(**LOADED)
+    rows = np.sort(np.append(np.arange(record.n), np.arange(300, 300 + count)))
+    situation = admitted(record.with_signals(lambda x: x[rows]), loop(**LOADED))
+    # many that repeat are how an archive writes
+    assert situation.record.n == record.n + (count if count == 400 else 0)
+    assert any("stand on record twice" in note for note in situation.notes) == (count == 4)
+
+
+def test_a_controller_that_runs_several_times_a_sample_is_no_other_one():
+    steps = {"setpoint": {"value": 50.0, "steps": [[600.0, 75.0], [1000.0, 50.0], [1400.0, 75.0]]}}
+    quick = run(**steps, sampling={"Ts": 0.25, "n": 8000}, noise={"std": 0.02})
+    situation = admitted(quick.with_signals(lambda x: x[::4], Ts=1.0), loop(noise={"std": 0.02}))
+    assert situation.law.quick
+    assert situation.unexplained_law == ""
+    assert any("several times a sample" in note for note in situation.notes)
