@@ -65,6 +65,11 @@ class Seen:
     law: Law
     samples: Samples
 
+    @property
+    def pace(self) -> int:
+        """How often the loop runs in a sample of the record."""
+        return round(self.record.Ts / self.baseline.sampling.Ts)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Situation(Seen):

@@ -23,6 +23,7 @@ def as_archived(
     """Return OP and PV of a simulated loop after the changes that the archive made to the recorded
     ones.
     """
+    op, pv = (x[:: situation.pace] for x in (op, pv))
     late = situation.law.late
     if late:
         op = np.append(np.repeat(op[0], late), op[:-late])

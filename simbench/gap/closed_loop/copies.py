@@ -107,6 +107,8 @@ def shown(s: Situation, loop: Loop, block: str) -> Iterator[Copy]:
     first: its controller or its load, and, where process or load is otherwise, its plant as well:
     what a plant of another order leaves remembers as a load does.
     """
+    if s.pace > 1:
+        return  # what happens between its samples no record shows
     if block == "controller":
         yield from _with_shown_law(s, loop)
     elif all(block_of(effect.name) != "sensor" for effect in loop.effect):

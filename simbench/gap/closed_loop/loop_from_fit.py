@@ -43,7 +43,7 @@ def fixed_loop(
         plant=_fitted_plant(situation, fit) if plant == "fitted" else base.plant,
         setpoint=_recorded_set_point(situation),
         # in the samples of the loop: those of a record whose clock is a little off are others
-        sampling=Sampling(Ts=base.sampling.Ts, n=situation.record.n),
+        sampling=Sampling(Ts=base.sampling.Ts, n=situation.record.n * situation.pace),
     )
     as_stated = situation.trusted and plant == "baseline"
     if not (as_stated and base.disturbance):
@@ -72,7 +72,7 @@ def _fitted_plant(situation: Situation, fit: Fit) -> Plant:
     numbers = {
         "K": fit.K / per if fit.K * d.K > 0 else base.K,
         # an OP that was archived late hides as many samples of the dead time
-        "Td": (fit.theta["Td"] + d.late) * Ts,
+        "Td": (fit.theta["Td"] + d.late + d.early) * Ts,
     }
     if d.T > 0:
         numbers["T"] = fit.theta["T"] * Ts
@@ -87,7 +87,7 @@ def _fitted_plant(situation: Situation, fit: Fit) -> Plant:
 def _recorded_set_point(situation: Situation) -> SetPoint:
     """Return the set point of the record, its steps in the samples of the loop."""
     sp = situation.sp
-    period = situation.baseline.sampling.Ts
+    period = situation.baseline.sampling.Ts * situation.pace
     moves = np.flatnonzero(np.diff(sp)) + 1
     steps = tuple((float(k * period), float(sp[k])) for k in moves)
     return SetPoint(value=float(sp[0]), steps=steps)

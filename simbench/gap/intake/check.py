@@ -85,7 +85,7 @@ def check(
     # what a block of the loop file is stated to do is not told from what else may happen there
     stated = sorted(part.name for part in baseline.effect)
     blocks = {block_of(e) for e in stated}
-    notes = notes_of(record, law)
+    notes = notes_of(seen)
     if late:
         notes.append(CLOCK.format(late * record.Ts))
     if slips:

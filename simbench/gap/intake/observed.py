@@ -112,17 +112,22 @@ def is_frozen(r: LoopRecord, op: np.ndarray, samples: Samples, noise: float) -> 
     return samples.band == 0.0 and moves.max() > max(20, 0.02 * r.n)
 
 
-def notes_of(r: LoopRecord, law: Law) -> list[str]:
+def notes_of(seen: Seen) -> list[str]:
     """Return what the reader must know: data quality, the set point, a controller that is not
-    known.
+    known, or faster than the archive.
     """
+    r = seen.record
+    law = seen.law
     notes = [f"data quality: {flag.name}: {flag.evidence}" for flag in inspect(r).values()]
     if r.sp is None:
         notes.append("no set point recorded: the mean of PV stands for it")
     else:
         notes += moves_of(r.sp)
-    if law.quick:
-        notes.append("controller: it runs several times a sample, as moves of the set point show")
+    if law.quick and seen.pace == 1:
+        notes.append(
+            "controller: it runs several times a sample, as moves of the set point show; state its"
+            " Ts in the loop file's [sampling]"
+        )
     if law.reason and not law.apart:
         notes.append(f"controller: cannot tell, {law.reason}")
     return notes
@@ -171,12 +176,15 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
     baseline = seen.baseline
     plant = first_order_like(baseline.plant)
     y, resolution = before_sensor(baseline, r.Ts, plant_pv, resolution)
+    # the controller's runs within a sample take OP on its way to the next one
+    early = 0.5 * (1.0 - 1.0 / seen.pace)
     data = Data(
         u=through_valve(seen.op, baseline, r.Ts) if r.mv is None else r.mv,
         y=y,
         K=plant.K * (r.Ts if plant.integrating else 1.0),
         T=0.0 if plant.integrating else float(plant.T or 0.0) / r.Ts,
-        Td=baseline.plant.Td / r.Ts,
+        Td=max(baseline.plant.Td / r.Ts - early, 0.0),
+        early=early,
         shape=beyond_first_order(baseline.plant, r.Ts),
         resolution=resolution,
         noise=seen.noise / _passes(baseline, r.Ts),

@@ -19,14 +19,17 @@ _RATIOS = np.geomspace(0.01, 100.0, 400)  # of a characteristic's gains, none of
 _SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, in addition to %
 
 SAME_TS = 0.01  # relative difference of two sampling periods that a time column may leave
+_FASTEST = 10  # runs of a controller in a sample of the archive, at most
 
 
 def refuse_other_pace(period: float, stated: float, where: str) -> None:
-    """Refuse a record whose sampling period (s) is not the baseline's."""
-    if abs(period / stated - 1.0) > SAME_TS:
+    """Refuse a record whose sampling period (s) is not the baseline's, nor a few times as long."""
+    times = period / stated
+    if not 1 <= round(times) <= _FASTEST or abs(times / round(times) - 1.0) > SAME_TS:
         raise RecordError(
             f"{where}: Ts = {period:g} s by its time column, but the baseline says Ts ="
-            f" {stated:g} s; they must agree within 1 %"
+            f" {stated:g} s; they must agree within 1 %, or the record's be up to {_FASTEST} times"
+            " as long, where the controller runs faster than the archive"
         )
 
 

@@ -34,6 +34,7 @@ class Data:
     resolution: float = 0.0  # smallest step PV is written in (PV units)
     trusted: bool = True  # else K, T and Td are mere starting values
     late: int = 0  # samples by which OP answers PV late in the archive
+    early: float = 0.0  # samples by which OP moves on within a sample, in the mean over it
     # (b, a): of a baseline of higher order, the filter of unit gain before the first-order plant
     shape: tuple[np.ndarray, np.ndarray] | None = None
     sines: tuple[tuple[float, float], ...] = ()  # stated ones: period, and amplitude on PV

@@ -235,10 +235,13 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     elif shown:
         loops[FIXED if report.named else NEAREST] = runs.corrected(shown)
 
-    # a record of each
+    # a record of each, in the samples of the record
     found = {name: run_with_seeds(loop, 0, 1) for name, loop in loops.items()}
-    return {RECORD: record_in_percent(report.behind.found.situation)} | {
-        name: records[0] for name, records in found.items() if records
+    s = report.behind.found.situation
+    return {RECORD: record_in_percent(s)} | {
+        name: records[0].with_signals(lambda x: x[:: s.pace], Ts=s.record.Ts)
+        for name, records in found.items()
+        if records
     }
 
 

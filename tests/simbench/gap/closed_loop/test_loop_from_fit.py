@@ -120,6 +120,7 @@ def built(
         op=op,
         trusted=trusted,
         stated=frozenset(),
+        pace=1,
         loads_on_pv=list(on_pv),
     )
     return fixed_loop(situation, fit or fitted_as(), effects or {}, **more)

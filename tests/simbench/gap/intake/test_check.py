@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from simbench.detectors.errors import RecordError
+from simbench.gap.closed_loop.as_archived import as_archived
+from simbench.gap.closed_loop.loop_from_fit import fixed_loop
 from simbench.gap.intake.check import check
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood import residual_tests
@@ -289,3 +291,10 @@ def test_a_controller_that_runs_several_times_a_sample_is_no_other_one():
     assert situation.law.quick
     assert situation.unexplained_law == ""
     assert any("several times a sample" in note for note in situation.notes)
+    # a loop file that states its pace is simulated at it, and every fourth sample is on record
+    stated = admitted(situation.record, loop(noise={"std": 0.02}, sampling={"Ts": 0.25}))
+    assert not any("several times a sample" in note for note in stated.notes)
+    simulated = fixed_loop(stated, Engine(stated.data, load_memory(stated)).base(), {})
+    fast = simulate(simulated, seed=1).record
+    assert (fast.n, fast.Ts, simulated.plant.Td) == (8000, 0.25, pytest.approx(4.0, rel=0.1))
+    assert [x.size for x in as_archived(stated, fast.op, fast.pv)] == [2000, 2000]

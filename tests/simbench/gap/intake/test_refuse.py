@@ -232,9 +232,13 @@ def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(
 
 
 @pytest.mark.parametrize(
-    ("Ts", "refused"), [(1.0, False), (1.008, False), (0.992, False), (1.012, True), (0.988, True)]
+    ("Ts", "refused"),
+    [
+        *((1.0, False), (1.008, False), (0.992, False), (1.012, True), (0.988, True)),
+        *((2.01, False), (10.0, False), (0.5, True), (1.5, True), (11.0, True)),
+    ],
 )
-def test_the_sampling_periods_agree_within_a_hundredth(Ts, refused):
+def test_the_sampling_periods_agree_within_a_hundredth_or_one_is_a_few_times_the_other(Ts, refused):
     assert bool(refusal(refuse_other_pace, Ts, 1.0, "record")) == refused
 
 

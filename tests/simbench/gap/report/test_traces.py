@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.errors import RecordError
+from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop import level
 from simbench.gap.report.ranked import Ranked
 from simbench.gap.report.view import FIXED, RECORD, compared, end_of
@@ -45,7 +46,7 @@ class Loops:
 
 def report(effect="stiction", named=("stiction",), n=100, mv=True, ranking=()):
     record = SimpleNamespace(op=X / 10, pv=X, mv=X + 1.0 if mv else None, Ts=2.0, n=n)
-    situation = SimpleNamespace(record=record, op=X, sp=X + 2.0)
+    situation = SimpleNamespace(record=record, op=X, sp=X + 2.0, pace=1)
     ranked = ranking or (Ranked("stiction", "valve", 0.9, 4.0, 1.0, {"S": 5.0, "J": 2.0}),)
     return SimpleNamespace(
         effect=effect, named=list(named), ranking=ranked, fixed_loop=lambda: loop(1.2),
@@ -60,7 +61,7 @@ def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
         if x.plant.K == 1.0:
             raise RecordError("it runs away")
         pv = np.full(9, 1e10 if x.plant.K == 1.1 else 1.0)
-        return SimpleNamespace(record=SimpleNamespace(op=pv, pv=pv, sp=pv, mv=None, Ts=1.0))
+        return SimpleNamespace(record=LoopRecord(pv, pv, 1.0, pv))
 
     monkeypatch.setattr(level, "simulate", fails)
     assert list(compared(report())) == [RECORD, FIXED]
