@@ -117,16 +117,19 @@ def _beside_simulations(
 ) -> tuple[Posterior, Shrinkage, tuple[Remaining, ...]]:
     """Return the posterior beside simulations with its answer, what they close, and what remains.
 
-    An effect that is likelier than not, or that law or samples show, is named however far they are.
+    An effect that is likelier than not, or that law or samples show, is named however far they are,
+    and the less probable.
     """
     named = name_effects(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
-    known = known_by(assessment.rows)
-    if not known and _lacks_unknown(weights, main):
+    times = main.after / (NEAR * main.plant_floor)
+    if not known_by(assessment.rows) and _lacks_unknown(weights, main):
         far = remaining(assessment.situation, main.features)
         block = far[0].block if far else "disturbance"
-        weights = weights.far(main.after / (NEAR * main.plant_floor), block)
+        weights = weights.far(times, block)
         main = runs.shrink([])
+    elif times > 1.0 and named[0] in EFFECTS and not is_friction(named[0]):
+        weights = weights.named_afar(times)
     return weights, main, remaining(assessment.situation, main.features)
 
 

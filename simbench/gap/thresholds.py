@@ -238,6 +238,13 @@ OF_TWO = AnswerThreshold(
 UNKNOWN_BEFORE = AnswerThreshold(
     0.1, "probability", "that something unknown is lacking, before looking", _CHOICE
 )
+AFAR = AnswerThreshold(
+    4.0,
+    "power",
+    "of how many times as far as near the simulation with a named effect stays, by which something"
+    " unknown is likelier",
+    "of 20 such answers on four simulators within 1.25 times 17 were right, of 13 beyond it 5",
+)
 TAILS = AnswerThreshold(
     3.0,
     "degrees of freedom",

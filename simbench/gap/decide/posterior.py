@@ -11,6 +11,7 @@ from scipy.special import softmax
 from simbench.gap.decide.evidence import Evidence, known_by, nats_of
 from simbench.gap.effects import is_friction
 from simbench.gap.thresholds import (
+    AFAR,
     EDGE,
     LEAST_NATS,
     LIKELIER,
@@ -67,6 +68,18 @@ class Posterior:
         )
         by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
         return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
+
+    def named_afar(self, times: float) -> Posterior:
+        """Return the posterior where simulations with the first answer, which is no friction, stay
+        `times` as far from the record as is near: unknown is likelier, though not the first.
+        """
+        p = self.probability
+        both = 1.0 - self.friction
+        others = both - p[UNKNOWN]
+        odds = p[UNKNOWN] / others * times**AFAR
+        kept = max(both / others / (1.0 + odds), both / (others + EDGE * p[self.first]))
+        moved = {e: v if is_friction(e) else kept * v for e, v in p.items()}
+        return replace(self, probability={**moved, UNKNOWN: both - kept * others})
 
     def far(self, times: float, block: str) -> Posterior:
         """Return the posterior where no effect is likelier than not, and simulations with the

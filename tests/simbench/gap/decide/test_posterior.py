@@ -9,6 +9,7 @@ from simbench.gap.decide.evidence import LAW, MV, PV, SAMPLES, Evidence, known_b
 from simbench.gap.decide.posterior import Posterior, posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.thresholds import (
+    AFAR,
     DENIED_BELOW,
     LEAST_NATS,
     OF_TWO,
@@ -197,6 +198,19 @@ def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_it
     assert far.friction == pytest.approx(friction)
     assert sum(far.probability.values()) == pytest.approx(1.0)
     assert far.probability["drift"] > 0.0
+
+
+@pytest.mark.parametrize("times", [1.0, 1.5, 9.0])
+def test_an_effect_that_is_named_afar_is_less_probable_and_still_the_first(times):
+    w = weighed(worst=(0.1, "process"), stiction=4.0, drift=30.0, noise=20.0)
+    away = w.named_afar(times)
+    assert away.first == "drift"
+    assert sum(away.probability.values()) == pytest.approx(1.0)
+    assert away.friction == pytest.approx(w.friction)
+    odds = [x.probability[UNKNOWN] / (1.0 - x.friction - x.probability[UNKNOWN]) for x in (w, away)]
+    assert odds[1] == pytest.approx(min(odds[0] * times**AFAR, odds[1]))
+    if times < 2.0:
+        assert odds[1] / odds[0] == pytest.approx(times**AFAR)
 
 
 def test_shares_are_the_sums_of_what_lies_in_each_block_and_unknown_has_its_own():
