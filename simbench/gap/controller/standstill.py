@@ -56,10 +56,10 @@ def limits_of(
         repeated = at & np.append(False, at[:-1]) & still
         fine = step == 0.0 and elsewhere <= _OFTEN * op.size
         pushes = pushed.sum() >= 0.7 * at.sum()
-        # a controller that tracks its limit by another law need not push; but OP rests nowhere
-        # else, or comes back to this value and never passes it
+        # a controller of another law need not push, nor one whose OP leaves the limit at once rest
+        # there: but OP rests nowhere else, or comes back to this value and never passes it
         stands = repeated.sum() >= _RESTS
-        back = (stands or pushes) and comes_back(sign * op, max(step, unit))
+        back = comes_back(sign * op, max(step, unit))
         if back or (stands and at_ends > 9 * elsewhere) or (fine and pushes and pushed.sum() >= 2):
             out[name] = edge
     return out

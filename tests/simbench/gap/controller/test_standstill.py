@@ -11,8 +11,8 @@ from simbench.gap.controller.standstill import comes_back, error_gap, limits_of,
     ("rests", "elsewhere", "limited"), [(7, 0, True), (6, 0, False), (20, 3, False), (40, 3, True)]
 )
 def test_a_fine_op_that_rests_at_one_extreme_only_is_limited(rests, elsewhere, limited):
-    wave = 50.0 + 4.0 * np.sin(np.arange(300) * 0.37)
-    op = np.concatenate([wave, [55.0] * rests, wave[:50], [50.123] * (elsewhere + 1), wave[:20]])
+    first, then, last = np.split(50.0 + 4.0 * np.sin(np.arange(370) * 0.37), [300, 350])
+    op = np.concatenate([first, [55.0] * rests, then, [50.123] * (elsewhere + 1), last])
     assert limits_of(op, np.zeros(op.size), 1.0, 0.0, 0.0, 0.0) == ({"hi": 55.0} if limited else {})
 
 
@@ -153,3 +153,12 @@ def test_where_digits_blur_the_law_missed_scans_show_as_far_as_it_holds(exact, s
     op, e, size = scans(100, noise=0.1)
     free = np.ones(op.size - 1, dtype=bool)
     assert skips_scans(op, e, e.take, free, size, 0.0, exact) == skips
+
+
+def test_an_incremental_controller_that_leaves_its_limit_at_once_is_limited_under_any_law():
+    rng = np.random.default_rng(6)
+    moves = 0.4 * rng.standard_normal(2000) + 0.1 * np.cos(np.arange(2000) * 0.05)
+    op = np.full(2000, 50.0)
+    for k in range(1, 2000):
+        op[k] = min(op[k - 1] + moves[k] - 0.02 * (op[k - 1] - 50.0), 53.0)
+    assert limits_of(op, np.zeros(2000), 1.0, 0.0, 0.0, 1e-4) == {"hi": 53.0}
