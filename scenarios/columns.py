@@ -1,5 +1,5 @@
 """Columns of numbers that a loop file names and a CSV file beside it holds: residuals that are
-drawn again, and what an archive did to the samples.
+drawn again, what an archive did to the samples, and a set point that moves often.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from simbench.scenarios.errors import SpecError
 
 RESIDUALS = ("op", "input", "output")  # the places where residuals enter a loop
 _HELD = ("op_held", "pv_held")  # 1 where an archive repeats its last value
+_MOVES = ("sp_time", "sp")  # steps of the set point: when (s), and to where
+_MOST_IN_A_LINE = 40  # of these, in the loop file itself
 
 
 def with_columns(table: Mapping[str, Any], folder: Path, where: str) -> dict[str, Any]:
@@ -25,6 +27,17 @@ def with_columns(table: Mapping[str, Any], folder: Path, where: str) -> dict[str
         whole["disturbance"] = [_fill_columns(part, RESIDUALS, folder, where) for part in loads]
     if "archive" in whole:
         whole["archive"] = _fill_columns(whole["archive"], _HELD, folder, where)
+    if "setpoint" in whole:
+        filled = _fill_columns(whole["setpoint"], _MOVES, folder, where)
+        if filled is not whole["setpoint"]:
+            at, to = (filled.pop(name, []) for name in _MOVES)
+            if len(at) != len(to):
+                raise SpecError(
+                    f"{where}: setpoint: {len(at)} numbers of sp_time and {len(to)} of sp; as many"
+                    " of both are needed"
+                )
+            filled["steps"] = list(zip(at, to))
+        whole["setpoint"] = filled
     return whole
 
 
@@ -82,20 +95,28 @@ def _column(path: Path, rows: list[list[str]], k: int) -> list[float]:
 
 
 def in_a_file(table: Mapping[str, Any], file: str) -> tuple[dict[str, Any], str]:
-    """Return a loop's table that names a file in place of the columns of its archive and of its
-    first load that has some, and the text of that file; "" where there are none.
+    """Return a loop's table that names a file in place of the columns of its archive, of its first
+    load that has some, and of a set point that moves often, and the text of that file; "" where
+    there are none.
     """
+    # every column with its name, and the file's name in its place
     loads = [dict(part) for part in table.get("disturbance", [])]
     load = next((part for part in loads if any(name in part for name in RESIDUALS)), {})
     archive = dict(table.get("archive") or {})
     columns: dict[str, Any] = {}
-    for part, names in ((load, RESIDUALS), (archive, _HELD)):
+    setpoint = dict(table.get("setpoint") or {})
+    if len(setpoint.get("steps", ())) > _MOST_IN_A_LINE:
+        setpoint |= dict(zip(_MOVES, zip(*setpoint.pop("steps"))))
+    for part, names in ((load, RESIDUALS), (archive, _HELD), (setpoint, _MOVES)):
         found = {name: part.pop(name) for name in names if part.get(name)}
         columns |= found
         part |= {"file": file} if found else {}
     if not columns:
         return dict(table), ""
+
+    # the text, and the table in its order
     rows = zip_longest(*columns.values(), fillvalue="")
     text = [",".join(columns), *(",".join(map(str, row)) for row in rows)]
-    moved = {"disturbance": loads} | ({"archive": archive} if archive else {})
+    moved = {"disturbance": loads, "archive": archive, "setpoint": setpoint}
+    moved = {name: part for name, part in moved.items() if name in table and part}
     return {**table, **moved}, "\n".join(text) + "\n"

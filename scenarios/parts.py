@@ -69,7 +69,9 @@ class Archiving(TomlTable):
 
 
 class SetPoint(TomlTable):
-    """Start value and later steps [[t in s, new value], ...]."""
+    """Start value and later steps [[t in s, new value], ...], or the columns `sp_time` and `sp` of
+    these in `file`, a CSV file beside the loop file.
+    """
 
     value: Finite = 50.0
     steps: tuple[tuple[NonNegative, Finite], ...] = ()

@@ -209,7 +209,34 @@ def _write_loop(
         with whole_file(beside) as f:
             f.write(columns)
     with whole_file(path) as f:
-        f.write(_head(report, records, baseline) + toml_of(table))
+        f.write(_head(report, records, baseline) + _with_comments(table))
+
+
+_SAYS = {
+    "plant": "as fitted to the record",
+    "controller": "the baseline's, or as the record shows it",
+    "sampling": "as long as the record",
+    "operating_point": "where OP and PV rest before the run, at the record's level",
+    "noise": "white noise of PV, as fitted to the record",
+    "setpoint": "the record's set point: times in s, and values",
+    "archive": "how the record is written: the controller does not see it",
+    "ramp": "moves OP in its first sample, which starts the cycle of a valve at rest",
+    "coloured": "a load, or noise with a memory, as fitted to the record",
+    "resampled": "the load, drawn again in pieces from what the record left",
+}
+
+
+def _with_comments(table: Mapping[str, Any]) -> str:
+    """Return a loop's table as the text of a loop file, above each part what it is for."""
+    parts = []
+    for section, content in table.items():
+        for one in content if isinstance(content, list) else [content]:
+            kind = str(one.get("name") or one.get("type"))
+            of_effect = EFFECTS[kind].says if section == "effect" and kind in EFFECTS else ""
+            says = _SAYS.get(section) or of_effect or _SAYS.get(kind, "")
+            said = f"# {says}\n" if says else ""
+            parts.append(said + toml_of({section: [one] if isinstance(content, list) else one}))
+    return "\n".join(parts)
 
 
 def _head(report: GapReport, records: list[str], baseline: str | Path | None) -> str:

@@ -347,7 +347,7 @@ NEAR = AnswerThreshold(
     _SEEDS,
 )
 COVERED = AnswerThreshold(
-    0.94,
+    0.92,
     "probability",
     "that the answers which are not excluded have together, lest the truth be excluded in more than"
     " one record in ten",

@@ -14,10 +14,12 @@ from simbench.loop.resampled import drawn
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate
+from simbench.scenarios.columns import in_a_file
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import load_grid
 from simbench.scenarios.parts import Part
 from simbench.scenarios.spec import Loop, load_loop
+from simbench.scenarios.toml import toml_of
 
 OP = [0.1, -0.3, 0.2, 0.4, -0.5, 0.1, 0.0]
 PV = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
@@ -129,6 +131,21 @@ def test_the_columns_may_stand_in_a_file_beside_the_loop_file(tmp_path):
     (tmp_path / "left.csv").unlink()
     with pytest.raises(SpecError, match=r"left.csv: no such file"):
         load_loop(tmp_path / "loop.toml")
+
+
+@pytest.mark.parametrize("moves", [0, 40, 41])
+def test_a_set_point_that_moves_often_stands_in_a_file_beside_the_loop_file(tmp_path, moves):
+    steps = [(2.0 * k, 50.0 + k % 3) for k in range(1, moves + 1)]
+    whole = loop(setpoint={"value": 50.0, "steps": steps})
+    table, columns = in_a_file(whole.to_table(), "left.csv")
+    assert bool(columns) == (moves > 40)
+    (tmp_path / "left.csv").write_text(columns)
+    (tmp_path / "loop.toml").write_text(toml_of(table))
+    assert load_loop(tmp_path / "loop.toml") == whole
+    if columns:
+        (tmp_path / "left.csv").write_text("sp_time,sp\n1,50\n2,\n")
+        with pytest.raises(SpecError, match="2 numbers of sp_time and 1 of sp"):
+            load_loop(tmp_path / "loop.toml")
 
 
 @pytest.mark.parametrize(
