@@ -15,7 +15,7 @@ from simbench.detectors.signal.oscillation import Oscillation
 from simbench.detectors.signal.phase import coherence
 from simbench.gap.stiction import regularity
 from simbench.gap.stiction.candidate_loops import CandidateLoops
-from simbench.gap.stiction.margins import Margins, margins
+from simbench.gap.stiction.margins import Margins, margins_among
 from simbench.gap.stiction.sizes import describe_sizes
 from simbench.gap.stiction.stepping import least_step
 from simbench.gap.thresholds import (
@@ -46,6 +46,7 @@ SENSOR = "sensor"
 AT_LIMIT = "saturation"
 NO_CAUSE = NONE
 NOT_TOLD = "cannot tell"
+_BEYOND_SOUND = "more than this loop reaches in simulations without valve friction"
 _BLOCK = {
     STICKING: "valve",
     POSITIONER: "valve",
@@ -170,7 +171,8 @@ def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause
     """
     swing = prepared.oscillation
     sticks = loops.sticky is not None and loops.probability > LIKELIER
-    known = margins(loops.sticky if sticks else loops.healthy[0])
+    every = [*loops.healthy, *([loops.sticky] if loops.sticky is not None else [])]
+    known = margins_among(every[-1] if sticks else every[0], every)
     if not swing.sustained:
         return _without_line(known, prepared, "the loop does not swing", 0.0)
     periods = loops.record.duration / swing.period_s
@@ -183,10 +185,14 @@ def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause
     keeps = coherence(loops.record.pv, pace)
     # what keeps its phase no better than friction, or a tight loop, would tells nothing
     line = keeps > KEPT_OPEN and keeps > regularity.of_tuning(loops)
-    beyond_friction = line and keeps > regularity.of_friction(loops)
+    as_much = ""
+    if not line:
+        as_much = "as much as this loop reaches in simulations"
+    elif keeps <= regularity.of_friction(loops):
+        as_much = f"{_BEYOND_SOUND}, and as much as with it"
     return (
         _tuning(known, swing, line, keeps),
-        _blame_outside(loops, beyond_friction, keeps, periods),
+        _blame_outside(loops, as_much, keeps, periods),
     )
 
 
@@ -237,10 +243,10 @@ def _tuning(known: Margins | None, swing: Oscillation, line: bool, keeps: float)
         return Cause(TIGHT, 0.0, (), ("margins of this loop are unknown",))
     swings = f"{known.sentence()}; the loop swings with {swing.period_s:.3g} s"
     if line:
-        kept = f"the phase coherence is {keeps:.2f}, more than this loop reaches in simulations"
+        kept = f"the phase coherence is {keeps:.2f}, {_BEYOND_SOUND}"
         return Cause(TIGHT, 0.1, (), (kept, swings))
     ratio = swing.period_s / known.period
-    if known.sensitivity < TIGHT_OPEN or not 1.0 / RESONANT <= ratio <= RESONANT:
+    if max(known.sensitivity, known.most) < TIGHT_OPEN or not 1.0 / RESONANT <= ratio <= RESONANT:
         return Cause(TIGHT, 0.05, (), (swings,))
     return Cause(TIGHT, _sure_of_tuning(known), (swings,))
 
@@ -261,13 +267,12 @@ def _sure_of_tuning(known: Margins) -> float:
     return float(np.interp(known.sensitivity, (TIGHT_OPEN, TIGHT_SURE), (0.5, 0.95)))
 
 
-def _blame_outside(loops: CandidateLoops, line: bool, keeps: float, periods: float) -> Cause:
+def _blame_outside(loops: CandidateLoops, as_much: str, keeps: float, periods: float) -> Cause:
     kept = f"over {periods:.0f} periods the phase coherence of the oscillation is {keeps:.2f}: "
     if keeps < KEPT_OPEN:
         return Cause(FROM_OUTSIDE, 0.1, (), (f"{kept}no periodic disturbance is seen",))
-    if not line:
-        why = f"{kept}this loop reaches as much in simulations, with or without valve friction"
-        return Cause(FROM_OUTSIDE, 0.3, (), (why,))
+    if as_much:
+        return Cause(FROM_OUTSIDE, 0.3, (), (f"{kept}{as_much}",))
     gained = (
         "an external oscillation explains the record better than none (log-likelihood difference"
         f" +{loops.outside:.0f})"

@@ -30,13 +30,14 @@ from simbench.gap.stiction.deniable import Deniable
 from simbench.gap.stiction.friction import stands
 from simbench.gap.stiction.probability import verdict
 from simbench.gap.stiction.sizes import Size, describe_sizes, sizes_of
-from simbench.gap.thresholds import LIKELIER, SEIZED
+from simbench.gap.thresholds import CLAIMED_FROM, LIKELIER, SEIZED
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
 WORDS = {STICTION: STICTION, NO_STICTION: "no stiction", NO_DECISION: "cannot tell"}
 _GAIN = "change the controller gain by 30 to 50 % and watch the period"
 _BY_HAND = "do a valve travel test by hand"
 _REPAIR = "repair the valve if it sticks"
+_JUST_BELOW = CLAIMED_FROM - 1e-6  # probability of stiction that was to be claimed, and is not
 _NEXT = {
     why.TIGHT: "retune the controller",
     why.FROM_OUTSIDE: "look upstream for what oscillates with this period",
@@ -152,7 +153,8 @@ def from_record(prepared: Prepared, loops: CandidateLoops | Refusal) -> tuple[Co
     if loops.shown is not None:
         reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
     if answer == NO_DECISION and p > LIKELIER and loops.unclaimed:
-        reasons.append(loops.unclaimed)
+        held = f" (for that the probability is held at {CLAIMED_FROM:g})" if p > _JUST_BELOW else ""
+        reasons.append(f"{loops.unclaimed}{held}")
     reasons += loops.of_mv
     if answer != STICTION and (slave := slave_note(prepared.record)):
         reasons.append(slave)

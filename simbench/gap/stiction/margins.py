@@ -4,7 +4,8 @@ resonance period.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,25 +17,44 @@ _POINTS = 1500  # frequencies of the response
 
 @dataclass(frozen=True)
 class Margins:
-    """Gain margin, largest sensitivity, and the period (s) of the largest sensitivity; `stable` by
-    the gain margin.
+    """Gain margin, largest sensitivity, and the period (s) of the largest sensitivity; `gains` are
+    the least and the largest gain margin, and `most` the largest sensitivity, of all loops that may
+    have made the record.
     """
 
     gain: float
     sensitivity: float
     period: float
+    gains: tuple[float, float] = (np.inf, 0.0)
+    most: float = 0.0
 
     def sentence(self) -> str:
         """Return the margins in words."""
+        lo, hi = self.gains
+        between = f" ({lo:.2g} to {hi:.2g})" if hi > 1.01 * lo else ""
         return (
-            f"gain margin {self.gain:.2g}, largest sensitivity {self.sensitivity:.2g} at a period"
-            f" of {self.period:.3g} s"
+            f"gain margin {self.gain:.2g}{between}, largest sensitivity {self.sensitivity:.2g} at"
+            f" a period of {self.period:.3g} s"
         )
+
+
+def margins_among(loop: Loop, others: Iterable[Loop]) -> Margins | None:
+    """Return the margins of a loop, with the range of those of others that may have made the same
+    record; None where they are unknown.
+    """
+    own = margins(loop)
+    if own is None:
+        return None
+    every = [own, *filter(None, map(margins, others))]
+    gains = [one.gain for one in every]
+    most = max(one.sensitivity for one in every)
+    return replace(own, gains=(min(gains), max(gains)), most=most)
 
 
 def margins(loop: Loop) -> Margins | None:
     """Return the margins of a loop, the hold of its sampling counted as half a sample of dead time;
-    None of other plants.
+    None of other plants. A loop whose record does not run away has a gain margin of 1 at least,
+    whatever was identified.
     """
     plant = loop.plant
     pi = loop.controller
@@ -53,5 +73,5 @@ def margins(loop: Loop) -> Margins | None:
     k = int(np.argmax(size))
     # infinite where the phase never crosses -180 degrees
     crossed = open_loop[phase_crossings(open_loop)]
-    gain = float(1.0 / np.abs(crossed).max()) if crossed.size else np.inf
+    gain = max(float(1.0 / np.abs(crossed).max()), 1.0) if crossed.size else np.inf
     return Margins(gain, float(size[k]), float(2.0 * np.pi / w[k]))

@@ -15,7 +15,7 @@ from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.gap.stiction.causes import find_causes
 from simbench.gap.stiction.conclusion import judged
-from simbench.gap.stiction.margins import Margins, margins
+from simbench.gap.stiction.margins import Margins, margins, margins_among
 from simbench.loop.effects import BLOCKS
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -102,6 +102,16 @@ def test_margins_are_those_of_the_frequency_response():
     assert known is not None
     assert known.gain == pytest.approx(1 / abs(response[k]), rel=0.01)
     assert known.sensitivity == pytest.approx(1 / np.abs(1 + response).min(), rel=0.01)
+
+
+def test_margins_have_the_range_of_all_loops_that_may_have_made_the_record():
+    loop, other = (Loop.from_table(LOOP | {"controller": {"type": "P", "Kc": k}}) for k in (2, 4))
+    known = margins_among(loop, [other])
+    assert known.gains == (margins(other).gain, margins(loop).gain)
+    assert known.most == margins(other).sensitivity
+    assert f"({known.gains[0]:.2g} to {known.gains[1]:.2g})" in known.sentence()
+    # a loop whose record does not run away is no unstable one
+    assert margins(loop.with_("controller.Kc", 100.0)).gain == 1.0
 
 
 @pytest.mark.parametrize(
