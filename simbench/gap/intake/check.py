@@ -23,7 +23,6 @@ from simbench.gap.intake.observed import (
 )
 from simbench.gap.intake.other_loop import refuse_other_controller
 from simbench.gap.intake.refuse import (
-    refuse_mv_units,
     refuse_op_units,
     refuse_other_pace,
     refuse_unfit,
@@ -51,8 +50,6 @@ def check(
     op = op_in_percent(record, trusted or tuned, where)
     refuse_unfit(record, where)
     refuse_other_pace(record.Ts, baseline.sampling.Ts, where)
-    if record.mv is not None:
-        refuse_mv_units(record.mv, op, where)
     late = pv_late(record, op, baseline.controller) if tuned else 0
     if trusted:
         refuse_pv_units(record, baseline, where)

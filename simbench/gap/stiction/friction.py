@@ -176,11 +176,7 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     if standing(op, mv) is not None:
         return replace(alone, told=Told(alone.log_odds, replace(record, mv=None), (FROZEN,)))
     true = chance_of_position(*_worth(alone, mv), alone.log_odds)
-    try:
-        by_mv, scale = _in_scale(record, known, alone.fitted)
-    except RecordError as why:
-        notes = (f"{why}; the answer rests on OP and PV",)
-        return replace(alone, told=Told(alone.log_odds, replace(record, mv=None), notes))
+    by_mv, scale = _in_scale(record, known, alone.fitted)
     p = true * by_mv.probability + (1.0 - true) * alone.probability
     notes = [scale.sentence()] if record.op_percent is not None else []
     if true < LIKELIER:
@@ -215,16 +211,11 @@ def _in_scale(
     op = np.asarray(in_percent(record)[0].op)
     mv = np.asarray(record.mv, dtype=float)
     scale, nats = scale_of(MapSearch(op, mv, record.Ts, op), fitted)
-    try:
-        by_mv = _weigh_friction(record, known)
-    except RecordError:
-        if nats <= MV_SCALE_NATS:
-            raise
-    else:
-        rows = nats_of_rows(by_mv.assessment.rows)
-        valve = max((n for e, n in rows.items() if block_of(e) == "valve"), default=0.0)
-        if nats <= max(valve, 0.0) + MV_SCALE_NATS:
-            return _ask_what_shows(by_mv), Scale()
+    by_mv = _weigh_friction(record, known)
+    rows = nats_of_rows(by_mv.assessment.rows)
+    valve = max((n for e, n in rows.items() if block_of(e) == "valve"), default=0.0)
+    if nats <= max(valve, 0.0) + MV_SCALE_NATS:
+        return _ask_what_shows(by_mv), Scale()
     return _ask_what_shows(_weigh_friction(replace(record, mv=scale.undone(mv)), known)), scale
 
 

@@ -220,6 +220,15 @@ def test_mv_tells_the_valves_lag_from_the_plants(effect):
     assert report_on((effect, {"tau": 12.0}), mv=True).effect == effect
 
 
+@pytest.mark.parametrize(("gain", "offset"), [(0.16, 4.0), (-1.0, 100.0)])
+def test_mv_in_another_unit_is_put_in_that_of_op_and_said(gain, offset):
+    r = record(STICKY)
+    report = ask(replace(r, mv=offset + gain * r.mv))
+    assert report.effect == "stiction"
+    assert report.effects[0]["parameters"]["S"] == pytest.approx(9.0, rel=0.01)
+    assert any("MV is not written in the unit of OP" in note for note in report.notes)
+
+
 def test_nothing_missing_is_none_and_claims_no_shrinkage():
     report = report_on()
     assert report.effect == NONE

@@ -53,27 +53,6 @@ def refused(record, baseline, *words):
 
 
 @pytest.mark.parametrize(
-    "valve",
-    [{}, STICKY, {"valve": {"model": "deadband", "S": 3.0}}],
-    ids=["ideal", "sticky", "play"],
-)
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda mv: 0.4 * mv, "times OP"),
-        (lambda mv: 1.6 * mv, "times OP"),
-        (lambda mv: 4.0 + 0.16 * mv, "mA"),
-        (lambda mv: mv / 100.0, "share of 1"),
-        (lambda mv: 100.0 - mv, "falls where OP rises"),
-    ],
-    ids=["mm", "mm of a long stem", "mA", "share", "closing"],
-)
-def test_mv_on_another_scale_is_refused(valve, change, words):
-    r = run(**valve)
-    refused(replace(r, mv=change(r.mv)), loop(), "MV", words, "% of travel")
-
-
-@pytest.mark.parametrize(
     "effect",
     [
         {"name": "stiction", "S": 8.0, "J": 4.0},

@@ -13,8 +13,6 @@ from simbench.gap.intake import other_loop
 from simbench.gap.intake.archive import _op_answers_spikes, stands_out
 from simbench.gap.intake.observed import moves_of
 from simbench.gap.intake.refuse import (
-    moving_slope,
-    refuse_mv_units,
     refuse_op_units,
     refuse_other_pace,
     refuse_unfit,
@@ -32,94 +30,6 @@ def refusal(call, *args):
     except RecordError as error:
         return str(error)
     return ""
-
-
-def mv_refusal(mv, op=OP):
-    return refusal(refuse_mv_units, mv, op, "record")
-
-
-@pytest.mark.parametrize(
-    ("factor", "refused"), [(0.66, True), (0.72, False), (1.0, False), (1.35, False), (1.45, True)]
-)
-def test_one_factor_in_level_and_slope_is_a_unit(factor, refused):
-    assert ("in level and in slope" in mv_refusal(factor * OP)) == refused
-
-
-@pytest.mark.parametrize(
-    ("slope", "refused"), [(0.36, False), (0.44, True), (0.56, True), (0.65, False)]
-)
-def test_a_slope_that_is_not_the_levels_is_no_unit(slope, refused):
-    assert ("in level and in slope" in mv_refusal(25.0 + slope * (OP - 50.0))) == refused
-
-
-@pytest.mark.parametrize("R", [0.05, 0.15, 0.34])
-def test_a_characteristic_low_in_its_travel_is_no_unit(R):
-    op = 25.0 + 3.0 * SINE
-    assert not mv_refusal(100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0), op)
-
-
-@pytest.mark.parametrize(("level", "refused"), [(8.0, False), (14.0, False), (16.0, True)])
-def test_near_its_seat_a_valve_of_any_characteristic_is_a_factor_and_no_unit(level, refused):
-    op = level * (1.0 + 0.1 * SINE)
-    assert bool(mv_refusal(3.0 * op, op)) == refused
-    assert not mv_refusal(op, op)
-
-
-@pytest.mark.parametrize(
-    ("middle", "swing", "refused"),
-    [(20, 24, False), (20, 26, True), (80, 24, False), (80, 26, True)],
-)
-def test_travel_ends_a_little_beyond_its_range(middle, swing, refused):
-    op = middle + swing * SINE
-    assert ("MV runs from" in mv_refusal(op, op)) == refused
-
-
-@pytest.mark.parametrize(
-    ("top", "level", "share"),
-    [(1.4, 60.0, True), (1.7, 60.0, False), (1.4, 6.0, True), (1.4, 4.5, False)],
-)
-def test_a_share_of_one_is_no_nearly_closed_valve(top, level, share):
-    op = level * (1.0 + 0.1 * SINE)
-    assert ("share of 1" in mv_refusal(top * op / op.max(), op)) == share
-
-
-@pytest.mark.parametrize(("offset", "mA"), [(0.0, True), (0.4, True), (-0.4, True), (0.7, False)])
-def test_milliamperes_may_be_a_little_out_of_trim(offset, mA):
-    assert ("mA" in mv_refusal(4.0 + 0.16 * OP + offset)) == mA
-
-
-@pytest.mark.parametrize("swing", [0.4, 5.0])
-def test_a_valve_that_closes_where_op_rises_is_seen_however_little_it_moves(swing):
-    op = 50.0 + swing * SINE
-    assert "falls where OP rises (correlation -1.00)" in mv_refusal(100.0 - op, op)
-    # a valve that does not move at all may be stuck
-    assert not mv_refusal(np.full(op.shape, 50.0), op)
-
-
-@pytest.mark.parametrize(
-    ("R", "refused"), [(1.0, False), (1.002, False), (8.0, False), (0.15, False)]
-)
-def test_a_characteristic_is_no_unit(R, refused):
-    op = 50.0 + 30.0 * SINE
-    mv = op if R == 1.0 else 100.0 * (R ** (op / 100.0) - 1.0) / (R - 1.0)
-    assert bool(mv_refusal(mv, op)) == refused
-
-
-@pytest.mark.parametrize(("gain", "offset", "refused"), [
-    (0.82, 25.0, False), (1.22, -20.0, False), (1.28, -20.0, True), (0.5, 24.0, True),
-])  # fmt: skip
-def test_a_straight_line_far_from_op_itself_is_another_scale(gain, offset, refused):
-    message = mv_refusal(gain * OP + offset)
-    assert bool(message) == refused
-    assert not refused or f"{gain:.3g} OP {offset:+.3g}" in message
-
-
-@pytest.mark.parametrize("n", [22, 23])
-def test_a_slope_wants_twenty_sliding_samples(n):
-    op = np.linspace(40.0, 60.0, n)
-    slope = moving_slope(op, 0.5 * op)
-    assert (slope is None) == (n - 3 < 20)
-    assert slope is None or slope == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(
