@@ -102,12 +102,7 @@ def report(
         next_test=advice,
         notes=tuple(_notes(assessment, main)),
         conclusion=replace(conclusion, notes=s.record.notes),
-        behind=DiagnosisDetails(
-            assessment,
-            runs,
-            main,
-            None if otherwise is None else otherwise[0],
-        ),
+        behind=DiagnosisDetails(assessment, runs, None if otherwise is None else otherwise[0]),
         op_unit=s.record.S_unit,
     )
 
@@ -126,10 +121,10 @@ def _beside_simulations(
     if not known_by(assessment.rows) and _lacks_unknown(weights, main):
         far = remaining(assessment.situation, main.features)
         block = far[0].block if far else "disturbance"
-        weights = weights.far(times, block)
+        weights = weights.not_known(times, block)
         main = runs.shrink([])
     elif times > 1.0 and named[0] in EFFECTS and not is_friction(named[0]):
-        weights = weights.named_afar(times)
+        weights = weights.afar(times)
     return weights, main, remaining(assessment.situation, main.features)
 
 

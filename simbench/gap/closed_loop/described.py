@@ -17,6 +17,7 @@ from simbench.theory.sampled import phase_crossings
 # one of so many
 _WAVES = (400.0, 10.0)
 _POINTS = 400
+FREQUENCIES = np.geomspace(1e-4, np.pi, 20_000)  # of a loop's response, radians per sample
 _LITTLE = 0.1  # of a sample: a derivative time below it is none
 
 
@@ -100,17 +101,24 @@ def gain_margin(loop: Loop) -> float:
     """Return the factor on the loop's gain at which it begins to oscillate, by its sampled
     response; inf where there is none.
     """
+    L = open_loop(loop)
+    crossings = phase_crossings(L) if L is not None else np.empty(0, dtype=int)
+    return float(1.0 / np.abs(L[crossings[0]])) if L is not None and crossings.size else np.inf
+
+
+def open_loop(loop: Loop) -> np.ndarray | None:
+    """Return a loop's sampled response at `FREQUENCIES` (n,), the plant's sign taken out; None of a
+    controller that has none.
+    """
     Ts = loop.sampling.Ts
-    z = np.exp(1j * np.geomspace(1e-4, np.pi, 20_000))
+    z = np.exp(1j * FREQUENCIES)
     c = loop.controller
     if c.type == "tf":
         law = np.polyval(c.num or (), z) / np.polyval(c.den or (), z)
     elif c.type in ("P", "PI"):
         law = c.Kc * (1.0 if c.Ti is None else 1.0 + Ts / c.Ti * z / (z - 1.0))
     else:
-        return np.inf
+        return None
     num, den = in_samples(loop.plant, Ts)
     plant = np.polyval(num[::-1], 1.0 / z) / np.polyval(den[::-1], 1.0 / z)
-    L = c.sign * law * plant
-    crossings = phase_crossings(L)
-    return float(1.0 / np.abs(L[crossings[0]])) if crossings.size else np.inf
+    return c.sign * law * plant

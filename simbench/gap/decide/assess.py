@@ -52,8 +52,6 @@ class Assessment(Fitted):
     tests: tuple[Left, ...] = ()  # what the residual tests of `final` say
     mv_unexplained: bool = False  # MV strays from OP as no map makes it
     valve_seen: bool = False  # MV was recorded
-    # the effect, if any, that shows what an ordinary load does by itself: it is in every model
-    load: tuple[str, ...] = ()
     # of the loop's other records, judged together with this one
     other_records: tuple[Assessment, ...] = ()
     # probability of friction where it is weighed apart: in an identified loop
@@ -136,24 +134,18 @@ def assess(
         mv_unexplained=mv_strays,
         valve_seen=bool(maps),
         friction=friction,
-        load=() if fits.load is None else (fits.load.effect,),
     )
 
 
 @dataclass(frozen=True)
 class _EffectFits:
-    """Every effect fitted over `base`, which holds the `load` that the record shows as any loop may
-    show one.
-
-    `candidates` are the effects whose evidence counts, `plain` those that any loop shows by itself,
-    with the size (%) of each in `sizes`.
+    """Every effect fitted over `base`, which holds the load that the record shows as any loop may
+    show one: `candidates` are the effects whose evidence counts, `plain` those of any loop.
     """
 
     base: Fit
     candidates: dict[str, Candidate]
     plain: dict[str, Candidate]
-    sizes: dict[str, float]
-    load: Candidate | None
 
 
 def _fit_effects(s: Situation, engine: Engine, bare: Fit, by_mv: bool) -> _EffectFits:
@@ -161,16 +153,15 @@ def _fit_effects(s: Situation, engine: Engine, bare: Fit, by_mv: bool) -> _Effec
     none.
     """
     candidates = fit_candidates(engine, bare, possible_effects(s, by_mv))
-    sizes = _effects_of_any_loop(s, bare, candidates)
-    plain, candidates = _split_candidates(candidates, sizes)
+    plain, candidates = _split_candidates(candidates, _effects_of_any_loop(s, bare, candidates))
     load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
     if load is None or load.log_likelihood_gain <= 0.0:
-        return _EffectFits(bare, candidates, plain, sizes, None)
+        return _EffectFits(bare, candidates, plain)
     # what an ordinary load does by itself is in every model
     candidates = fit_beside_load(engine, load, candidates)
     more = _effects_of_any_loop(s, load.fit, candidates)
     beside, candidates = _split_candidates(candidates, more)
-    return _EffectFits(load.fit, candidates, plain | beside, sizes | more, load)
+    return _EffectFits(load.fit, candidates, plain | beside)
 
 
 def _numbers_of_effects(s: Situation, fits: _EffectFits, maps: Maps) -> dict[str, Parameters]:
@@ -215,21 +206,16 @@ def _add_proven(s: Situation, engine: Engine, by_mv: bool) -> Situation:
     return replace(s, data=engine.data, proven=known)
 
 
-def _effects_of_any_loop(
-    s: Situation, base: Fit, candidates: Mapping[str, Candidate]
-) -> dict[str, float]:
-    """Return the effects that show what any loop does by itself over a base, each with how far (%)
-    that load moves; 0 where it is no load, or the baseline states it.
+def _effects_of_any_loop(s: Situation, base: Fit, candidates: Mapping[str, Candidate]) -> list[str]:
+    """Return the effects that show what any loop does by itself over a base, or that the baseline
+    states.
     """
-    out = {}
-    for effect, c in candidates.items():
+
+    def ordinary(effect: str, fit: Fit) -> bool:
         by = recogniser(effect).ordinary
-        if not c.used or (by is None and effect not in s.stated):
-            continue
-        size = 0.0 if by is None or effect in s.stated else by(c.fit, base, s)
-        if size is not None:
-            out[effect] = size
-    return out
+        return effect in s.stated or (by is not None and by(fit, base, s) is not None)
+
+    return [e for e, c in candidates.items() if c.used and ordinary(e, c.fit)]
 
 
 def _split_candidates(

@@ -69,31 +69,32 @@ class Posterior:
         by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
         return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
 
-    def named_afar(self, times: float) -> Posterior:
+    def afar(self, times: float) -> Posterior:
         """Return the posterior where simulations with the first answer, which is no friction, stay
         `times` as far from the record as is near: unknown is likelier, though not the first.
         """
-        p = self.probability
         both = 1.0 - self.friction
-        others = both - p[UNKNOWN]
-        odds = p[UNKNOWN] / others * times**AFAR
-        kept = max(both / others / (1.0 + odds), both / (others + EDGE * p[self.first]))
-        moved = {e: v if is_friction(e) else kept * v for e, v in p.items()}
-        return replace(self, probability={**moved, UNKNOWN: both - kept * others})
+        others = both - self.probability[UNKNOWN]
+        odds = self.probability[UNKNOWN] / others * times**AFAR
+        kept = both / others / (1.0 + odds)
+        return self._take(1.0 - max(kept, both / (others + EDGE * self.probability[self.first])))
 
-    def far(self, times: float, block: str) -> Posterior:
-        """Return the posterior where no effect is likelier than not, and simulations with the
-        likeliest answer stay `times` as far from the record as is near, most in one block.
+    def not_known(self, times: float, block: str) -> Posterior:
+        """Return the posterior where no effect is likelier than not either: unknown is the first,
+        and lies in a block.
+        """
+        stuck = max(v for e, v in self.probability.items() if is_friction(e))
+        q = max(times / (1.0 + times), stuck / (1.0 - self.friction))
+        return replace(self._take(min(q, EDGE)), unknown_block=block)
 
-        Unknown takes from all but friction, whose probability is asked by itself, and is the first:
-        its odds are `times`.
+    def _take(self, share: float) -> Posterior:
+        """Return the posterior in which unknown takes a share from all but friction, whose
+        probability is asked by itself.
         """
         p = self.probability
-        rest = 1.0 - self.friction
-        stuck = max(v for e, v in p.items() if is_friction(e))
-        q = min(max(times / (1.0 + times), stuck / rest), EDGE)
-        moved = {e: v if is_friction(e) else (1.0 - q) * v for e, v in p.items()}
-        return Posterior({**moved, UNKNOWN: moved[UNKNOWN] + q * rest}, block)
+        kept = {e: v if is_friction(e) else (1.0 - share) * v for e, v in p.items()}
+        kept[UNKNOWN] = p[UNKNOWN] + share * (1.0 - self.friction - p[UNKNOWN])
+        return replace(self, probability=kept)
 
 
 def posterior(

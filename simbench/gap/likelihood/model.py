@@ -18,7 +18,6 @@ NUISANCES = ("T", "Td", "load_time", "load_lag", "load", "noise_std", "colour")
 HOLDING = (kernels.PLAY, kernels.STICK, kernels.CREEP)
 REDDEST = 0.8  # correlation from sample to sample: noise of more memory has passed a filter
 SHORTEST_LAG = 0.1  # samples; a load with a shorter second time constant has none
-LINEAR = 3  # linear coefficients before those of an effect: gain, bias or ramp, onset
 
 
 @dataclass(frozen=True, eq=False)

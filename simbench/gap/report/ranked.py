@@ -16,8 +16,7 @@ LEAST_SHOWN = 0.005  # probability from which an explanation is shown: what does
 @dataclass(frozen=True)
 class Ranked:
     """One line of the ranking; `group` are the answers that this record cannot tell from it, itself
-    among them, and `ordinary` of `none` the load (% of travel) and the noise (factor of the stated
-    one) that are more than the baseline states and may be ordinary.
+    among them.
     """
 
     effect: str

@@ -10,7 +10,6 @@ from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import page_part
 from simbench.gap.closed_loop.copies import Copy
 from simbench.gap.closed_loop.described import shown_words
-from simbench.gap.closed_loop.gap import Shrinkage
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
@@ -33,7 +32,6 @@ class DiagnosisDetails:
 
     found: Assessment
     loops: ClosedLoops
-    shrinkage: Shrinkage
     # with the controller, the load or the plant that the record shows, where no known effect is
     # what is missing
     shown: Copy | None = None

@@ -9,10 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from simbench.gap.closed_loop.described import FREQUENCIES, gain_margin, open_loop
 from simbench.scenarios.spec import Loop
-from simbench.theory.sampled import phase_crossings
-
-_POINTS = 1500  # frequencies of the response
 
 
 @dataclass(frozen=True)
@@ -52,26 +50,13 @@ def margins_among(loop: Loop, others: Iterable[Loop]) -> Margins | None:
 
 
 def margins(loop: Loop) -> Margins | None:
-    """Return the margins of a loop, the hold of its sampling counted as half a sample of dead time;
-    None of other plants. A loop whose record does not run away has a gain margin of 1 at least,
-    whatever was identified.
+    """Return the margins of a loop by its sampled response; None of a controller that has none. A
+    loop whose record does not run away has a gain margin of 1 at least, whatever was identified.
     """
-    plant = loop.plant
-    pi = loop.controller
-    if plant.type not in ("foptd", "integrating") or pi.type not in ("P", "PI"):
+    L = open_loop(loop)
+    if L is None:
         return None
-    Ts = loop.sampling.Ts
-    T = float(plant.T or 0.0)
-    Ti = float(pi.Ti or np.inf)
-    slow = max(T, Ti if np.isfinite(Ti) else 0.0, plant.Td, 10.0 * Ts)
-    w = np.geomspace(0.02 / slow, np.pi / Ts, _POINTS)
-    s = 1j * w
-    process = abs(plant.K) / (s if plant.type == "integrating" else 1.0 + s * T)
-    controller = pi.Kc * (1.0 if pi.type == "P" else 1.0 + 1.0 / (s * Ti))
-    open_loop = process * controller * np.exp(-s * (plant.Td + 0.5 * Ts))
-    size = 1.0 / np.abs(1.0 + open_loop)
+    size = 1.0 / np.abs(1.0 + L)
     k = int(np.argmax(size))
-    # infinite where the phase never crosses -180 degrees
-    crossed = open_loop[phase_crossings(open_loop)]
-    gain = max(float(1.0 / np.abs(crossed).max()), 1.0) if crossed.size else np.inf
-    return Margins(gain, float(size[k]), float(2.0 * np.pi / w[k]))
+    period = 2.0 * np.pi / FREQUENCIES[k] * loop.sampling.Ts
+    return Margins(max(gain_margin(loop), 1.0), float(size[k]), float(period))

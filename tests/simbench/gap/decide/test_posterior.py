@@ -192,7 +192,7 @@ def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_it
     times, friction
 ):
     w = weighed(friction=friction, stiction=2.0, drift=9.0, noise=8.5)
-    far = w.far(times, "sensor")
+    far = w.not_known(times, "sensor")
     assert far.first == UNKNOWN
     assert far.block(UNKNOWN) == "sensor"
     assert far.friction == pytest.approx(friction)
@@ -203,7 +203,7 @@ def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_it
 @pytest.mark.parametrize("times", [1.0, 1.5, 9.0])
 def test_an_effect_that_is_named_afar_is_less_probable_and_still_the_first(times):
     w = weighed(worst=(0.1, "process"), stiction=4.0, drift=30.0, noise=20.0)
-    away = w.named_afar(times)
+    away = w.afar(times)
     assert away.first == "drift"
     assert sum(away.probability.values()) == pytest.approx(1.0)
     assert away.friction == pytest.approx(w.friction)

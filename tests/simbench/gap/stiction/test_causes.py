@@ -100,8 +100,8 @@ def test_margins_are_those_of_the_frequency_response():
     response = 2.0 / (1 + 30j * w) * np.exp(-7j * w)
     k = int(np.argmax(np.diff(np.sign(np.unwrap(np.angle(response)) + np.pi)) != 0))
     assert known is not None
-    assert known.gain == pytest.approx(1 / abs(response[k]), rel=0.01)
-    assert known.sensitivity == pytest.approx(1 / np.abs(1 + response).min(), rel=0.01)
+    assert known.gain == pytest.approx(1 / abs(response[k]), rel=0.02)
+    assert known.sensitivity == pytest.approx(1 / np.abs(1 + response).min(), rel=0.02)
 
 
 def test_margins_have_the_range_of_all_loops_that_may_have_made_the_record():
