@@ -91,25 +91,20 @@ class Situation(Seen):
         return f"record {self.record.tag!r}" if self.record.tag else "record"
 
     @property
-    def facts(self) -> dict[str, str]:
-        """What single samples or the controller's law show without doubt, in words, by the effect
-        that shows so.
-        """
+    def facts(self) -> set[str]:
+        """The effects that single samples or the controller's law show without doubt."""
         archive = self.archive
         law = self.law
         seen = {
-            "quantisation": (archive.rounding is not None, "PV lies on a lattice"),
-            "compression": (archive.band > 0.0, "PV runs on straight lines"),
-            "outliers": (
-                archive.spikes is not None,
-                "single samples of PV lie far off their neighbours",
-            ),
-            "saturation": (law.limits is not None, "OP stays at a value while the law pushes on"),
-            "error_deadband": (law.gap > 0.0, "OP rests while the error is small"),
-            "op_quantisation": (law.step > 0.0, "OP lies on a lattice"),
-            "detuning": (law.tuning is not None, "the law holds with another tuning"),
+            "quantisation": archive.rounding is not None,
+            "compression": archive.band > 0.0,
+            "outliers": archive.spikes is not None,
+            "saturation": law.limits is not None,
+            "error_deadband": law.gap > 0.0,
+            "op_quantisation": law.step > 0.0,
+            "detuning": law.tuning is not None,
         }
-        return {effect: words for effect, (shows, words) in seen.items() if shows}
+        return {effect for effect, shows in seen.items() if shows}
 
     @property
     def stated_parts(self) -> bool:

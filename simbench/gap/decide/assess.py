@@ -23,7 +23,7 @@ from simbench.gap.candidates import (
 from simbench.gap.decide.evidence import ALONE, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.left_over import Left, left_over
 from simbench.gap.decide.recorded_mv import Maps, by_op, by_stem, valve_maps
-from simbench.gap.effects import NOT_IN_PLANT, Parameters, Recogniser, is_friction, recogniser
+from simbench.gap.effects import NOT_IN_PLANT, Parameters, is_friction, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
@@ -301,11 +301,6 @@ def unknowns_of(assessment: Assessment) -> list[Left]:
     """
     s = assessment.situation
     facts = [("controller", s.unexplained_law)] if s.unexplained_law else []
-    facts += [
-        (block_of(effect), f"{words}, as no known effect makes it")
-        for effect, words in s.facts.items()
-        if recogniser(effect) == Recogniser()
-    ]
     if s.frozen and s.trusted:
         facts.append(("sensor", f"PV does not change for {s.samples.held} samples"))
     if assessment.mv_unexplained:

@@ -25,16 +25,12 @@ _BESIDE = 7  # samples about a jump in which the others may lie
 
 
 def memory_and_input(fit: Fit, data: Data) -> dict[str, float]:
-    """Return by how much innovations remember (`memory`) and follow from past OP (`input`); 0 where
-    the model explains PV to the last digit.
+    """Return the nats of correlations of innovations over 25 lags, with themselves (`memory`) and
+    with past OP (`input`); 0 where the model explains PV to the last digit.
     """
     if innovation_std(fit) < _NOTHING * data.size:
         return {"memory": 0.0, "input": 0.0}
-    return residual_tests(fit, data)
 
-
-def residual_tests(fit: Fit, data: Data) -> dict[str, float]:
-    """Return the nats of correlations of innovations over 25 lags, with themselves and with OP."""
     # innovations and changes of OP of unit size
     x = np.asarray(fit.residual)[kernels.SKIP :]
     x = np.clip(x, -6.0, 6.0) - np.mean(x)

@@ -11,7 +11,7 @@ from simbench.detectors.signal.filters import lfilter
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data
-from simbench.gap.likelihood.residual_tests import residual_tests, shifts
+from simbench.gap.likelihood.residual_tests import memory_and_input, shifts
 
 N = 4000 + kernels.SKIP
 RNG = np.random.default_rng(0)
@@ -19,7 +19,11 @@ WHITE, OP = RNG.standard_normal(N), np.cumsum(RNG.standard_normal(N))
 
 
 def of(residual, u=OP):
-    return residual_tests(SimpleNamespace(residual=residual), SimpleNamespace(u=u))
+    # a likelihood of unit variance
+    level = -0.5 * (residual.size - kernels.SKIP) * np.log(2.0 * np.pi)
+    squares = float(np.square(residual[kernels.SKIP :]).sum())
+    fit = SimpleNamespace(residual=residual, loglik=level - 0.5 * squares)
+    return memory_and_input(fit, SimpleNamespace(u=u, size=1.0))
 
 
 @pytest.mark.parametrize("scale", [0.2, 1.0])
