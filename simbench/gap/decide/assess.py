@@ -301,7 +301,7 @@ def unknowns_of(assessment: Assessment) -> list[Left]:
     """
     s = assessment.situation
     facts = [("controller", s.unexplained_law)] if s.unexplained_law else []
-    if s.frozen and s.trusted:
+    if s.frozen and s.trusted and "frozen_sensor" not in s.proven:
         facts.append(("sensor", f"PV does not change for {s.samples.held} samples"))
     if assessment.mv_unexplained:
         facts.append(("valve", "MV strays from OP as no known valve makes it"))

@@ -11,11 +11,12 @@ FAILED = Left(0.8, "disturbance", "innovations remember")
 PASSED = Left(0.1, "process", "OP tells nothing")
 
 
-def situation(*, law="", frozen=False, trusted=True):
+def situation(*, law="", frozen=False, trusted=True, proven=None):
     return SimpleNamespace(
         unexplained_law=law,
         frozen=frozen,
         trusted=trusted,
+        proven=proven or {},
         record=SimpleNamespace(mv=None),
         samples=SimpleNamespace(held=42),
     )
@@ -49,6 +50,7 @@ def test_a_test_fails_that_makes_something_unknown_more_probable_than_not():
     [
         (situation(law="OP stands still"), False, "controller"),
         (situation(frozen=True), False, "sensor"),
+        (situation(frozen=True, proven={"frozen_sensor": {}}), False, None),
         (situation(), True, "valve"),
         (situation(frozen=True, trusted=False), False, None),
     ],
