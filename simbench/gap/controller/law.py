@@ -26,7 +26,7 @@ class Law:
     reason: str = ""  # why the block cannot be judged
     foreign: str = ""  # why it is another controller
     late: int = 0  # samples by which OP answers late
-    quick: bool = False  # it runs several times in a sample, as moves of the set point show
+    quick: bool = False  # it runs several times in a sample, plainly
     blur: float = 0.0  # what the digits leave uncertain of the recovered PV (PV units)
     # samples that an otherwise exact law does not explain
     strays: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))

@@ -22,7 +22,6 @@ from simbench.gap.controller.recovered_pv import (
 from simbench.gap.controller.regression import (
     EXACT,
     FORMS,
-    LawFit,
     about_zero,
     by_steps,
     by_sums,
@@ -40,7 +39,7 @@ _HALF = 0.5  # share of OP's moves above which such rounding explains too much t
 LAW_ROWS = 60  # changes of OP and PV, stored and in automatic, enough to see the law
 _LOUD = 5.0  # bands of OP, of which an archive by exception misses none under another tuning either
 RETUNED = 0.13  # |ln ratio| of Kc or Ti from which the tuning is another one
-_MOSTLY = 0.8  # share of the set point's moves, at which a controller faster than the archive shows
+_DIGITS_LEFT = 2.0  # of what digits leave of a law, beyond which a faster controller leaves it
 _FEW = 6  # samples kept by an archive from which it can be compared with what OP says of PV
 # half steps of a coarse OP beyond half a step, below which a law explains OP: at .03 two of 164
 # records lose theirs
@@ -226,6 +225,9 @@ class _Examination:
                 law,
                 foreign="OP stands still where the law would move it: the controller skips scans",
             )
+        if self._runs_within_a_sample():
+            none = np.empty(0, dtype=int)
+            return replace(law, quick=not self.exact, Kc=self.Kc, Ti=self.Ti or np.inf, strays=none)
         return self._find_known_law(law) if self.exact else self._find_hidden_law(law)
 
     def _fit(self) -> None:
@@ -306,18 +308,19 @@ class _Examination:
             moved = np.flatnonzero(np.diff(sp) != 0.0) + 1
             near_sp = np.isin(fit.strays, np.concatenate([moved, moved + 1]))
             if near_sp.mean() > 0.7 and near_sp.sum() > 0.5 * moved.size:
-                quick = self._within_a_sample(fit, moved)
                 foreign = "OP answers a set-point step otherwise than it answers PV"
-                law = replace(law, quick=quick, foreign="" if quick else foreign)
+                law = replace(law, foreign=foreign)
         return law
 
-    def _within_a_sample(self, fit: LawFit, moved: np.ndarray) -> bool:
-        """Return whether OP is off the law at moves of the set point by less than the integral of
-        one sample: the controller runs several times in it.
+    def _runs_within_a_sample(self) -> bool:
+        """Return whether the baseline's law holds up to what the integral adds in one sample of how
+        far the error moves in it, as where the controller runs several times in it.
         """
-        left = self.du - fit.a * self.e[1:] - fit.b * self.e[:-1]
-        integral = abs(fit.a + fit.b) * np.abs(np.diff(self.level))[moved - 1]
-        return bool(np.mean(np.abs(left[moved - 1]) <= integral) > _MOSTLY)
+        left = self.fit.base * self.size
+        digits = _DIGITS_LEFT * self.rounding + _ROUNDING * self.size
+        most = abs(self.Ki) * about_zero(np.diff(self.e))
+        # another tuning would explain much more
+        return self.plain and digits < left <= most and self.fit.base < 1.5 * self.fit.residual
 
     def _find_hidden_law(self, law: Law) -> Law:
         """Return a law that the recorded PV does not show: another controller, or another PV than

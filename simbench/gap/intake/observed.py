@@ -123,11 +123,6 @@ def notes_of(seen: Seen) -> list[str]:
         notes.append("no set point recorded: the mean of PV stands for it")
     else:
         notes += moves_of(r.sp)
-    if law.quick and seen.pace == 1:
-        notes.append(
-            "controller: it runs several times a sample, as moves of the set point show; state its"
-            " Ts in the loop file's [sampling]"
-        )
     if law.reason and not law.apart:
         notes.append(f"controller: cannot tell, {law.reason}")
     return notes

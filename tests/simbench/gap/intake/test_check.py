@@ -267,12 +267,17 @@ def test_a_controller_that_runs_several_times_a_sample_is_no_other_one():
     steps = {"setpoint": {"value": 50.0, "steps": [[600.0, 75.0], [1000.0, 50.0], [1400.0, 75.0]]}}
     quick = run(**steps, sampling={"Ts": 0.25, "n": 8000}, noise={"std": 0.02})
     situation = admitted(quick.with_signals(lambda x: x[::4], Ts=1.0), loop(noise={"std": 0.02}))
-    assert situation.law.quick
     assert situation.unexplained_law == ""
-    assert any("several times a sample" in note for note in situation.notes)
+    assert not situation.law.quick
+    # one whose integral is quick shows it plainly, and is simulated so
+    fast = {"controller": {"type": "PI", "Kc": 0.8, "Ti": 6.0}, "noise": {"std": 0.1}}
+    plainly = run(**fast, sampling={"Ts": 0.25, "n": 8000})
+    shown = admitted(plainly.with_signals(lambda x: x[::4], Ts=1.0), loop(**fast))
+    assert (shown.law.quick, shown.unexplained_law, shown.pace) == (True, "", 3)
+    assert any("several times a sample" in note for note in shown.notes)
     # a loop file that states its pace is simulated at it, and every fourth sample is on record
     stated = admitted(situation.record, loop(noise={"std": 0.02}, sampling={"Ts": 0.25}))
-    assert not any("several times a sample" in note for note in stated.notes)
+    assert stated.pace == 4
     simulated = fixed_loop(stated, Engine(stated.data, load_memory(stated)).base(), {})
     fast = simulate(simulated, seed=1).record
     assert (fast.n, fast.Ts, simulated.plant.Td) == (8000, 0.25, pytest.approx(4.0, rel=0.1))
