@@ -235,7 +235,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--pairs", type=int, default=60, help="loops with each nuisance (60)")
     parser.add_argument("-j", type=int, default=2, help="processes (2)")
     o = parser.parse_args(arguments)
-    work = Parallel(n_jobs=o.j)
+    work: Any = Parallel(n_jobs=o.j)
     print(f"seed {o.seed}")
     for sticky, count in ((True, o.n), (False, o.n // 2)):
         rows = work(delayed(asked)(o.seed, i, sticky) for i in range(count))
@@ -243,7 +243,7 @@ def main(arguments: list[str] | None = None) -> None:
             print(share(f"{'sticky' if sticky else 'healthy'}: {name}", [r[name] for r in rows]))
     for nuisance in NUISANCES:
         same = work(delayed(paired)(o.seed, i, nuisance) for i in range(o.pairs))
-        print(share(f"{nuisance}: the same answer", list(same)))
+        print(share(f"{nuisance}: the same answer", same))
 
 
 if __name__ == "__main__":

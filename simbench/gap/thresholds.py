@@ -344,7 +344,7 @@ NEAR = AnswerThreshold(
     _SEEDS,
 )
 COVERED = AnswerThreshold(
-    0.92,
+    0.94,
     "probability",
     "that the answers which are not excluded have together, lest the truth be excluded in more than"
     " one record in ten",

@@ -146,8 +146,8 @@ def test_the_set_ends_where_its_answers_have_the_probability_that_holds_the_trut
         )
 
     assert of(0.98, 0.01, 0.01).set == ("stiction",)
-    assert of(0.91, 0.08, 0.01).set == ("stiction", "deadband")
-    assert of(0.6, 0.31, 0.09).as_json()["set"] == ["stiction", "deadband", "none"]
+    assert of(0.93, 0.06, 0.01).set == ("stiction", "deadband")
+    assert of(0.6, 0.33, 0.07).as_json()["set"] == ["stiction", "deadband", "none"]
 
 
 def test_three_of_the_differences_that_remain_are_put_into_words():
