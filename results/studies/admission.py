@@ -43,6 +43,9 @@ RULES: dict[str, dict[str, Any]] = {
     "archive and controller may be a sample apart": {
         "simbench.gap.controller.pi_law.best_aligned": lambda examined, pv, sp: examined(pv, sp)
     },
+    "a law behind a mean of the archive's": {
+        "simbench.gap.controller.pi_law._Examination._behind_a_mean": lambda self, law: None
+    },
     "exact terms: derivative, missed executions, frozen sensor": {
         f"simbench.gap.effects.{name}.shown": lambda s, term: None
         for name in ("derivative_action", "missed_executions", "frozen_sensor")

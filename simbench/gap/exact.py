@@ -20,7 +20,7 @@ from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.controller.examine import stated_controller
 from simbench.gap.controller.regression import FORMS
 from simbench.gap.situation import Situation
-from simbench.gap.thresholds import TERM_EXPLAINS, TERM_NATS
+from simbench.gap.thresholds import MEAN_EXPLAINS, TERM_EXPLAINS, TERM_NATS
 from simbench.loop.effects import block_of
 
 _LEARNT = 0.65  # share of the record that a law is fitted to, where the record is diagnosed
@@ -50,7 +50,9 @@ def controller_term(s: Situation, first: int) -> Term | None:
     law = s.law
     if law.limits is not None or law.gap > 0.0 or law.step > 0.0 or law.tuning is not None:
         return None
-    if (law.known and not s.unexplained_law) or s.baseline.controller.type == "PID":
+    if (
+        law.known and not law.averaged and not s.unexplained_law
+    ) or s.baseline.controller.type == "PID":
         # a PID's terms are in the baseline
         return None
     # an archive may store PV before the controller ran; where no law is exact, nothing has shown
@@ -59,7 +61,10 @@ def controller_term(s: Situation, first: int) -> Term | None:
     plain = min((one.left({}, one.newest) for one in aligned), key=aligned[0].misfit)
     terms = [one.idle(first, plain) for one in aligned]
     terms += [one.derivative(guess, first, plain) for one in aligned for guess in one.guesses()]
-    return max(filter(None, terms), key=lambda one: one.nats, default=None)
+    best = max(filter(None, terms), key=lambda one: one.nats, default=None)
+    # a mean of the archive's looks like a term of the controller, but explains less
+    least = -np.log(MEAN_EXPLAINS) * (s.record.n - first) if law.averaged else -np.inf
+    return best if best is not None and best.nats >= least else None
 
 
 def read_off(event: np.ndarray, q: float, first: int) -> float:

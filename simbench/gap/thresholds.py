@@ -334,6 +334,9 @@ TERM_EXPLAINS = AnswerThreshold(
     "below which a new term of the controller is its law",
     _DEVELOPMENT,
 )
+MEAN_EXPLAINS = AnswerThreshold(
+    0.3, "share of what the law leaves", "the same beside a mean of the archive's", _DEVELOPMENT
+)
 TERM_NATS = AnswerThreshold(60.0, "nats", "from which a term of the law is shown", _DEVELOPMENT)
 
 # --- the closed loop -----------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Apply the archive of a record (rounding, delayed OP, repeated samples) to a simulated
+"""Apply the archive of a record (averages, rounding, delayed OP, repeated samples) to a simulated
 record, so that both can be compared.
 """
 
@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from simbench.detectors.signal.lattice import read_lattice
+from simbench.gap.controller.recovered_pv import mean_like
 from simbench.gap.situation import Situation
 
 # share of a record's repeated samples from which rounding explains them; with all of 146 simulated
@@ -26,6 +27,8 @@ def as_archived(
     late = situation.law.late
     if late:
         op = np.append(np.repeat(op[0], late), op[:-late])
+    if situation.law.averaged and situation.law.recovered_pv is not None:
+        pv = mean_like(situation.record.pv, situation.law.recovered_pv, pv)
     op, pv = (
         unit * np.round(x / unit) if unit > 0.0 else x
         for x, unit in zip((op, pv), digits_of(situation))

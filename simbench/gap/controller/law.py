@@ -26,6 +26,7 @@ class Law:
     reason: str = ""  # why the block cannot be judged
     foreign: str = ""  # why it is another controller
     late: int = 0  # samples by which OP answers late
+    averaged: bool = False  # the archive's PV is a mean
     quick: bool = False  # it runs several times in a sample, plainly
     blur: float = 0.0  # what the digits leave uncertain of the recovered PV (PV units)
     # samples that an otherwise exact law does not explain

@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.holds import runs_of
-from simbench.gap.controller.regression import solve_least_squares
+from simbench.gap.controller.regression import about_zero, solve_least_squares
 
 # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is
 # believed
@@ -20,6 +20,12 @@ FAITHFUL = 0.2
 # rms error of a rounded archive, in its steps, below which OP is believed; rounding alone gives
 # 1/sqrt(12) = 0.29
 ROUNDED = 0.35
+MEAN_OVER = (-2, -1, 0, 1, 2)  # samples over which an archive may take a mean
+# how far a mean's weights may miss 1 in sum, and the least of them: without either one tuning of
+# 129 records is another
+_SUM = 0.1
+_LEAST_WEIGHT = -0.2
+_BLURRED = 0.2  # of PV's moves, that such a mean may leave
 GRID = 60  # integral times tried, from a twentieth to twenty times the baseline's
 
 
@@ -63,12 +69,40 @@ def recover_pv(
     return pv + e - out
 
 
+def rest_of_mean(pv: np.ndarray, seen: np.ndarray) -> float:
+    """Return what is left of an archive's PV after a mean of what the controller saw, over a
+    sample or within one.
+    """
+    weights = _weights(pv, seen)
+    one = abs(float(weights.sum()) - 1.0) < _SUM and float(weights.min()) > _LEAST_WEIGHT
+    left = pv - pv.mean() - _shift_columns(seen - seen.mean()) @ weights
+    rest = about_zero(left[2:-2]) / (float(np.std(np.diff(pv))) or 1.0)
+    return rest if one and rest < _BLURRED else np.inf
+
+
+def mean_like(pv: np.ndarray, seen: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return `other` averaged over neighbouring samples in the way that makes what the controller
+    saw nearest to the archive's PV.
+    """
+    weights = _weights(pv, seen)
+    return _shift_columns(other) @ (weights / weights.sum())
+
+
+def _shift_columns(x: np.ndarray, over: tuple[int, ...] = MEAN_OVER) -> np.ndarray:
+    return np.column_stack([np.roll(x, shift) for shift in over])
+
+
+def _weights(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    return solve_least_squares(_shift_columns(seen - seen.mean())[2:-2], (pv - pv.mean())[2:-2])
+
+
 def hidden_law(
     op: np.ndarray,
     e: np.ndarray,
     Kc: float,
     Ki: float,
     exact: np.ndarray,
+    over: tuple[int, ...] = (0,),
 ) -> _Hidden:
     """Fit the law by the error it implies, compared with the recorded one only where the archive
     kept it.
@@ -77,12 +111,13 @@ def hidden_law(
     error is the output.
     """
     y = e[exact]
+    many = len(over)
     drive = np.append(0.0, np.diff(op))
     unit = (np.arange(op.size) == 0).astype(float)
 
     def channels(forget: float) -> np.ndarray:
-        of_both = [lfilter([1.0], [1.0, -forget], x) for x in (drive, unit)]
-        return np.column_stack(of_both)[exact]
+        of_op, of_start = (lfilter([1.0], [1.0, -forget], x) for x in (drive, unit))
+        return np.column_stack([_shift_columns(of_op, over), of_start])[exact]
 
     def misfit(log_wait: float) -> float:
         X = channels(expit(log_wait))
@@ -105,8 +140,9 @@ def hidden_law(
     X = channels(forget)
     X0 = channels(stated)
     beta = solve_least_squares(X, y)
-    a = 1.0 / float(beta[0]) if beta[0] != 0.0 else np.inf
-    left = y - X0[:, 0] / (Kc + Ki)
-    start = X0[:, 1:]
+    total = float(beta[:many].sum())
+    a = 1.0 / total if total != 0.0 else np.inf
+    left = y - X0[:, :many].mean(axis=1) / (Kc + Ki)
+    start = X0[:, many:]
     left = left - start @ solve_least_squares(start, left)
     return _Hidden(a, -forget * a, float(np.std(y - X @ beta)), float(np.std(left)))

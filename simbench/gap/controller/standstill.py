@@ -21,6 +21,9 @@ _OFTEN = 0.01
 # that as many of them are at the very same extreme without a limit, below which there is one
 _END = 0.1
 _BY_CHANCE = 1e-4
+# turning points at an extreme, beyond which it is a limit though OP neither rests nor is pushed
+# there: of fewer one was a healthy record's
+_COMES = 5
 # times what a law may leave, by which it would move OP where it was not computed
 _FAR = 3.0
 # share of the rarer kind of samples, resting or moving, that a band must separate from the other;
@@ -59,13 +62,13 @@ def limits_of(
         # a controller of another law need not push, nor one whose OP leaves the limit at once rest
         # there: but OP rests nowhere else, or comes back to this value and never passes it
         stands = repeated.sum() >= _RESTS
-        back = comes_back(sign * op, max(step, unit))
+        back = comes_back(sign * op, max(step, unit), 1 if stands or pushes else _COMES)
         if back or (stands and at_ends > 9 * elsewhere) or (fine and pushes and pushed.sum() >= 2):
             out[name] = edge
     return out
 
 
-def comes_back(op: np.ndarray, unit: float) -> bool:
+def comes_back(op: np.ndarray, unit: float, least: int = 1) -> bool:
     """Return whether more of OP's turning points (n,) lie at its very maximum than chance brings:
     where nothing limits OP, they get rarer towards it.
     """
@@ -76,7 +79,7 @@ def comes_back(op: np.ndarray, unit: float) -> bool:
     chance = min(unit / (_END * float(np.ptp(x)) or 1.0), 1.0)
     at_maximum = int(np.count_nonzero(near == x.max()))
     rare = scipy.special.bdtrc(at_maximum - 1, near.size, chance) < _BY_CHANCE
-    return bool(at_maximum > 1 and rare)
+    return bool(at_maximum > least and rare)
 
 
 def error_gap(still: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:

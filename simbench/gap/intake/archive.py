@@ -1,5 +1,5 @@
 """Find what the archive changed between the PV that the controller saw and the PV on record:
-rounding, compression and spikes.
+rounding, compression, averages and spikes.
 """
 
 from __future__ import annotations
@@ -89,14 +89,16 @@ def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:
     step = 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
         step = samples.step
-    elif samples.straight > _STRAIGHT:
+    # noise that an archive's mean has smoothed lies on lines sooner
+    elif samples.straight > _STRAIGHT and not law.averaged:
         size = 0.0 if seen is None else float(np.quantile(np.abs(pv - seen), 0.98))
         band = size or 0.5 * float(np.std(np.diff(pv)))
     elif not hides_nothing(samples.digits, pv, s.noise):
         step = samples.digits
-    hidden = seen is not None and law.apart and (step or band)
+    # a mean over a sample is the archive's and no effect: the controller saw PV
+    hidden = seen is not None and (law.averaged or (law.apart and (step or band)))
     plant_pv = seen if hidden else pv
-    spikes, plant_pv, mismatch = _spikes(s, plant_pv, band > 0.0)
+    spikes, plant_pv, mismatch = _spikes(s, plant_pv, band > 0.0 or law.averaged)
     return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
 
 

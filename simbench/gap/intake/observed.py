@@ -86,7 +86,7 @@ def law_of(r: LoopRecord, op: np.ndarray, baseline: Loop, tuned: bool, noise: fl
     if law is None:
         control = baseline.controller
         return Law(0.0, control.sign * control.Kc, control.Ti or np.inf)
-    return replace(law, recovered_pv=None, reason="")
+    return replace(law, recovered_pv=None, averaged=False, reason="")
 
 
 def law_in_automatic(

@@ -28,7 +28,11 @@ def late(r):
     return replace(r, op=np.append(r.op[0], r.op[:-1]))
 
 
-@pytest.mark.parametrize("archive", [digits, late])
+def means(r):
+    return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
+
+
+@pytest.mark.parametrize("archive", [digits, late, means])
 def test_a_simulated_record_is_kept_as_the_real_one_was(record, archive):
     other = recorded(SHORT, seed=9)
     wanted = archive(other)
@@ -90,7 +94,7 @@ def bare(record):
 
 
 @pytest.mark.slow  # what it does to a record is tested above
-@pytest.mark.parametrize("archive", [digits, late])
+@pytest.mark.parametrize("archive", [digits, means])
 def test_an_archive_alone_makes_no_gap_and_no_effect(record, bare, archive):
     kept = diagnose(archive(record), LOOP)
     assert kept.effect == bare.effect == "none"

@@ -56,8 +56,7 @@ def test_an_archive_that_stores_op_late_or_by_exception_hides_no_settings():
     late = examine_controller(r.op[:-1], r.pv[1:], r.sp[1:], *about)
     assert (late.known, late.late) == (True, 1)
     coarse = examine_controller(by_exception(r.op, 0.3), by_exception(r.pv, 0.3), r.sp, *about)
-    assert not coarse.foreign
-    assert coarse.residual < 0.05
+    assert coarse.known
     # two bands of OP, and what two of PV make of it
     assert coarse.hidden > 0.6
     other = loop.with_("controller.Kc", 6.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from recorded import LOADED, recorded
 
+from simbench.gap.controller.law import Law
 from simbench.gap.controller.pi_law import examine_law
 from simbench.gap.controller.pid_law import Stated
 
@@ -182,6 +183,47 @@ def test_the_digits_of_an_archive_unseat_no_law(op, pv):
     assert not between(result)
 
 
+def of_means(r):
+    return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
+
+
+@pytest.mark.parametrize(
+    "tuning", [{"Kc_factor": 1.7, "Ti_factor": 0.6}, {"Kc_factor": 0.5, "Ti_factor": 1.0}]
+)
+def test_a_detuned_controller_is_measured_through_an_archive_that_takes_means(tuning):
+    result = law(of_means(record(("detuning", tuning))))
+    assert result.averaged
+    assert result.tuning == pytest.approx(tuple(tuning.values()), rel=0.06)
+
+
+def test_the_baselines_law_through_a_mean_comes_before_another_tuning_of_a_late_archive(
+    monkeypatch,
+):
+    r = record()
+    through, late = (
+        Law(0.5, 0.6, 18.0, averaged=True),
+        Law(0.03, 0.57, 39.0, tuning=(0.95, 2.2)),
+    )
+    answers = iter([through, late, late, through, through])
+    monkeypatch.setattr("simbench.gap.controller.pi_law._Examination.law", lambda *a: next(answers))
+    assert law(r).averaged
+
+
+def test_a_dead_band_of_the_error_is_seen_through_an_archive_that_takes_means():
+    result = law(of_means(record(("error_deadband", {"width": 0.3}))))
+    assert result.gap == pytest.approx(0.3, abs=0.1)
+    assert law(of_means(record())).gap == 0.0
+
+
+def test_an_archive_that_takes_means_is_distinguished_from_a_controller_with_a_third_term():
+    r = record()
+    result = law(replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1]))))
+    assert result.known
+    assert result.averaged
+    assert np.abs(result.recovered_pv - r.pv)[5:-5].max() < 1e-6 * np.std(r.pv)
+    assert not between(result)
+
+
 def test_an_integral_held_at_a_limit_is_no_other_controller():
     # positional form: the integral rests while OP is at its limit, and leaves it by a step
     # that no error explains
@@ -221,6 +263,7 @@ def test_an_output_card_hides_nothing_of_the_law_whatever_the_archive_wrote_of_i
     written = np.round(np.round(r.op / step) * step, 2)
     result = law(replace(r, op=written))
     assert result.known
+    assert not result.averaged
     assert result.tuning is None
 
 
@@ -232,5 +275,6 @@ def test_a_law_is_known_up_to_three_hundredths_of_what_op_does(share, known):
         share * 1.4826 * np.median(np.abs(du)) * np.random.default_rng(3).standard_normal(r.n)
     )
     result = law(replace(r, op=r.op + wander))
-    assert result.known == known
+    # beyond that only a mean taken by the archive could explain it
+    assert (result.known and not result.averaged) == known
     assert result.residual == pytest.approx(share, rel=0.15)

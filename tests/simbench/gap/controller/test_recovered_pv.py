@@ -1,12 +1,15 @@
-"""What OP shows of the PV before an archive: laws over the whole range of integral times."""
+"""What OP shows of the PV before an archive: laws over the whole range of integral times, means and
+what is none.
+"""
 
 import numpy as np
 import pytest
 
-from simbench.gap.controller.recovered_pv import hidden_law, recover_pv
+from simbench.gap.controller.recovered_pv import hidden_law, recover_pv, rest_of_mean
 
 N = 1500
 E = np.random.default_rng(0).normal(0.0, 1.0, N)
+SEEN = np.random.default_rng(1).normal(size=4000)
 
 
 def op_of(a, b):
@@ -62,3 +65,34 @@ def test_a_law_that_cannot_be_inverted_recovers_nothing():
         assert recover_pv(op, E, -E, inside, a, b, False) is None
     assert recover_pv(op, E, -E, inside, 1.0, -0.999, False) is not None
     assert recover_pv(50.0 + 2.0 * E, E, -E, inside, 2.0, -2.0, True) == pytest.approx(-E, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("weights", "mean"),
+    [
+        ((0.5, 0.5), True),
+        ((0.54, 0.54), True),
+        ((0.57, 0.57), False),
+        ((0.46, 0.46), True),
+        ((0.43, 0.43), False),
+        ((1.15, -0.15), True),
+        ((1.25, -0.25), False),
+    ],
+)
+def test_the_weights_of_a_mean_add_to_one_and_are_hardly_negative(weights, mean):
+    pv = weights[0] * SEEN + weights[1] * np.roll(SEEN, 1)
+    assert (rest_of_mean(pv, SEEN) < 1e-9) == mean
+
+
+@pytest.mark.parametrize(
+    ("noise", "mean"), [(0.07, True), (0.16, True), (0.28, False), (0.5, False)]
+)
+def test_a_mean_leaves_a_fifth_of_the_moves_at_most(noise, mean):
+    # the moves of the mean of two white samples have a standard deviation of 0.71
+    pv = (
+        0.5 * (SEEN + np.roll(SEEN, 1))
+        + noise * np.random.default_rng(2).normal(size=SEEN.size) * 0.71
+    )
+    rest = rest_of_mean(pv, SEEN)
+    assert np.isfinite(rest) == mean
+    assert not mean or rest == pytest.approx(noise / np.sqrt(1.0 + 2.0 * noise**2), rel=0.05)

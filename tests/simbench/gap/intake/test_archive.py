@@ -90,6 +90,15 @@ def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     assert np.array_equal(plant_pv, PV)
 
 
+def test_lines_through_a_mean_are_the_means():
+    seen = PV + np.random.default_rng(5).normal(0.0, 0.5, N)
+    pv = 0.5 * (seen + np.append(seen[0], seen[:-1])) + np.where(np.arange(N) % 9 == 0, 0.3, 0.0)
+    law = replace(LAW, averaged=True, recovered_pv=seen)
+    result, plant_pv, _ = find_archive(seen_in(law, replace(PLAIN, straight=0.3), pv))
+    assert result.band == 0.0
+    assert np.array_equal(plant_pv, seen)
+
+
 @pytest.mark.parametrize(("archive", "gap", "mismatch", "foreign", "reason"), [
     (Archive(), 0.0, "", "", "no law"), (Archive(), 0.0, "", "skips scans", "skips scans"),
     (Archive(), 0.0, "moves", "skips scans", "moves"),
