@@ -261,6 +261,9 @@ def test_a_few_scans_that_stand_on_record_twice_are_left_out(count):
     # many that repeat are how an archive writes
     assert situation.record.n == record.n + (count if count == 400 else 0)
     assert any("stand on record twice" in note for note in situation.notes) == (count == 4)
+    # a loop that is identified from the record has its length
+    identified = check(record.with_signals(lambda x: x[rows]), loop(**LOADED), trusted=False)
+    assert identified.record.n == record.n + count
 
 
 def test_a_controller_that_runs_several_times_a_sample_is_no_other_one():
