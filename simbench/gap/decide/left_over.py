@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, logit
-from scipy.stats import t
+from scipy.special import expit, logit, stdtr
 
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.level import kick_of, run_with_seeds
@@ -72,7 +71,7 @@ def _chance(beyond: float, others: np.ndarray) -> float:
     simulations.
     """
     scatter = max(float(others.std(ddof=1)), LEAST_SCATTER) * np.sqrt(1.0 + 1.0 / others.size)
-    return min(len(_BLOCKS) * float(t.sf(beyond / scatter, TAILS)), 1.0)
+    return min(len(_BLOCKS) * float(stdtr(TAILS, -beyond / scatter)), 1.0)
 
 
 def _probability(chance: float, beyond: float, explained: float) -> float:
