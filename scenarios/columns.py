@@ -28,17 +28,22 @@ def with_columns(table: Mapping[str, Any], folder: Path, where: str) -> dict[str
     if "archive" in whole:
         whole["archive"] = _fill_columns(whole["archive"], _HELD, folder, where)
     if "setpoint" in whole:
-        filled = _fill_columns(whole["setpoint"], _MOVES, folder, where)
-        if filled is not whole["setpoint"]:
-            at, to = (filled.pop(name, []) for name in _MOVES)
-            if len(at) != len(to):
-                raise SpecError(
-                    f"{where}: setpoint: {len(at)} numbers of sp_time and {len(to)} of sp; as many"
-                    " of both are needed"
-                )
-            filled["steps"] = list(zip(at, to))
-        whole["setpoint"] = filled
+        whole["setpoint"] = _fill_steps(whole["setpoint"], folder, where)
     return whole
+
+
+def _fill_steps(setpoint: Any, folder: Path, where: str) -> Any:
+    """Return a set point with the steps that its file has as two columns."""
+    filled = _fill_columns(setpoint, _MOVES, folder, where)
+    if filled is setpoint:
+        return setpoint
+    at, to = (filled.pop(name, []) for name in _MOVES)
+    if len(at) != len(to):
+        raise SpecError(
+            f"{where}: setpoint: {len(at)} numbers of sp_time and {len(to)} of sp; as many of both"
+            " are needed"
+        )
+    return {**filled, "steps": list(zip(at, to))}
 
 
 def _fill_columns(part: Any, names: tuple[str, ...], folder: Path, where: str) -> Any:

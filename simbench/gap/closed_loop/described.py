@@ -102,14 +102,17 @@ def gain_margin(loop: Loop) -> float:
     response; inf where there is none.
     """
     L = open_loop(loop)
-    crossings = phase_crossings(L) if L is not None else np.empty(0, dtype=int)
-    return float(1.0 / np.abs(L[crossings[0]])) if L is not None and crossings.size else np.inf
+    if L is None:
+        return np.inf
+    crossings = phase_crossings(L)
+    return float(1.0 / np.abs(L[crossings[0]])) if crossings.size else np.inf
 
 
 def open_loop(loop: Loop) -> np.ndarray | None:
     """Return a loop's sampled response at `FREQUENCIES` (n,), the plant's sign taken out; None of a
     controller that has none.
     """
+    # the controller
     Ts = loop.sampling.Ts
     z = np.exp(1j * FREQUENCIES)
     c = loop.controller
@@ -119,6 +122,8 @@ def open_loop(loop: Loop) -> np.ndarray | None:
         law = c.Kc * (1.0 if c.Ti is None else 1.0 + Ts / c.Ti * z / (z - 1.0))
     else:
         return None
+
+    # behind it the plant
     num, den = in_samples(loop.plant, Ts)
     plant = np.polyval(num[::-1], 1.0 / z) / np.polyval(den[::-1], 1.0 / z)
     return c.sign * law * plant

@@ -21,14 +21,7 @@ from simbench.gap.controller.recovered_pv import (
     recover_pv,
     rest_of_mean,
 )
-from simbench.gap.controller.regression import (
-    EXACT,
-    FORMS,
-    about_zero,
-    by_steps,
-    by_sums,
-    spread,
-)
+from simbench.gap.controller.regression import EXACT, FORMS, about_zero, by_steps, by_sums, spread
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.gap.sensor.samples import exception_band
 

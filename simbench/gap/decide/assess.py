@@ -93,7 +93,8 @@ def assess(
     situation: Situation, friction: float | None = None, alone: float = 0.0, seed: int = 0
 ) -> Assessment:
     """Fit and score every effect; `friction` is its probability where it is weighed apart, in an
-    identified loop, and `alone` its log-odds by OP and PV without the loop file.
+    identified loop, `alone` its log-odds by OP and PV without the loop file, and `seed` that of the
+    simulations beside which the best model is tested.
     """
     if situation.trusted and situation.tuned:
         refuse_other_plant(situation)

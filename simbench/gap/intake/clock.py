@@ -29,6 +29,9 @@ def without_repeats(record: LoopRecord) -> tuple[LoopRecord, int]:
     count = int(twice.sum())
     if not 0 < count <= _SLIPS * record.n or int(op.sum() + pv.sum()) > 3 * count:
         return record, 0
+    manual = record.meta.get("manual")
+    if manual is not None:
+        record = replace(record, meta={**record.meta, "manual": np.asarray(manual)[~twice]})
     return record.with_signals(lambda x: x[~twice], Ts=record.Ts), count
 
 

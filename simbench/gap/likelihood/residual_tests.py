@@ -67,6 +67,7 @@ def shifts(engine: Engine, fits: Sequence[Fit]) -> list[float]:
         least = _NOTHING**2 * np.trace(squares) * np.eye(len(squares))
         return 0.5 * np.sum(along[rows] * np.linalg.solve(squares + least, along[rows]), axis=0)
 
+    # where each record's innovations are most like the three together
     found = []
     for fit in fits:
         residual = np.asarray(fit.residual).copy()
