@@ -43,20 +43,9 @@ def test_with_few_samples_a_period_nothing_is_denied_and_the_pace_is_said():
 
 
 def test_a_valve_that_op_does_not_turn_back_shows_nothing_without_integral_action():
-    loop = LOADED_FAST | {
-        "controller": {"type": "P", "Kc": 1.0},
-        "disturbance": [{"type": "coloured", "amplitude": 1.0, "period": 40.0}],
-        "sampling": {"Ts": 2.0, "n": 1500},
-    }
-    found = judged(simulate(Loop.from_table(loop), 3).record.without_mv())[0]
+    found = judged(read_record(PUBLISHED / "quiet_sticky_2.csv"))[0]
     assert found.verdict not in (STICTION, NO_STICTION)
     assert "no integral action" in found.reason
-
-
-@pytest.mark.parametrize("name", ["quiet_sticky_2", "quiet_sticky_9"])
-def test_a_valve_that_moves_a_few_times_is_no_less_likely_to_stick_than_not(name):
-    # its controller stops within a band of the error
-    assert judged(read_record(PUBLISHED / f"{name}.csv"))[0].probability >= 0.5
 
 
 def test_a_valve_is_asked_for_the_size_by_which_op_turns_six_times():
