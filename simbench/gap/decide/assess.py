@@ -287,6 +287,10 @@ def _choose_effects(
         plain = _effects_of_any_loop(s, final, fits)
         others = [e for e in others if e not in plain]
     on_top = {e: float(fits[e].log_likelihood_gain) if e in fits else nats[e] for e in others}
+    # what OP and PV say by themselves holds beside the first effect, too
+    for row in rows:
+        if row.source == ALONE and row.effect in fits:
+            on_top[row.effect] += row.nats
     more = [e for e in on_top if on_top[e] > SECOND_NATS]
     if not more:
         return [first], final, on_top

@@ -27,6 +27,8 @@ _SPECKS = 0.02
 # sample (.25 to .61 in five records of a simulator): the archive cannot tell it
 _FASTER = 0.7
 _FADED = 4.0  # time constants, after which 2 % are left
+_DECIMAL = 0.1  # % of OP, in which it is often written
+_ROUND = 1e-6  # share, by which a step read off may be off
 _STRAYS = 3  # samples in which an exact law fails, from which something else moves OP too
 
 
@@ -63,17 +65,20 @@ def _astray(s: Seen) -> str:
 
 
 def with_card(s: Seen, archive: Archive) -> Seen:
-    """Return a record beside its baseline with the lattice of PV in it, where a card or the digits
-    of an archive are no coarser: what any plant has is in every simulation, and no gap.
+    """Return a record beside its baseline with the lattices of PV and OP in it, where a card or the
+    digits of an archive are no coarser: what any plant has is in every simulation, and no gap.
     """
-    stated = any(part.name == "quantisation" for part in s.baseline.effect)
-    if archive.rounding is None or stated or not s.trusted:
+    if not s.trusted:
         return s
-    step, at = archive.rounding
-    if step > ORDINARY_CARD * s.noise:
-        return s
-    card = Part(name="quantisation", parameters={"step": step, "at": at})
-    return replace(s, baseline=s.baseline.replace(effect=(*s.baseline.effect, card)))
+    stated = {part.name for part in s.baseline.effect}
+    cards = []
+    if archive.rounding is not None and archive.rounding[0] <= ORDINARY_CARD * s.noise:
+        step, at = archive.rounding
+        cards.append(Part(name="quantisation", parameters={"step": step, "at": at}))
+    if abs(s.law.step - _DECIMAL) < _ROUND * _DECIMAL:
+        cards.append(Part(name="op_quantisation", parameters={"step": _DECIMAL}))
+    cards = [card for card in cards if card.name not in stated]
+    return replace(s, baseline=s.baseline.replace(effect=(*s.baseline.effect, *cards)))
 
 
 def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:

@@ -253,6 +253,15 @@ def test_the_lattice_of_an_ordinary_card_is_in_every_simulation_and_a_coarse_one
     assert ("quantisation" in situation.proven) != ordinary
 
 
+@pytest.mark.parametrize(("step", "ordinary"), [(0.1, True), (0.13, False), (1.0, False)])
+def test_op_with_one_decimal_is_what_an_archive_writes_and_another_step_is_a_gap(step, ordinary):
+    record = run()
+    rounded = replace(record, op=step * np.round(record.op / step))
+    situation = admitted(rounded, loop())
+    assert ("op_quantisation" in situation.stated) == ordinary
+    assert ("op_quantisation" in situation.proven) != ordinary
+
+
 @pytest.mark.parametrize("count", [0, 4, 400])
 def test_a_few_scans_that_stand_on_record_twice_are_left_out(count):
     record = run(**LOADED)
