@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 from scipy.special import expit
 
 from simbench.gap.candidates import (
@@ -47,8 +48,8 @@ class Assessment(Fitted):
     """What one record shows of every effect."""
 
     rows: tuple[Evidence, ...] = ()
-    # nats that effects of another block bring on top of the first one chosen
-    on_top: Mapping[str, float] = field(default_factory=dict)
+    # nats that effects of another block bring on top of the first one chosen, and of its rival
+    on_top: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tests: tuple[Left, ...] = ()  # what the residual tests of `final` say
     mv_unexplained: bool = False  # MV strays from OP as no map makes it
     valve_seen: bool = False  # MV was recorded
@@ -118,7 +119,8 @@ def assess(
     tests: tuple[Left, ...] = ()
     if situation.trusted:
         inside = {e: parameters[e] for e in chosen if e in parameters and e not in known_by(rows)}
-        brought = [nats_of(rows).get(e, 0.0) for e in chosen[:1]] + [on_top[e] for e in chosen[1:]]
+        brought = [nats_of(rows).get(e, 0.0) for e in chosen[:1]]
+        brought += [on_top[chosen[0]][e] for e in chosen[1:]]
         explained = max(sum(brought), LEAST_NATS)
         fit_of_shifts = fits.base if loaded else final
         tests = left_over(s, (final, fit_of_shifts), inside, explained, seed)
@@ -262,13 +264,14 @@ def _choose_effects(
     base: Fit,
     candidates: Mapping[str, Candidate],
     friction: float | None,
-) -> tuple[list[str], Fit, dict[str, float]]:
+) -> tuple[list[str], Fit, dict[str, dict[str, float]]]:
     """Return the one or two effects that the evidence asks for, the fit with them, and the nats
-    that effects of another block bring on top of the first.
+    that effects of another block bring on top of the first, and of a rival of friction.
 
     What law or samples show comes first, unless friction, whose probability is asked by itself, is
     likelier than not.
     """
+    # the strongest effect
     known = known_by(rows)
     nats = nats_of(rows)
     allowed = [e for e in nats if friction is None or is_friction(e) == (friction > LIKELIER)]
@@ -277,27 +280,52 @@ def _choose_effects(
         first = known[0]
     elif first == NONE or (nats[first] <= 0.0 and not is_friction(first)):
         return [], base, {}
+
+    # another one beside it
+    fits, brought = _on_top_of(first, s, rows, engine, base, candidates, friction)
+    on_top = {first: brought}
+    final = candidates[first].fit if first in candidates else base
+    more = [e for e in brought if brought[e] > SECOND_NATS]
+    second = max(more, key=lambda e: brought[e], default=NONE)
+    if second in fits or second in candidates:
+        final = (fits or candidates)[second].fit
+
+    # a load whose jumps follow the slips of a valve may need friction beside it as well
+    rival = max((e for e in nats if not is_friction(e)), key=lambda e: nats[e], default=NONE)
+    close = nats.get(rival, -np.inf) > nats[first] - SECOND_NATS
+    if friction is None and is_friction(first) and not known and close:
+        on_top[rival] = _on_top_of(rival, s, rows, engine, base, candidates, friction)[1]
+    return [first, second] if more else [first], final, on_top
+
+
+def _on_top_of(
+    first: str,
+    s: Situation,
+    rows: Sequence[Evidence],
+    engine: Engine,
+    base: Fit,
+    candidates: Mapping[str, Candidate],
+    friction: float | None,
+) -> tuple[dict[str, Candidate], dict[str, float]]:
+    """Return the fits of effects of another block beside a first one, and the nats that they bring
+    on top of it.
+    """
+    nats = nats_of(rows)
     others = [e for e in nats if block_of(e) != block_of(first)]
     if friction is not None:
         others = [e for e in others if not is_friction(e)]
     fits: dict[str, Candidate] = {}
-    final = candidates[first].fit if first in candidates else base
     if first in candidates:
+        final = candidates[first].fit
         fits = fit_candidates(engine, final, [e for e in others if e in candidates])
         plain = _effects_of_any_loop(s, final, fits)
         others = [e for e in others if e not in plain]
-    on_top = {e: float(fits[e].log_likelihood_gain) if e in fits else nats[e] for e in others}
+    brought = {e: float(fits[e].log_likelihood_gain) if e in fits else nats[e] for e in others}
     # what OP and PV say by themselves holds beside the first effect, too
     for row in rows:
-        if row.source == ALONE and row.effect in fits:
-            on_top[row.effect] += row.nats
-    more = [e for e in on_top if on_top[e] > SECOND_NATS]
-    if not more:
-        return [first], final, on_top
-    second = max(more, key=lambda e: on_top[e])
-    if second in fits or second in candidates:
-        final = (fits or candidates)[second].fit
-    return [first, second], final, on_top
+        if row.source == ALONE and row.effect in fits and row.effect in brought:
+            brought[row.effect] += row.nats
+    return fits, brought
 
 
 def unknowns_of(assessment: Assessment) -> list[Left]:

@@ -100,7 +100,7 @@ class Posterior:
 def posterior(
     rows: Sequence[Evidence],
     first: str,
-    on_top: Mapping[str, float],
+    on_top: Mapping[str, Mapping[str, float]],
     worst_test: tuple[float, str],
     friction: float | None = None,
 ) -> Posterior:
@@ -112,8 +112,8 @@ def posterior(
         What is known by law or samples is in every model; nats of the others are over it.
     first : str
         The strongest effect, or `none`.
-    on_top : mapping of str to float
-        Nats that each effect of another block brings on top of the first.
+    on_top : mapping of str to mappings of str to float
+        Nats that each effect of another block brings on top of the first, and of a rival of it.
     worst_test : (float, str)
         Largest probability that a fact or a residual test gives to something unknown, and its
         block.
@@ -140,12 +140,13 @@ def posterior(
     others = {e: g for e, g in nats.items() if e != alone and not (apart and is_friction(e))}
     bands = {e: g for e, g in nats.items() if is_friction(e)}
     p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | _shares(others, alone, least)
-    beside = _shares(on_top, alone, SECOND_NATS)
+    pairs = {one: _shares(brought, alone, SECOND_NATS) for one, brought in on_top.items()}
+    beside = pairs.get(first, {})
     share = friction or 0.0
     if not apart:
         share = sum(v for e, v in p.items() if is_friction(e))
         if not known:
-            share += sum(p[first] * x for e, x in beside.items() if is_friction(e))
+            share += sum(p[a] * x for a in pairs for e, x in pairs[a].items() if is_friction(e))
         share = min(max(share, 1.0 - EDGE), EDGE)
     if known:
         for e in others:
@@ -156,7 +157,7 @@ def posterior(
         p = {e: (1.0 - OF_TWO) * v + OF_TWO * beside.get(e, 0.0) for e, v in p.items()}
     else:
         whole = p[first]
-        for e in on_top:
+        for e in on_top.get(first, ()):
             p[first] -= OF_TWO * whole * beside[e]
             p[e] += OF_TWO * whole * beside[e]
     q, block = worst_test
@@ -170,7 +171,7 @@ def posterior(
     out = Posterior(p, block)
     if apart:
         return out.with_friction(share)
-    sticks = any(map(is_friction, (*nats, *on_top)))
+    sticks = any(map(is_friction, (*nats, *beside)))
     return out.with_friction(share * (1.0 - q)) if sticks else out
 
 

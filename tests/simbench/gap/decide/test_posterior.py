@@ -30,7 +30,7 @@ def weighed(on_top=None, worst=SOUND, friction=None, known=(), **nats):
     """Return the posterior of effects that PV speaks for; the first is the strongest."""
     shown = [Evidence(e, SAMPLES, TERM_NATS) for e in known]
     first = known[0] if known else max(nats, key=lambda e: nats[e], default=NONE)
-    return posterior([*shown, *rows(**nats)], first, on_top or {}, worst, friction)
+    return posterior([*shown, *rows(**nats)], first, {first: on_top or {}}, worst, friction)
 
 
 def test_rows_of_one_effect_add_up_and_law_and_samples_are_known():
@@ -155,9 +155,20 @@ def test_friction_that_is_weighed_apart_takes_nothing_from_the_odds_of_the_other
     assert np.log(odds) == pytest.approx(TEMPERATURE * (LEAST_NATS - 2.0))
     # of a likely one the second effect follows by what it brings on top
     on_top = {"drift": 90.0, "noise": 3.0}
-    sure = posterior(rows(stiction=300.0, drift=2.0, noise=2.0), "stiction", on_top, SOUND, 0.97)
+    seen = rows(stiction=300.0, drift=2.0, noise=2.0)
+    sure = posterior(seen, "stiction", {"stiction": on_top}, SOUND, 0.97)
     ranking = sorted(EFFECTS, key=lambda e: -sure.probability[e])
     assert ranking[:2] == ["stiction", "drift"]
+
+
+def test_a_rival_that_needs_friction_beside_it_does_not_deny_friction():
+    seen = rows(stiction=60.0, load_steps=60.0)
+    alone = posterior(seen, "stiction", {"stiction": {}}, SOUND)
+    assert alone.friction < 0.6
+    brought = {"stiction": 40.0, "gain_mismatch": 5.0}
+    both = posterior(seen, "stiction", {"stiction": {}, "load_steps": brought}, SOUND)
+    assert both.friction > 0.9
+    assert sum(both.probability.values()) == pytest.approx(1.0)
 
 
 # a softmax of some of these is 0, of others less than the smallest normal number
