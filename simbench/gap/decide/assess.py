@@ -156,13 +156,13 @@ def _fit_effects(s: Situation, engine: Engine, bare: Fit, by_mv: bool) -> _Effec
     none.
     """
     candidates = fit_candidates(engine, bare, possible_effects(s, by_mv))
-    plain, candidates = _split_candidates(candidates, _effects_of_any_loop(s, bare, candidates))
+    plain, candidates = _split_candidates(candidates, _effects_of_any_loop(s, candidates))
     load = max(plain.values(), key=lambda c: c.log_likelihood_gain, default=None)
     if load is None or load.log_likelihood_gain <= 0.0:
         return _EffectFits(bare, candidates, plain)
     # what an ordinary load does by itself is in every model
     candidates = fit_beside_load(engine, load, candidates)
-    more = _effects_of_any_loop(s, load.fit, candidates)
+    more = _effects_of_any_loop(s, candidates)
     beside, candidates = _split_candidates(candidates, more)
     return _EffectFits(load.fit, candidates, plain | beside)
 
@@ -209,16 +209,13 @@ def _add_proven(s: Situation, engine: Engine, by_mv: bool) -> Situation:
     return replace(s, data=engine.data, proven=known)
 
 
-def _effects_of_any_loop(s: Situation, base: Fit, candidates: Mapping[str, Candidate]) -> list[str]:
-    """Return the effects that show what any loop does by itself over a base, or that the baseline
-    states.
-    """
-
-    def ordinary(effect: str, fit: Fit) -> bool:
-        by = recogniser(effect).ordinary
-        return effect in s.stated or (by is not None and by(fit, base, s) is not None)
-
-    return [e for e, c in candidates.items() if c.used and ordinary(e, c.fit)]
+def _effects_of_any_loop(s: Situation, candidates: Mapping[str, Candidate]) -> list[str]:
+    """Return the effects that show what any loop does by itself, or that the baseline states."""
+    return [
+        e
+        for e, c in candidates.items()
+        if c.used and (e in s.stated or recogniser(e).ordinary(c.fit, s))
+    ]
 
 
 def _split_candidates(
@@ -318,7 +315,7 @@ def _on_top_of(
     if first in candidates:
         final = candidates[first].fit
         fits = fit_candidates(engine, final, [e for e in others if e in candidates])
-        plain = _effects_of_any_loop(s, final, fits)
+        plain = _effects_of_any_loop(s, fits)
         others = [e for e in others if e not in plain]
     brought = {e: float(fits[e].log_likelihood_gain) if e in fits else nats[e] for e in others}
     # what OP and PV say by themselves holds beside the first effect, too

@@ -33,10 +33,8 @@ class Recogniser:
     proven : callable
         What the controller's law or single samples show without doubt.
     ordinary : callable, optional
-        Of what loads and archives do by themselves as well, as the baseline or healthy records
-        state, or an identified loop has it: how far (% of travel) the load moves where the fit
-        shows no more than that, 0 where it is no load; None where it is more. It is in every
-        model, and no evidence.
+        Whether a fit shows no more than loads and archives do by themselves, as the baseline or
+        healthy records state, or an identified loop has it: it is in every model, and no evidence.
     by_mv : callable, optional
         Of a valve: MV given OP.
     band : callable, optional
@@ -48,7 +46,7 @@ class Recogniser:
     numbers: Callable[[Fit, Situation], Parameters] = lambda fit, s: {}
     needs: frozenset[str] = frozenset()
     proven: Callable[[Situation], Parameters | None] = lambda s: None
-    ordinary: Callable[[Fit, Fit, Situation], float | None] | None = None
+    ordinary: Callable[[Fit, Situation], bool] = lambda fit, s: False
     by_mv: Callable[[MapSearch], tuple[float, Parameters]] | None = None
     band: Callable[[Mapping[str, float | str]], float] | None = None
 

@@ -42,15 +42,15 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": float(rate), "walk": float(walk)}
 
 
-def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
-    """Return how far (%) a load drifts that goes no further than healthy records show; None beyond.
-    The load of an identified loop is its own.
+def ordinary(fit: Fit, s: Situation) -> bool:
+    """Return whether a load drifts no further than healthy records show; that of an identified loop
+    is its own.
     """
     data = s.data
     walk = fit.theta["load_walk"] * np.sqrt(s.record.n)
     most = LARGER * data.loads.get("slow", 0.0)
     near = np.hypot(fit.beta[-1], walk) < most * abs(input_gain(fit, data))
-    return travel(numbers(fit, s), s.record.duration) if near or not s.trusted else None
+    return bool(near) or not s.trusted
 
 
 def travel(p: Parameters, duration: float) -> float:

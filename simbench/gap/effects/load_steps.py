@@ -130,15 +130,15 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"rate": len(fit.spec.jumps) / (s.data.n * s.record.Ts), "size": clip(size, 0.0, 100.0)}
 
 
-def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
-    """Return the size (%) of jumps that go no further than healthy records show, of a single one or
-    of those that fade beside such records; None of more. The load of an identified loop is its own.
+def ordinary(fit: Fit, s: Situation) -> bool:
+    """Return whether jumps go no further than healthy records show, or are a single one or fade
+    beside such records; the load of an identified loop is its own.
     """
     data = s.data
     most = LARGER * data.loads.get("steps", 0.0)
     petty = fit.theta["load_jump"] < most * abs(input_gain(fit, data))
     known = data.measured and (petty or len(fit.spec.jumps) == 1 or fit.spec.fade)
-    return float(numbers(fit, s)["size"]) if known or not s.trusted else None
+    return known or not s.trusted
 
 
 RECOGNISER = Recogniser(

@@ -34,10 +34,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"factor": std / stated} if stated > 0 else {"std": std}
 
 
-def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
-    """Return 0 where rounding or compression makes noise, or the baseline states a load on PV."""
-    made = s.archive.rounding is not None or s.archive.band > 0.0
-    return 0.0 if made or s.loads_on_pv else None
+def ordinary(fit: Fit, s: Situation) -> bool:
+    """Return whether rounding or compression makes noise, or the baseline states a load on PV."""
+    return s.archive.rounding is not None or s.archive.band > 0.0 or bool(s.loads_on_pv)
 
 
 RECOGNISER = Recogniser(

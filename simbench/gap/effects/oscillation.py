@@ -65,9 +65,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
 
 
-def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
-    """Return the amplitude (%) of a sine that healthy records show, or of so few periods that it is
-    a load that wanders as far as theirs, or as that of an identified loop does; None of any other.
+def ordinary(fit: Fit, s: Situation) -> bool:
+    """Return whether a sine is one that healthy records show, or of so few periods that it is a
+    load that wanders as far as theirs, or as that of an identified loop does.
     """
     period = fit.theta["period"]
     amplitude = float(np.hypot(*fit.beta[-2:]))
@@ -76,8 +76,7 @@ def ordinary(fit: Fit, base: Fit, s: Situation) -> float | None:
     )
     p = numbers(fit, s)
     near = float(p["amplitude"]) <= LARGER * s.data.loads.get("slow", 0.0)
-    plain = stated or (wanders(p, s.record.duration) and (near or not s.trusted))
-    return float(p["amplitude"]) if plain else None
+    return stated or (wanders(p, s.record.duration) and (near or not s.trusted))
 
 
 def wanders(p: Parameters, duration: float) -> bool:

@@ -127,7 +127,7 @@ def test_jumps_of_a_load_that_wanders_are_an_event():
     engine = Engine(s.data, load_memory(s))
     bare = engine.base()
     jumping = fit_candidates(engine, bare, ["load_steps"])["load_steps"]
-    assert not recogniser("load_steps").ordinary(jumping.fit, bare, s)
+    assert not recogniser("load_steps").ordinary(jumping.fit, s)
 
 
 def test_a_candidate_gains_what_its_fit_brought_less_the_price_of_its_numbers(plain):
