@@ -34,8 +34,8 @@ ALL = "all rules"
 
 # each rule, and what stands in its place when it is off
 RULES: dict[str, dict[str, Any]] = {
-    "what is not likely is unknown where the simulation stays far": {
-        "simbench.gap.decide.posterior.Posterior.not_known": lambda self, times, block: self
+    "something unknown is likelier where the simulation stays far": {
+        "simbench.gap.decide.posterior.Posterior.afar": lambda self, times, block: self
     },
     "a lag that MV shows is a gap only where PV answers MV": {
         "simbench.gap.decide.assess.NOT_IN_PLANT": "off"

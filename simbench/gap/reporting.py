@@ -12,7 +12,6 @@ from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.decide.evidence import known_by
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.report.next_test import tell_apart
@@ -22,7 +21,7 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import at_rest, from_posterior, from_record, without
 from simbench.gap.stiction.deniable import deniable
 from simbench.gap.stiction.friction import stands
-from simbench.gap.thresholds import DENIED_BELOW, LIKELIER, NEAR
+from simbench.gap.thresholds import DENIED_BELOW, NEAR
 from simbench.loop import resolve
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
 
@@ -110,33 +109,16 @@ def report(
 def _beside_simulations(
     assessment: Assessment, weights: Posterior, runs: ClosedLoops
 ) -> tuple[Posterior, Shrinkage, tuple[Remaining, ...]]:
-    """Return the posterior beside simulations with its answer, what they close, and what remains.
-
-    An effect that is likelier than not, or that law or samples show, is named however far they are,
-    and the less probable.
+    """Return the posterior beside simulations with its answer, what they close, and what remains:
+    the farther they stay, the likelier is something unknown.
     """
     named = name_effects(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
+    left = remaining(assessment.situation, main.features)
     times = main.after / (NEAR * main.plant_floor)
-    if not known_by(assessment.rows) and _lacks_unknown(weights, main):
-        far = remaining(assessment.situation, main.features)
-        block = far[0].block if far else "disturbance"
-        weights = weights.not_known(times, block)
-        main = runs.shrink([])
-    elif times > 1.0 and named[0] in EFFECTS and not is_friction(named[0]):
-        weights = weights.afar(times)
-    return weights, main, remaining(assessment.situation, main.features)
-
-
-def _lacks_unknown(weights: Posterior, main: Shrinkage) -> bool:
-    """Return whether something unknown is lacking: nothing is likelier than not, and the simulation
-    stays far from the record, or the likeliest is friction that is denied.
-    """
-    first = weights.first
-    if first == UNKNOWN or (first != NONE and weights.probability[first] > LIKELIER):
-        return False
-    denied = is_friction(first) and weights.friction < DENIED_BELOW
-    return denied or not within_reach(main.after, main.plant_floor)
+    if times > 1.0 and named[0] != UNKNOWN and not is_friction(named[0]):
+        weights = weights.afar(times, left[0].block if left else "disturbance")
+    return weights, main, left
 
 
 def _ranking(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import softmax
+from scipy.special import expit, softmax
 
 from simbench.gap.decide.evidence import Evidence, known_by, nats_of
 from simbench.gap.effects import is_friction
@@ -18,6 +18,7 @@ from simbench.gap.thresholds import (
     OF_TWO,
     SECOND_NATS,
     TEMPERATURE,
+    UNKNOWN_BEFORE,
 )
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
 
@@ -69,32 +70,33 @@ class Posterior:
         by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
         return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
 
-    def afar(self, times: float) -> Posterior:
+    def afar(self, times: float, block: str) -> Posterior:
         """Return the posterior where simulations with the first answer, which is no friction, stay
-        `times` as far from the record as is near: unknown is likelier, though not the first.
+        `times` as far from the record as is near: something unknown in a block is likelier, before
+        none, but not before an effect; friction, which is asked by itself, keeps its share.
         """
-        both = 1.0 - self.friction
-        others = both - self.probability[UNKNOWN]
-        odds = self.probability[UNKNOWN] / others * times**AFAR
-        kept = both / others / (1.0 + odds)
-        return self._take(1.0 - max(kept, both / (others + EDGE * self.probability[self.first])))
-
-    def not_known(self, times: float, block: str) -> Posterior:
-        """Return the posterior where no effect is likelier than not either: unknown is the first,
-        and lies in a block.
-        """
-        stuck = max(v for e, v in self.probability.items() if is_friction(e))
-        q = max(times / (1.0 + times), stuck / (1.0 - self.friction))
-        return replace(self._take(min(q, EDGE)), unknown_block=block)
-
-    def _take(self, share: float) -> Posterior:
-        """Return the posterior in which unknown takes a share from all but friction, whose
-        probability is asked by itself.
-        """
+        # the share of unknown in all but friction; where no test was asked, by that before looking
         p = self.probability
-        kept = {e: v if is_friction(e) else (1.0 - share) * v for e, v in p.items()}
-        kept[UNKNOWN] = p[UNKNOWN] + share * (1.0 - self.friction - p[UNKNOWN])
-        return replace(self, probability=kept)
+        both = 1.0 - self.friction
+        others = both - p[UNKNOWN]
+        before = max(p[UNKNOWN] / others, UNKNOWN_BEFORE / (1.0 - UNKNOWN_BEFORE))
+        share = float(expit(np.log(before) + AFAR * np.log(times)))
+
+        # friction is no more the first than before
+        stuck = max(v for e, v in p.items() if is_friction(e))
+        first = p[self.first]
+        if self.first == NONE:
+            share = max(share, stuck / both / EDGE)
+        else:
+            stays = EDGE * first / (others + EDGE * first)
+            stays = min(stays, 1.0 - stuck * others / (EDGE * first * both))
+            share = min(share, max(stays, p[UNKNOWN] / both))
+
+        # what the others keep
+        kept = (1.0 - min(share, EDGE)) * both / others
+        probability = {e: v if is_friction(e) else kept * v for e, v in p.items()}
+        probability[UNKNOWN] = both - kept * others
+        return replace(self, probability=probability, unknown_block=block)
 
 
 def posterior(

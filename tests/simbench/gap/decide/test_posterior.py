@@ -198,13 +198,12 @@ def test_a_share_of_friction_leaves_the_others_their_odds():
 
 
 @pytest.mark.parametrize("times", [1.01, 2.0, 50.0])
-@pytest.mark.parametrize("friction", [0.0, 0.2, 0.49])
-def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_its_share(
-    times, friction
-):
-    w = weighed(friction=friction, stiction=2.0, drift=9.0, noise=8.5)
-    far = w.not_known(times, "sensor")
-    assert far.first == UNKNOWN
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+def test_far_from_the_record_none_is_unknown_and_friction_keeps_its_share(times, friction):
+    w = weighed(worst=(0.0, "process"), friction=friction, stiction=2.0, drift=3.0, noise=2.0)
+    assert w.first == NONE
+    far = w.afar(times, "sensor")
+    assert (far.probability[UNKNOWN] > far.probability[NONE]) == (times > 1.8)
     assert far.block(UNKNOWN) == "sensor"
     assert far.friction == pytest.approx(friction)
     assert sum(far.probability.values()) == pytest.approx(1.0)
@@ -214,7 +213,7 @@ def test_far_from_the_record_what_is_not_likely_is_unknown_and_friction_keeps_it
 @pytest.mark.parametrize("times", [1.0, 1.5, 9.0])
 def test_an_effect_that_is_named_afar_is_less_probable_and_still_the_first(times):
     w = weighed(worst=(0.1, "process"), stiction=4.0, drift=30.0, noise=20.0)
-    away = w.afar(times)
+    away = w.afar(times, "process")
     assert away.first == "drift"
     assert sum(away.probability.values()) == pytest.approx(1.0)
     assert away.friction == pytest.approx(w.friction)
