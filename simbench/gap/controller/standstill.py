@@ -76,7 +76,8 @@ def comes_back(op: np.ndarray, unit: float, least: int = 1) -> bool:
     x = op[moves]
     turns = x[1:-1][(x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])]
     near = turns[turns >= x.max() - _END * np.ptp(x)]
-    chance = min(unit / (_END * float(np.ptp(x)) or 1.0), 1.0)
+    # OP that wavers between two neighbouring steps turns at the outer one alone
+    chance = min(2.0 * unit / (_END * float(np.ptp(x)) or 1.0), 1.0)
     at_maximum = int(np.count_nonzero(near == x.max()))
     rare = scipy.special.bdtrc(at_maximum - 1, near.size, chance) < _BY_CHANCE
     return bool(at_maximum > least and rare)
