@@ -241,9 +241,9 @@ UNKNOWN_BEFORE = AnswerThreshold(
 AFAR = AnswerThreshold(
     4.0,
     "power",
-    "of how many times as far as near the simulation with a named effect stays, by which something"
-    " unknown is likelier",
-    "of 20 such answers on four simulators within 1.25 times 17 were right, of 13 beyond it 5",
+    "of how many times as far as near the simulation stays, by which something unknown is likelier",
+    "a choice: of 20 effects named on four simulators within 1.25 times 17 were right, of 13"
+    " beyond it 5",
 )
 TAILS = AnswerThreshold(
     3.0,

@@ -111,8 +111,8 @@ def shown(s: Situation, loop: Loop, block: str) -> Iterator[Copy]:
         return  # what happens between its samples no record shows
     if block == "controller":
         yield from _with_shown_law(s, loop)
-    elif all(block_of(effect.name) != "sensor" for effect in loop.effect):
-        # what a sensor that is stated does to a load cannot be undone
+    elif all(e.name == "quantisation" or block_of(e.name) != "sensor" for e in loop.effect):
+        # what a sensor that is stated does to a load cannot be undone; rounding hardly changes it
         yield from _with_shown_load(s, loop, plant_too=block in ("process", "disturbance"))
 
 

@@ -113,6 +113,9 @@ def test_a_stated_sensor_leaves_the_load_as_it_is(bursts):
     lagging = STATED | {"effect": [{"name": "sensor_lag", "tau": 5.0}]}
     found = bursts.behind.found.situation
     assert list(shown(found, Loop.from_table(lagging), "disturbance")) == []
+    # but for one that rounds, as every card does
+    rounding = STATED | {"effect": [{"name": "quantisation", "step": 0.05}]}
+    assert list(shown(found, Loop.from_table(rounding), "disturbance"))
 
 
 @pytest.mark.parametrize(
