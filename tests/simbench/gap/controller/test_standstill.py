@@ -146,6 +146,11 @@ def test_coarse_values_meet_at_their_extreme_by_chance():
     op = np.round(50.0 + 4.0 * np.sin(np.arange(2000) * 0.11) + rng.uniform(-0.3, 0.3, 2000))
     assert not comes_back(op, 1.0)
     assert comes_back(op, 1e-3)  # as if it could be anything between
+    # OP that wavers at one end between two neighbouring values turns at the outer one alone
+    wavers = np.round(50.0 + 2.0 * np.sin(np.arange(2000) * 0.11))
+    wavers[500:600] = np.resize([54.5, 54.0], 100)
+    assert not comes_back(wavers, 0.5)
+    assert comes_back(wavers, 0.05)
 
 
 @pytest.mark.parametrize(("exact", "skips"), [(0.03, False), (0.2, True)])
