@@ -35,7 +35,7 @@ ALL = "all rules"
 # each rule, and what stands in its place when it is off
 RULES: dict[str, dict[str, Any]] = {
     "something unknown is likelier where the simulation stays far": {
-        "simbench.gap.decide.posterior.Posterior.afar": lambda self, times, block: self
+        "simbench.gap.decide.posterior.Posterior.afar": lambda self, *_: self
     },
     "a lag that MV shows is a gap only where PV answers MV": {
         "simbench.gap.decide.assess.NOT_IN_PLANT": "off"

@@ -12,6 +12,7 @@ from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
+from simbench.gap.decide.evidence import known_by
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.report.next_test import tell_apart
@@ -117,7 +118,8 @@ def _beside_simulations(
     left = remaining(assessment.situation, main.features)
     times = main.after / (NEAR * main.plant_floor)
     if times > 1.0 and named[0] != UNKNOWN and not is_friction(named[0]):
-        weights = weights.afar(times, left[0].block if left else "disturbance")
+        block = left[0].block if left else "disturbance"
+        weights = weights.afar(times, block, bool(known_by(assessment.rows)))
     return weights, main, left
 
 

@@ -129,6 +129,12 @@ MANY_CYCLES = AnswerThreshold(33.0, "cycles", "more count as so many", _WEIGHTS)
 WORTH_REPAIRING = AnswerThreshold(
     1.0, "% of travel", "S below which a valve need not be repaired", _CHOICE
 )
+MAY_STAND = AnswerThreshold(
+    5.0,
+    "% of travel",
+    "of OP's range, within which a valve may stick all the time: few have a wider band",
+    _CHOICE,
+)
 NARROWEST = AnswerThreshold(
     0.2,
     "share of OP's range",

@@ -21,6 +21,8 @@ _OFTEN = 0.01
 # that as many of them are at the very same extreme without a limit, below which there is one
 _END = 0.1
 _BY_CHANCE = 1e-4
+# steps of OP's lattice that this end must hold: OP that wavers between two turns at the outer one
+_FEWEST_STEPS = 3.0
 # turning points at an extreme, beyond which it is a limit though OP neither rests nor is pushed
 # there: of fewer one was a healthy record's
 _COMES = 5
@@ -76,8 +78,10 @@ def comes_back(op: np.ndarray, unit: float, least: int = 1) -> bool:
     x = op[moves]
     turns = x[1:-1][(x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])]
     near = turns[turns >= x.max() - _END * np.ptp(x)]
-    # OP that wavers between two neighbouring steps turns at the outer one alone
-    chance = min(2.0 * unit / (_END * float(np.ptp(x)) or 1.0), 1.0)
+    end = _END * float(np.ptp(x))
+    if end < _FEWEST_STEPS * unit:
+        return False
+    chance = unit / (end or 1.0)
     at_maximum = int(np.count_nonzero(near == x.max()))
     rare = scipy.special.bdtrc(at_maximum - 1, near.size, chance) < _BY_CHANCE
     return bool(at_maximum > least and rare)

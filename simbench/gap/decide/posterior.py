@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit, softmax
 
-from simbench.gap.decide.evidence import Evidence, known_by, nats_of
+from simbench.gap.decide.evidence import ALONE, Evidence, known_by, nats_of
 from simbench.gap.effects import is_friction
 from simbench.gap.thresholds import (
     AFAR,
@@ -70,10 +70,11 @@ class Posterior:
         by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
         return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
 
-    def afar(self, times: float, block: str) -> Posterior:
+    def afar(self, times: float, block: str, known: bool) -> Posterior:
         """Return the posterior where simulations with the first answer, which is no friction, stay
-        `times` as far from the record as is near: something unknown in a block is likelier, before
-        none, but not before an effect; friction, which is asked by itself, keeps its share.
+        `times` as far from the record as is near: something unknown in a block is likelier, but not
+        before an effect that is likelier than not, or `known` by law or samples; friction, which is
+        asked by itself, keeps its share.
         """
         # the share of unknown in all but friction; where no test was asked, by that before looking
         p = self.probability
@@ -85,7 +86,7 @@ class Posterior:
         # friction is no more the first than before
         stuck = max(v for e, v in p.items() if is_friction(e))
         first = p[self.first]
-        if self.first == NONE:
+        if not known and (self.first == NONE or first < LIKELIER):
             share = max(share, stuck / both / EDGE)
         else:
             stays = EDGE * first / (others + EDGE * first)
@@ -174,7 +175,11 @@ def posterior(
     if apart:
         return out.with_friction(share)
     sticks = any(map(is_friction, (*nats, *beside)))
-    return out.with_friction(share * (1.0 - q)) if sticks else out
+    if not sticks:
+        return out
+    # where something is unknown, friction is what OP and PV show of it by themselves
+    alone_nats = max((row.nats for row in rows if row.source == ALONE), default=-np.inf)
+    return out.with_friction((1.0 - q) * share + q * float(expit(TEMPERATURE * alone_nats)))
 
 
 def _shares(nats: Mapping[str, float], alone: str, least: float) -> dict[str, float]:

@@ -7,7 +7,7 @@ to move.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -16,12 +16,15 @@ from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.decide.recorded_mv import least_band
-from simbench.gap.situation import Situation
+from simbench.gap.likelihood.engine import Engine
+from simbench.gap.situation import Situation, load_memory
 from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.measured import op_range
 from simbench.gap.thresholds import (
     FEWEST_PER_PERIOD,
     INTEGRAL,
+    LEAST_NATS,
+    MAY_STAND,
     NARROWEST,
     REVERSALS,
     WORTH_REPAIRING,
@@ -69,7 +72,25 @@ def deniable(view: Assessment) -> Deniable:
             "friction cannot be ruled out: no integral action moves OP until a valve that sticks"
             f" moves, and by most of its range OP turned fewer than {REVERSALS:g} times",
         )
-    return Deniable(max(WORTH_REPAIRING, NARROWEST * op_range(s.op)))
+    moved = op_range(s.op)
+    if moved <= MAY_STAND and _stands_as_well(s):
+        return Deniable(
+            math.inf,
+            "friction cannot be ruled out: a valve that stands still explains PV as well, and OP"
+            f" moved by {moved:.2g} % only",
+        )
+    return Deniable(max(WORTH_REPAIRING, NARROWEST * moved))
+
+
+def _stands_as_well(s: Situation) -> bool:
+    """Return whether PV may be what it is though the valve never moved, as far as any evidence must
+    tell.
+    """
+    moving, standing = (
+        Engine(replace(s.data, u=u), load_memory(s)).base().loglik
+        for u in (s.data.u, np.full_like(s.data.u, s.data.u.mean()))
+    )
+    return standing > moving - LEAST_NATS
 
 
 def _by_mv(s: Situation) -> Deniable:

@@ -5,12 +5,13 @@ only what it should.
 import numpy as np
 import pytest
 
-from simbench.gap.decide.evidence import LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
+from simbench.gap.decide.evidence import ALONE, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.posterior import Posterior, posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.thresholds import (
     AFAR,
     DENIED_BELOW,
+    EDGE,
     LEAST_NATS,
     OF_TWO,
     SECOND_NATS,
@@ -161,6 +162,23 @@ def test_friction_that_is_weighed_apart_takes_nothing_from_the_odds_of_the_other
     assert ranking[:2] == ["stiction", "drift"]
 
 
+def test_where_something_is_unknown_friction_is_what_op_and_pv_show_by_themselves():
+    seen = [*rows(stiction=60.0), Evidence("stiction", ALONE, 9.0)]
+    by_model = posterior(rows(stiction=60.0), "stiction", {}, (0.8, "process"))
+    both = posterior(seen, "stiction", {}, (0.8, "process"))
+    alone = 1.0 / (1.0 + np.exp(-TEMPERATURE * 9.0))
+    assert by_model.friction == pytest.approx(0.2 * EDGE)
+    assert both.friction == pytest.approx(0.2 * EDGE + 0.8 * alone)
+
+
+def test_an_effect_that_is_not_likelier_than_not_is_unknown_far_from_the_record_unless_known():
+    w = weighed(drift=12.0, noise=11.5)
+    assert w.first == "drift"
+    assert w.probability["drift"] < 0.5
+    assert w.afar(9.0, "sensor", known=False).first == UNKNOWN
+    assert w.afar(9.0, "sensor", known=True).first == "drift"
+
+
 def test_a_rival_that_needs_friction_beside_it_does_not_deny_friction():
     seen = rows(stiction=60.0, load_steps=60.0)
     alone = posterior(seen, "stiction", {"stiction": {}}, SOUND)
@@ -202,7 +220,7 @@ def test_a_share_of_friction_leaves_the_others_their_odds():
 def test_far_from_the_record_none_is_unknown_and_friction_keeps_its_share(times, friction):
     w = weighed(worst=(0.0, "process"), friction=friction, stiction=2.0, drift=3.0, noise=2.0)
     assert w.first == NONE
-    far = w.afar(times, "sensor")
+    far = w.afar(times, "sensor", known=False)
     assert (far.probability[UNKNOWN] > far.probability[NONE]) == (times > 1.8)
     assert far.block(UNKNOWN) == "sensor"
     assert far.friction == pytest.approx(friction)
@@ -213,7 +231,7 @@ def test_far_from_the_record_none_is_unknown_and_friction_keeps_its_share(times,
 @pytest.mark.parametrize("times", [1.0, 1.5, 9.0])
 def test_an_effect_that_is_named_afar_is_less_probable_and_still_the_first(times):
     w = weighed(worst=(0.1, "process"), stiction=4.0, drift=30.0, noise=20.0)
-    away = w.afar(times, "process")
+    away = w.afar(times, "process", known=False)
     assert away.first == "drift"
     assert sum(away.probability.values()) == pytest.approx(1.0)
     assert away.friction == pytest.approx(w.friction)

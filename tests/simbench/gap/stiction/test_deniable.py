@@ -9,6 +9,7 @@ from recorded import LOADED_FAST
 
 from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.gap.diagnosis import conclude
 from simbench.gap.stiction.conclusion import judged
 from simbench.gap.stiction.deniable import largest_asked
 from simbench.gap.stiction.friction import friction
@@ -46,6 +47,21 @@ def test_a_valve_that_op_does_not_turn_back_shows_nothing_without_integral_actio
     found = judged(read_record(PUBLISHED / "quiet_sticky_2.csv"))[0]
     assert found.verdict not in (STICTION, NO_STICTION)
     assert "no integral action" in found.reason
+
+
+@pytest.mark.parametrize("valve", [{}, {"valve": {"model": "choudhury", "S": 8.0, "J": 2.0}}])
+@pytest.mark.parametrize(("load", "told"), [(0.4, False), (4.0, True)])
+def test_a_loop_file_denies_nothing_where_a_valve_that_stands_explains_pv_as_well(
+    valve, load, told
+):
+    quiet = LOADED_FAST | {
+        "controller": {"type": "PI", "Kc": 0.5, "Ti": 40.0},
+        "disturbance": [{"type": "coloured", "amplitude": load, "period": 60.0}],
+    }
+    record = simulate(Loop.from_table(quiet | valve), 3).record.without_mv()
+    found = conclude(record, Loop.from_table(quiet))
+    assert (found.verdict == NO_STICTION) == (told and not valve)
+    assert ("a valve that stands still" in found.reason) == (not told and not valve)
 
 
 def test_a_valve_is_asked_for_the_size_by_which_op_turns_six_times():
