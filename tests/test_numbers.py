@@ -117,7 +117,7 @@ def test_the_costs_of_larger_runs_follow_from_that_of_a_scenario():
 CONSTANTS = {
     "README.md": "95 .5",
     "docs/cost.md": "15 80",
-    "docs/site/concepts/gap.md": "26 1.5 1.5 64 90",
+    "docs/site/concepts/gap.md": "26 2.6 0.85 1.5 64 90",
     "docs/site/tutorials/gap.md": "1.5 90 10",
     "docs/trust.md": "0.41 1.09 0.61 0.79 1.9 20 15 50 0.9 0.2 0.6 0.2 0.2 0.8 60",
 }
