@@ -113,13 +113,21 @@ def _beside_simulations(
     """Return the posterior beside simulations with its answer, what they close, and what remains:
     the farther they stay, the likelier is something unknown.
     """
+    # the simulation with the answer in it
     named = name_effects(weights, assessment)
     main = runs.shrink([e for e in named if e in EFFECTS])
     left = remaining(assessment.situation, main.features)
+
+    # what its distance says
     times = main.after / (NEAR * main.plant_floor)
     if times > 1.0 and named[0] != UNKNOWN and not is_friction(named[0]):
         block = left[0].block if left else "disturbance"
         weights = weights.afar(times, block, bool(known_by(assessment.rows)))
+
+    # where it says that no effect is the answer, none is in the simulation
+    if weights.first == UNKNOWN and named[0] in EFFECTS:
+        main = runs.shrink([])
+        left = remaining(assessment.situation, main.features)
     return weights, main, left
 
 

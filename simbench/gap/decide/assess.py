@@ -279,7 +279,7 @@ def _choose_effects(
         return [], base, {}
 
     # another one beside it
-    fits, brought = _on_top_of(first, s, rows, engine, base, candidates, friction)
+    fits, brought = _on_top_of(first, s, rows, engine, candidates, friction)
     on_top = {first: brought}
     final = candidates[first].fit if first in candidates else base
     more = [e for e in brought if brought[e] > SECOND_NATS]
@@ -291,7 +291,7 @@ def _choose_effects(
     rival = max((e for e in nats if not is_friction(e)), key=lambda e: nats[e], default=NONE)
     close = nats.get(rival, -np.inf) > nats[first] - SECOND_NATS
     if friction is None and is_friction(first) and not known and close:
-        on_top[rival] = _on_top_of(rival, s, rows, engine, base, candidates, friction)[1]
+        on_top[rival] = _on_top_of(rival, s, rows, engine, candidates, friction)[1]
     return [first, second] if more else [first], final, on_top
 
 
@@ -300,25 +300,28 @@ def _on_top_of(
     s: Situation,
     rows: Sequence[Evidence],
     engine: Engine,
-    base: Fit,
     candidates: Mapping[str, Candidate],
     friction: float | None,
 ) -> tuple[dict[str, Candidate], dict[str, float]]:
     """Return the fits of effects of another block beside a first one, and the nats that they bring
     on top of it.
     """
+    # effects of another block, of which friction may be weighed apart
     nats = nats_of(rows)
     others = [e for e in nats if block_of(e) != block_of(first)]
     if friction is not None:
         others = [e for e in others if not is_friction(e)]
+
+    # their fits beside the first, but of what any loop does by itself
     fits: dict[str, Candidate] = {}
     if first in candidates:
         final = candidates[first].fit
         fits = fit_candidates(engine, final, [e for e in others if e in candidates])
         plain = _effects_of_any_loop(s, fits)
         others = [e for e in others if e not in plain]
+
+    # what they bring; what OP and PV say by themselves holds beside the first effect, too
     brought = {e: float(fits[e].log_likelihood_gain) if e in fits else nats[e] for e in others}
-    # what OP and PV say by themselves holds beside the first effect, too
     for row in rows:
         if row.source == ALONE and row.effect in fits and row.effect in brought:
             brought[row.effect] += row.nats

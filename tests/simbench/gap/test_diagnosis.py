@@ -162,6 +162,11 @@ def test_where_nothing_is_named_and_the_simulation_stays_far_the_answer_is_unkno
     assert loops.shrunk[-1] == []
     assert answer.shrinkage is None
     assert answer.ranking[0].effect == "unknown"
+    # nor is an effect in it that is not likelier than not, where it stays far
+    loops = Loops(FAR)
+    unlikely = report(assessed("drift"), weighed(drift=0.4, noise=0.3, none=0.3), loops)
+    assert unlikely.effect == "unknown"
+    assert loops.shrunk == [["drift"], []]
     # an effect that is named is the less probable
     named = report(assessed("drift"), weighed(drift=0.6, none=0.4), Loops(FAR))
     assert named.effect == "drift"
