@@ -37,6 +37,17 @@ def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
     return False
 
 
+def kicks_text(loop: SampledLoop, cycle: ExactCycle, least: float) -> str:
+    """Say which offsets of OP start the cycle, of a scan from the least one to the limit of OP."""
+    scan = least * _RATIO ** np.arange(int(np.log(loop.hi / least) / np.log(_RATIO)) + 1)
+    starting = [kick for kick in scan if starts_cycle(loop, cycle, kick)]
+    tried = f"{least:.4g} to {scan[-1]:.4g} %"
+    if len(starting) == len(scan):
+        return f"every offset of OP tried, {tried}, starts the cycle"
+    said = f"of {len(scan)} offsets of OP tried, {tried}, {len(starting)} start the cycle"
+    return said + (f", none above {starting[-1]:.4g} %" if starting[-1] < scan[-1] else "")
+
+
 def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
     """Return the smallest kick (%) that starts the limit cycle from rest, or None when none within
     the limits of OP does.

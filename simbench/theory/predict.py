@@ -25,7 +25,8 @@ def predict(loop: Loop) -> dict[str, Any]:
     dict
         table_11_3, refined (bool or None), describing_function (list of period in s, amplitude in %
         of OP, stable), exact (period in s, half peak-to-peak of OP in %, kick_min in % or None when
-        no kick starts it; None when there is no cycle or the valve has no (S, J)), reason (str).
+        no kick starts it; None when there is no cycle or the valve has no (S, J)), reason (str; it
+        says, too, whether offsets of OP larger than kick_min start the cycle).
 
     Raises
     ------
@@ -72,7 +73,7 @@ def as_text(found: dict[str, Any]) -> str:
         kick = (
             "no offset of OP starts it"
             if exact["kick_min"] is None
-            else f"started by an offset of OP of {exact['kick_min']:.4g} % or more"
+            else f"the least offset of OP that starts it is {exact['kick_min']:.4g} %"
         )
         cycle = f"{exact['period']:.4g} s, OP +-{exact['amplitude']:.4g} %, {kick}"
     lines = [

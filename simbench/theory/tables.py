@@ -11,7 +11,7 @@ from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import undisturbed
 from simbench.loop.setup import Setup
 from simbench.scenarios.spec import Loop
-from simbench.theory.basin import kick_min
+from simbench.theory.basin import kick_min, kicks_text
 from simbench.theory.cycle import ExactCycle, exact_cycle
 from simbench.theory.describing import deadzone, intersections, measured, stiction
 from simbench.theory.sampled import SampledLoop, mapped_valve, reduced
@@ -131,7 +131,10 @@ def truth_columns(
         theory.update(
             {k: getattr(cycle, k) for k in ("period", "amplitude", "multiplier", "irregularity")}
         )
-        theory["kick_min"] = kick_min(sampled, cycle) if kick else None
+        if kick:
+            least = theory["kick_min"] = kick_min(sampled, cycle)
+            says = [] if least is None else [kicks_text(sampled, cycle, least)]
+            theory["reason"] = "; ".join(filter(None, [theory["reason"], *says]))
     if sampled.kd > 0.0:
         theory["reason"] = "; ".join(filter(None, [_NO_CELL, theory["reason"]]))
         return None, None, theory

@@ -260,7 +260,7 @@ def test_a_prediction_is_printed_line_by_line():
         "Table 11.3             limit cycle",
         "same, with conditions  no limit cycle",
         "describing function    20 s, OP +-3 %, stable; 5 s, OP +-9.5 %, unstable",
-        "exact cycle            19 s, OP +-2.5 %, started by an offset of OP of 3.51 % or more",
+        "exact cycle            19 s, OP +-2.5 %, the least offset of OP that starts it is 3.51 %",
         "note                   why",
     ]
     bare = {
