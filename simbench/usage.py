@@ -21,6 +21,7 @@ from simbench.scenarios.errors import SpecError
 
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
 TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
+UNREAD = 128 + signal.SIGPIPE  # the same of a command whose reader is gone: no verdict
 _LONGEST = 950  # characters of a sentence; a longer one is cut in its middle
 
 
@@ -45,7 +46,9 @@ def _exit_code_of(work: Callable[[], int | None], command: Sequence[str]) -> int
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         with _terminable():
-            return int(work() or 0)
+            code = int(work() or 0)
+            sys.stdout.flush()  # a lost reader shows here, not while the interpreter ends
+            return code
     except (UserError, SpecError) as error:
         cure = getattr(error, "cure", "")
         return complain(
@@ -55,12 +58,14 @@ def _exit_code_of(work: Callable[[], int | None], command: Sequence[str]) -> int
         )
     except BrokenPipeError:
         _drop(sys.stdout)
-        return 0
+        return UNREAD
     except KeyboardInterrupt as error:
         print(masked(error) or "interrupted", file=sys.stderr)
         return 130
     except SystemExit as stop:
-        # argparse has printed its help or its complaint by then, click lost its reader (1)
+        # click ends with 1 where its reader is gone, argparse has printed its help or its complaint
+        if isinstance(stop.__context__, BrokenPipeError):
+            return UNREAD
         return int(stop.code or 0) if stop.code in (None, 0, 1, TERMINATED) else 2
     except Exception as error:
         return complain(sentence_of(error, command))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -13,8 +15,8 @@ import pyarrow.parquet as pq
 from simbench.bench.score.names import OF_NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
 from simbench.bench.score.tally import RATES
-from simbench.bench.store.folder import write_file
-from simbench.bench.store.manifest import read_manifest, write_manifest
+from simbench.bench.store.folder import RunError, visible_names, write_file
+from simbench.bench.store.manifest import MANIFEST, read_manifest, write_manifest
 from simbench.bench.store.reading import read_table
 from simbench.files import folder as make_folder
 from simbench.files import write_table
@@ -92,6 +94,7 @@ def _write_verdicts(
     run: str | Path, folder: str | Path, emptied: Mapping[str, Sequence[str]]
 ) -> Path:
     """Write the tables of a run with some columns empty, and the manifest, which comes last."""
+    _refuse_foreign(Path(folder))
     folder = make_folder(folder)
     whole = read_manifest(run)
     manifest = {k: v for k, v in whole.items() if k in _KEPT}
@@ -119,3 +122,19 @@ def _write_verdicts(
         write_file(folder / f"{kind}.parquet", out.getvalue())
     write_manifest(folder, manifest)
     return folder
+
+
+def _refuse_foreign(folder: Path) -> None:
+    """Raise RunError where a folder holds files, and no manifest of a run or baseline, be it an
+    older one.
+    """
+    if not visible_names(folder):
+        return
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        stated = json.loads((folder / MANIFEST).read_bytes())
+        if isinstance(stated, dict) and stated.keys() >= {"format", "grid_hash", "methods"}:
+            return
+    raise RunError(
+        f"{folder} is not empty and holds no baseline, so nothing was written there; name an empty"
+        " or a new folder, or one of a baseline"
+    )

@@ -75,6 +75,9 @@ def unseen_losses(tests: pd.DataFrame, basis: str) -> Iterator[str]:
 
 def say_power(tests: pd.DataFrame, basis: str) -> str:
     """Return which losses would have been found, and which must be, in a sentence."""
+    if tests.empty:
+        return "No method is in both, so no loss could be found"
+
     seen = tests[tests["truth"] == "cycled"].groupby("what")["seen"]
     ends = {what: sorted({f"{100.0 * x:.1f}" for x in (x.min(), x.max())}) for what, x in seen}
     smallest = " and ".join(

@@ -326,3 +326,15 @@ def test_a_reader_that_goes_away_is_no_fault():
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True)
     assert done.returncode in (0, 1)
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("command", ["list thresholds", "list grids --json", "--help"])
+def test_a_reader_that_is_gone_is_no_verdict(command):
+    read, write = os.pipe()
+    os.close(read)
+    ended = subprocess.run(
+        [sys.executable, "-m", "simbench.cli", *command.split()], stdout=write, stderr=-1, text=True
+    )
+    os.close(write)
+    # as a shell says of any command that SIGPIPE ends; 1 means that a detector became worse
+    assert (ended.returncode, ended.stderr) == (141, "")

@@ -385,6 +385,23 @@ def test_updating_names_what_moves(run, moved, tmp_path):
     assert not check_run(moved, base).failed
 
 
+def test_a_folder_of_something_else_is_not_made_a_baseline(run, tmp_path):
+    (tmp_path / "manifest.json").write_text('{"name": "an app"}')
+    (tmp_path / "scores.csv").write_text("game,score\n")
+    before = {f.name: f.read_bytes() for f in tmp_path.iterdir()}
+    with pytest.raises(RunError, match="holds no baseline, so nothing was written there"):
+        update_baseline(run, tmp_path)
+    assert {f.name: f.read_bytes() for f in tmp_path.iterdir()} == before
+
+
+def test_a_run_without_any_method_of_the_baseline_is_worse(run, tmp_path):
+    update_baseline(run, tmp_path / "base")
+    other = run_grid("smoke", tmp_path / "other", ["ellipse"], progress=False)
+    code, said, _ = checked(other, "--against", tmp_path / "base")
+    assert (code, said["result"]) == (1, "worse")
+    assert "method yamashita is in the baseline, not in the run" in said["reasons"]
+
+
 def test_old_formats_strangers_and_damage_are_refused(run, tmp_path):
     base = tmp_path / "baseline"
     update_baseline(run, base)
