@@ -275,7 +275,7 @@ class _Course:
         return (
             "yes",
             f"period {o.period_s:.4g} s, regularity r = {o.regularity:.1f}{where}",
-            "Its most likely origin is the valve; continue.",
+            "The next steps ask whether the valve makes it.",
         )
 
     def valve(self) -> tuple[str, str, str]:

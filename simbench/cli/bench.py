@@ -62,8 +62,8 @@ def score(
         list[str] | None,
         Option(
             metavar="ID",
-            help="Show this method of the run alone, with its rank among all; with --paired compare"
-            " it with every other; may be repeated.",
+            help="Show this method of the run alone, or several with commas, with their ranks among"
+            " all; with --paired compare them with every other; may be repeated.",
         ),
     ] = None,
     to: Annotated[
@@ -126,7 +126,8 @@ def score(
     book = read_joined(folder)
     scores = score_book(book, cost, allow_failed)
     failed = read_failures(folder)
-    scores = scores.of(method) if method else scores
+    asked = [name.strip() for text in method or [] for name in text.split(",")]
+    scores = scores.of(asked) if asked else scores
     answer = Asked(scores, truth, paired, by or [])
     if to is not None:
         write_asked(answer, to)

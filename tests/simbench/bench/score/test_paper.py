@@ -116,7 +116,7 @@ def test_a_method_alone_is_shown_by_all_three_shares_over_two_axes(finished, tmp
     for share in ("he: accuracy", "he: sensitivity", "he: false positives"):
         assert share in said
     assert "yamashita" not in said
-    assert main(["score", str(finished), "--method", "he", "--json"]) == 0
+    assert main(["score", str(finished), "--method", "he, he", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert {row["method"] for row in rows} == {"he"}
 
