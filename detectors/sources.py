@@ -156,6 +156,11 @@ def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
     return names, custom
 
 
+def split_names(texts: Iterable[str]) -> list[str]:
+    """Return the names in texts, each of which holds one, or several with commas."""
+    return [name.strip() for text in texts for name in text.split(",")]
+
+
 def _name_of(detector: Any) -> str:
     if isinstance(detector, type) or not (
         callable(detector) or callable(getattr(detector, "detect", None))

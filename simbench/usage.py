@@ -21,7 +21,7 @@ from simbench.scenarios.errors import SpecError
 
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
 TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
-UNREAD = 128 + signal.SIGPIPE  # the same of a command whose reader is gone: no verdict
+UNREAD = 141  # that of SIGPIPE, which not all systems have: the reader of the output is gone
 _LONGEST = 950  # characters of a sentence; a longer one is cut in its middle
 
 
@@ -44,6 +44,8 @@ def _exit_code_of(work: Callable[[], int | None], command: Sequence[str]) -> int
     """Run a command and return its exit code, whatever it raises."""
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")
+
+    # the command itself, then what it may end with: a refusal, a lost reader, a signal, a fault
     try:
         with _terminable():
             code = int(work() or 0)

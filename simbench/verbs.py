@@ -28,6 +28,7 @@ from simbench.detectors.sources import (
     as_plugin,
     as_record,
     named_methods,
+    split_names,
 )
 from simbench.detectors.verdict import PROBABILITY, Verdict
 from simbench.detectors.views import page_part
@@ -225,7 +226,7 @@ def judge_files(
 
 def _weighs(methods: Iterable[str]) -> bool:
     """Return whether all evidence about a record is weighed where these methods are asked."""
-    return bool(_WEIGHED & {one.strip() for text in methods for one in text.split(",")})
+    return not _WEIGHED.isdisjoint(split_names(methods))
 
 
 def _as_verdict(conclusion: Conclusion) -> Verdict:

@@ -15,6 +15,7 @@ from simbench.detectors.judge import FAILED
 from simbench.detectors.plugins.registry import PUBLISHED
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report import summary
+from simbench.detectors.sources import split_names
 from simbench.detectors.verdict import NO_DECISION, PROBABILITY, STICTION, Verdict
 from simbench.detectors.views import columns, page_part
 
@@ -270,7 +271,7 @@ def choose_methods(names: Iterable[str]) -> list[str]:
     """Return method ids for names that may be sets of methods."""
     # each name once, sets as what they hold
     chosen: list[str] = []
-    for name in (part.strip() for text in names for part in text.split(",")):
+    for name in split_names(names):
         # published thresholds, a set, or one method
         if name == PUBLISHED:
             some = registry.variants()

@@ -116,19 +116,22 @@ def score(
     from simbench.bench.score.scoring import score_book
     from simbench.bench.score.shipped import read_joined
     from simbench.bench.store.reading import TRUTHS
+    from simbench.detectors.sources import split_names
     from simbench.figures._asked import write_asked
     from simbench.files import refuse_own_input
 
     if truth not in TRUTHS:
         raise ParameterError(f"--truth {truth}: {nearest(truth, TRUTHS)}")
 
+    # score the run, and show some methods of it
     refuse_own_input([report, to], [folder])
     book = read_joined(folder)
     scores = score_book(book, cost, allow_failed)
     failed = read_failures(folder)
-    asked = [name.strip() for text in method or [] for name in text.split(",")]
-    scores = scores.of(asked) if asked else scores
+    scores = scores.of(split_names(method)) if method else scores
     answer = Asked(scores, truth, paired, by or [])
+
+    # write what goes into a file before what goes to the terminal, which may have no reader
     if to is not None:
         write_asked(answer, to)
     if as_json:
@@ -137,6 +140,8 @@ def score(
         show(answer.as_text(full, where_more_is(folder, full) if report is None else ""), as_json)
     if to is not None:
         say(f"{to.suffix[1:]}: {to.resolve()}", as_json)
+
+    # the page, and an exit code that counts failed methods
     if report is not None:
         from simbench.bench.score.page import write_page
 

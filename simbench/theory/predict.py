@@ -60,12 +60,15 @@ def predict(loop: Loop) -> dict[str, Any]:
 
 def as_text(found: dict[str, Any]) -> str:
     """Write a prediction in a few lines."""
+    # the table and the describing function
     word = {True: "limit cycle", False: "no limit cycle", None: "no cell"}
     waves = [
         f"{f['period']:.4g} s, OP +-{f['amplitude']:.4g} %,"
         f" {'stable' if f['stable'] else 'unstable'}"
         for f in found["describing_function"]
     ]
+
+    # the exact cycle, and what starts it
     exact = found["exact"]
     if exact is None:
         cycle = "none"
@@ -76,6 +79,8 @@ def as_text(found: dict[str, Any]) -> str:
             else f"the least offset of OP that starts it is {exact['kick_min']:.4g} %"
         )
         cycle = f"{exact['period']:.4g} s, OP +-{exact['amplitude']:.4g} %, {kick}"
+
+    # a line each
     lines = [
         ("Table 11.3", word[found["table_11_3"]]),
         ("same, with conditions", word[found["refined"]]),

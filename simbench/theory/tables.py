@@ -107,6 +107,8 @@ def truth_columns(
         ("exists", "by", "period", "amplitude", "multiplier", "irregularity", "kick_min")
     )
     theory.update(describing_function=[], reason="")
+
+    # the loop as a sampled loop with an (S, J) valve, where it is one
     setup = undisturbed(loop)
     try:
         S, J = mapped_valve(setup)
@@ -119,12 +121,16 @@ def truth_columns(
     except ParameterError as error:
         theory["reason"] = str(error)
         return None, None, theory
+
+    # without friction there is no cycle; else what the describing function says
     if sampled.fs == 0:
         theory.update(exists=False, by="exact", reason="the valve has no friction")
         return False, False, theory
     theory["describing_function"] = (
         intersections(sampled, stiction(S, J)) if waves and S > 0 else []
     )
+
+    # the exact cycle, and which offsets of OP start it
     cycle = exact_cycle(sampled)
     theory.update(exists=cycle is not None, by="exact", reason=_reason(sampled, cycle))
     if cycle is not None:
@@ -135,6 +141,8 @@ def truth_columns(
             least = theory["kick_min"] = kick_min(sampled, cycle)
             says = [] if least is None else [kicks_text(sampled, cycle, least)]
             theory["reason"] = "; ".join(filter(None, [theory["reason"], *says]))
+
+    # Table 11.3 knows P and PI alone
     if sampled.kd > 0.0:
         theory["reason"] = "; ".join(filter(None, [_NO_CELL, theory["reason"]]))
         return None, None, theory

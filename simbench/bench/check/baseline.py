@@ -94,10 +94,13 @@ def _write_verdicts(
     run: str | Path, folder: str | Path, emptied: Mapping[str, Sequence[str]]
 ) -> Path:
     """Write the tables of a run with some columns empty, and the manifest, which comes last."""
+    # where it is written, and what a baseline says of its run
     _refuse_foreign(Path(folder))
     folder = make_folder(folder)
     whole = read_manifest(run)
     manifest = {k: v for k, v in whole.items() if k in _KEPT}
+
+    # the tables, without what no comparison needs
     for kind, names in emptied.items():
         table = read_table(run, kind)
         for name in names:

@@ -78,8 +78,11 @@ def say_power(tests: pd.DataFrame, basis: str) -> str:
     if tests.empty:
         return "No method is in both, so no loss could be found"
 
+    # the smallest loss found of each kind of answer, from the best method to the worst
     seen = tests[tests["truth"] == "cycled"].groupby("what")["seen"]
     ends = {what: sorted({f"{100.0 * x:.1f}" for x in (x.min(), x.max())}) for what, x in seen}
+
+    # of detections and false alarms, and beside it the loss that must be found
     smallest = " and ".join(
         f"{' to '.join(ends[what])} of {LOST[what]}" for what in ("detection", "no false alarm")
     )

@@ -33,7 +33,7 @@ from simbench.bench.store.manifest import FROM_FILE, SOURCES, read_manifest, ref
 from simbench.bench.store.reading import read_table, table_parts
 from simbench.bench.store.tables import VERDICT_SCHEMA, as_parquet, as_table
 from simbench.detectors.errors import masked, printable
-from simbench.detectors.sources import Detector, Methods, named_methods
+from simbench.detectors.sources import Detector, Methods, named_methods, split_names
 from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.files import refuse_taken
 
@@ -225,8 +225,7 @@ def _methods_to_ask(
     for name in plugins:
         if name in stated["methods"]:
             raise RunError(f"{folder} has a method {name!r} already; another name is needed")
-    words = [word.strip() for text in words for word in text.split(",")]
-    names = choose_with_oracle([word for word in words if word not in plugins], [])
+    names = choose_with_oracle([word for word in split_names(words) if word not in plugins], [])
     lacking = [name for name in names if name not in stated["methods"]]
     if not lacking and not plugins:
         known = ", ".join(names) or "no method is named"

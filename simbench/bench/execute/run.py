@@ -38,7 +38,7 @@ from simbench.detectors.faults import describe_judging
 from simbench.detectors.judge import refuse_wrong_forms
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.report.report import choose_methods
-from simbench.detectors.sources import Methods, as_plugin, named_methods
+from simbench.detectors.sources import Methods, as_plugin, named_methods, split_names
 from simbench.files import local_path
 from simbench.loop.part_files import added_parts
 from simbench.scenarios.expansion import Grid, chunks
@@ -229,7 +229,7 @@ def _plugin_files(options: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str
 
 def choose_with_oracle(methods: Iterable[str], added: Sequence[str]) -> list[str]:
     """Return the ids of all methods that judge: those asked for, the plug-ins', then the oracle."""
-    asked = [part.strip() for text in methods for part in text.split(",")]
+    asked = split_names(methods)
     names = choose_methods([*(m for m in asked if m != ORACLE), *added])
     return names + [ORACLE] * (ORACLE in asked)  # last, as it is judged last
 
