@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from simbench.bench.score.names import OF_NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
 from simbench.bench.score.tally import RATES
-from simbench.bench.store.folder import RunError, visible_names, write_file
+from simbench.bench.store.folder import PIECES, RunError, digest, visible_names, write_file
 from simbench.bench.store.manifest import MANIFEST, read_manifest, write_manifest
 from simbench.bench.store.reading import read_table
 from simbench.files import folder as make_folder
@@ -101,6 +101,7 @@ def _write_verdicts(
     manifest = {k: v for k, v in whole.items() if k in _KEPT}
 
     # the tables, without what no comparison needs
+    digests = {}
     for kind, names in emptied.items():
         table = read_table(run, kind)
         for name in names:
@@ -123,7 +124,8 @@ def _write_verdicts(
             row_group_size=500 * max(len(manifest["methods"]), 1),
         )
         write_file(folder / f"{kind}.parquet", out.getvalue())
-    write_manifest(folder, manifest)
+        digests[kind] = digest(out.getvalue())
+    write_manifest(folder, {**manifest, PIECES: [{"digests": digests}]})
     return folder
 
 

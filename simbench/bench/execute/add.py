@@ -24,12 +24,22 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
 from simbench.bench.store.folder import (
     RunError,
+    digest,
     file_digest,
     partition_file,
     refuse_unfinished,
+    visible_names,
     write_file,
 )
-from simbench.bench.store.manifest import FROM_FILE, SOURCES, read_manifest, refuse_other_code
+from simbench.bench.store.manifest import (
+    ADDING,
+    FROM_FILE,
+    SOURCES,
+    WHOLE,
+    put_in_place,
+    read_manifest,
+    refuse_other_code,
+)
 from simbench.bench.store.reading import read_table, table_parts
 from simbench.bench.store.tables import VERDICT_SCHEMA, as_parquet, as_table
 from simbench.detectors.errors import masked, printable
@@ -37,11 +47,9 @@ from simbench.detectors.sources import Detector, Methods, named_methods, split_n
 from simbench.detectors.verdict import NO_DECISION, Verdict
 from simbench.files import refuse_taken
 
-# in the folder beside the run in which a call works: a run of the methods that are asked, the run
-# with its further methods, and the run as it was while the two are exchanged
+# where a call works: a run of the methods that are asked, and the run with its further methods
 _ADDED = "added"
 _JOINED = "joined"
-_BEFORE = "before"
 # what a run's manifest holds of a method that was answered from a file
 _ABOUT = {
     "front_end": False,
@@ -100,7 +108,7 @@ def add_to_run(
     Parameters
     ----------
     folder : str or Path
-        Folder of the run. It is replaced when the run with the further methods is complete.
+        Folder of the run, which stays as it is until the run with the further methods is complete.
     methods : str, function, object with `detect`, or iterable of them
         Ids of methods, groups of them, and detectors of the caller, that are asked about the loops
         of the run; those of the package that the run has are left out.
@@ -146,14 +154,13 @@ def add_to_run(
     with_reference = options.pop("with_reference", False)
     shown = Path(folder if out is None else out)
     folder = Path(folder).resolve()
+    stated = _read_finished(folder)
+    if out is not None and visible_names(shown):
+        refuse_taken(out)
     target = shown.resolve()
-    work = target.with_name(f".{target.name}.adding")
-    with pieces.held(work):
+    work = target / ADDING
+    with pieces.held(target):
         try:
-            _tidy(target, work)
-            stated = _read_finished(folder)
-            if out is not None:
-                refuse_taken(out)
             if with_reference:
                 shipped(str(stated["grid"]))
             asked = _methods_to_ask(folder, stated, methods, options) if add else {}
@@ -167,38 +174,14 @@ def add_to_run(
                 run_scored(folder, work / _ADDED, asked.values(), jobs, **options)
                 additions.append(_read_added(folder, work / _ADDED))
             scores = _join(folder, work / _JOINED, stated, additions, with_reference)
-            _exchange(target, work)
+            # from this one change of a name on, the run has the further methods
+            (work / _JOINED).replace(work / WHOLE)
+            put_in_place(target)
         finally:
             # a call that was interrupted goes on from what it has asked
             if not (work / _ADDED).exists():
                 shutil.rmtree(work, ignore_errors=True)
     return Added(shown, scores, "; ".join(addition.told for addition in additions))
-
-
-def _exchange(target: Path, work: Path) -> None:
-    """Put the joined run in the place of the one before; `_BEFORE` shows a later call that this was
-    begun.
-    """
-    if target.exists():
-        target.replace(work / _BEFORE)
-    else:
-        (work / _BEFORE).mkdir(exist_ok=True)
-    (work / _JOINED).replace(target)
-    shutil.rmtree(work / _ADDED, ignore_errors=True)
-
-
-def _tidy(target: Path, work: Path) -> None:
-    """End the exchange of a call that was killed in it: put the run back, or remove what is left
-    where the joined one is in place.
-    """
-    before = work / _BEFORE
-    if not before.exists():
-        return
-    if target.exists():
-        for name in (_ADDED, _BEFORE):
-            shutil.rmtree(work / name, ignore_errors=True)
-    elif any(before.iterdir()):
-        before.replace(target)
 
 
 def _read_finished(folder: Path) -> dict[str, Any]:
@@ -323,9 +306,14 @@ def _join(
         table = _in_order(
             pa.concat_tables([part.replace_schema_metadata(), more]), ids, list(methods)
         )
-        write_file(into / partition_file("verdicts", number), as_parquet(table, number))
+        content = as_parquet(table, number)
+        write_file(into / partition_file("verdicts", number), content)
+        digests = {
+            "verdicts": digest(content),
+            "scenarios": file_digest(into / partition_file("scenarios", number)),
+        }
         failures = table.num_rows - table.column("error").null_count
-        receipts.append(Receipt(number, len(ids), failures, 0.0, 0.0, 0.0))
+        receipts.append(Receipt(number, len(ids), failures, 0.0, 0.0, 0.0, digests))
         start += len(ids)
     manifest = {
         **stated,

@@ -22,6 +22,7 @@ from simbench.bench.scenario.truth import Cycled, simulate_with_truth
 from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.score.rhythm import rhythm_features
 from simbench.bench.store import tables
+from simbench.bench.store.folder import digest
 from simbench.detectors.compiled import one_thread
 from simbench.detectors.faults import JUDGING
 from simbench.detectors.judge import answer_of
@@ -65,6 +66,7 @@ class Receipt:
     simulating: float
     judging: float
     working: float
+    digests: dict[str, str] = field(default_factory=dict)  # of the file of each table
     reused: bool = False  # it was on disk already
 
 
@@ -168,7 +170,8 @@ def piece_of(
         "scenarios": tables.encode(scenarios, tables.SCENARIOS, number),
         "verdicts": tables.encode(verdicts, tables.VERDICT_SCHEMA, number),
     }
-    return Piece(Receipt(number, len(scenarios), failures, *seconds), files)
+    digests = {kind: digest(content) for kind, content in files.items()}
+    return Piece(Receipt(number, len(scenarios), failures, *seconds, digests), files)
 
 
 def judge_record(record: LoopRecord, chosen: Thresholds) -> tuple[Prepared, list[Answer]]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import os
 import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import pyarrow as pa
@@ -80,7 +82,8 @@ def write_records(
     refuse_too_large(size_of(plan, 0, 0), plan.name)
     refuse_wrong_parts(plan)
     make_folder(out.absolute().parent)
-    half = out.absolute().with_name(f".{out.name}.partial")
+    # a short name, as the disk may take none longer than the folder's
+    half = out.absolute().with_name(f".{crc32(os.fsencode(out.name)):08x}.partial")
     shutil.rmtree(half, ignore_errors=True)  # of a call that was killed
     make_folder(half)
     try:

@@ -24,11 +24,19 @@ from simbench.bench.store.folder import (
     TABLE_KINDS,
     RunError,
     digest,
+    file_digest,
     partition_file,
     visible_names,
     write_file,
 )
-from simbench.bench.store.manifest import MANIFEST, read_manifest, refuse_to_mix, write_manifest
+from simbench.bench.store.manifest import (
+    MANIFEST,
+    put_in_place,
+    read_manifest,
+    refuse_to_mix,
+    run_key,
+    write_manifest,
+)
 from simbench.bench.store.reading import RunArrays
 from simbench.files import FileError, remove_stale_temporaries
 from simbench.files import folder as make_folder
@@ -42,6 +50,8 @@ def held(folder: Path) -> Iterator[None]:
     """Hold a run's folder alone, and remove what killed processes left half-written in it; RunError
     where another process holds it.
     """
+    # the lock, in the folder
+    was_there = folder.exists()
     lock = FileLock(make_folder(folder) / _LOCK)
     try:
         lock.acquire(timeout=0)
@@ -52,13 +62,19 @@ def held(folder: Path) -> Iterator[None]:
     except OSError as error:
         why = (error.strerror or str(error)).lower()
         raise FileError(f"{folder / _LOCK} cannot be written: {why}") from error
+
+    # what was begun there, and then the caller's work
     try:
         for name in ("", _RECEIPTS, *(f"{kind}.parquet" for kind in TABLE_KINDS)):
             remove_stale_temporaries(folder / name)
+        put_in_place(folder)
         yield
     finally:
         (folder / _LOCK).unlink(missing_ok=True)
         lock.release()
+        if not was_there:
+            with contextlib.suppress(OSError):  # which was used
+                folder.rmdir()
 
 
 def open_run(folder: Path, manifest: dict[str, Any], resume: bool) -> None:
@@ -81,24 +97,45 @@ def write_piece(folder: Path, piece: Piece, key: str) -> Receipt:
     """Put a finished piece on disk; it counts from the moment its receipt, the last file, is
     complete.
     """
+    # somebody believed dead was only slow
+    _refuse_gone(folder)
     receipt = piece.receipt
     there = find_receipt(folder, receipt.piece, key)
-    if there is not None:  # somebody believed dead was only slow
+    if there is not None:
         return there
+
+    # the tables first
     for kind, content in piece.tables.items():
         write_file(folder / partition_file(kind, receipt.piece), content)
-    stated = {"run": key, **asdict(receipt)}
-    write_file(folder / _receipt_file(receipt.piece), json.dumps(stated).encode())
+    _write_receipt(folder, asdict(receipt), key)
     return receipt
 
 
+def _write_receipt(folder: Path, receipt: dict[str, Any], key: str) -> None:
+    """Write what a piece holds, and the run that it is of."""
+    stated = {"run": key, **receipt}
+    write_file(folder / _receipt_file(receipt["piece"]), json.dumps(stated).encode())
+
+
+def _refuse_gone(folder: Path) -> None:
+    """Raise RunError where a run's folder is there no longer: what is written would found another
+    one.
+    """
+    if not (folder / MANIFEST).is_file():
+        raise RunError(
+            f"{folder} holds no {MANIFEST} any more, so the run ends: the folder was removed or"
+            " moved while the run went on, or a worker does not reach it"
+        )
+
+
 def find_receipt(folder: Path, number: int, key: str) -> Receipt | None:
-    """Return the receipt of a piece of this run when the piece is whole."""
+    """Return the receipt of a piece of this run when the piece is whole and as it was written."""
     try:
         content = json.loads((folder / _receipt_file(number)).read_bytes())
         if (content["run"], content["piece"]) != (key, number):
             return None
-        if not all((folder / partition_file(kind, number)).exists() for kind in TABLE_KINDS):
+        files = {kind: folder / partition_file(kind, number) for kind in TABLE_KINDS}
+        if {kind: file_digest(file) for kind, file in files.items()} != content["digests"]:
             return None
         return Receipt(
             **{f.name: content[f.name] for f in fields(Receipt) if f.name != "reused"}, reused=True
@@ -111,28 +148,31 @@ def finish(folder: Path, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
     """Score a run whose pieces are all there, say in its manifest that it is whole, and return the
     scores.
     """
+    # every piece that a worker wrote is here
     for number, kind in ((r.piece, kind) for r in receipts for kind in TABLE_KINDS):
         if not (folder / partition_file(kind, number)).exists():
             raise RunError(
                 f"{folder} lacks {partition_file(kind, number)}, which a worker wrote; name a"
                 " folder that all reach"
             )
-    scenarios, errors = (
-        sum(getattr(r, name) for r in receipts) for name in ("scenarios", "failures")
-    )
+
+    # what the manifest states of the whole
+    scenarios = sum(receipt.scenarios for receipt in receipts)
     whole = {
         **manifest,
         "complete": True,
         "counts": {
             "scenarios": scenarios,
             "verdicts": scenarios * len(manifest["methods"]),
-            "errors": errors,
+            "errors": sum(receipt.failures for receipt in receipts),
         },
-        PIECES: len(receipts),
+        PIECES: [asdict(receipt) for receipt in receipts],
     }
     book = RunArrays.read(folder, whole)
     whole["records_hash"] = records_hash(book)
     whole[BENCHMARK] = benchmark_of(grid_of(manifest), book.table)
+
+    # the scores, and last the manifest
     scores = score_book(book)
     scores.write(folder)
     write_manifest(folder, whole)
@@ -146,11 +186,26 @@ def records_hash(book: RunArrays) -> str:
 
 
 def is_finished(folder: Path) -> bool:
-    """Whether a run is whole; what a kill left of its receipts goes."""
-    finished = bool(read_manifest(folder)["complete"])
-    if finished:
+    """Whether a run is whole, and each of its pieces as it was written; if not, the receipts of
+    those that are make it one that goes on.
+    """
+    manifest = read_manifest(folder)
+    if not manifest["complete"]:
+        return False
+
+    # the receipts as they were before the run was whole
+    key = run_key(manifest)
+    stated = manifest.get(PIECES, ())
+    for receipt in stated:
+        _write_receipt(folder, receipt, key)
+
+    # all of the pieces are as they state, or the others are computed again
+    whole = all(find_receipt(folder, receipt["piece"], key) for receipt in stated)
+    if whole:
         shutil.rmtree(folder / _RECEIPTS, ignore_errors=True)
-    return finished
+    else:
+        write_manifest(folder, {**manifest, "complete": False})
+    return whole
 
 
 def standing(folder: Path) -> str:

@@ -322,6 +322,8 @@ def _resumable(folder: Path) -> Iterator[None]:
         met = " ".join(["interrupted", describe_judging()]).rstrip()
         raise Interrupted(f"{met}: {pieces.standing(folder)}") from None
     except UserError as error:
+        if not folder.exists():
+            raise
         raise RunError(f"{error}; {pieces.standing(folder)}") from error
 
 

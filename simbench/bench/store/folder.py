@@ -12,7 +12,11 @@ from simbench.files import folder as make_folder
 from simbench.files import whole_file
 
 TABLE_KINDS = ("verdicts", "scenarios")
-PIECES = "pieces"  # key of a manifest: number of partitions of each table
+PIECES = "receipts"  # key of a manifest: the receipt of each partition of the tables
+
+
+# what can be done about a damaged piece of a run
+AGAIN = "run it again (with --resume, what is damaged alone)"
 
 
 class RunError(UserError):
@@ -72,15 +76,19 @@ def table_files(folder: Path, manifest: Mapping[str, Any], kind: str) -> list[Pa
     """Return the files a table of a run or baseline is made of, in order; RunError where one is
     missing or too much.
     """
+    # a baseline's is one file, a run's a folder
     table = folder / f"{kind}.parquet"
-    if not table.is_dir():
-        return [table]
     there = visible_names(table)
-    needed = [partition(i) for i in range(manifest.get(PIECES, len(there)))]
+    count = len(manifest.get(PIECES, there))
+    if not table.is_dir() and count < 2:
+        return [table]
+
+    # as many as the manifest states
+    needed = [partition(i) for i in range(count)]
     for lacking in sorted(set(needed) - set(there))[:1]:
         raise RunError(
             f"{folder} is damaged: {table.name}/{lacking} is missing, which is needed; restore it,"
-            " or run it again"
+            f" or {AGAIN}"
         )
     for other in sorted(set(there) - set(needed))[:1]:
         raise RunError(

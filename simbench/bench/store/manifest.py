@@ -8,6 +8,7 @@ import contextlib
 import hashlib
 import json
 import platform
+import shutil
 from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -19,6 +20,9 @@ from simbench.bench.store.tables import FORMAT
 from simbench.files import local_path
 
 MANIFEST = "manifest.json"
+# in a run's folder: where methods are added to it, and there the run with them once it is whole
+ADDING = ".adding"
+WHOLE = "whole"
 SOURCES = "plugins"  # folder of a run that holds the files of its plug-ins
 _CHECKSUM = "checksum"
 FROM_FILE = "file"  # value of `answered` of a method whose answers were joined from a file
@@ -58,6 +62,7 @@ def read_manifest(path: str | Path) -> dict[str, Any]:
     """Return the manifest of a run."""
     # the file as JSON
     folder = local_path(path)
+    put_in_place(folder)
     file = folder / MANIFEST
     try:
         manifest = json.loads(file.read_bytes())
@@ -92,6 +97,22 @@ def read_manifest(path: str | Path) -> dict[str, Any]:
             f" that it states, {str(manifest.get(_CHECKSUM))[:16]!r}; restore it, or run it again"
         )
     return plain
+
+
+def put_in_place(folder: Path) -> None:
+    """Let the files of a run that was made in its folder, if there is one, take the place of those
+    that are there, the manifest last; a call that was killed in it is ended by the next.
+    """
+    begun = folder / ADDING / WHOLE
+    if not begun.is_dir():
+        return
+    files = [file for file in begun.rglob("*") if file.is_file()]
+    for file in sorted(files, key=lambda file: file == begun / MANIFEST):
+        place = folder / file.relative_to(begun)
+        place.parent.mkdir(exist_ok=True)
+        with contextlib.suppress(FileNotFoundError):  # two may do it at once
+            file.replace(place)
+    shutil.rmtree(folder / ADDING, ignore_errors=True)
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from simbench.bench.store.folder import RunError, refuse_unfinished, table_files
+from simbench.bench.store.folder import (
+    AGAIN,
+    PIECES,
+    RunError,
+    digest,
+    refuse_unfinished,
+    table_files,
+)
 from simbench.bench.store.manifest import read_manifest
 from simbench.bench.store.tables import AXES, CELL_S_OVER_2J, RANKED, WORD_COLUMNS
 from simbench.detectors.errors import nearest
@@ -74,19 +82,29 @@ def table_parts(
     columns: Sequence[str] | None = None,
     coded: Sequence[str] = (),
 ) -> Iterator[pa.Table]:
-    """Yield a table of a run or baseline file by file, whole scenarios in each."""
+    """Yield a table of a run or baseline file by file, whole scenarios in each; RunError where one
+    is not as it was written.
+    """
+    # which files there are, and what the manifest states of them
     refuse_unfinished(folder, manifest)
     files = table_files(folder, manifest, kind)
     if not files:
         raise RunError(
             f"{folder} is damaged: table {kind} has no file, which is needed; run it again"
         )
-    for file in files:
+    stated = [receipt["digests"][kind] for receipt in manifest.get(PIECES, ())]
+
+    # each is held against its digest, where one is stated, before it is read
+    for file, needed in zip_longest(files, stated):
         try:
             # as bytes: the name of a folder may be no text
-            content = pa.BufferReader(file.read_bytes())
+            content = file.read_bytes()
+            if needed not in (None, digest(content)):
+                raise pa.ArrowInvalid(f"its digest is {digest(content)}, {needed} is stated")
             source = pq.ParquetFile(
-                content, read_dictionary=list(coded), page_checksum_verification=True
+                pa.BufferReader(content),
+                read_dictionary=list(coded),
+                page_checksum_verification=True,
             )
             # small parts: threads cost more than they save
             yield source.read(columns=None if columns is None else list(columns), use_threads=False)
@@ -94,7 +112,7 @@ def table_parts(
             why = "is missing" if isinstance(error, FileNotFoundError) else _first_line(error)
             raise RunError(
                 f"{folder} is damaged: {file.relative_to(folder)} {why}; it is needed as it"
-                " was written: restore it, or run it again"
+                f" was written: restore it, or {AGAIN}"
             ) from None
 
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -227,12 +228,36 @@ def test_a_call_that_fails_leaves_the_run_as_it_was_and_goes_on_with_resume(run,
     assert set(tables(run)[1].method) == {"he", "horch", "oracle"}
 
 
-def test_a_run_that_a_killed_call_moved_aside_is_put_back(run):
-    aside = run.with_name(".run.adding")
-    aside.mkdir()
-    run.rename(aside / "before")
-    add_to_run(run, ["horch"])
-    assert "horch" in read_manifest(run)["methods"]
+@pytest.mark.parametrize("renamed", range(5))
+def test_a_kill_at_any_change_of_a_name_leaves_the_run_or_the_run_with_the_method(
+    run, tmp_path, monkeypatch, renamed
+):
+    names = sorted(file.name for file in run.iterdir())
+    number, rename = run.stat().st_ino, Path.replace
+    left = iter(range(renamed))
+
+    def killed(self, target):
+        of_exchange = {"joined", "whole"} & set(self.parts) and self.name[0] != "."
+        if of_exchange and next(left, None) is None:
+            raise KeyboardInterrupt
+        return rename(self, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", killed)
+        with pytest.raises(KeyboardInterrupt):
+            add_to_run(run, ["horch"])
+    assert ("horch" in set(rows(run).method)) == (renamed > 0)
+    if not renamed:
+        add_to_run(run, ["horch"], resume=True)
+    assert_same_run(run, run_grid("smoke", tmp_path / "once", ["he", "horch", "oracle"], n=12))
+    # a folder that is a mount point cannot change its name
+    assert (run.stat().st_ino, sorted(file.name for file in run.iterdir())) == (number, names)
+
+
+def test_a_name_may_be_as_long_as_the_disk_takes_it(run, tmp_path):
+    long = tmp_path / ("r" * 255)
+    add_to_run(run, ["horch"], long)
+    assert {"he", "horch", "oracle"} <= set(rows(long).method)
 
 
 def test_on_the_command_line_into_another_folder(place, run, tmp_path, capsys):

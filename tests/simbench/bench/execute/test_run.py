@@ -397,29 +397,104 @@ def test_an_older_or_damaged_folder_is_refused_with_a_sentence(tmp_path, text, w
         RunArrays.read(tmp_path)
 
 
-def test_tables_that_do_not_belong_together_are_refused(finished, tmp_path):
-    shutil.copytree(finished, tmp_path / "run")
-    file = tmp_path / "run" / "verdicts.parquet" / "00000000.parquet"
-    pd.read_parquet(file).iloc[::-1].to_parquet(file, index=False)
-    with pytest.raises(RunError, match="verdicts and scenarios do not match"):
-        RunArrays.read(tmp_path / "run")
-
-
-def test_a_damaged_page_is_noticed(finished, tmp_path):
-    shutil.copytree(finished, tmp_path / "run")
-    file = tmp_path / "run" / "verdicts.parquet" / "00000000.parquet"
+def spoil(file, how, other):
+    """Spoil the file of a piece."""
     content = bytearray(file.read_bytes())
-    content[len(content) // 3] ^= 1
-    file.write_bytes(content)
-    with pytest.raises(RunError, match=r"is damaged: verdicts.parquet/00000000.parquet"):
-        read_book(tmp_path / "run")
+    content[len(content) // 3] ^= how == "flipped"
+    instead = {
+        "exchanged": file.with_name("00000005.parquet").read_bytes(),
+        "of another run": (other / file.parent.name / file.name).read_bytes(),
+        "cut": content[:-50],
+        "empty": b"",
+        "flipped": content,
+    }
+    file.write_bytes(instead[how])
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory):
+    """A run of the small grid with another seed, never to be changed."""
+    grid = make_grid(SMALL, "small", {"repeats": 2, "seed": 4})
+    return run_grid(grid, tmp_path_factory.mktemp("other") / "run", METHODS)
+
+
+@pytest.fixture(scope="module")
+def under_way(tmp_path_factory):
+    """A run of the small grid that was interrupted, never to be changed."""
+    folder = tmp_path_factory.mktemp("half") / "run"
+    grid = make_grid(SMALL, "small", {"repeats": 2})
+    with pytest.MonkeyPatch.context() as patch:
+        raise_after(patch, run_module, "compute_piece", 7, KeyboardInterrupt)
+        with pytest.raises(Interrupted):
+            run_grid(grid, folder, METHODS)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("kind", "how"),
+    [
+        ("verdicts", "exchanged"),
+        ("scenarios", "exchanged"),
+        ("verdicts", "of another run"),
+        ("scenarios", "of another run"),
+        ("verdicts", "cut"),
+        ("scenarios", "empty"),
+        ("verdicts", "flipped"),
+    ],
+)
+def test_a_piece_that_is_not_as_it_was_written_is_named_and_computed_again(
+    small, finished, other, under_way, tmp_path, kind, how
+):
+    run = shutil.copytree(finished, tmp_path / "run")
+    spoil(run / f"{kind}.parquet" / "00000002.parquet", how, other)
+    with pytest.raises(RunError, match=rf"is damaged: {kind}.parquet/00000002.parquet .*--resume"):
+        read_book(run)
+    run_grid(small, run, METHODS, resume=True)
+    assert_same(run, finished)
+
+    # a run that is under way finds its receipt wrong
+    half = shutil.copytree(under_way, tmp_path / "half")
+    spoil(half / f"{kind}.parquet" / "00000002.parquet", how, other)
+    run_grid(small, half, METHODS, resume=True)
+    assert_same(half, finished)
+
+
+def test_a_piece_too_many_or_too_few_is_named(small, finished, tmp_path):
+    run = shutil.copytree(finished, tmp_path / "run")
+    parts = run / "verdicts.parquet"
+    shutil.copy(parts / "00000002.parquet", parts / "00000008.parquet")
+    with pytest.raises(RunError, match=r"00000008.parquet is not needed there; remove it"):
+        read_book(run)
+    (parts / "00000008.parquet").replace(parts / "00000001.parquet")
+    (parts / "00000007.parquet").unlink()
+    with pytest.raises(RunError, match=r"00000007.parquet is missing"):
+        read_book(run)
+    run_grid(small, run, METHODS, resume=True)
+    assert_same(run, finished)
+
+
+@pytest.mark.parametrize("how", ["removed", "moved"])
+def test_a_run_whose_folder_goes_ends_at_the_next_piece(small, tmp_path, monkeypatch, how):
+    run, work = tmp_path / "run", run_module.compute_piece
+
+    def worked(grid, number, *more):
+        if number == 2:
+            shutil.rmtree(run) if how == "removed" else run.rename(tmp_path / "elsewhere")
+        assert number < 3
+        return work(grid, number, *more)
+
+    monkeypatch.setattr(run_module, "compute_piece", worked)
+    with pytest.raises(RunError, match=r"holds no manifest.json any more.*removed or moved") as why:
+        run_grid(small, run, METHODS)
+    assert "--resume" not in str(why.value)
+    assert not run.exists()
 
 
 def test_of_two_on_one_folder_one_is_refused(small, finished, tmp_path):
     words = "run is in use: another simbench works there"
     with pieces.held(tmp_path / "run"), pytest.raises(RunError, match=words):
         run_grid(small, tmp_path / "run", METHODS)
-    assert not list((tmp_path / "run").iterdir())
+    assert not (tmp_path / "run").exists()
     assert_same(run_grid(small, tmp_path / "run", METHODS), finished)
 
 
