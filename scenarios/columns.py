@@ -50,9 +50,18 @@ def _fill_columns(part: Any, names: tuple[str, ...], folder: Path, where: str) -
     """Return one section with the columns that its file has of these names."""
     if not isinstance(part, Mapping) or "file" not in part:
         return part
+
+    # a file beside the loop file: of others, a loop file of a stranger could print a part
     file = part["file"]
     if not isinstance(file, str) or not file:
         raise SpecError(f"{where}: file = {file!r}; the name of a CSV file is needed")
+    if not _is_inside(folder, file):
+        raise SpecError(
+            f"{where}: file = {file!r} is not in the folder of the loop file; one there, or in a"
+            " folder below, is needed"
+        )
+
+    # its columns, in place of none
     beside = [name for name in names if name in part]
     if beside:
         raise SpecError(f"{where}: file and {beside[0]} are given; one of both is needed")
@@ -64,6 +73,14 @@ def _fill_columns(part: Any, names: tuple[str, ...], folder: Path, where: str) -
             f" {', '.join(names)} is needed"
         )
     return {key: value for key, value in part.items() if key != "file"} | found
+
+
+def _is_inside(folder: Path, file: str) -> bool:
+    """Return whether a file stands in a folder or below, wherever its links lead."""
+    try:
+        return (folder / file).resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a link to itself, or a name that no file has
+        return False
 
 
 def read_columns(path: Path) -> dict[str, list[float]]:

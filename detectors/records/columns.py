@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -191,7 +191,7 @@ def _take_rows(table: Sheet, rows: np.ndarray) -> Sheet:
         for name, cells in table.columns.items()
     }
     lines = np.asarray(table.lines)[rows] if len(table.lines) else ()
-    return replace(table, columns=columns, lines=lines, notes=[*table.notes])
+    return replace(table, columns=columns, lines=lines, notes=[*table.notes], found={})
 
 
 def find_loops(table: Sheet, chosen: Mapping[str, str]) -> dict[str, Roles]:
@@ -299,25 +299,40 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     # by name, of the whole table before one of a signal
     if "t" in chosen:
         return chosen["t"]
-    free = [name for name in table.columns if name not in roles.values()]
-    times = [name for name in free if parse(name).role == "t"]
+    times = [name for name in _name_all(table, "times", _is_time) if name not in roles.values()]
     times = [name for name in times if words_of(name).startswith("t")] or times
     if len(times) > 1:
         which = f"{table.where}: {' or '.join(times)} may be the time; one is needed"
         raise RecordError(which, _option({"t": times[0]}, "t"))
 
     # by what it holds
-    stamped = times or [name for name in free if _STAMP.search(str(table.columns[name][0]))]
+    stamped = _name_all(table, "stamped", _is_stamped)
+    stamped = times or [name for name in stamped if name not in roles.values()]
     if stamped:
         table.notes += [] if times else [f"time: {stamped[0]!r} holds time stamps"]
         return stamped[0]
-    clocks = [name for name, x in table.columns.items() if _rises(_as_floats(x))]
+    clocks = _name_all(table, "clocks", lambda _, cells: _rises(_as_floats(cells)))
     cure = _option({"t": clocks[0]}, "t") if clocks else "--ts 1"
     lacks = f"{table.where}: no time column (t, time, timestamp) and no sampling period Ts given"
     if clocks and clocks[0] in roles.values():
         cure = ""
         lacks = f"{lacks}; {clocks[0]!r} is given as a signal, and rises as time does"
     raise RecordError(f"{lacks}; either is needed", cure)
+
+
+def _name_all(table: Sheet, what: str, holds: Callable[[str, Cells], bool]) -> list[str]:
+    """Return the columns of which something holds, looked for once for all loops of a table."""
+    if what not in table.found:
+        table.found[what] = [name for name, cells in table.columns.items() if holds(name, cells)]
+    return table.found[what]
+
+
+def _is_time(name: str, _: Cells) -> bool:
+    return parse(name).role == "t"
+
+
+def _is_stamped(_: str, cells: Cells) -> bool:
+    return bool(_STAMP.search(str(cells[0])))
 
 
 def _rises(x: np.ndarray) -> bool:

@@ -38,6 +38,8 @@ class Sheet:
     units: dict[str, str] = field(default_factory=dict)  # of columns, from rows below the header
     notes: list[str] = field(default_factory=list)  # what had to be done to read it
     about: dict[str, Any] = field(default_factory=dict)  # what the file states of its loop
+    # what its columns are, found once for all loops
+    found: dict[str, list[str]] = field(default_factory=dict)
 
     def place(self, row: int) -> str:
         """Return where a row stands, as its file counts."""

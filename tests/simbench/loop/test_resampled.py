@@ -99,7 +99,8 @@ def test_an_archive_writes_in_steps_and_repeats_what_it_held():
     assert np.array_equal(kept.mv, plain.mv), "the loop itself knows nothing of it"
 
 
-def test_the_columns_may_stand_in_a_file_beside_the_loop_file(tmp_path):
+def test_the_columns_may_stand_in_a_file_beside_the_loop_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     rows = "".join(f"{a!r},{b!r},{k % 2}\n" for k, (a, b) in enumerate(zip(OP, PV, strict=True)))
     (tmp_path / "left.csv").write_text(f"op,output,pv_held\n{rows}")
     load = {"type": "resampled", "piece": 6.0, "file": "left.csv"}
@@ -122,15 +123,32 @@ def test_the_columns_may_stand_in_a_file_beside_the_loop_file(tmp_path):
     }.items():
         (tmp_path / "left.csv").write_text(content)
         with pytest.raises(SpecError, match=words):
-            Loop.from_table(BASE | {"disturbance": [load | {"file": str(tmp_path / "left.csv")}]})
+            Loop.from_table(BASE | {"disturbance": [load]})
     with pytest.raises(SpecError, match="file and op are given; one of both is needed"):
-        Loop.from_table(BASE | {"disturbance": [LOAD | {"file": str(tmp_path / "left.csv")}]})
+        Loop.from_table(BASE | {"disturbance": [LOAD | {"file": "left.csv"}]})
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(SpecError, match=r"pipe.csv is no file; a CSV file of numbers is needed"):
-        Loop.from_table(BASE | {"disturbance": [load | {"file": str(tmp_path / "pipe.csv")}]})
+        Loop.from_table(BASE | {"disturbance": [load | {"file": "pipe.csv"}]})
     (tmp_path / "left.csv").unlink()
     with pytest.raises(SpecError, match=r"left.csv: no such file"):
         load_loop(tmp_path / "loop.toml")
+
+
+@pytest.mark.parametrize(
+    "file", ["../secret.csv", "{}/secret.csv", "link.csv", "a/../../secret.csv"]
+)
+def test_a_file_that_is_not_beside_the_loop_file_is_refused_unread(tmp_path, monkeypatch, file):
+    (tmp_path / "secret.csv").write_text("op\nhunter2\nx\n")
+    home = tmp_path / "home"
+    (home / "a").mkdir(parents=True)
+    monkeypatch.chdir(home)
+    (home / "link.csv").symlink_to(tmp_path / "secret.csv")
+    load = {"type": "resampled", "piece": 6.0, "file": file.format(tmp_path)}
+    with pytest.raises(SpecError, match=r"is not in the folder of the loop file") as why:
+        Loop.from_table(BASE | {"disturbance": [load]})
+    assert "hunter2" not in str(why.value)
+    (home / "a" / "left.csv").write_text("op\n1\n2\n3\n4\n5\n6\n7\n8\n")
+    Loop.from_table(BASE | {"disturbance": [load | {"file": "a/left.csv"}]})
 
 
 @pytest.mark.parametrize("moves", [0, 40, 41])
