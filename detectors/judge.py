@@ -33,7 +33,7 @@ from simbench.detectors.verdict import (
 
 # A record with one of these flags gives no information about its valve, whatever the method.
 UNFIT = ("dead_op", "dead_pv", "manual", "saturated", "outside_span")
-
+FEWEST = 100  # samples; below this the spread of every statistic swallows what is sought
 
 _ASKS_OTHERS = "procedure"  # its S and J are already widened by the methods it asked
 _HIDES = 0.5  # share of S that the archive may hide; above it no S is stated

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbench.detectors.evidence import BIAS, EVIDENCE, VOTERS, WITNESSES
-from simbench.detectors.judge import UNFIT, judge_one
+from simbench.detectors.judge import FEWEST, UNFIT, judge_one
 from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.prepared import Prepared, prepare
 from simbench.detectors.record import LoopRecord
@@ -249,6 +249,8 @@ class _Course:
     def quality(self) -> tuple[str, str, str]:
         flags = self.prepared.flags
         bad = [f.evidence for name, f in flags.items() if name in UNFIT and name != "saturated"]
+        if self.prepared.record.n < FEWEST:
+            bad += [f"{self.prepared.record.n} samples; at least {FEWEST} are needed"]
         if bad:
             return "no", "; ".join(bad), "Such a record says nothing about its valve."
         other = [f.evidence for name, f in flags.items() if name not in UNFIT]

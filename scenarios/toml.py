@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +13,9 @@ from typing import Any
 
 from simbench.scenarios.columns import with_columns
 from simbench.scenarios.errors import SpecError
+
+# a key of a hundred parts with points between
+_DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++\s*+\.\s*+){100}""")
 
 
 def toml_of(table: Mapping[str, Any]) -> str:
@@ -36,7 +40,10 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     if (file := Path(path)).exists() and not file.is_file() and not file.is_dir():
         raise SpecError(f"{path} is no file; a TOML file is needed")
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
+        if _DEEP.search(text):  # which takes the parser the square of its depth
+            raise RecursionError
+        return tomllib.loads(text)
     except FileNotFoundError:
         raise SpecError(f"{path}: no such file") from None
     except IsADirectoryError:

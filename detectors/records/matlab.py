@@ -66,6 +66,9 @@ def _is_vector(value: Any) -> bool:
 def _table_of(where: str, fields: dict[str, Any]) -> Sheet:
     """Return the signals of one loop, and what the file states about it."""
     # its vectors, as long as PV or as most of them; a set point may be one number
+    for name, value in fields.items():
+        if np.iscomplexobj(value):
+            raise RecordError(f"{where}: {name} holds complex numbers; real ones are needed")
     low = {name.lower(): value for name, value in fields.items()}
     vectors = {name: value for name, value in fields.items() if _is_vector(value)}
     sizes = Counter(value.size for value in vectors.values()).most_common(1)

@@ -111,6 +111,12 @@ def test_dead_record_is_unfit():
     assert np.isnan(diagnosis.score)
 
 
+@pytest.mark.parametrize(("n", "unfit"), [(10, True), (99, True), (100, False)])
+def test_of_a_record_that_is_too_short_no_step_says_no_stiction(n, unfit):
+    op, pv = np.random.default_rng(0).normal(50.0, 2.0, (2, n))
+    assert (diagnose(LoopRecord(op, pv, 1.0)).conclusion == "unfit") == unfit
+
+
 def test_saturated_loop_is_sent_to_its_limits(loop):
     record = loop(n=3000)
     op = np.clip(50 + 30 * np.sin(np.arange(3000) / 10), 40, 100)

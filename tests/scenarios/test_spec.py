@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.spec import Loop, Scenario
-from simbench.scenarios.toml import content_hash
+from simbench.scenarios.toml import content_hash, read_loop
 
 TABLE = {
     "plant": {"type": "foptd", "K": 1, "T": 10, "Td": 2},
@@ -76,3 +76,10 @@ def test_hash_does_not_change_between_versions():
     assert content_hash({"a": 1, "b": [2.5, "x", None]}) == content_hash(
         {"b": [2.5, "x", None], "a": 1.0}
     )
+
+
+def test_a_key_of_very_many_parts_is_refused_before_it_is_parsed(tmp_path, monkeypatch):
+    monkeypatch.setattr(tomllib, "loads", None)
+    (tmp_path / "deep.toml").write_text(".".join("a" * 20_000) + " = 1\n")
+    with pytest.raises(SpecError, match="nested too deeply"):
+        read_loop(tmp_path / "deep.toml")

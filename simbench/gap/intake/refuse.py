@@ -7,11 +7,11 @@ from __future__ import annotations
 import numpy as np
 
 from simbench.detectors.errors import RecordError
+from simbench.detectors.judge import FEWEST
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.holds import still
 from simbench.gap.controller.law import Law
 
-_FEWEST = 100  # samples; below this the spread of every statistic swallows the gap
 _LONGEST_RECORD = 50_000  # samples; beyond this the search takes hours
 _SCALES = {0.16: (3.8, 20.5, "mA"), 0.01: (0.0, 1.0, "a share of 1")}  # of OP, in addition to %
 
@@ -47,8 +47,8 @@ def refuse_op_units(op: np.ndarray, law: Law, Kc: float, Ti: float | None, where
 
 def refuse_unfit(record: LoopRecord, where: str) -> None:
     """Refuse a record that is too short, too long, or in which nothing moved."""
-    if record.n < _FEWEST:
-        raise RecordError(f"{where}: {record.n} samples; a gap needs at least {_FEWEST} to show")
+    if record.n < FEWEST:
+        raise RecordError(f"{where}: {record.n} samples; a gap needs at least {FEWEST} to show")
     if record.n > _LONGEST_RECORD:
         raise RecordError(
             f"{where}: {record.n} samples; a gap is sought in at most {_LONGEST_RECORD}, cut some"

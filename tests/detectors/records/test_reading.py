@@ -15,6 +15,7 @@ import pytest
 from pyarrow import parquet
 
 from simbench.detectors.errors import ParameterError, RecordError
+from simbench.detectors.records import columns
 from simbench.detectors.records.columns import parse, words_of
 from simbench.detectors.records.folder import read_folder, read_labels
 from simbench.detectors.records.io import read_columns, read_record, read_records
@@ -189,6 +190,23 @@ def test_every_loop_of_a_file_is_a_record(tmp_path):
     records, refused = read_records(written(tmp_path, LOOPS, "csv"))
     assert (list(records), refused) == (["FIC101", "LIC7"], {})
     assert np.array_equal(records["LIC7"].op, PV)
+
+
+def test_of_many_loops_without_a_time_each_column_is_looked_at_once(tmp_path, monkeypatch):
+    looked = []
+    monkeypatch.setattr(columns, "_rises", lambda x: bool(looked.append(x)))
+    signals = np.random.default_rng(0).normal(50.0, 2.0, (20, 40))
+    names = [f"FIC{k}.{role}" for k in range(20) for role in ("op", "pv")]
+    pd.DataFrame(dict(zip(names, signals.T, strict=True))).to_csv(tmp_path / "t.csv", index=False)
+    with pytest.raises(RecordError, match="no time column"):
+        read_records(tmp_path / "t.csv")
+    assert len(looked) == len(names)
+
+
+def test_complex_numbers_of_a_matlab_file_are_refused(tmp_path):
+    file = written(tmp_path, layouts.mat(pv=PV, op=OP, sp=SP + 1j), "mat")
+    with pytest.raises(RecordError, match="sp holds complex numbers; real ones are needed"):
+        read_record(file, Ts=1.0)
 
 
 def test_what_a_matlab_file_states_of_its_loops_is_read(tmp_path):
