@@ -15,6 +15,7 @@ from simbench.bench.check.check_power import (
     COUNTED,
     LEVEL,
     loops_needed,
+    may_fall,
     points,
     say_power,
     smallest_seen,
@@ -28,7 +29,7 @@ from simbench.bench.statistics import auc, auc_drop, holm
 from simbench.bench.store.benchmark import benchmark_version, refuse_other_benchmark
 from simbench.bench.store.folder import NoRun
 from simbench.bench.store.manifest import own_methods
-from simbench.bench.store.reading import CODES, RunArrays, RunError, read_book
+from simbench.bench.store.reading import CODES, COPIES, RunArrays, RunError, read_book
 from simbench.detectors.errors import UserError
 
 MARGIN = 0.01  # of a rate: what falls by less is no regression, however sure the fall is
@@ -77,6 +78,7 @@ def check_books(
     exact: bool = False,
 ) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
+    before = before.without_copies()
     pairs = pair(now, before)
     if not pairs.now.size:
         raise RunError(
@@ -112,8 +114,9 @@ def check_books(
     # by chance
     tests["p"] = each.transform(holm) if basis == "equal" else holm(tests["p"])
     allowed = [row.get("allowed", margin) for row in rows]
-    cases = zip(tests.to_dict("records"), size, allowed, strict=True)
+    cases = [*zip(tests.to_dict("records"), size, allowed, strict=True)]
     tests["seen"] = [smallest_seen(row, LEVEL / k, spared) for row, k, spared in cases]
+    tests["may_fall"] = [may_fall(row, LEVEL / k, spared) for row, k, spared in cases]
     beyond = (
         np.where(tests["what"] == MEDIAN_ERROR, -1.0, 1.0) * (tests["before"] - tests["now"])
         > allowed
@@ -124,6 +127,7 @@ def check_books(
         f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
     ]
     unseen = (*unseen_losses(tests, basis), *untold)
+    tests = tests.drop(columns="may_fall")
     said = (
         f"{_basis(now, before, pairs, margin)}. {say_power(tests, basis)}. Benchmark:"
         f" {benchmark_version(now.manifest)}"
@@ -224,6 +228,8 @@ def _find_changes(
 
 def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
     tests = f"a rate may fall by {points(margin)} (exact paired tests with Holm's correction)"
+    if copies := before.manifest.get(COPIES):
+        tests += f"; {copies} copies of records with the same labels do not count"
     differ = int((~pairs.same).sum())
     if not differ:
         return (

@@ -11,6 +11,7 @@ import pandas as pd
 from simbench.bench.check.check_result import Check
 from simbench.bench.score.power import loops_for, smallest_loss_found
 from simbench.bench.score.quantification import MEDIAN_ERROR
+from simbench.bench.statistics import mcnemar
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 
 LEVEL = 0.05
@@ -50,10 +51,32 @@ def smallest_seen(row: dict[str, Any], level: float, spared: float) -> float:
     return smallest_loss_found(row["n"], level, int(row["won"]), int(spared * row["n"]))
 
 
+def may_fall(row: dict[str, Any], level: float, spared: float) -> bool:
+    """Return whether a rate would be found worse if all good answers before were lost."""
+    if row["what"] not in COUNTED or row["n"] == 0:
+        return False
+    good = round(row["before"] * row["n"])
+    return good > spared * row["n"] and mcnemar(good, 0, worse=True) < level
+
+
 def unseen_losses(tests: pd.DataFrame, basis: str) -> Iterator[str]:
-    """Name the methods that lost answers of which nobody could have found a loss that matters: too
-    few loops that they cover, or too many answers that changed both ways.
+    """Name the methods that have too few good answers before for any loss to be found, and those
+    that lost answers of which nobody could have found a loss that matters: too few loops that they
+    cover, or too many answers that changed both ways.
     """
+    # whatever became of them
+    for method, rows in tests.groupby("method", sort=False):
+        right = rows[(rows["what"] == "right") & (rows["n"] > 0)]
+        if len(right) and not rows["may_fall"].to_numpy().any():
+            loops = right["n"].to_numpy()
+            good = right["before"].to_numpy() * loops
+            yield (
+                f"{method}: no loss could be found with these loops: before, it was right on"
+                f" {good.max():.0f} of the {loops.max()} that it covers, and to lose all of these"
+                " may be chance"
+            )
+
+    # too few loops, or too many changes
     rates = tests[tests["what"].isin(COUNTED) & ~tests["worse"]]
     of_all = rates[rates["what"] == "right"].set_index(["method", "truth"])["n"]
     for method, rows in rates[rates["lost"] > 0].groupby("method", sort=False):

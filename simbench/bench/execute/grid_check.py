@@ -4,17 +4,21 @@ gives a valid loop.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from simbench.bench.execute.settle_group import refuse_unsettled
+import numpy as np
+
+from simbench.bench.execute.settle_group import refuse_unsettled, settled
 from simbench.bench.store.manifest import RunError
 from simbench.detectors.errors import UserError, naming
 from simbench.loop.disturbance import DISTURBANCES
 from simbench.loop.disturbance import PARAMETERS as OF_LOADS
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
+from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import suggestion
 from simbench.scenarios.expansion import Grid
 from simbench.scenarios.grid_check import say
@@ -70,6 +74,22 @@ def refuse_too_large(size: GridSize, name: str) -> None:
         raise RunError(
             f"{name}: {size}; at most {MOST_SCENARIOS} scenarios are run; --n 10000 draws so many"
             " of them at random"
+        )
+
+
+def tell_copies(plan: Grid) -> None:
+    """Say on stderr where the repeats of a cell are the same record, as nothing in it is random."""
+    # a grid of blocks draws the numbers of every loop
+    if plan.content.loop is None or plan.content.repeats == 1:
+        return
+    whole = Grid(plan.name, plan.content, plan.overrides)
+    scenarios = [settled(whole.group(index))[0][0] for index in (0, whole.cells)]
+    records = [simulate(scenario.loop, scenario.seed).record for scenario in scenarios]
+    if all(map(np.array_equal, *((record.op, record.pv) for record in records))):
+        print(
+            f"grid {plan.name}: repeats of a loop are the same record, as nothing in the loop is"
+            " random; each record counts once",
+            file=sys.stderr,
         )
 
 

@@ -25,7 +25,12 @@ from simbench.bench.execute import pieces
 from simbench.bench.execute.about_run import describe_run, digests_of, digests_of_own
 from simbench.bench.execute.compute_piece import PieceSettings, Receipt, compute_piece
 from simbench.bench.execute.distribute import BACKENDS, Runner, workers
-from simbench.bench.execute.grid_check import refuse_too_large, refuse_wrong_parts, size_of
+from simbench.bench.execute.grid_check import (
+    refuse_too_large,
+    refuse_wrong_parts,
+    size_of,
+    tell_copies,
+)
 from simbench.bench.execute.run_options import RunOptions
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.result import Scores
@@ -239,6 +244,7 @@ def _refuse_wrong_run(plan: Grid, names: Sequence[str]) -> None:
     refuse_wrong_forms(names)
     refuse_too_large(size_of(plan, *_budgets(names)), plan.name)
     refuse_wrong_parts(plan)
+    tell_copies(plan)
 
 
 class _Task:

@@ -28,7 +28,7 @@ from simbench.bench.score.table import full_text, headline
 from simbench.bench.score.tally import RATES, counted, long_table, tallied, with_names
 from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import unmatched
-from simbench.bench.store.reading import TRUTHS, RunArrays
+from simbench.bench.store.reading import COPIES, TRUTHS, RunArrays
 from simbench.detectors.errors import ParameterError, UserError, nearest
 from simbench.detectors.views import page_part
 from simbench.files import csv_text
@@ -293,6 +293,7 @@ class Scores:
             "grid": self.manifest["grid"],
             "grid_hash": self.manifest["grid_hash"],
             "unmatched": unmatched(self.manifest),
+            "copies": self.manifest.get(COPIES, 0),
             "benchmark": self.manifest.get("benchmark"),
             "undecided": self.undecided,
             **{key: n for key, n in self.counts.items() if key == SAMPLED},

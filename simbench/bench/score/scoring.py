@@ -72,7 +72,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     """
     import pandas as pd
 
-    book = with_shipped(book)
+    book = with_shipped(book).without_copies()
     reference = reference_answers(book)
     failing = failing_methods(book, allow_failed)
     everyone = [*answers_of(book), *reference]

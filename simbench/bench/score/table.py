@@ -29,6 +29,7 @@ from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.shipped import UNLIKE
 from simbench.bench.store.benchmark import FROM_RECORDS, benchmark_text
 from simbench.bench.store.manifest import unmatched
+from simbench.bench.store.reading import COPIES
 from simbench.page.text import LINE_WIDTH, lines_of, wrap
 
 # of the default output
@@ -200,10 +201,22 @@ def _title(scores: Any, whole: bool) -> list[str]:
             f"{unlike} records have other last bits than those of the shipped verdicts, as on"
             " another processor."
         )
+    if copies := m.get(COPIES):
+        lines += wrap(
+            f"{copies} of {copies + counts['scenarios']} loops have the record of another bit for"
+            " bit and the same labels: each record counts once."
+        )
     if SAMPLED in counts:
         lines += wrap(
             "Rates and costs are of all loops. Their scatter, areas under curves, sensitivity at 5"
             f" % and classifier no_waveform rest on {counts[SAMPLED]} scenarios, drawn at random."
+        )
+
+    # healthy loops that no sticky one stands for
+    if left_out := unmatched(m):
+        lines += wrap(
+            f"{left_out} {'echo was' if left_out == 1 else 'echoes were'} left out, as the sticky"
+            " sibling does not cycle."
         )
     if not whole:
         return lines
@@ -220,13 +233,6 @@ def _title(scores: Any, whole: bool) -> list[str]:
         f"{counts[OF_OSCILLATING]} loops oscillate. Of all loops, the valve makes the loop cycle:"
         f" {said}."
     )
-
-    # healthy loops that no sticky one stands for
-    if left_out := unmatched(m):
-        lines += wrap(
-            f"{left_out} {'echo was' if left_out == 1 else 'echoes were'} left out, as the sticky"
-            " sibling does not cycle."
-        )
     return lines
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from simbench.detectors.errors import nearest
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.scenarios.spec import Loop, Scenario
 
+COPIES = "copies"  # key of a manifest in memory: loops that were left out as copies of others
 _DEFINITION = ("scenario_id", "loop", "seed", "tags")  # columns that make a scenario
 TRUTHS = ("sticky", "predicted", "cycled")
 CODES = {NO_STICTION: 0, STICTION: 1, NO_DECISION: 2}
@@ -220,6 +221,31 @@ class RunArrays:
     def along(self) -> tuple[str, ...]:
         """The axes by which a run is scored."""
         return (*AXES, *(name for name in _own_axes(self.manifest) if name in self.axes))
+
+    def without_copies(self) -> RunArrays:
+        """Return a run with one loop, that of the least id, for each record that several hold bit
+        for bit with the same labels; its manifest states how many it had.
+        """
+        # what makes two loops one; a loop that could not be simulated has no record
+        labels = np.array([self.truth[truth] for truth in TRUTHS])
+        order = np.lexsort((self.ids, *labels, self.hashes))
+        there = self.hashes[order] != b""
+        alike = (self.hashes[order][1:] == self.hashes[order][:-1]) & there[1:]
+        alike &= (labels[:, order][:, 1:] == labels[:, order][:, :-1]).all(axis=0)
+        if not alike.any():
+            return self
+
+        # every array without the copies, in the order of the run
+        kept = np.sort(order[np.r_[True, ~alike]])
+        by_scenario = ("ids", "digests", "hashes", "oscillating", "groups", "design")
+        by_method = ("verdict", "score", "applicable", "failed", "runtime")
+        arrays = {name: getattr(self, name)[kept] for name in by_scenario}
+        arrays |= {name: getattr(self, name)[..., kept] for name in by_method}
+        arrays |= {"friction": self.friction[kept] if len(self.friction) else self.friction}
+        arrays |= {"sizes": self.sizes[..., kept] if self.sizes.size else self.sizes}
+        for name in ("axes", "truth"):
+            arrays[name] = {key: values[kept] for key, values in getattr(self, name).items()}
+        return replace(self, manifest={**self.manifest, COPIES: int(alike.sum())}, **arrays)
 
     @classmethod
     def read(cls, path: str | Path, manifest: dict[str, Any] | None = None) -> RunArrays:

@@ -139,6 +139,28 @@ def test_where_a_loss_would_not_be_detected_the_check_cannot_tell(book, tmp_path
     assert check_books(base, base).result == "same", "the same answers leave nothing to be detected"
 
 
+def test_where_no_loss_at_all_could_be_found_the_check_cannot_tell(book):
+    # right on 4 of 20: to lose these is chance, and what was wrong before cannot become worse
+    truth = np.arange(20) % 2
+    base = book([np.where(np.arange(20) < 4, truth, 1 - truth)], truth)
+    check = check_books(with_verdicts(base, 1 - truth), base)
+    assert check.result == "cannot tell"
+    same = check_books(base, base)
+    assert same.as_text().startswith("cannot tell: m0: no loss could be found with these loops")
+    assert check_books(book([truth], truth), book([truth], truth)).result == "same"
+
+
+def test_copies_of_a_record_are_compared_once(book):
+    # three answers lost, forty times over, are no more than three
+    truth = np.arange(48) % 2
+    hashes = [f"{k:016d}" for k in range(48)] * 40
+    base = book([np.tile(truth, 40)], np.tile(truth, 40), hashes=hashes)
+    missed = np.where(np.arange(48) < 3, 1 - truth, truth)
+    check = check_books(with_verdicts(base, np.tile(missed, 40)), base)
+    assert check.result == "cannot tell"
+    assert "1872 copies of records" in check.basis
+
+
 def test_one_alarm_lost_on_few_loops_is_no_clean_bill_and_on_many_it_is(book):
     # 150 loops guard against a loss of 14 points of the positives, 1500 against one of 1.4
     for n, result in ((150, "cannot tell"), (1500, "same")):

@@ -689,3 +689,38 @@ def test_a_run_made_from_records_begins_with_the_method_to_rely_on(book):
     wrong = advised(book, [np.roll(truth, 1), silent])
     assert wrong.startswith("No method is known to be worth more here than no answer: on 120")
     assert advised(book, [truth, silent], "own").startswith("grid ")
+
+
+def test_loops_with_one_record_and_the_same_labels_count_once(book):
+    # forty copies of each of forty records: counts, intervals and areas are those of one of each
+    truth = np.arange(40) % 2
+    verdict = np.array([np.where(np.arange(40) < 30, truth, 1 - truth)])
+    once = book(verdict, truth, ids=[f"{k:016d}" for k in range(40)])
+    copies = book(np.tile(verdict, 40), np.tile(truth, 40), hashes=list(once.ids) * 40)
+    columns = ["n", "accuracy", "accuracy_lo", "accuracy_hi", "cost", "auc", "no_decision"]
+    one, many = (score_book(run).rows().set_index("method") for run in (once, copies))
+    pd.testing.assert_frame_equal(one.loc[["m0"], columns], many.loc[["m0"], columns])
+    assert "1560 of 1600 loops have the record of another bit for bit" in (
+        " ".join(score_book(copies).as_text().split())
+    )
+    assert score_book(copies).as_json()["copies"] == 1560
+    assert score_book(once).as_json()["copies"] == 0
+
+
+def test_one_record_with_two_labels_and_loops_without_a_record_are_no_copies(book):
+    truth = np.arange(40) % 2
+    book_of = book([truth], truth, hashes=["one"] * 40)
+    assert book_of.without_copies().ids.tolist() == book_of.ids[:2].tolist()
+    failed = book([truth], truth, hashes=[""] * 40)
+    assert failed.without_copies() is failed
+
+
+def test_a_grid_that_draws_copies_is_told_when_it_is_loaded_and_ranks_nothing(tmp_path, capsys):
+    table = {**LOOP.to_table(), "sampling": {"Ts": 2, "n": 300}}
+    content = {"title": "same", "repeats": 40, "loop": table, "axes": {"valve.S": [0.0, 5.0]}}
+    text = score_run(run_grid(make_grid(content), tmp_path / "run", ["he"])).as_text()
+    assert "repeats of a loop are the same record" in capsys.readouterr().err
+    assert "78 of 80 loops have the record of another" in text
+    assert "There is no ranking" in text
+    run_grid(make_grid(content, sets={"noise.std": 0.1}), tmp_path / "noisy", ["he"])
+    assert "same record" not in capsys.readouterr().err
