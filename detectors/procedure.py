@@ -298,7 +298,7 @@ class _Course:
         )
         numbers += f", {follow.reversals} reversals"
         if follow.score < self.rules.follow_min:
-            return "no", numbers, "The valve follows OP, or OP gave it too little to do."
+            return "no", numbers, "No dead band is seen: the valve has none, or OP gave it too little to do."
         self.S = follow.S
         self.J = (0.0, follow.S)
         return (

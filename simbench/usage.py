@@ -12,8 +12,8 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from typing import TextIO
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TextIO
 
 from simbench.detectors.errors import RecordError, UserError, masked, printable
 from simbench.detectors.faults import sentence_of
@@ -22,6 +22,7 @@ from simbench.scenarios.errors import SpecError
 STOPPED = b"stopped by SIGTERM; no output is half-written\n"
 TERMINATED = 128 + signal.SIGTERM  # exit code, as a shell gives it
 UNREAD = 141  # that of SIGPIPE, which not all systems have: the reader of the output is gone
+_WHOLE = 1e15  # up to which a float holds every whole number
 _LONGEST = 950  # characters of a sentence; a longer one is cut in its middle
 
 
@@ -148,6 +149,26 @@ def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
             )
         pairs[role] = name
     return pairs or None
+
+
+def setting_words(settings: Mapping[str, Any]) -> list[str]:
+    """Return settings as words of a command line: --set, or --axis for several values.
+
+    >>> setting_words({"noise.std": 2.0, "S_over_2J": [0.5, 1.0]})
+    ['--set', 'noise.std=2', '--axis', 'S_over_2J=0.5,1']
+    """
+    words = []
+    for key, value in settings.items():
+        several = isinstance(value, (list, tuple))
+        values = map(plain_number, value if several else [value])
+        words += ["--axis" if several else "--set", f"{key}={','.join(values)}"]
+    return words
+
+
+def plain_number(value: object) -> str:
+    """Return a value as people write it: a whole number without a point."""
+    whole = isinstance(value, float) and value.is_integer() and abs(value) < _WHOLE
+    return str(int(value) if whole else value)
 
 
 def complain(sentence: str) -> int:

@@ -202,6 +202,7 @@ def _simulate_grid(
 ) -> None:
     """Write the records of a grid, and print how many they are and how answers are scored."""
     from simbench.bench.execute.hand_out import write_records
+    from simbench.usage import setting_words
 
     written = write_records(grid, out, n, sets)
     if as_json:
@@ -212,7 +213,7 @@ def _simulate_grid(
     run = grid
     if not Path(grid).is_dir():
         words = ["simbench", "run", grid, *(["--n", str(n)] if n else [])]
-        words += [word for key, value in sets.items() for word in ("--set", f"{key}={value}")]
+        words += setting_words(sets)
         labels = shlex.join([*words, "-o", "RUN"]) + ", then "
         run = "RUN"
     say(f"to score answers to them: {labels}{shlex.join(['simbench', 'run', run])} --answers FILE")

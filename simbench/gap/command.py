@@ -22,6 +22,7 @@ from simbench.gap.report.result import GapReport
 from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.scenarios.columns import in_a_file
 from simbench.scenarios.toml import toml_of
+from simbench.usage import plain_number
 
 if TYPE_CHECKING:
     from simbench.gap.benchmark.result import GridGap
@@ -265,6 +266,6 @@ def _commands_to_repeat(
             value = ",".join(f"{role}={column}" for role, column in value.items())
         for one in value if isinstance(value, list) else [] if value is None else [value]:
             numbers = one if isinstance(one, tuple) else () if one is True else (one,)
-            words += [f"--{name.replace('_', '-').lower()}", *map(str, numbers)]
+            words += [f"--{name.replace('_', '-').lower()}", *map(plain_number, numbers)]
     words += ["--write-loop", "fixed.toml"]
     return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv"]

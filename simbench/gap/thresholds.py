@@ -302,6 +302,9 @@ MV_FOLLOWED = AnswerThreshold(
 BY_MV = AnswerThreshold(
     10.0, "nats", "that a valve identified from MV must bring to be put before the plant", _CHOICE
 )
+SLOW_FAR = AnswerThreshold(
+    2.0, "% of travel", "by which a slow valve must be off OP to be a cause", _CHOICE
+)
 MV_LEFT = AnswerThreshold(
     0.3, "share", "of an ideal valve's misfit to MV, that a map may leave unexplained", _CHOICE
 )

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from simbench.bench.score.names import OF_NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
 from simbench.bench.score.tally import RATES
+from simbench.bench.store.benchmark import LOOP_KEYS
 from simbench.bench.store.folder import PIECES, RunError, digest, visible_names, write_file
 from simbench.bench.store.manifest import MANIFEST, read_manifest, write_manifest
 from simbench.bench.store.reading import read_table
@@ -36,6 +37,7 @@ _KEPT = (
     "grid_content",
     "seed",
     "overrides",
+    LOOP_KEYS,
     "scenarios",
     "methods",
     "plugins",

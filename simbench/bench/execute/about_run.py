@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from simbench.bench.execute.run_options import RunOptions
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.score.shipped import REFERENCE
 from simbench.bench.store.benchmark import grid_settings
@@ -22,18 +23,19 @@ from simbench.scenarios.sample import Sample
 
 
 def describe_run(
-    plan: Grid, names: Sequence[str], digests: Mapping[str, str], with_reference: bool
+    plan: Grid, names: Sequence[str], digests: Mapping[str, str], options: RunOptions
 ) -> dict[str, Any]:
     """Return the manifest: everything that decides the numbers of the run."""
+    asked = {**(options.get("sets") or {}), **(options.get("axes") or {})}
     return describe(
         {
-            **grid_settings(plan),
+            **grid_settings(plan, asked),
             "scenarios": len(plan),
             "methods": {n: about_method(n) for n in names},
             "plugins": digests,
             "command": printable(masked(" ".join(sys.argv))),
             **({"points": plan.points} if isinstance(plan, Sample) else {}),
-            **({REFERENCE: True} if with_reference else {}),
+            **({REFERENCE: True} if options.get("with_reference") else {}),
         }
     )
 

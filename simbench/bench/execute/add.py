@@ -35,6 +35,7 @@ from simbench.bench.store.manifest import (
     ADDING,
     FROM_FILE,
     SOURCES,
+    UNANSWERED,
     WHOLE,
     put_in_place,
     read_manifest,
@@ -264,16 +265,17 @@ def _join_answers(folder: Path, file: Path, answers: Answers) -> _Addition:
     records = [row["scenario_id"] for row in scenarios if row["error"] is None]
     rows = []
     told = []
+    about = {}
+    source = f"answers of {printable(file.name)} (sha256 {file_digest(file)})"
     for name, of in answers.items():
         for record in records:
             verdict = of.get(record) or Verdict(name, NO_DECISION, reason="not answered")
             answer = Answer(verdict.but(applicable=True), None, math.nan)
             rows.append(verdict_row(record, answer))
         missing = len(records) - sum(record in of for record in records)
+        about[name] = {**_ABOUT, "source": source, UNANSWERED: missing}
         left = f", {missing} of {len(records)} records not answered" if missing else ""
         told.append(f"answered by {file}: {name}{left}")
-    source = f"answers of {printable(file.name)} (sha256 {file_digest(file)})"
-    about = {name: {**_ABOUT, "source": source} for name in answers}
     return _Addition(about, {}, as_table(rows, VERDICT_SCHEMA), "; ".join(told))
 
 

@@ -132,8 +132,7 @@ def run_scored(
     ):
         names = choose_with_oracle(asked, added)
         _refuse_wrong_run(plan, names)
-        with_reference = options.get("with_reference", False)
-        manifest = describe_run(plan, names, {**digests, **digests_of_own(own)}, with_reference)
+        manifest = describe_run(plan, names, {**digests, **digests_of_own(own)}, options)
 
         # compute what is not there yet, and join the pieces
         folder = local_path(Path("runs") / plan.name if out is None else out)

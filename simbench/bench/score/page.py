@@ -38,6 +38,7 @@ from simbench.page.document import (
     write,
 )
 from simbench.page.style import GREY, label, panel, series, styled
+from simbench.usage import setting_words
 
 _COLUMNS = ("cost", "accuracy", "sensitivity", "false_positives", "no_decision")
 _SAYS = (
@@ -299,10 +300,7 @@ def _tell_origin(manifest: Mapping[str, Any], folder: str) -> list[Part]:
 def reproduce(manifest: Mapping[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit."""
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
-    words += ["--set", f"seed={manifest['seed']}"]
-    words += [
-        w for k, v in (manifest.get("overrides") or {}).items() for w in ("--set", f"{k}={v}")
-    ]
+    words += setting_words({**(manifest.get("overrides") or {}), "seed": manifest["seed"]})
     methods = manifest["methods"].items()
     asked = [name for name, about in methods if about.get("answered") != FROM_FILE]
     words += [word for name in asked for word in ("--method", name)]

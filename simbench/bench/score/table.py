@@ -28,7 +28,7 @@ from simbench.bench.score.names import (
 from simbench.bench.score.ranks import RANKED_LOOPS, loops_needed
 from simbench.bench.score.shipped import UNLIKE
 from simbench.bench.store.benchmark import FROM_RECORDS, benchmark_text
-from simbench.bench.store.manifest import unmatched
+from simbench.bench.store.manifest import UNANSWERED, unmatched
 from simbench.bench.store.reading import COPIES
 from simbench.page.text import LINE_WIDTH, lines_of, wrap
 
@@ -244,6 +244,11 @@ def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list
     said = [
         f"Not ranked, too many errors: {m} failed on {k} records."
         for m, k in scores.failing.items()
+    ]
+    said += [
+        f"The file of {m} leaves {about[UNANSWERED]} records unanswered: no decision."
+        for m, about in scores.manifest["methods"].items()
+        if about.get(UNANSWERED)
     ]
 
     # what the ranks tell, or why there are none

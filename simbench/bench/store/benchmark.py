@@ -26,6 +26,8 @@ from simbench.scenarios.toml import content_hash
 BENCHMARK = "benchmark"
 # key of a manifest: whose loops were taken as they stand; a run that settled its own has none
 SETTLED = "settled"
+# key of a manifest: of its overrides those of loops' keys, which the grid's content does not hold
+LOOP_KEYS = "loop_overrides"
 PACKAGE = "package"
 OF_RUN = "run"
 # source of a grid whose loops copy records
@@ -113,13 +115,16 @@ def benchmark_text(manifest: Mapping[str, Any]) -> str:
     return f", benchmark {version}" if version else ""
 
 
-def grid_settings(grid: Grid) -> dict[str, Any]:
-    """Return what a run's manifest holds of its grid."""
+def grid_settings(grid: Grid, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a run's manifest holds of its grid, `asked` being what --set and --axis change of
+    it.
+    """
     about = {
         "grid": grid.name,
         "grid_hash": grid.hash,
         "grid_content": _without_infinity(grid.content.model_dump(mode="json")),
-        "overrides": _without_infinity(dict(grid.overrides)),
+        "overrides": _without_infinity({**grid.overrides, **asked}),
+        LOOP_KEYS: _without_infinity(dict(grid.overrides)),
         "seed": grid.content.seed,
     }
     if not isinstance(grid, SettledGrid):
@@ -132,7 +137,8 @@ def grid_of(manifest: Mapping[str, Any]) -> Grid:
     that was simulated.
     """
     content = GridFile.model_validate(_with_infinity(manifest["grid_content"]))
-    grid = Grid(manifest["grid"], content, _with_infinity(dict(manifest["overrides"])))
+    of_loops = manifest.get(LOOP_KEYS, manifest["overrides"])  # all there were, once
+    grid = Grid(manifest["grid"], content, _with_infinity(dict(of_loops)))
     return Sample.of(grid, manifest["points"]) if "points" in manifest else grid
 
 

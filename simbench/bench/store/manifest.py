@@ -25,6 +25,7 @@ ADDING = ".adding"
 WHOLE = "whole"
 SOURCES = "plugins"  # folder of a run that holds the files of its plug-ins
 _CHECKSUM = "checksum"
+UNANSWERED = "unanswered"  # key of such a method: records that its file leaves out
 FROM_FILE = "file"  # value of `answered` of a method whose answers were joined from a file
 # what must be the same before old and new pieces may stand in one table
 _BINDING = (

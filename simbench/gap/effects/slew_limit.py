@@ -23,7 +23,8 @@ _RATE = Free("rate", lambda d: 1e-3 * _moves(d), lambda d: 10.0 * _moves(d), log
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan the rate, then refine it with the nuisances."""
-    spec = base.spec.join(Spec(moves=Moves(lambda u, p: limit_rate(u, p["rate"]), (_RATE,))))
+    moves = Moves(lambda u, p: limit_rate(u, p["rate"], p["rate"]), (_RATE,))
+    spec = base.spec.join(Spec(moves=moves))
     rates = _moves(engine.data) * np.geomspace(0.02, 3.0, 14)
     points = [{**plant, "rate": float(rate)} for rate in rates for plant in plants(engine, base)]
     tries = engine.grid(spec, base.theta, points, keep=2)
@@ -35,7 +36,7 @@ def by_mv(search: MapSearch) -> MapFit:
     """Scan the rate finely."""
     rates = (float(np.std(np.diff(search.op))) or 1.0) * np.geomspace(0.01, 5.0, 80)
     level, best = min(
-        ((search.level(limit_rate(search.op, float(r))), float(r)) for r in rates),
+        ((search.level(limit_rate(search.op, float(r), float(r))), float(r)) for r in rates),
         key=lambda t: t[0],
     )
     return search.priced(level, {"slowness": search.Ts / best}, 1.0)

@@ -139,12 +139,12 @@ def _through(u, kind, p0, p1, p2, v):
 
 
 @njit_cached
-def limit_rate(u, rate):
-    """Return u (n,) followed at no more than `rate` per sample."""
+def limit_rate(u, up, down):
+    """Return u (n,) followed at no more than `up` and `down` per sample."""
     v = np.empty(u.size)
     x = u[0]
     for k in range(u.size):
-        x += min(max(u[k] - x, -rate), rate)
+        x += min(max(u[k] - x, -down), up)
         v[k] = x
     return v
 

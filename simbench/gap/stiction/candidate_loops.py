@@ -28,6 +28,7 @@ from simbench.gap.stiction.friction import (
 )
 from simbench.gap.stiction.probability import probability
 from simbench.gap.stiction.sizes import Size, sizes_of
+from simbench.gap.stiction.slow import SlowValve, slow_valve
 from simbench.scenarios.spec import Loop
 
 _ARCHIVE = (
@@ -79,11 +80,22 @@ class CandidateLoops:
         """Time constant (s) and damping of a valve that overshoots OP without friction, as MV shows
         it; None where it does not, or was not recorded.
         """
+        found = None if self._mv is None else positioner(self._mv)
+        return None if found is None else found[1]
+
+    @cached_property
+    def slow(self) -> SlowValve | None:
+        """The valve whose speed is limited, as MV shows it; None as for `positioner`."""
+        found = None if self._mv is None else slow_valve(self._mv)
+        return None if found is None else found[1]
+
+    @cached_property
+    def _mv(self) -> MapSearch | None:
+        """The search for what the valve makes of OP; None where MV was not recorded."""
         s = None if self.closed is None else self.closed.fitted.situation
         if s is None or s.record.mv is None:
             return None
-        found = positioner(MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.op))
-        return None if found is None else found[1]
+        return MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.op)
 
     @cached_property
     def sizes(self) -> tuple[Size, Size] | None:

@@ -40,6 +40,7 @@ STICKING = "stiction"
 TIGHT = "tuning"
 FROM_OUTSIDE = "disturbance from outside"
 POSITIONER = "positioner"
+SLOW = "slow valve"
 AT_REST = "the valve does not move"
 STEPPED = "threshold in the controller"
 SENSOR = "sensor"
@@ -50,6 +51,7 @@ _BEYOND_SOUND = "more than this loop reaches in simulations without valve fricti
 _BLOCK = {
     STICKING: "valve",
     POSITIONER: "valve",
+    SLOW: "valve",
     AT_REST: "valve",
     TIGHT: "controller",
     STEPPED: "controller",
@@ -125,9 +127,9 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
         return Causes(plain, (plain,))
     if isinstance(loops, Refusal):
         return _leave_open(loops.reason, ())
-    overshoots = None if claimed else _positioner(loops)
-    if overshoots is not None:
-        return Causes(overshoots, (overshoots,))
+    moves = None if claimed else _positioner(loops) or _slow(loops)
+    if moves is not None:
+        return Causes(moves, (moves,))
     swing = prepared.oscillation
     tuning, outside = _weigh_oscillation(prepared, loops)
     sticking = _stiction(loops, prepared.record.S_unit)
@@ -163,6 +165,13 @@ def _positioner(loops: CandidateLoops) -> Cause | None:
         f" (damping {found['damping']:.2g}, {found['tau']:.2g} s)"
     )
     return Cause(POSITIONER, 0.9, (why,))
+
+
+def _slow(loops: CandidateLoops) -> Cause | None:
+    """Return a slow valve as the cause where MV stays behind OP without friction."""
+    if loops.probability > LIKELIER or loops.slow is None:
+        return None
+    return Cause(SLOW, 0.9, (loops.slow.sentence(),))
 
 
 def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause, Cause]:

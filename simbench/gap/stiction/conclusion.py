@@ -43,6 +43,7 @@ _NEXT = {
     why.FROM_OUTSIDE: "look upstream for what oscillates with this period",
     why.SENSOR: "check the transmitter",
     why.POSITIONER: "tune the positioner, or give it a larger dead-band: it overshoots",
+    why.SLOW: "check air supply, positioner and size of the actuator; do a stroke test by hand",
     why.STEPPED: "let OP be sent after smaller changes, then record again",
     why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
 }

@@ -46,6 +46,7 @@ from simbench.gap.stiction.position import (
     worth,
 )
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability
+from simbench.gap.stiction.slow import slow_valve
 from simbench.gap.thresholds import (
     CLAIMED_FROM,
     DENIED_BELOW,
@@ -210,10 +211,15 @@ def _in_scale(
     """
     op = np.asarray(in_percent(record)[0].op)
     mv = np.asarray(record.mv, dtype=float)
-    scale, nats = scale_of(MapSearch(op, mv, record.Ts, op), fitted)
+    search = MapSearch(op, mv, record.Ts, op)
+    scale, nats = scale_of(search, fitted)
+
+    # what the valves in the unit of OP explain
     by_mv = _weigh_friction(record, known)
     rows = nats_of_rows(by_mv.assessment.rows)
     valve = max((n for e, n in rows.items() if block_of(e) == "valve"), default=0.0)
+    if (slow := slow_valve(search)) is not None:
+        valve = max(valve, slow[0])
     if nats <= max(valve, 0.0) + MV_SCALE_NATS:
         return _ask_what_shows(by_mv), Scale()
     return _ask_what_shows(_weigh_friction(replace(record, mv=scale.undone(mv)), known)), scale

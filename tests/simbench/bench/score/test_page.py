@@ -185,11 +185,12 @@ def test_a_run_says_how_to_run_it_again():
             "commit": "0123",
             "methods": {"he": {}},
             "seed": 3,
-            "overrides": {"noise.std": 1.0},
+            "overrides": {"noise.std": 1.0, "S_over_2J": [0.5, 2.0]},
         }
     )
     assert expected[0] == "git checkout 0123"
     assert expected[1:] == [
-        "simbench run smoke -o again --set seed=3 --set noise.std=1.0 --method he",
+        "simbench run smoke -o again --set noise.std=1 --axis S_over_2J=0.5,2 --set seed=3"
+        " --method he",
         "simbench score again",
     ]
