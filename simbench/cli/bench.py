@@ -13,6 +13,7 @@ from simbench.cli.common import (
     Json,
     Report,
     app,
+    axis_name,
     end_by_failures,
     examples,
     pairs,
@@ -129,7 +130,7 @@ def score(
     scores = score_book(book, cost, allow_failed)
     failed = read_failures(folder)
     scores = scores.of(split_names(method)) if method else scores
-    answer = Asked(scores, truth, paired, by or [])
+    answer = Asked(scores, truth, paired, [*map(axis_name, by or [])])
 
     # write what goes into a file before what goes to the terminal, which may have no reader
     if to is not None:

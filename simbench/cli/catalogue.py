@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -106,13 +107,18 @@ def catalogue(what: str) -> list[dict[str, Any]]:
 
     folder = {"detectors": methods, "valves": VALVES, "effects": PLUGINS, "figures": FIGURES}[what]
     rows = []
-    for name in folder.every_name():
+    for name in sorted(folder.every_name(), key=_by_number):
         module = folder.load(name)
         source = module.METHOD.source if what == "detectors" else module.SOURCE
         # a figure's public id is its file name with hyphens
         shown = name.replace("_", "-") if what == "figures" else name
         rows.append({"name": shown, "says": _first_sentence(module), "source": source})
     return rows
+
+
+def _by_number(name: str) -> list[Any]:
+    """Return what sorts names by the numbers in them."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
 
 
 def _grid_row(grid: Grid) -> dict[str, Any]:

@@ -280,10 +280,11 @@ def refuse_picture(path: Path | None, *read: Path | None) -> None:
 
 
 def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
-    """Return NAME=VALUE words as a table."""
+    """Return NAME=VALUE words as a table; an axis may be written as in the book."""
     pairs = {}
     for word in words:
         name, equals, value = word.partition("=")
+        name = axis_name(name)
         if not equals or not name:
             raise ParameterError(f"{option} {word!r}: NAME=VALUE is needed")
         if name in pairs:
@@ -292,6 +293,15 @@ def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
             )
         pairs[name] = value if text else number(value)
     return pairs
+
+
+def axis_name(text: str) -> str:
+    """Return the name of an axis that may be written as a fraction.
+
+    >>> axis_name("Td/T"), axis_name("S/2J"), axis_name("valve.S")
+    ('Td_over_T', 'S_over_2J', 'valve.S')
+    """
+    return text.replace("/", "_over_")
 
 
 def number(text: str) -> Any:

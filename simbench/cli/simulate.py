@@ -183,8 +183,12 @@ def _loop_to_simulate(
         repeated = read_scenario(from_run, scenario)
         loop = repeated.loop
         first = repeated.seed
-    settings = {k: toml_value(v) for k, v in pairs(sets, "--set", text=True).items()}
-    return loop.with_all(settings), first
+    return loop.with_all(_settings_of(sets)), first
+
+
+def _settings_of(sets: list[str]) -> dict[str, Any]:
+    """Return the settings of a loop that --set changes."""
+    return {k: toml_value(v) for k, v in pairs(sets, "--set", text=True).items()}
 
 
 def _refuse_beside_grid(grid: str, seed: int | None, kick: float) -> None:
@@ -275,11 +279,19 @@ def valve(
         valve_file(source, out, model, pairs(param or [], "--param"))
 
 
-@app.command(epilog=examples("predict loop.toml", "predict loop.toml --json"))
+@app.command(epilog=examples("predict loop.toml", "predict loop.toml --set controller.Kc=2"))
 def predict(
     loop: Annotated[
         Path, Argument(metavar="LOOP.toml", help="Predict the limit cycle of this loop file.")
     ],
+    sets: Annotated[
+        list[str] | None,
+        Option(
+            "--set",
+            metavar="K=V",
+            help="Change a setting of the loop, for example controller.Kc=2; may be repeated.",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Predict from theory whether valve stiction makes a loop cycle.
@@ -294,5 +306,5 @@ def predict(
     from simbench.theory.predict import predict as theory
 
     with naming(loop):
-        prediction = theory(load_loop(loop))
+        prediction = theory(load_loop(loop).with_all(_settings_of(sets or [])))
     show(prediction if as_json else as_text(prediction), as_json)

@@ -108,7 +108,10 @@ class Comparison:
     def as_text(self) -> str:
         """Return how often each method is right, and all pairs, for a terminal."""
         # how often each method is right
-        lines = [f"{self.cases} scenarios, right against {self.truth!r}, with 95 % intervals"]
+        lines = [
+            f"all {self.cases} loops with a label against {self.truth!r}, oscillating or not; share"
+            " right with 95 % interval"
+        ]
         lines += self._accuracies()
         if not np.isnan(self.critical_difference):
             lines += [
