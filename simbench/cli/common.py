@@ -219,15 +219,22 @@ def reads(verb: Callable[..., None]) -> Callable[..., None]:
 
 
 def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
-    """Print what reading the records assumed: after JSON, or of several records, on
-    stderr.
+    """Print what reading the records assumed, once where it is the same: after JSON, or of several
+    records, on stderr.
     """
+    # which records have each note
     read = list(records)
+    tags: dict[str, list[str]] = {}
     for record in read:
-        whose = f"{record.tag}: " if len(read) > 1 else ""
         for note in record.notes:
-            line = wrap_lines(f"note: {whose}{note}")
-            print(line, file=sys.stderr if as_json or whose else sys.stdout)
+            tags.setdefault(note, []).append(str(record.tag))
+
+    # of several records, whose it is
+    for note, of in tags.items():
+        several = f"all {len(read)} records" if len(of) == len(read) else ", ".join(of)
+        whose = f"{several}: " if len(read) > 1 else ""
+        line = wrap_lines(f"note: {whose}{note}")
+        print(line, file=sys.stderr if as_json or whose else sys.stdout)
 
 
 def method_completion(incomplete: str) -> list[str]:

@@ -57,6 +57,7 @@ _SAYS = (
 )
 _BAND = "S_over_2J"
 _AXES = {"self-regulating": "Td_over_T", "integrating": "Td_over_Ti"}
+_BAR = 0.6  # inches, for the scale below the maps
 _SIDE = 3  # maps beside each other
 _PALE = 0.35  # opacity of a cell of fewer than `LEAST` loops
 _ORIGIN = ("grid", "grid_hash", "records_hash", "seed", "commit", "code", "machine", "command")
@@ -171,11 +172,10 @@ def draw_maps(rates: pd.DataFrame, axis: str) -> Figure:
     # the cells of every map, and a figure that has room for them
     methods = list(dict.fromkeys(rates["method"]))
     down, across = (list(dict.fromkeys(rates[name])) for name in (_BAND, axis))
-    side = min(_SIDE, len(methods))
-    deep = -(-len(methods) // side)
-    size = (side * (0.9 + 0.55 * len(across)), deep * (0.9 + 0.42 * len(down)))
+    deep = -(-len(methods) // _SIDE)
+    size = (_SIDE * (0.9 + 0.55 * len(across)), deep * (0.9 + 0.42 * len(down)) + _BAR)
     figure = Figure(figsize=size, layout="constrained")
-    panels = figure.subplots(deep, side, squeeze=False).ravel()
+    panels = figure.subplots(deep, _SIDE, squeeze=False).ravel()
     edges = [np.arange(len(values) + 1) - 0.5 for values in (down, across)]
     look = {"vmin": 0.0, "vmax": 1.0, "cmap": colormaps["cividis"].resampled(20)}
 
@@ -204,8 +204,8 @@ def draw_maps(rates: pd.DataFrame, axis: str) -> Figure:
 
     # one scale for all of them
     if image is not None:
-        bar = figure.colorbar(image, ax=list(panels), shrink=0.6, aspect=40)
-        bar.set_label(f"accuracy; below it the number of loops, pale: fewer than {LEAST}")
+        bar = figure.colorbar(image, ax=list(panels), location="bottom", shrink=0.4, aspect=40)
+        bar.set_label("accuracy")
     return figure
 
 
