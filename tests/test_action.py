@@ -30,7 +30,12 @@ def detect(prepared):
     verdict = STICTION if pv > op + 0.02 else NO_STICTION
     return Verdict("fuller", verdict, pv - op, reason="fuller")
 '''
-GH = '#!/bin/sh\nprintf "%s\\n" "$@" > "$RUNNER_TEMP/gh.txt"\n'
+# notes its words, lists the comments that `comments.txt` names, and fails where a fork's token does
+GH = """#!/bin/sh
+printf "%s\\n" "$@" > "$RUNNER_TEMP/gh.txt"
+case "$*" in *--paginate*) cat "$RUNNER_TEMP/comments.txt" 2> /dev/null; exit 0;; esac
+[ ! -f "$RUNNER_TEMP/fork" ]
+"""
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +100,17 @@ def test_a_run_without_loss_passes_and_its_table_is_a_comment(baseline, tmp_path
     assert job.step(COMMENT) == 0
     words = (tmp_path / "gh.txt").read_text().splitlines()
     assert words[:3] == ["pr", "comment", "7"]
-    assert Path(words[-1]).read_text() == summary
+    assert Path(words[-1]).read_text() == f"<!-- simbench check -->\n{summary}"
+
+    # the second time the comment that has the mark is changed
+    (tmp_path / "comments.txt").write_text("41\n")
+    assert job.step(COMMENT) == 0
+    words = (tmp_path / "gh.txt").read_text().splitlines()
+    assert words[:4] == ["api", "--method", "PATCH", "repos/we/ours/issues/comments/41"]
+
+    # a fork's token may not write
+    (tmp_path / "fork").touch()
+    assert job.step(COMMENT) == 0
 
 
 def test_a_detector_that_became_worse_fails_the_job(baseline, tmp_path):
@@ -132,5 +147,7 @@ def test_every_input_is_used_and_explained_and_the_package_is_installed_from_the
         assert re.search(rf"inputs\.{name}\b", text), name
         assert about["description"].endswith((".", "`."))
         assert about.get("required") or "default" in about
-    assert STEPS[INSTALL]["run"].strip() == 'python -m pip install "$GITHUB_ACTION_PATH"'
+    place = "$GITHUB_ACTION_PATH"
+    words = f'python -m pip install -c "{place}/constraints.txt" "{place}"'
+    assert STEPS[INSTALL]["run"].strip() == words
     assert all(step.get("shell") == "bash" for step in STEPS.values())

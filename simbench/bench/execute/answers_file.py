@@ -21,6 +21,7 @@ _NEEDED = ("method", "record", "verdict")
 _OPTIONAL = ("score", "S", "J")
 _NAME = re.compile(r"[A-Za-z][\w.@-]{0,59}", re.ASCII)
 _LARGEST = 1e6  # of S and J; the travel of a valve is 100 %
+_SEPARATORS = (",", ";", "\t")  # of the cells of a line
 _BETWEEN = ".."  # the ends of an interval
 Answers = dict[str, dict[str, Verdict]]  # by method and record
 
@@ -33,7 +34,8 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
     file : str or Path
         CSV with the columns method, record and verdict (stiction, no_stiction or no_decision), and
         if wanted score (larger means stickier), S and J (% of travel: a number, or an interval such
-        as 2.5..4); an empty cell is no number.
+        as 2.5..4); an empty cell is no number. Cells may be apart by semicolons or tabs, and
+        numbers then have a decimal comma.
     records : collection of str
         Ids of the records that were handed out.
 
@@ -94,12 +96,16 @@ def _rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """Yield the rows of the file by column, each with its line; columns that are not there are
     empty.
     """
+    # commas, or what spreadsheets of other countries write in their place, with decimal commas
     try:
-        content = io.BytesIO(plain_bytes(file))
+        content = plain_bytes(file)
+        head = content.partition(b"\n")[0].decode("utf-8-sig")
+        separator = max(_SEPARATORS, key=head.count)
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # of cells beyond the header
             table = pd.read_csv(
-                content,
+                io.BytesIO(content),
+                sep=separator,
                 dtype=str,
                 keep_default_na=False,
                 skip_blank_lines=False,
@@ -113,6 +119,8 @@ def _rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
     except (ValueError, pd.errors.ParserWarning) as error:  # errors of pandas are ValueErrors
         reason = str(error).strip().splitlines()[-1]
         raise ParameterError(f"{file} is no table of answers ({reason}); CSV is needed") from None
+
+    # the columns that are needed, and what else there may be
     table.columns = [str(name).strip() for name in table.columns]
     header = list(table.columns)
     wrong = [name for name in header if name not in (*_NEEDED, *_OPTIONAL)]
@@ -122,6 +130,9 @@ def _rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
             f" {', '.join(_NEEDED)} and, if wanted, {', '.join(_OPTIONAL)}"
         )
     table = table.fillna("").reindex(columns=[*_NEEDED, *_OPTIONAL], fill_value="")
+    if separator != ",":
+        sizes = list(_OPTIONAL)
+        table[sizes] = table[sizes].apply(lambda cells: cells.str.replace(",", "."))
     for line, cells in enumerate(table.itertuples(index=False), start=2):
         row = {name: cell.strip() for name, cell in zip(table.columns, cells, strict=True)}
         if any(row.values()):

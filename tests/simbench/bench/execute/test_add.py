@@ -128,6 +128,7 @@ def test_a_missing_answer_is_no_decision_and_counted(place, run, tmp_path):
     write_answers(run, tmp_path / "mine.csv", "he", "mine", slice(3, None))
     told = add_to_run(run, add=False, answers=[tmp_path / "mine.csv"]).told
     assert told.endswith("mine, 3 of 12 records not answered")
+    assert "The file of mine leaves 3 records unanswered" in score_run(run).as_text()
     verdicts = tables(run)[1]
     mine = verdicts[verdicts.method == "mine"]
     assert mine.verdict[mine.reason == "not answered"].tolist() == ["no_decision"] * 3
@@ -148,6 +149,23 @@ def test_sizes_are_numbers_or_intervals(run, tmp_path):
     ends = ["S_lo", "S_hi", "J_lo", "J_hi"]
     assert mine.loc[ids[0], ends].tolist() == [2.5, 4.0, 1.0, 1.0]
     assert mine.loc[ids[1], ends].isna().all()
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_answers_may_be_apart_by_what_other_countries_write(run, tmp_path, separator):
+    ids = tables(run)[0].scenario_id
+    rows = [
+        ["method", "record", "verdict", "score", "S"],
+        ["mine", ids[0], "stiction", "0,75", "2,5..4"],
+        ["mine", ids[1], "no_stiction", "0.25", ""],
+    ]
+    text = "\r\n".join(map(separator.join, rows))
+    (tmp_path / "mine.csv").write_bytes(text.encode("utf-8-sig"))
+    add_to_run(run, add=False, answers=[tmp_path / "mine.csv"])
+    verdicts = tables(run)[1]
+    mine = verdicts[verdicts.method == "mine"].set_index("scenario_id")
+    assert mine.loc[ids[:2], "score"].tolist() == [0.75, 0.25]
+    assert mine.loc[ids[0], ["S_lo", "S_hi"]].tolist() == [2.5, 4.0]
 
 
 ID = "ID"  # stands for a record of the run

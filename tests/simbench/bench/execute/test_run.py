@@ -2,6 +2,7 @@
 is mixed.
 """
 
+import shlex
 import shutil
 import signal
 import subprocess
@@ -24,6 +25,7 @@ from simbench.bench.execute import distribute, pieces
 from simbench.bench.execute import run as run_module
 from simbench.bench.execute.compute_piece import record_hash
 from simbench.bench.execute.run import Interrupted, run_grid
+from simbench.bench.score.page import reproduce
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest as manifest_module
 from simbench.bench.store import reading as store
@@ -645,6 +647,16 @@ def test_the_manifest_states_what_was_run(finished):
         "command",
         "times",
     } <= set(content)
+
+
+def test_the_manifest_states_what_set_and_axis_change_and_its_command_repeats_the_run(tmp_path):
+    changes = {"sets": {"noise_ratio": 0.1}, "axes": {"S_over_2J": [0.5, 2.0]}}
+    folder = run_grid("smoke", tmp_path / "run", ["he"], n=4, **changes)
+    manifest = read_manifest(folder)
+    assert manifest["overrides"] == {"noise_ratio": 0.1, "S_over_2J": [0.5, 2.0]}
+    words = shlex.split(reproduce(manifest)[-2])[1:]
+    assert main([str(tmp_path / "again") if word == "again" else word for word in words]) == 0
+    assert_same(folder, tmp_path / "again")
 
 
 @pytest.mark.usefixtures("unscored")
