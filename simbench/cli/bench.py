@@ -263,6 +263,5 @@ def figure(
     lines = []
     for row, one in zip(rows, drawn, strict=True):
         lines.append(f"{row['id']}: {row['left_out'] or ', '.join(row['files'])}")
-        # of all figures the gallery has the captions
-        lines += [f"  {one.caption}"] if row["files"] and "all" not in ids else []
+        lines += [f"  {one.caption}"] if row["files"] else []
     show(rows if as_json else "\n".join(lines), as_json)

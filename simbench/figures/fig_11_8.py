@@ -116,5 +116,7 @@ def draw(data: pd.DataFrame) -> Figure:
         place.set(xlim=(-3.6, 1.8), ylim=(-4.2, 0.5))
         label(place, "real part (-)", "imaginary part (-)", str(panel))
         place.label_outer()
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    said = "period P and amplitude A of OP by the describing function, not exact"
+    named = axes[0, 0].get_legend_handles_labels()
+    figure.legend(*named, loc="outside lower center", ncols=4, title=said)
     return figure

@@ -43,8 +43,9 @@ def data() -> pd.DataFrame:
     """Simulate four loops per cell, label their cycles and keep two periods of the second loop for
     the picture.
 
-    Columns: process, action, signal, table (shape), agreement (-, share of the cycles with the
-    table's label), cycles, t/P (-), value (mean removed, largest 1).
+    Columns: process, action, signal, table (shape), drawn (what most cycles of the drawn loop look
+    like), agreement (-, share of the cycles of all loops with the table's label), cycles, t/P (-),
+    value (mean removed, largest 1).
     """
     rows = []
     for (process, action), shapes in TABLE_11_2.items():
@@ -61,6 +62,7 @@ def data() -> pd.DataFrame:
                     wave[signal] = np.interp(PHASE * period, np.arange(x.size), x / np.abs(x).max())
         for signal, shape in zip(("OP", "PV"), shapes):
             every = np.concatenate(waves[signal])
+            seen = dict(zip(SHAPES, label_shares(waves[signal][1]), strict=True))
             agreement = sum(
                 share
                 for name, share in zip(SHAPES, label_shares(every))
@@ -68,6 +70,7 @@ def data() -> pd.DataFrame:
             )
             frame = pd.DataFrame({"t/P (-)": PHASE, "value (-)": wave[signal]})
             about = {"process": process, "action": action, "signal": signal, "table": shape}
+            about["drawn"] = max(seen, key=lambda name: seen[name])
             rows.append(frame.assign(**about, agreement=agreement, cycles=len(every)))
     return pd.concat(rows, ignore_index=True)
 
@@ -75,17 +78,18 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw one waveform per cell with the table's word and the agreement."""
-    figure, axes = panels(2, len(TABLE_11_2), 10.4, 4.0, sharex=True, sharey=True)
+    figure, axes = panels(2, len(TABLE_11_2), 10.4, 4.6, sharex=True, sharey=True)
     for j, (process, action) in enumerate(TABLE_11_2):
         part = data[(data["process"] == process) & (data["action"] == action)]
         for i, (signal, wave) in enumerate(part.groupby("signal", sort=False)):
             place = axes[i, j]
             place.plot(wave["t/P (-)"], wave["value (-)"], color=SIGNAL[str(signal)])
+            first = wave.iloc[0]
             word = (
-                f"{signal}: {wave['table'].iloc[0]}\n{wave['agreement'].iloc[0]:.0%} of"
-                f" {wave['cycles'].iloc[0]} cycles"
+                f"{signal}, table: {first['table']}\n({first['agreement']:.0%} of"
+                f" {first['cycles']} cycles)\nnearest shape: {first['drawn']}"
             )
-            place.set_title(word, fontsize=8)
+            place.set_title(word, fontsize=7.5)
             place.set_ylim(-1.15, 1.15)
             label(place, "time / period" if i else "", f"{signal} (scaled)" if j == 0 else "")
         head = process.replace(" (", "\n(") + (f", {action} action" if action else "")
