@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from simbench.bench.execute.run import Interrupted, run_grid
 from simbench.bench.store.manifest import read_manifest
-from simbench.bench.store.reading import read_table
 from simbench.files import whole_file
 from simbench.scenarios.grid import load_grid
 from simbench.usage import exit_code
@@ -73,7 +73,7 @@ def kills(
 def same_tables(one: Path, other: Path) -> bool:
     """Whether two runs' tables agree bit for bit, `runtime_s` excepted."""
     for kind in ("verdicts", "scenarios"):
-        tables = [read_table(folder, kind) for folder in (one, other)]
+        tables = [pq.read_table(folder / f"{kind}.parquet") for folder in (one, other)]
         if kind == "verdicts":
             tables = [t.drop_columns(["runtime_s"]) for t in tables]
         if not tables[0].equals(tables[1]):
