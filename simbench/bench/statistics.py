@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 _LEVEL = 0.95
-_MOST_GROUPS = 5000  # of a bootstrap; more are drawn several at a time
 
 
 class Estimate(NamedTuple):
@@ -161,47 +160,6 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     if variance == 0.0:
         return 0.0 if drop > 0 else 1.0
     return float(scipy.stats.norm.sf(drop / np.sqrt(variance)))
-
-
-class _Ranking(NamedTuple):
-    """Mean ranks of several methods over the same cases, with what may be told apart."""
-
-    mean_rank: np.ndarray
-    p: float
-    critical_difference: float
-
-
-def mean_ranks(
-    results: ArrayLike, level: float = _LEVEL, groups: ArrayLike | None = None
-) -> _Ranking:
-    """Rank methods over many cases by Friedman's test and give the critical difference, Nemenyi's
-    or a group bootstrap's.
-
-    `results` are (cases, methods), larger = better. Cases of one of `groups` hang together: the
-    difference is then the level's quantile of the largest deviation between any two mean ranks over
-    1000 draws of whole groups.
-
-    Demsar (2006), J. Mach. Learn. Res. 7, 1. CD = q sqrt(k (k + 1)/(6 N)), q from the studentised
-    range over sqrt 2. It is conservative with many ties, as right/wrong answers give; there the
-    paired `mcnemar` is the sharper test.
-    """
-    x = np.asarray(results, dtype=float)
-    if x.ndim != 2 or x.shape[0] < 2 or x.shape[1] < 3:
-        raise ValueError(
-            f"ranks need at least 2 cases and 3 methods, not an array of shape {x.shape}"
-        )
-    cases, methods = x.shape
-    ranks = scipy.stats.rankdata(-x, axis=1)
-    q = scipy.stats.studentized_range.ppf(level, methods, np.inf) / np.sqrt(2)
-    p = 1.0 if np.all(ranks == ranks[:, :1]) else float(scipy.stats.friedmanchisquare(*x.T).pvalue)
-    mean = ranks.mean(axis=0)
-    apart = float(q * np.sqrt(methods * (methods + 1) / (6 * cases)))
-    if groups is not None:
-        place = np.unique(groups, return_inverse=True)[1] % _MOST_GROUPS
-        shares = np.array([np.bincount(place, column) for column in (ranks - mean).T])
-        drawn = np.random.default_rng(0).poisson(1.0, (1000, shares.shape[1])) @ shares.T / cases
-        apart = float(np.quantile(np.ptp(drawn, axis=1), level))
-    return _Ranking(mean, p, apart)
 
 
 def _nan_lowest(score: ArrayLike) -> np.ndarray:

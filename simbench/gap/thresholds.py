@@ -209,12 +209,6 @@ STEP_RESTS = AnswerThreshold(
 STEP_LEAST = AnswerThreshold(
     0.04, "share of OP's range", "of the least step: archives by exception keep less", _CHOICE
 )
-SLAVE_TOGETHER = AnswerThreshold(
-    0.9,
-    "correlation",
-    "of slow OP and slow PV, from which a loop follows a master",
-    "tests/data/published: .6 at most; cooling water of the Tennessee Eastman process: .90 to .98",
-)
 OVERSHOOTS = AnswerThreshold(
     0.6, "damping ratio", "up to which a positioner overshoots a step by a tenth", "second order"
 )

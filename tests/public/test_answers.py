@@ -280,7 +280,6 @@ def test_score_and_the_run_tables(answer, place, capsys):
         "rank",
         "sensitivity_at_5",
         "cost",
-        "risk_coverage",
         "home",
         "division",
         "name",

@@ -64,7 +64,6 @@ _BASELINE_COLUMNS = (
     "auc",
     "sensitivity_at_5",
     "cost",
-    "risk_coverage",
     "rank",
     "errors",
 )

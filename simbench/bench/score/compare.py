@@ -10,16 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from simbench.bench.score.answers import failing_methods, failures, home_of
+from simbench.bench.score.answers import failures, home_of
 from simbench.bench.score.pairing import Paired
-from simbench.bench.statistics import holm, mean_ranks, rate
+from simbench.bench.statistics import holm, rate
 from simbench.bench.store.reading import TRUTHS, RunArrays
 from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.views import page_part
 from simbench.page.text import LINE_WIDTH, lines_of, wrap
 
 _LEVEL = 0.05
-_ALONE = ("nonlinearity", "quantification", "oracle")  # roles that are compared, but not ranked
 _COUNTS = ("win", "tie", "loss")
 _PAIR = ("first", "second", "n", *_COUNTS, "p", "differ")
 
@@ -37,12 +36,7 @@ class Comparison:
     ranking : DataFrame
         method, n (scenarios it applies to), accuracy over those with its 95 % interval
         (accuracy_lo, accuracy_hi), failed (records on which it raised an error, which count as
-        wrong), mean_rank (1 = best, ties shared; NaN for what is not ranked: methods that failed,
-        that see MV or are made for a part of the scenarios), home (where its constants were
-        fitted); best first.
-    critical_difference : float
-        Mean ranks closer than this cannot be told apart (group bootstrap, 5 %); NaN for fewer
-        than 3 methods.
+        wrong), home (where its constants were fitted); best first.
     pairs : DataFrame
         first, second, n scenarios to which both apply; win (only the first was right), tie (both
         or neither), loss (only the second); p (exact McNemar test, Holm-corrected over all pairs),
@@ -52,7 +46,6 @@ class Comparison:
     truth: str
     cases: int
     ranking: pd.DataFrame
-    critical_difference: float
     pairs: pd.DataFrame
 
     def matrix(self, what: str = "p") -> pd.DataFrame:
@@ -113,11 +106,6 @@ class Comparison:
             " right with 95 % interval"
         ]
         lines += self._accuracies()
-        if not np.isnan(self.critical_difference):
-            lines += [
-                f"mean ranks closer than {self.critical_difference:.2f} cannot be told apart (group"
-                " bootstrap, 5 %)"
-            ]
         for row in self.ranking[self.ranking["failed"] > 0].itertuples():
             lines.append(
                 f"! {row.method} failed on {row.failed} of {row.n} records, which count as wrong"
@@ -175,7 +163,6 @@ class Comparison:
         share = "{:.3f}".format
         table = pd.DataFrame({"method": self._names(), "n": r.n, "accuracy": r.accuracy.map(share)})
         table["95 %"] = r.accuracy_lo.map(share) + "-" + r.accuracy_hi.map(share)
-        table["mean rank"] = r.mean_rank.map("{:.2f}".format).replace("nan", "-")
         return lines_of(table)
 
     def _matrix_lines(self) -> list[str]:
@@ -201,9 +188,8 @@ class Comparison:
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
-        cd = None if np.isnan(self.critical_difference) else self.critical_difference
         tables = {name: plain(getattr(self, name)) for name in ("ranking", "pairs")}
-        return {"truth": self.truth, "cases": self.cases, "critical_difference": cd, **tables}
+        return {"truth": self.truth, "cases": self.cases, **tables}
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row per pair, as `pairs`."""
@@ -231,21 +217,17 @@ def _p(p: float) -> str:
 def compare(
     book: RunArrays,
     truth: str = "cycled",
-    failing: Collection[str] | None = None,
     chosen: Collection[str] = (),
 ) -> Comparison:
     """Compare the methods of a run with each other, or those that are chosen with every other.
 
     An answer is right when it is the label; "no decision" is never right. Where a method does not
-    apply it is not compared. Methods that are failing have no mean rank; where they are not given,
-    they are those that raised an error at all. McNemar (1947), Holm (1979), Demsar (2006).
+    apply it is not compared. McNemar (1947), Holm (1979).
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
-    # loops with a label, and mean ranks on them
-    use = np.flatnonzero(book.truth[truth] >= 0)
-    side = _Side.of(book, truth, use)
-    ranks, cd = _mean_ranks(book, side, use, failing)
+    # loops with a label
+    side = _Side.of(book, truth, np.flatnonzero(book.truth[truth] >= 0))
 
     # every two methods, or the chosen with every other
     numbers = range(len(book.methods))
@@ -266,7 +248,7 @@ def compare(
     pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))
     pairs["p"] = holm([paired.p for paired in found])
     pairs["differ"] = pairs["p"] < _LEVEL
-    return Comparison(truth, side.right.shape[1], _ranking(book, side, ranks), cd, pairs)
+    return Comparison(truth, side.right.shape[1], _ranking(book, side), pairs)
 
 
 class _Side(NamedTuple):
@@ -285,30 +267,12 @@ class _Side(NamedTuple):
         return cls(book.methods, right, book.applicable[:, at] != 0)
 
 
-def _mean_ranks(
-    book: RunArrays, side: _Side, at: np.ndarray, failing: Collection[str] | None
-) -> tuple[np.ndarray, float]:
-    """Return the mean rank of every method, NaN of those that are not ranked, and the critical
-    difference.
-    """
-    about = [book.manifest["methods"][m] for m in book.methods]
-    alike = np.array([a["role"] not in _ALONE and not a["needs_mv"] for a in about])
-    failed = failing_methods(book, 0.0) if failing is None else failing
-    ranked = side.applies.all(axis=1) & alike & ~np.isin(book.methods, list(failed))
-    ranks = np.full(len(book.methods), np.nan)
-    if ranked.sum() < 3 or at.size < 2:
-        return ranks, float("nan")
-    found = mean_ranks(side.right[ranked].T, groups=book.groups[at])
-    ranks[ranked] = found.mean_rank
-    return ranks, found.critical_difference
-
-
 def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
     """Return a table's rows as JSON types; NaN becomes null."""
     return frame.astype(object).where(frame.notna(), None).to_dict("records")
 
 
-def _ranking(book: RunArrays, side: _Side, ranks: np.ndarray) -> pd.DataFrame:
+def _ranking(book: RunArrays, side: _Side) -> pd.DataFrame:
     failed = failures(book)
     rows = []
     for method, right, applies in zip(book.methods, side.right, side.applies, strict=True):
@@ -317,6 +281,5 @@ def _ranking(book: RunArrays, side: _Side, ranks: np.ndarray) -> pd.DataFrame:
         rows.append((method, n, *share, failed[method]))
     columns = ["method", "n", "accuracy", "accuracy_lo", "accuracy_hi", "failed"]
     table = pd.DataFrame(rows, columns=columns)
-    table["mean_rank"] = ranks
     table["home"] = [home_of(method, book) for method in book.methods]
     return table.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)

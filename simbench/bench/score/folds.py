@@ -58,63 +58,6 @@ def found_at(
     return found
 
 
-def risk_coverage(
-    ranks: np.ndarray, positive: np.ndarray, fold: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the risk of a method that is asked for its surest answers only, for every number of
-    answers, and of every loop.
-
-    The mean of either is the area under the curve; the spread of the loops' values is that of its
-    estimate.
-
-    El-Yaniv and Wiener (2010), J. Mach. Learn. Res. 11, 1605; the loops' values are the area's
-    influence function.
-    """
-    wrong = np.full(ranks.size, 0.5)
-    sure = np.full(ranks.size, -1.0)
-    known = np.flatnonzero(ranks >= 0)
-    if known.size:
-        place = ranks[known]
-        fold = fold[known]
-        place = (np.cumsum(np.bincount(place) > 0) - 1)[place]
-        folds = int(fold.max()) + 1
-        levels = int(place.max()) + 1
-        cell = fold * (levels + 1) + place + 1
-        # how many of all and of the positives stand below every rank, in the other folds
-        below, missed = (
-            (some.sum(axis=0) - some).cumsum(axis=1)
-            for some in (
-                np.bincount(cells, minlength=folds * (levels + 1)).reshape(folds, levels + 1)
-                for cells in (cell, cell[positive[known]])
-            )
-        )
-        # errors when the lowest 0, 1, ... different scores are called healthy, but for a constant
-        best = (2 * missed - below).argmin(axis=1)
-        with np.errstate(invalid="ignore"):  # a fold beside which there is nothing to learn from
-            share = below / below[:, -1:]
-        cut = share[np.arange(folds), best][fold]
-        middle = 0.5 * (share[fold, place] + share[fold, place + 1])
-        learned = below[fold, -1] > 0
-        at = known[learned]
-        wrong[at] = (middle > cut)[learned] != positive[at]
-        sure[at] = np.abs(middle - cut)[learned]
-    order = np.argsort(-sure)
-    tied = np.cumsum(np.diff(sure[order], prepend=sure[order[:1]]) != 0.0)
-    size = np.bincount(tied)
-
-    def shared(values: np.ndarray) -> np.ndarray:
-        # answers equally sure come in any order
-        return (np.bincount(tied, values, size.size) / size)[tied]
-
-    risk = shared(wrong[order])
-    place = np.arange(1, order.size + 1)
-    # a loop counts by its own error, and by moving all that are less sure one place down
-    own, moved = (shared(np.cumsum(x[::-1])[::-1]) for x in (1.0 / place, risk / place))
-    values = np.empty(order.size)
-    values[order] = wrong[order] * own - moved + (risk.mean() if risk.size else 0.0)
-    return np.cumsum(risk) / place, values
-
-
 def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> np.ndarray:
     """Return the probability of a label by gradient boosting on one thread, learned on other groups
     than it is asked about.

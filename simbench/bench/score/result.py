@@ -57,7 +57,6 @@ _ROWS = (
     "rank",
     "sensitivity_at_5",
     "cost",
-    "risk_coverage",
     "home",
     "division",
     "name",
@@ -87,8 +86,6 @@ _INTERVALS = (
     "cost_over_no_waveform",
     "cost_over_no_waveform_lo",
     "cost_over_no_waveform_hi",
-    "risk_coverage_lo",
-    "risk_coverage_hi",
 )
 
 
@@ -109,12 +106,11 @@ class Scores:
         decision `undecided`) and rank by it among its kind (none where it answers less than 90 % of
         the loops, failed too often, or fewer than 30 loops have a label; one of the user's own
         (own) that answers fewer is ranked on these, rank_loops of them); sensitivity_at_5 (at 5 %
-        false positives, threshold from other groups); risk_coverage (area under the curve: mean
-        error of the surest answers); cost_over_no_waveform, the cost less that of the reference row
-        `no_waveform` on the same loops; accuracy_all over everything; home, where its constants
-        were fitted; division ("published", "tuned" here, "learned", "reference", None where not
-        stated), name with every changed threshold; answered, by the "package" or from a "file";
-        missed, no_decision_positives and no_decision_negatives (no decision of
+        false positives, threshold from other groups); cost_over_no_waveform, the cost less that of
+        the reference row `no_waveform` on the same loops; accuracy_all over everything; home, where
+        its constants were fitted; division ("published", "tuned" here, "learned", "reference", None
+        where not stated), name with every changed threshold; answered, by the "package" or from a
+        "file"; missed, no_decision_positives and no_decision_negatives (no decision of
         positives and of negatives); errors; median runtime in ms.
     by_axis : DataFrame
         The same against `cycled` by axis and value, without AUC's interval and rank.
@@ -138,7 +134,7 @@ class Scores:
     counts : dict
         How many scenarios the run has, how many of them oscillate and, of a run of more than
         20 000, how many were drawn at random (whole groups) for what needs an order or a scatter:
-        AUC, sensitivity_at_5, risk_coverage, cost_over_no_waveform, median_ms, the rows
+        AUC, sensitivity_at_5, cost_over_no_waveform, median_ms, the rows
         `no_waveform` and `rhythm`, and the width of the cost's interval. Every other number
         counts all.
     failing : dict of method to int
@@ -361,7 +357,7 @@ class Scores:
         UserError
             For an unknown truth.
         """
-        return compare(self._answers(), truth, set(self.failing), self.chosen)
+        return compare(self._answers(), truth, self.chosen)
 
     def _answers(self) -> RunArrays:
         """Return the answers, without which scores are tables alone."""

@@ -17,7 +17,7 @@ from simbench.bench.score.answers import (
     failing_methods,
     reference_answers,
 )
-from simbench.bench.score.folds import folds_of, found_at, risk_coverage, sample_of
+from simbench.bench.score.folds import folds_of, found_at, sample_of
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING, SAMPLED, kind_of
 from simbench.bench.score.quantification import quantification
 from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
@@ -227,13 +227,11 @@ def _orders(
         sticky = int(positive.sum())
         both = 0 < sticky < positive.size
         found = rate(found_at(score, positive, folds), sticky) if both else rate(0, 0)
-        sure = risk_coverage(score, positive, folds)[1]
         ranges |= {
             "cost_over_no_waveform": _mean_of_groups(
                 _earnings(blind, positive, cost) - earned, groups, -1.0
             ),
             "sensitivity_at_5": found,
-            "risk_coverage": _mean_of_groups(sure, groups),
         }
     if not (known := score >= 0).all():
         score = score[known]

@@ -474,7 +474,7 @@ def _details(scores: Any, truth: str) -> list[str]:
         return [f"no loop has a clear label against {truth!r}"]
     titles = {
         **{"cost": "cost", "accuracy": "accuracy", "no_decision": "no decision"},
-        **{"sensitivity_at_5": "sens. at 5 %", "auc": "AUC", "risk_coverage": "risk"},
+        **{"sensitivity_at_5": "sens. at 5 %", "auc": "AUC"},
         "accuracy_all": "of all",
     }
 
@@ -483,8 +483,8 @@ def _details(scores: Any, truth: str) -> list[str]:
     table.insert(0, "rank", _rank_texts(rows))
     title = f"all loops, truth {truth!r} ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
     legend = (
-        "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; risk: area"
-        " under the risk-coverage curve; of all: accuracy, not-applicable counted as wrong"
+        "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; of all:"
+        " accuracy, not-applicable counted as wrong"
     )
     return [title, *lines_of(table), *wrap(legend)]
 

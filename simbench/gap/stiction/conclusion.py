@@ -24,7 +24,6 @@ from simbench.gap.decide.posterior import Posterior
 from simbench.gap.effects import is_friction
 from simbench.gap.stiction import causes as why
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
-from simbench.gap.stiction.cascade import slave_note
 from simbench.gap.stiction.causes import Cause, Causes, find_causes
 from simbench.gap.stiction.deniable import Deniable
 from simbench.gap.stiction.friction import stands
@@ -157,8 +156,6 @@ def from_record(prepared: Prepared, loops: CandidateLoops | Refusal) -> tuple[Co
         held = f" (for that the probability is held at {CLAIMED_FROM:g})" if p > _JUST_BELOW else ""
         reasons.append(f"{loops.unclaimed}{held}")
     reasons += loops.of_mv
-    if answer != STICTION and (slave := slave_note(prepared.record)):
-        reasons.append(slave)
     if answer != STICTION and not swings:
         reasons.append(
             "a sticking valve need not make a loop oscillate, so the probability decides"

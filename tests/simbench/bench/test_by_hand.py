@@ -57,11 +57,6 @@ def test_statistics_of_the_fewest_cases():
     assert of.auc_drop(up, down, one) == 1.0  # one case has no variance
     assert math.isnan(of.area(np.array([0, 1]), np.array([True, True])))
     assert of.auc([1, 1], [True, False]).value == 0.5
-    ranks = of.mean_ranks([[3, 2, 1], [3, 1, 2]])
-    assert ranks.mean_rank.tolist() == [1.0, 2.5, 2.5]
-    for shape in ((1, 3), (2, 2), (6,)):
-        with pytest.raises(ValueError, match="at least 2 cases and 3 methods"):
-            of.mean_ranks(np.zeros(shape))
 
 
 def test_loops_are_paired_by_id(book):

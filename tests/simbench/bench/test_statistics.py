@@ -17,7 +17,6 @@ from simbench.bench.statistics import (
     dense_ranks,
     holm,
     mcnemar,
-    mean_ranks,
     rate,
     wilson,
 )
@@ -85,21 +84,6 @@ def test_auc_of_perfect_and_empty_classes_and_missing_scores():
     assert auc([math.nan, 0.0, 1.0, -math.inf], [False, True, True, False]).value == 1.0
 
 
-def test_mean_ranks_of_a_published_example():
-    # Demsar (2006), section 3.2.2: k = 4 methods on N = 14 sets, CD = 2.569 sqrt(4*5/(6*14)) = 1.25
-    # at 5 %
-    rng = np.random.default_rng(4)
-    assert mean_ranks(rng.random((14, 4))).critical_difference == pytest.approx(1.25, abs=0.005)
-
-
-def test_methods_that_always_answer_alike_cannot_be_separated():
-    result = mean_ranks(np.ones((30, 4)))
-    assert result.p == 1.0
-    assert result.mean_rank.tolist() == [2.5] * 4
-    with pytest.raises(ValueError, match="3 methods"):
-        mean_ranks(np.ones((30, 2)))
-
-
 def placements(score, positive):
     """Pair by pair: what each case wins of the other class, ties half."""
     wins = np.sign(score[positive][:, None] - score[~positive][None, :]) / 2 + 0.5
@@ -145,16 +129,6 @@ def test_a_paired_fall_by_pairs():
     falls = [a - b for a, b in zip(placements(before, positive), placements(now, positive))]
     z = falls[0].mean() / math.sqrt(sum(f.var(ddof=1) / f.size for f in falls))
     assert auc_drop(before, now, positive) == pytest.approx(stats.norm.sf(z))
-
-
-def test_the_critical_difference_is_the_studentised_range():
-    rng = np.random.default_rng(4)
-    x = rng.normal(size=(40, 5))
-    result = mean_ranks(x, 0.9)
-    q = stats.studentized_range.ppf(0.9, 5, np.inf)
-    assert result.critical_difference == pytest.approx(q * math.sqrt(5 * 6 / (12 * 40)))
-    assert result.mean_rank.sum() == pytest.approx(15.0)
-    assert result.p == pytest.approx(stats.friedmanchisquare(*x.T).pvalue)
 
 
 def test_dense_ranks_count_from_the_lowest_and_leave_out_what_is_unknown():

@@ -70,7 +70,7 @@ def test_the_command_line_tells_a_grid_from_a_loop(tmp_path, capsys, monkeypatch
     assert main(["simulate", "smoke", "-o", "records", "--n", "4", "--set", "seed=5"]) == 0
     told = capsys.readouterr().out
     assert "records: 4 records without labels" in told
-    assert "simbench run smoke --n 4 --set seed=5.0 -o RUN" in told
+    assert "simbench run smoke --n 4 --set seed=5 -o RUN" in told
     assert main(["simulate", "smoke", "-o", "two", "--n", "2", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"records": "two", "n": 2}
     for wrong, word in (

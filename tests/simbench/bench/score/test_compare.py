@@ -40,8 +40,6 @@ def test_equals_are_not_separated_and_the_best_comes_first(run):
     comparison = compare(run)
     assert comparison.ranking["method"].iloc[0] == "good"
     assert not comparison.pairs.set_index(["first", "second"]).loc[("fair", "also_fair"), "differ"]
-    good, fair = comparison.ranking.set_index("method").loc[["good", "fair"], "mean_rank"]
-    assert fair - good > comparison.critical_difference
 
 
 def test_scenarios_without_a_label_are_left_out(run, book):
@@ -83,15 +81,6 @@ def test_what_does_not_apply_is_not_compared(run):
         int((good & ~fair).sum()),
         int((~good & fair).sum()),
     )
-    assert of.mean_rank.isna().all()  # two are left to rank
-
-
-def test_methods_that_see_the_valve_are_not_ranked_with_the_others(run):
-    about = {m: dict(run.manifest["methods"][m]) for m in run.methods}
-    about["good"]["needs_mv"] = True
-    blind = replace(run, manifest={**run.manifest, "methods": about})
-    assert compare(run).ranking.mean_rank.notna().all()
-    assert compare(blind).ranking.mean_rank.isna().all()
 
 
 def test_every_pair_stands_in_the_matrix(run):
@@ -141,8 +130,6 @@ def test_a_method_that_failed_is_marked(run):
     }
     assert f"! fair failed on 38 of {N} records" in comparison.as_text()
     assert "fair!" in comparison.as_text()
-    # fewer than three are left to rank
-    assert comparison.ranking.mean_rank.isna().all()
 
 
 def test_scores_compare_their_methods(run):

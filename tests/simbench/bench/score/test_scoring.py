@@ -298,7 +298,7 @@ def test_json_is_the_contracts(scores):
         "method,truth,process,population,n,applicable,accuracy,"
         "accuracy_decided,no_decision,sensitivity"
     )
-    new = "sensitivity_at_5,cost,risk_coverage,home,division,name,answered"
+    new = "sensitivity_at_5,cost,home,division,name,answered"
     assert {",".join(row) for row in content["rows"]} == {
         f"{keys},false_positives,accuracy_all,auc,accuracy_lo,accuracy_hi,sees_mv,rank,{new}"
     }
@@ -306,9 +306,7 @@ def test_json_is_the_contracts(scores):
     ends = "cost_lo,cost_hi,no_decision_lo,no_decision_hi"
     ends += ",sensitivity_at_5_lo,sensitivity_at_5_hi,positives"
     over = "cost_over_no_waveform,cost_over_no_waveform_lo,cost_over_no_waveform_hi"
-    assert within == {
-        f"method,truth,process,population,{ends},{over},risk_coverage_lo,risk_coverage_hi"
-    }
+    assert within == {f"method,truth,process,population,{ends},{over}"}
     assert {row["population"] for row in content["rows"]} == {
         "all",
         "oscillating",
