@@ -13,15 +13,28 @@ from simbench.detectors.record import PROCESSES
 
 @dataclass(frozen=True)
 class Threshold:
-    """One number on which a verdict depends, with its meaning and unit."""
+    """One number on which a verdict depends, with its meaning and unit.
 
-    default: float  # the published value, or a calibration of this package where none is published
-    unit: str  # "-" for ratios
-    # low, high: what a user may set it to
+    Parameters
+    ----------
+    default : float
+        The published value, or a calibration of this package where none is published.
+    unit : str
+        Its unit; "-" for ratios.
+    low, high : float
+        The least and the largest value that a user may set.
+    source : str
+        Where the default comes from: author, year, equation, or the study that measured it.
+    says : str
+        What lies on its two sides, in one sentence.
+    """
+
+    default: float
+    unit: str
     low: float
     high: float
-    source: str  # where the default comes from
-    says: str  # what lies on its two sides, in one sentence
+    source: str
+    says: str
 
 
 @dataclass(frozen=True)

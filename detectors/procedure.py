@@ -64,12 +64,15 @@ FLOW: dict[str, tuple[str, dict[str, str]]] = {
 CONCLUSIONS: dict[str, tuple[str, str]] = {
     "unfit": (
         NO_DECISION,
-        "record the loop again: in automatic mode, uncompressed, 20 to 60 samples per oscillation",
+        (
+            "record the loop again: in automatic mode, without compression or in the smallest steps"
+            " that the transmitter reports, 20 to 60 samples per oscillation"
+        ),
     ),
     "quiet": (NO_STICTION, "none"),
     "saturated": (
         NO_DECISION,
-        "free OP from its limit (valve size, operating point, tuning), then record again",
+        "free OP from its limit (operating point, valve size, controller gain), then record again",
     ),
     "linear": (
         NO_STICTION,

@@ -45,11 +45,6 @@ class SettledGrid(Grid):
         """16 hex digits that change with the grid and with the table."""
         return content_hash({"grid": super().hash, "table": sha256(self.table).hexdigest()})
 
-    @property
-    def of_package_table(self) -> bool:
-        """Whether its table is the one that the package has of this grid."""
-        return self.of_package and self.table == table_file(self.name).read_bytes()
-
     @cached_property
     def _rows(self) -> dict[int, list[dict[str, Any]]]:
         import pyarrow.parquet as pq

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -299,19 +299,19 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     # by name, of the whole table before one of a signal
     if "t" in chosen:
         return chosen["t"]
-    times = [name for name in _name_all(table, "times", _is_time) if name not in roles.values()]
+    seen = _clues_of(table)
+    times = [name for name in seen["times"] if name not in roles.values()]
     times = [name for name in times if words_of(name).startswith("t")] or times
     if len(times) > 1:
         which = f"{table.where}: {' or '.join(times)} may be the time; one is needed"
         raise RecordError(which, _option({"t": times[0]}, "t"))
 
     # by what it holds
-    stamped = _name_all(table, "stamped", _is_stamped)
-    stamped = times or [name for name in stamped if name not in roles.values()]
+    stamped = times or [name for name in seen["stamps"] if name not in roles.values()]
     if stamped:
         table.notes += [] if times else [f"time: {stamped[0]!r} holds time stamps"]
         return stamped[0]
-    clocks = _name_all(table, "clocks", lambda _, cells: _rises(_as_floats(cells)))
+    clocks = seen["clocks"]
     cure = _option({"t": clocks[0]}, "t") if clocks else "--ts 1"
     lacks = f"{table.where}: no time column (t, time, timestamp) and no sampling period Ts given"
     if clocks and clocks[0] in roles.values():
@@ -320,19 +320,16 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     raise RecordError(f"{lacks}; either is needed", cure)
 
 
-def _name_all(table: Sheet, what: str, holds: Callable[[str, Cells], bool]) -> list[str]:
-    """Return the columns of which something holds, looked for once for all loops of a table."""
-    if what not in table.found:
-        table.found[what] = [name for name, cells in table.columns.items() if holds(name, cells)]
-    return table.found[what]
-
-
-def _is_time(name: str, _: Cells) -> bool:
-    return parse(name).role == "t"
-
-
-def _is_stamped(_: str, cells: Cells) -> bool:
-    return bool(_STAMP.search(str(cells[0])))
+def _clues_of(table: Sheet) -> dict[str, list[str]]:
+    """Return the columns whose name, first cell or order is a time's, looked for once for all loops
+    of a table.
+    """
+    if not table.found:
+        cells = table.columns.items()
+        table.found["times"] = [name for name, _ in cells if parse(name).role == "t"]
+        table.found["stamps"] = [name for name, x in cells if _STAMP.search(str(x[0]))]
+        table.found["clocks"] = [name for name, x in cells if _rises(_as_floats(x))]
+    return table.found
 
 
 def _rises(x: np.ndarray) -> bool:

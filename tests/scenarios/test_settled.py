@@ -95,8 +95,6 @@ def test_some_scenarios_of_a_table_are_scenarios_of_it():
 
 def test_a_grid_is_known_by_its_table():
     table = settled_grid("smoke")
-    assert table.of_package_table
     assert table.hash != load_grid("smoke").hash
     other = SettledGrid(table.name, table.content, {}, settled_grid("ci").table, len(table))
-    assert not other.of_package_table
     assert other.hash != table.hash

@@ -24,12 +24,8 @@ from simbench.scenarios.settled import COLUMNS, SettledGrid, table_of
 from simbench.scenarios.toml import content_hash
 
 BENCHMARK = "benchmark"
-# key of a manifest: whose loops were taken as they stand; a run that settled its own has none
-SETTLED = "settled"
 # key of a manifest: of its overrides those of loops' keys, which the grid's content does not hold
 LOOP_KEYS = "loop_overrides"
-PACKAGE = "package"
-OF_RUN = "run"
 # source of a grid whose loops copy records
 FROM_RECORDS = "simbench run on records"
 PARTS = {"scenarios": "the scenarios", "evaluator": "the evaluator's rules"}
@@ -119,7 +115,7 @@ def grid_settings(grid: Grid, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a run's manifest holds of its grid, `asked` being what --set and --axis change of
     it.
     """
-    about = {
+    return {
         "grid": grid.name,
         "grid_hash": grid.hash,
         "grid_content": _without_infinity(grid.content.model_dump(mode="json")),
@@ -127,9 +123,6 @@ def grid_settings(grid: Grid, asked: Mapping[str, Any]) -> dict[str, Any]:
         LOOP_KEYS: _without_infinity(dict(grid.overrides)),
         "seed": grid.content.seed,
     }
-    if not isinstance(grid, SettledGrid):
-        return about
-    return {**about, SETTLED: PACKAGE if grid.of_package_table else OF_RUN}
 
 
 def grid_of(manifest: Mapping[str, Any]) -> Grid:

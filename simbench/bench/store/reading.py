@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -28,6 +29,7 @@ from simbench.detectors.errors import nearest
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.scenarios.spec import Loop, Scenario
 
+_BY_METHOD = ("verdict", "score", "applicable", "failed", "runtime", "sizes")  # loops in columns
 COPIES = "copies"  # key of a manifest in memory: loops that were left out as copies of others
 _DEFINITION = ("scenario_id", "loop", "seed", "tags")  # columns that make a scenario
 TRUTHS = ("sticky", "predicted", "cycled")
@@ -227,25 +229,22 @@ class RunArrays:
         for bit with the same labels; its manifest states how many it had.
         """
         # what makes two loops one; a loop that could not be simulated has no record
-        labels = np.array([self.truth[truth] for truth in TRUTHS])
-        order = np.lexsort((self.ids, *labels, self.hashes))
-        there = self.hashes[order] != b""
-        alike = (self.hashes[order][1:] == self.hashes[order][:-1]) & there[1:]
-        alike &= (labels[:, order][:, 1:] == labels[:, order][:, :-1]).all(axis=0)
-        if not alike.any():
+        labels = {truth: self.truth[truth] for truth in TRUTHS}
+        loops = pd.DataFrame({"id": self.ids, "record": self.hashes, **labels}).sort_values("id")
+        copy = loops.duplicated(["record", *TRUTHS]) & (loops["record"] != b"")
+        if not copy.any():
             return self
 
-        # every array without the copies, in the order of the run
-        kept = np.sort(order[np.r_[True, ~alike]])
-        by_scenario = ("ids", "digests", "hashes", "oscillating", "groups", "design")
-        by_method = ("verdict", "score", "applicable", "failed", "runtime")
-        arrays = {name: getattr(self, name)[kept] for name in by_scenario}
-        arrays |= {name: getattr(self, name)[..., kept] for name in by_method}
-        arrays |= {"friction": self.friction[kept] if len(self.friction) else self.friction}
-        arrays |= {"sizes": self.sizes[..., kept] if self.sizes.size else self.sizes}
+        # every array without the copies
+        kept = np.sort(loops.index[~copy])
+        arrays: dict[str, Any] = {
+            name: np.take(values, kept, -1 if name in _BY_METHOD else 0)
+            for name, values in vars(self).items()
+            if isinstance(values, np.ndarray) and values.size
+        }
         for name in ("axes", "truth"):
             arrays[name] = {key: values[kept] for key, values in getattr(self, name).items()}
-        return replace(self, manifest={**self.manifest, COPIES: int(alike.sum())}, **arrays)
+        return replace(self, manifest={**self.manifest, COPIES: int(copy.sum())}, **arrays)
 
     @classmethod
     def read(cls, path: str | Path, manifest: dict[str, Any] | None = None) -> RunArrays:

@@ -44,7 +44,10 @@ _NEXT = {
     why.POSITIONER: "tune the positioner, or give it a larger dead-band: it overshoots",
     why.SLOW: "check air supply, positioner and size of the actuator; do a stroke test by hand",
     why.STEPPED: "let OP be sent after smaller changes, then record again",
-    why.AT_LIMIT: "free OP from its limit (valve size, operating point), then record again",
+    why.AT_LIMIT: (
+        "free OP from its limit (operating point, valve size; a lower gain or a filter where noise"
+        " drives it there), then record again"
+    ),
 }
 _STROKE = (
     "check air supply, positioner and whether the valve is in manual or jammed; then stroke it by"
@@ -52,8 +55,8 @@ _STROKE = (
 )
 _NOTHING = "nothing to do"
 _RECORD_AGAIN = (
-    "get a record that can be judged: in automatic mode, uncompressed, 20 to 60 samples per"
-    " oscillation"
+    "get a record that can be judged: in automatic mode, without compression or in the smallest"
+    " steps that the transmitter reports, 20 to 60 samples per oscillation"
 )
 _TO_TELL = f"{_GAIN}: it tells friction from everything else"
 _ORIGIN = (

@@ -19,6 +19,7 @@ from simbench.gap.thresholds import AS_GOOD, REFITTED
 _OFF = np.geomspace(0.002, 1.0, 25)  # logarithms of the factors of S that are tried
 _FACTORS = np.exp(np.concatenate([-_OFF, [0.0], _OFF]))
 _SHARES = np.linspace(0.02, 1.0, 13)  # of S at which J is tried
+_ANYTHING = 0.8  # of S, that an interval of J spans which tells nothing
 _STARTS = (-0.5, 0.0, 0.5)  # of S by which MV may stand off OP when the record begins
 
 Levels = Callable[[np.ndarray], np.ndarray]
@@ -44,8 +45,12 @@ class Size:
 
 
 def describe_sizes(S: Size, J: Size, unit: str) -> str:
-    """Return sizes and their intervals in words."""
-    said = [x.sentence(name) for name, x in (("S", S), ("J", J)) if x.hi > 0.0]
+    """Return sizes and their intervals in words; a J that may be nearly anything up to S is none."""
+    said = [S.sentence("S")] if S.hi > 0.0 else []
+    if J.hi - J.lo > _ANYTHING * S.value > 0.0:
+        said.append(f"J is not identifiable ({J.lo:.2g} to {J.hi:.2g})")
+    elif J.hi > 0.0:
+        said.append(J.sentence("J"))
     return f"{', '.join(said)} {unit}"
 
 

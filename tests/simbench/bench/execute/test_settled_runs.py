@@ -36,7 +36,6 @@ def test_a_grid_of_the_package_is_read_from_its_table_and_settled_again_when_ask
     there = run_grid("smoke", tmp_path / "there", ["he"])
     assert loops_of(there).equals(loops_of(again))
     said = [read_manifest(run) for run in (there, again)]
-    assert [m.get("settled") for m in said] == ["package", None]
     assert said[0]["benchmark"] == said[1]["benchmark"]
     with pytest.raises(RunError, match="cannot be resumed: the grid differs"):
         run_grid("smoke", tmp_path / "again", ["he"], resume=True)
@@ -56,7 +55,7 @@ def test_a_run_or_a_baseline_is_a_grid(finished, tmp_path, monkeypatch, kind):
     assert read_manifest(again)["benchmark"] == read_manifest(source)["benchmark"]
     third = run_grid(again, tmp_path / "third", ["horch"])
     assert loops_of(third).equals(loops_of(source))
-    assert check_run(third, again).result == "same"
+    assert not check_run(third, again).failed
 
 
 @pytest.mark.parametrize(

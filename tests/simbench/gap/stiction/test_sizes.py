@@ -64,3 +64,11 @@ def test_a_band_that_op_never_passed_both_ways_is_a_bound():
     narrow = replace(view, parameters=view.parameters | {"stiction": {"S": 0.5 * turned, "J": 0.1}})
     assert sizes_of(wide, "stiction")[0].hi == np.inf
     assert sizes_of(narrow, "stiction")[0].hi < np.inf
+
+
+def test_a_j_that_may_be_nearly_anything_is_not_identifiable():
+    S = Size(5.0, 4.8, 5.2)
+    assert describe_sizes(S, Size(2.0, 0.09, 5.0), "%") == (
+        "S = 5 (4.8 to 5.2), J is not identifiable (0.09 to 5) %"
+    )
+    assert "J = 2 (1.5 to 2.6)" in describe_sizes(S, Size(2.0, 1.5, 2.6), "%")
