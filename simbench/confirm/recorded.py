@@ -190,8 +190,11 @@ def _bands(one: _Readings) -> _Bands:
     best = int(np.argmin(left))
     variance = max(float(left[best]) / max(one.op.size - _NUMBERS, 1), one.error**2)
     kept = left <= left[best] + _WORSE * variance
-    apart = (_LARGEST * span / (_SMALLEST * least)) ** (1.0 / (_SIZES - 1))
-    S_of = float(S[kept].min()) / apart, float(S[kept].max()) * apart
+    # between two distances that OP went, all S are alike
+    went = np.unique(np.abs(np.subtract.outer(one.op, one.op)))
+    below = went[went <= S[kept].min()].max()
+    above = went[went >= S[kept].max()].min(initial=float(_LARGEST * span))
+    S_of = float(below), float(above)
     lost_of = float((lost - sure)[kept].min()), float((lost + sure)[kept].max())
     J_of = max(S_of[0] - lost_of[1], 0.0), min(max(S_of[1] - lost_of[0], 0.0), S_of[1])
     moved = _last_moves(one.op, valves[best : best + 1])[1][:, 0]
