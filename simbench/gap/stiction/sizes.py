@@ -45,7 +45,7 @@ class Size:
 
 
 def describe_sizes(S: Size, J: Size, unit: str) -> str:
-    """Return sizes and their intervals in words; a J that may be nearly anything up to S is none."""
+    """Return sizes and their intervals in words; a J that may be nearly anything is none."""
     said = [S.sentence("S")] if S.hi > 0.0 else []
     if J.hi - J.lo > _ANYTHING * S.value > 0.0:
         said.append(f"J is not identifiable ({J.lo:.2g} to {J.hi:.2g})")
