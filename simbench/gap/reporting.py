@@ -72,8 +72,9 @@ def report(
     advice = tell_apart(tuple(lines.values()), assessment.valve_seen)
 
     # the valve
-    if stands(s.record):
-        conclusion = at_rest(s.record)
+    still = stands(s.record)
+    if still is not False:
+        conclusion = at_rest(s.record, sure=still is True)
     elif isinstance(loops, Refusal) and s.trusted:
         conclusion = without(loops.reason, named)
     elif loops is None:

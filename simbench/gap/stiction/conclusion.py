@@ -118,9 +118,11 @@ class Conclusion:
 def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed."""
     record = repair_record(record)
-    if stands(record):
-        conclusion = at_rest(record)
-        cause = Cause(why.AT_REST, float(SEIZED), (conclusion.reason,))
+    still = stands(record)
+    if still is not False:
+        conclusion = at_rest(record, sure=still is True)
+        sure = float(SEIZED) if still else 0.0
+        cause = Cause(conclusion.cause, sure, (conclusion.reason,))
         return conclusion, Causes(cause, (cause,))
     try:
         loops: CandidateLoops | Refusal = candidate_loops(record)
@@ -129,8 +131,16 @@ def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     return from_record(Prepared(replace(record, mv=None)), loops)
 
 
-def at_rest(record: LoopRecord) -> Conclusion:
-    """Conclude of a valve that does not move, which needs no model."""
+def at_rest(record: LoopRecord, *, sure: bool) -> Conclusion:
+    """Conclude of an MV that stands, which needs no model: `sure` where the valve does not move
+    either.
+    """
+    if not sure:
+        reason = (
+            "MV stands while OP moves by many times its noise: the valve does not move, or its"
+            " transmitter is frozen, and PV does not tell which"
+        )
+        return Conclusion(NO_DECISION, None, why.NOT_TOLD, reason, _STROKE, record.notes)
     reason = "MV stands while OP moves by many times its noise, and PV does not follow OP either"
     return Conclusion(STICTION, float(SEIZED), why.AT_REST, reason, _STROKE, record.notes)
 

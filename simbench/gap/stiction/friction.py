@@ -39,6 +39,7 @@ from simbench.gap.stiction.position import (
     Scale,
     answers,
     chance_of_position,
+    may_answer,
     price_of,
     repeats,
     scale_of,
@@ -241,10 +242,11 @@ def as_believed(record: LoopRecord) -> tuple[LoopRecord, tuple[str, ...]]:
     return told.record, told.notes
 
 
-def stands(record: LoopRecord) -> bool:
+def stands(record: LoopRecord) -> bool | None:
     """Return whether the valve does not move: MV stands while OP moves, and PV does not follow OP
-    either.
+    either; None where PV leaves open which of valve and transmitter stands.
     """
+    # MV stands while OP moves
     if record.mv is None:
         return False
     percent = in_percent(record)[0]
@@ -252,11 +254,16 @@ def stands(record: LoopRecord) -> bool:
     here = standing(np.asarray(percent.op), mv)
     if here is None:
         return False
+
+    # whether PV follows OP, by the plants that the loop may have
     part = without_last_bits(percent.without_mv()).with_signals(lambda x: x[here], Ts=record.Ts)
     try:
         refuse_unweighable(part)
         with one_thread():
-            return not any(answers(view, mv[here]) for view in _assess_both_kinds(part))
+            views = _assess_both_kinds(part)
+            if any(answers(view, mv[here]) for view in views):
+                return False
+            return None if any(may_answer(view, mv[here]) for view in views) else True
     except NoAnswer:
         return True
     except UserError:

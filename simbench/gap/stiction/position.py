@@ -192,8 +192,13 @@ def answers(view: Assessment, mv: np.ndarray) -> bool:
     s = view.situation
     moved = abs(view.base.K) * float(np.std(s.data.u))
     of_pv = float(np.std(s.data.y))
+    return not s.integrating and moved > MV_FOLLOWED * of_pv and may_answer(view, mv)
+
+
+def may_answer(view: Assessment, mv: np.ndarray) -> bool:
+    """Return whether OP explains PV better than an MV (n,) that stands, by the plant of a view."""
     gain = friction_nats(nats_of(view.base, 0.0), _log_likelihood(view, mv))
-    return not s.integrating and moved > MV_FOLLOWED * of_pv and gain > LEAST_NATS
+    return gain > LEAST_NATS
 
 
 def chance_of_position(over_sound: float, over_sticky: float, friction: float) -> float:

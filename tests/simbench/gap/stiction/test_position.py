@@ -122,6 +122,27 @@ def test_detect_and_gap_say_the_same_of_it(seized):
     assert report.conclusion.cause == "the valve does not move"
 
 
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_where_pv_does_not_tell_whether_the_valve_or_its_transmitter_stands_nothing_is_claimed(
+    seed,
+):
+    # a sound valve that makes up for a slow load, so that PV hardly moves
+    rng = np.random.default_rng([seed, 18])
+    T = float(rng.uniform(10.0, 50.0))
+    loop = {
+        "plant": {"type": "foptd", "K": 1.0, "T": T, "Td": 0.3 * T},
+        "controller": {"type": "PI", "Kc": 1.2, "Ti": T},
+        "valve": {"model": "ideal"},
+        "sampling": {"Ts": round(T / 12, 1), "n": 1500},
+        "noise": {"std": 0.1},
+        "disturbance": [{"type": "coloured", "amplitude": 2.0, "period": 6.0 * T}],
+    }
+    record = simulate(Loop.from_table(loop), seed).record
+    found = judged(with_mv(record, 50.0 + 0.05 * rng.normal(size=record.n)))[0]
+    assert found.verdict == "no_decision"
+    assert "transmitter is frozen" in found.reason
+
+
 @pytest.mark.parametrize("n", [50, 300])
 def test_what_cannot_be_weighed_is_not_called_seized(n):
     """Too short a record, or OP moved by hand with PV behind it, tells nothing about MV."""
