@@ -126,13 +126,14 @@ def check_books(
     untold += [
         f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
     ]
-    unseen = (*unseen_losses(tests, basis), *untold)
+    every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
+    changed = set(every["method"]) if len(every) else set()
+    unseen = (*unseen_losses(tests, basis, changed), *untold)
     tests = tests.drop(columns="may_fall")
     said = (
         f"{_basis(now, before, pairs, margin)}. {say_power(tests, basis)}. Benchmark:"
         f" {benchmark_version(now.manifest)}"
     )
-    every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     if exact:
         problems += _find_changes(now, before, pairs, every)
     return Check(said, tuple(problems), tests, every, _bits(pairs, before, every), unseen=unseen)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -59,13 +59,13 @@ def may_fall(row: dict[str, Any], level: float, spared: float) -> bool:
     return good > spared * row["n"] and mcnemar(good, 0, worse=True) < level
 
 
-def unseen_losses(tests: pd.DataFrame, basis: str) -> Iterator[str]:
-    """Name the methods that have too few good answers before for any loss to be found, and those
-    that lost answers of which nobody could have found a loss that matters: too few loops that they
-    cover, or too many answers that changed both ways.
+def unseen_losses(tests: pd.DataFrame, basis: str, changed: Collection[str]) -> Iterator[str]:
+    """Name the methods that answer otherwise and have too few good answers before for any loss to
+    be found, and those that lost answers of which nobody could have found a loss that matters: too
+    few loops that they cover, or too many answers that changed both ways.
     """
-    # whatever became of them
-    for method, rows in tests.groupby("method", sort=False):
+    # whatever became of the answers that `changed`
+    for method, rows in tests[tests["method"].isin(changed)].groupby("method", sort=False):
         right = rows[(rows["what"] == "right") & (rows["n"] > 0)]
         if len(right) and not rows["may_fall"].to_numpy().any():
             loops = right["n"].to_numpy()
