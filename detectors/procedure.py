@@ -301,7 +301,8 @@ class _Course:
         )
         numbers += f", {follow.reversals} reversals"
         if follow.score < self.rules.follow_min:
-            return "no", numbers, "No dead band is seen: the valve has none, or OP gave it too little to do."
+            says = "No dead band is seen: the valve has none, or OP gave it too little to do."
+            return "no", numbers, says
         self.S = follow.S
         self.J = (0.0, follow.S)
         return (
