@@ -78,6 +78,7 @@ def check_books(
     exact: bool = False,
 ) -> Check:
     """Compare a run with a baseline, both as arrays; returns and errors as `check_run`."""
+    # the loops that both have, each record once
     before = before.without_copies()
     pairs = pair(now, before)
     if not pairs.now.size:
@@ -86,6 +87,8 @@ def check_books(
             f" {before.manifest.get('grid')!r} have no scenario in common; run the baseline's own:"
             " simbench run BASELINE"
         )
+
+    # every rate of every method that both have, and the answers that changed
     basis = "equal" if pairs.same.all() else "other bits"
     problems = _problems(now, before, pairs)
     rows: list[dict[str, Any]] = []
@@ -101,6 +104,8 @@ def check_books(
             sides = _answers(before, j, truth, was_at), _answers(now, i, truth, at)
             rows += [{"method": method, "truth": truth, **row} for row in _tests(*sides)]
         flips.append(_flips(now, i, before, j, pairs))
+
+    # sizes of stiction as further rates, and all of them with p corrected for their number
     of_sizes, untold = compared(now, before, pairs)
     rows += of_sizes
     tests = pd.DataFrame(
@@ -113,6 +118,8 @@ def check_books(
     # an unchanged detector gives the same answers on the same records: only what changed can fail
     # by chance
     tests["p"] = each.transform(holm) if basis == "equal" else holm(tests["p"])
+
+    # what could have been seen, and what is worse by more than the margin and than chance
     allowed = [row.get("allowed", margin) for row in rows]
     cases = [*zip(tests.to_dict("records"), size, allowed, strict=True)]
     tests["seen"] = [smallest_seen(row, LEVEL / k, spared) for row, k, spared in cases]
@@ -126,10 +133,14 @@ def check_books(
     untold += [
         f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
     ]
+
+    # what nobody could tell
     every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
     changed = set(every["method"]) if len(every) else set()
     unseen = (*unseen_losses(tests, basis, changed), *untold)
     tests = tests.drop(columns="may_fall")
+
+    # in words
     said = (
         f"{_basis(now, before, pairs, margin)}. {say_power(tests, basis)}. Benchmark:"
         f" {benchmark_version(now.manifest)}"

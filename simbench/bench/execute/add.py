@@ -153,12 +153,16 @@ def add_to_run(
             f" {', '.join(deciding)}"
         )
     with_reference = options.pop("with_reference", False)
+
+    # the run that is added to, and the folder that is to hold the methods
     shown = Path(folder if out is None else out)
     folder = Path(folder).resolve()
     stated = _read_finished(folder)
     if out is not None and visible_names(shown):
         refuse_taken(out)
     target = shown.resolve()
+
+    # no other process works there, and what is wrong is refused before anything is asked
     work = target / ADDING
     with pieces.held(target):
         try:
@@ -168,6 +172,8 @@ def add_to_run(
             records = _records_of(folder)
             given = [(Path(file), read_answers(file, records)) for file in answers]
             _refuse_known(folder, stated, asked, given)
+
+            # answers of files, then those of methods, which are asked in a run of their own
             if not options.get("resume"):
                 shutil.rmtree(work / _ADDED, ignore_errors=True)  # of a call that was killed
             additions = [_join_answers(folder, file, of) for file, of in given]
@@ -175,6 +181,7 @@ def add_to_run(
                 run_scored(folder, work / _ADDED, asked.values(), jobs, **options)
                 additions.append(_read_added(folder, work / _ADDED))
             scores = _join(folder, work / _JOINED, stated, additions, with_reference)
+
             # from this one change of a name on, the run has the further methods
             (work / _JOINED).replace(work / WHOLE)
             put_in_place(target)
@@ -261,8 +268,11 @@ def _read_added(folder: Path, place: Path) -> _Addition:
 
 def _join_answers(folder: Path, file: Path, answers: Answers) -> _Addition:
     """Return the answers of a file as those of methods; what they left out is no decision."""
+    # the records that could be answered
     scenarios = read_table(folder, "scenarios", ["scenario_id", "error"]).to_pylist()
     records = [row["scenario_id"] for row in scenarios if row["error"] is None]
+
+    # a row for each of them and each method, and what is said of the method
     rows = []
     told = []
     about = {}

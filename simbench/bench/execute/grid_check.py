@@ -82,6 +82,8 @@ def tell_copies(plan: Grid) -> None:
     # a grid of blocks draws the numbers of every loop
     if plan.content.loop is None or plan.content.repeats == 1:
         return
+
+    # the first two repeats of the first cell, sample by sample
     whole = Grid(plan.name, plan.content, plan.overrides)
     scenarios = [settled(whole.group(index))[0][0] for index in (0, whole.cells)]
     records = [simulate(scenario.loop, scenario.seed).record for scenario in scenarios]

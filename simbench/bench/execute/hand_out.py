@@ -76,12 +76,14 @@ def write_records(
     ...     written, sorted(file.name for file in Path(place, "records").iterdir())
     (2, ['loops.csv', 'records.parquet'])
     """
+    # what cannot be written or simulated is refused first
     out = Path(out)
     refuse_taken(out)
     plan = read_plan(grid, {"n": n, "sets": sets})
     refuse_too_large(size_of(plan, 0, 0), plan.name)
     refuse_wrong_parts(plan)
     make_folder(out.absolute().parent)
+
     # a short name, as the disk may take none longer than the folder's
     half = out.absolute().with_name(f".{crc32(os.fsencode(out.name)):08x}.partial")
     shutil.rmtree(half, ignore_errors=True)  # of a call that was killed

@@ -130,6 +130,7 @@ def _refuse_gone(folder: Path) -> None:
 
 def find_receipt(folder: Path, number: int, key: str) -> Receipt | None:
     """Return the receipt of a piece of this run when the piece is whole and as it was written."""
+    # of this run and number, with the files that it states; whatever is damaged makes it none
     try:
         content = json.loads((folder / _receipt_file(number)).read_bytes())
         if (content["run"], content["piece"]) != (key, number):

@@ -104,9 +104,12 @@ def put_in_place(folder: Path) -> None:
     """Let the files of a run that was made in its folder, if there is one, take the place of those
     that are there, the manifest last; a call that was killed in it is ended by the next.
     """
+    # nothing is begun in nearly all folders
     begun = folder / ADDING / WHOLE
     if not begun.is_dir():
         return
+
+    # file by file, each at once, so that a kill leaves nothing half
     files = [file for file in begun.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: file == begun / MANIFEST):
         place = folder / file.relative_to(begun)

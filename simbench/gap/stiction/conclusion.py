@@ -117,6 +117,7 @@ class Conclusion:
 
 def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     """Conclude from a record alone, and return the causes weighed."""
+    # an MV that stands needs no model
     record = repair_record(record)
     still = stands(record)
     if still is not False:
@@ -124,6 +125,8 @@ def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
         sure = float(SEIZED) if still else 0.0
         cause = Cause(conclusion.cause, sure, (conclusion.reason,))
         return conclusion, Causes(cause, (cause,))
+
+    # the loops that may have made the record
     try:
         loops: CandidateLoops | Refusal = candidate_loops(record)
     except UserError as reason:
@@ -135,12 +138,15 @@ def at_rest(record: LoopRecord, *, sure: bool) -> Conclusion:
     """Conclude of an MV that stands, which needs no model: `sure` where the valve does not move
     either.
     """
+    # a frozen transmitter looks the same
     if not sure:
         reason = (
             "MV stands while OP moves by many times its noise: the valve does not move, or its"
             " transmitter is frozen, and PV does not tell which"
         )
         return Conclusion(NO_DECISION, None, why.NOT_TOLD, reason, _STROKE, record.notes)
+
+    # PV would follow OP if the valve did
     reason = "MV stands while OP moves by many times its noise, and PV does not follow OP either"
     return Conclusion(STICTION, float(SEIZED), why.AT_REST, reason, _STROKE, record.notes)
 
