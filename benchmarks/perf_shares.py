@@ -20,6 +20,7 @@ from simbench.bench.execute import pieces
 from simbench.bench.scenario import kept
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store import tables
+from simbench.bench.store.manifest import MANIFEST
 from simbench.detectors import prepared
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.report.report import choose_methods
@@ -114,6 +115,7 @@ def shares(plan: Grid, names: list[str], blocks: list[range]) -> tuple[dict[str,
     before = metered(meter, names)
     try:
         with tempfile.TemporaryDirectory() as folder:
+            Path(folder, MANIFEST).touch()  # without which a folder is no run's
             start = time.process_time()
             for number, groups in enumerate(blocks):
                 piece = piece_module.compute_piece(
