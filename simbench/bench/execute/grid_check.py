@@ -85,11 +85,15 @@ def tell_copies(plan: Grid) -> None:
 
     # the first two repeats of the first cell, sample by sample
     whole = Grid(plan.name, plan.content, plan.overrides)
-    scenarios = [settled(whole.group(index))[0][0] for index in (0, whole.cells)]
-    records = [simulate(scenario.loop, scenario.seed).record for scenario in scenarios]
+    try:
+        scenarios = [settled(whole.group(index))[0][0] for index in (0, whole.cells)]
+        records = [simulate(scenario.loop, scenario.seed).record for scenario in scenarios]
+    # what a model does on unusual numbers is an error of its scenario, which the run keeps
+    except (Exception, SystemExit):
+        return
     if all(map(np.array_equal, *((record.op, record.pv) for record in records))):
         print(
-            f"grid {plan.name}: repeats of a loop are the same record, as nothing in the loop is"
+            f"grid {plan.name}: repeats of its first loop are the same record, as nothing in it is"
             " random; each record counts once",
             file=sys.stderr,
         )

@@ -717,7 +717,7 @@ def test_a_grid_that_draws_copies_is_told_when_it_is_loaded_and_ranks_nothing(tm
     table = {**LOOP.to_table(), "sampling": {"Ts": 2, "n": 300}}
     content = {"title": "same", "repeats": 40, "loop": table, "axes": {"valve.S": [0.0, 5.0]}}
     text = score_run(run_grid(make_grid(content), tmp_path / "run", ["he"])).as_text()
-    assert "repeats of a loop are the same record" in capsys.readouterr().err
+    assert "repeats of its first loop are the same record" in capsys.readouterr().err
     assert "78 of 80 loops have the record of another" in text
     assert "There is no ranking" in text
     run_grid(make_grid(content, sets={"noise.std": 0.1}), tmp_path / "noisy", ["he"])
