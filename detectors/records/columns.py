@@ -333,7 +333,7 @@ def _clues_of(table: Sheet) -> dict[str, list[str]]:
 
 
 def _rises(x: np.ndarray) -> bool:
-    return x.size > 1 and bool(np.all(np.diff(x) > 0))
+    return x.size > 1 and bool(np.all(x[1:] > x[:-1]))
 
 
 def _tag_of(loop: Sequence[str], name: str) -> str:
