@@ -299,19 +299,19 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     # by name, of the whole table before one of a signal
     if "t" in chosen:
         return chosen["t"]
-    seen = _clues_of(table)
-    times = [name for name in seen["times"] if name not in roles.values()]
+    times = [name for name in _shows_time(table, "name") if name not in roles.values()]
     times = [name for name in times if words_of(name).startswith("t")] or times
     if len(times) > 1:
         which = f"{table.where}: {' or '.join(times)} may be the time; one is needed"
         raise RecordError(which, _option({"t": times[0]}, "t"))
 
     # by what it holds
-    stamped = times or [name for name in seen["stamps"] if name not in roles.values()]
+    stamped = _shows_time(table, "stamp")
+    stamped = times or [name for name in stamped if name not in roles.values()]
     if stamped:
         table.notes += [] if times else [f"time: {stamped[0]!r} holds time stamps"]
         return stamped[0]
-    clocks = seen["clocks"]
+    clocks = _shows_time(table, "order")
     cure = _option({"t": clocks[0]}, "t") if clocks else "--ts 1"
     lacks = f"{table.where}: no time column (t, time, timestamp) and no sampling period Ts given"
     if clocks and clocks[0] in roles.values():
@@ -320,16 +320,18 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     raise RecordError(f"{lacks}; either is needed", cure)
 
 
-def _clues_of(table: Sheet) -> dict[str, list[str]]:
-    """Return the columns whose name, first cell or order is a time's, looked for once for all loops
-    of a table.
+def _shows_time(table: Sheet, clue: str) -> list[str]:
+    """Return the columns that may be the time by their name, by the stamp in their first cell or by
+    the order of their numbers, looked for once for all loops of a table.
     """
-    if not table.found:
-        cells = table.columns.items()
-        table.found["times"] = [name for name, _ in cells if parse(name).role == "t"]
-        table.found["stamps"] = [name for name, x in cells if _STAMP.search(str(x[0]))]
-        table.found["clocks"] = [name for name, x in cells if _rises(_as_floats(x))]
-    return table.found
+    if clue not in table.found:
+        holds = {
+            "name": lambda name, _: parse(name).role == "t",
+            "stamp": lambda _, cells: _STAMP.search(str(cells[0])),
+            "order": lambda _, cells: _rises(_as_floats(cells)),
+        }[clue]
+        table.found[clue] = [name for name, cells in table.columns.items() if holds(name, cells)]
+    return table.found[clue]
 
 
 def _rises(x: np.ndarray) -> bool:

@@ -24,7 +24,6 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import REFERENCE, shipped
 from simbench.bench.store.folder import (
     RunError,
-    digest,
     file_digest,
     partition_file,
     refuse_unfinished,
@@ -157,15 +156,15 @@ def add_to_run(
     # the run that is added to, and the folder that is to hold the methods
     shown = Path(folder if out is None else out)
     folder = Path(folder).resolve()
-    stated = _read_finished(folder)
-    if out is not None and visible_names(shown):
-        refuse_taken(out)
     target = shown.resolve()
 
     # no other process works there, and what is wrong is refused before anything is asked
     work = target / ADDING
     with pieces.held(target):
         try:
+            stated = _read_finished(folder)
+            if out is not None and visible_names(shown):
+                refuse_taken(out)
             if with_reference:
                 shipped(str(stated["grid"]))
             asked = _methods_to_ask(folder, stated, methods, options) if add else {}
@@ -318,12 +317,8 @@ def _join(
         table = _in_order(
             pa.concat_tables([part.replace_schema_metadata(), more]), ids, list(methods)
         )
-        content = as_parquet(table, number)
-        write_file(into / partition_file("verdicts", number), content)
-        digests = {
-            "verdicts": digest(content),
-            "scenarios": file_digest(into / partition_file("scenarios", number)),
-        }
+        write_file(into / partition_file("verdicts", number), as_parquet(table, number))
+        digests = pieces.digests_of_piece(into, number)
         failures = table.num_rows - table.column("error").null_count
         receipts.append(Receipt(number, len(ids), failures, 0.0, 0.0, 0.0, digests))
         start += len(ids)

@@ -97,8 +97,9 @@ def write_piece(folder: Path, piece: Piece, key: str) -> Receipt:
     """Put a finished piece on disk; it counts from the moment its receipt, the last file, is
     complete.
     """
-    # somebody believed dead was only slow
     _refuse_gone(folder)
+
+    # somebody believed dead was only slow
     receipt = piece.receipt
     there = find_receipt(folder, receipt.piece, key)
     if there is not None:
@@ -135,14 +136,18 @@ def find_receipt(folder: Path, number: int, key: str) -> Receipt | None:
         content = json.loads((folder / _receipt_file(number)).read_bytes())
         if (content["run"], content["piece"]) != (key, number):
             return None
-        files = {kind: folder / partition_file(kind, number) for kind in TABLE_KINDS}
-        if {kind: file_digest(file) for kind, file in files.items()} != content["digests"]:
+        if digests_of_piece(folder, number) != content["digests"]:
             return None
         return Receipt(
             **{f.name: content[f.name] for f in fields(Receipt) if f.name != "reused"}, reused=True
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
+
+
+def digests_of_piece(folder: Path, number: int) -> dict[str, str]:
+    """Return the digests of the files of a piece, by table."""
+    return {kind: file_digest(folder / partition_file(kind, number)) for kind in TABLE_KINDS}
 
 
 def finish(folder: Path, receipts: Sequence[Receipt], manifest: dict[str, Any]) -> Scores:

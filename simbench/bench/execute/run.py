@@ -37,7 +37,7 @@ from simbench.bench.score.result import Scores
 from simbench.bench.score.shipped import shipped
 from simbench.bench.store.benchmark import is_stored, stored_grid
 from simbench.bench.store.folder import RunError, write_file
-from simbench.bench.store.manifest import SOURCES, run_key
+from simbench.bench.store.manifest import MANIFEST, SOURCES, run_key
 from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.faults import describe_judging
 from simbench.detectors.judge import refuse_wrong_forms
@@ -327,7 +327,7 @@ def _resumable(folder: Path) -> Iterator[None]:
         met = " ".join(["interrupted", describe_judging()]).rstrip()
         raise Interrupted(f"{met}: {pieces.standing(folder)}") from None
     except UserError as error:
-        if not folder.exists():
+        if not (folder / MANIFEST).exists():  # removed or moved: nothing can be continued
             raise
         raise RunError(f"{error}; {pieces.standing(folder)}") from error
 

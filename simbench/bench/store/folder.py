@@ -13,8 +13,6 @@ from simbench.files import whole_file
 
 TABLE_KINDS = ("verdicts", "scenarios")
 PIECES = "receipts"  # key of a manifest: the receipt of each partition of the tables
-
-
 # what can be done about a damaged piece of a run
 AGAIN = "run it again (with --resume, what is damaged alone)"
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -228,6 +227,8 @@ class RunArrays:
         """Return a run with one loop, that of the least id, for each record that several hold bit
         for bit with the same labels; its manifest states how many it had.
         """
+        import pandas as pd
+
         # what makes two loops one; a loop that could not be simulated has no record
         labels = {truth: self.truth[truth] for truth in TRUTHS}
         loops = pd.DataFrame({"id": self.ids, "record": self.hashes, **labels}).sort_values("id")

@@ -219,9 +219,12 @@ def _in_scale(
     by_mv = _weigh_friction(record, known)
     rows = nats_of_rows(by_mv.assessment.rows)
     valve = max((n for e, n in rows.items() if block_of(e) == "valve"), default=0.0)
-    if (slow := slow_valve(search)) is not None:
-        valve = max(valve, slow[0])
     if nats <= max(valve, 0.0) + MV_SCALE_NATS:
+        return _ask_what_shows(by_mv), Scale()
+
+    # no scale where MV only moves more slowly than OP
+    slow = slow_valve(search)
+    if slow is not None and nats <= slow[0] + MV_SCALE_NATS:
         return _ask_what_shows(by_mv), Scale()
     return _ask_what_shows(_weigh_friction(replace(record, mv=scale.undone(mv)), known)), scale
 
@@ -231,7 +234,7 @@ def as_believed(record: LoopRecord) -> tuple[LoopRecord, tuple[str, ...]]:
     valve, and what is wrong with MV; one whose valve does not move, or that cannot be weighed, as
     it is.
     """
-    if record.mv is None or stands(record):
+    if record.mv is None or stands(record) is not False:
         return record, ()
     try:
         told = friction_of(record).told
