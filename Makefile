@@ -44,9 +44,10 @@ real: $(READY)             ## every record of real loops, every method and every
 		../shared/data/real/records.csv) >> runs/real_records.txt
 	mv runs/real_records.txt results/real_records.txt
 
-results: $(READY_TEST)     ## every file of results/ again, or those of FILES, by the commands that results/README.md lists
+results: $(READY_TEST)     ## every file of results/ again, or those of FILES, by the commands that results/README.md lists; the studies' own tests
 	@mkdir -p runs
 	$(BIN)/python -m results.studies.remake $(FILES)
+	$(BIN)/python -m pytest -n 2 --dist worksteal -q -m "not slow" results/studies/tests
 
 leak: $(READY)             ## can a scenario's settings alone predict its label? They must not
 	$(BIN)/python -m results.studies.leak
