@@ -24,7 +24,6 @@ CLASSES = {
     "acyclic_siblings": "AcyclicSiblingsContract",
 }
 ROOMS = "the rooms of the diagnosis, none looking back"
-LOOP = "a loop's plug-ins know nothing of the run they take part in"
 
 
 @pytest.fixture(scope="module")

@@ -7,15 +7,28 @@ sentence and no more is a line here.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
+import control
+import numpy as np
 import pytest
 import typer
 
+import simbench as sb
 from simbench.cli import app
+from simbench.confirm.travel import travel_test
 from simbench.detectors.errors import UserError
+from simbench.detectors.judge import judge
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.stiction_map import valve_position
+from simbench.gap.gain_pair import gain_change_recorded
+from simbench.loop.response import valve_response
 from simbench.loop.simulate import simulate
 from simbench.scenarios.errors import SpecError
+from simbench.scenarios.grid import load_grid
+from simbench.scenarios.sample import Sample
 from simbench.scenarios.spec import Loop
+from simbench.theory.describing import deadzone, stiction
 from tests.simbench.boundary.conftest import here, refused, sampled
 from tests.simbench.boundary.test_loops import text
 
@@ -223,6 +236,12 @@ WRONG_COMMANDS = [
     ("run smoke -o OUT --backend slurm", "slurm"),
     ("list figures --jsn", "--json"),
     ("list effekte", "effects"),
+    ("valve LABELS --model ideal -o OUT", "op"),
+    ("score DIR --truth cycle", "cycled"),
+    ("run smoke -o OUT --backend dask", "--address"),
+    ("figure fig-11-12 -o OUT", "--isdb"),
+    ("figure fig-11-8 -o NEW --set Q=1", "Q"),
+    ("figure fig-11-8 -o NEW --set S=-1", "above 0"),
 ]
 
 
@@ -396,5 +415,79 @@ WRONG_LOOPS = [
 def test_a_loop_that_cannot_be_is_one_sentence(change, words):
     with pytest.raises((UserError, SpecError)) as error:
         simulate(Loop.from_table({**GOOD_LOOP, **change}, "loop.toml"))
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+NAN = float("nan")
+BAND = {"S": 5, "J": 2}
+FRICTION = ("coulomb", "karnopp", "stribeck", "lugre")
+WRONG_VALVES = [
+    ("chudhury", BAND, "did you mean 'choudhury'"),
+    ("choudhury", {}, "needs S (% of travel)"),
+    ("choudhury", {"s": 1, "J": 1}, "did you mean 'S'"),
+    ("choudhury", BAND | {"S": -1}, "S = -1 is out of range, it must be in 0..100"),
+    ("choudhury", BAND | {"S": 101.0}, "S = 101 is out of range"),
+    ("choudhury", BAND | {"S": NAN}, "S = nan is not finite"),
+    ("choudhury", BAND | {"S": "5"}, "S = '5' is no number"),
+    ("choudhury", BAND | {"S": True}, "S = True is no number"),
+    ("choudhury", BAND | {"S": [1.0]}, "S = [1.0] is no number"),
+    ("choudhury", BAND | {"S": 10**400}, "is not finite"),
+    ("characteristic", {"type": "linaer"}, "did you mean 'linear'"),
+    ("hysteresis", {"S": 50, "H": 30}, "exceeds the travel"),
+    ("limits", {"low": 60, "high": 40}, "must be below"),
+    ("intermittent", {"S": 1, "J": 1, "period": 5, "on": 6}, "longer than period"),
+    ("intermittent", {"S": 1, "J": 1, "perod": 3, "on": 1}, "did you mean 'period'"),
+    ("time_varying", BAND | {"t_begin": 5, "t_end": 5}, "must come after"),
+    ("he", {"S": 5}, "needs S and J together"),
+    ("he", {}, "needs S and J, or fs and fd"),
+    ("he", BAND | {"fs": 1}, "not some of both"),
+    ("he", {"fs": 1, "fd": 2}, "is below fd"),
+    ("he", {"fs": 1, "fd": -2}, "is negative"),
+    ("lugre", {"S": 5, "J": 5}, "needs Fc > 0"),
+    ("coulomb_viscous", {"S": 5, "Fc": 5}, "give S or Fc"),
+    *((model, {"substep": 5e-3}, "substep = 0.005 s is too large") for model in FRICTION[:3]),
+    *((model, {"S": 5, "J": 7}, "friction alone cannot overshoot") for model in FRICTION),
+    *((model, {"Fs": 1, "Fc": 2}, "a valve at rest holds at least as hard") for model in FRICTION),
+    *((model, {"k": 0}, "k = 0 is out of range, it must be > 0") for model in FRICTION),
+    *((model, BAND | {"Fs": 100}, "not some of both") for model in FRICTION),
+]
+
+
+@pytest.mark.parametrize(("model", "parameters", "words"), WRONG_VALVES)
+def test_a_valve_that_cannot_be_is_one_sentence(model, parameters, words):
+    with pytest.raises(UserError) as error:
+        valve_response(model, [50.0], parameters)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+WAVE = LoopRecord(op=np.sin(np.arange(300.0)), pv=np.cos(np.arange(300.0)), Ts=1.0)
+WRONG_CALLS = [
+    (lambda: judge(WAVE, ["horhc"]), "did you mean 'horch'"),
+    (lambda: judge(WAVE, ["horch"], thresholds={"horch": {"dtau_hihg": 0.5}}), "'dtau_high'"),
+    (lambda: judge(WAVE, ["horch"], thresholds={"horch": {"dtau_high": 3.0}}), "0.0 to 1.0"),
+    (lambda: valve_response("ideal", [50.0, NAN]), "OP is not finite at sample 1"),
+    (lambda: valve_response("ideal", [50.0], Ts=0), "Ts = 0 s must be"),
+    (lambda: valve_response("ideal", [[50.0], [51.0]]), "shape (2, 1)"),
+    (lambda: valve_position([50.0, 51.0], -1, 0), "valve_position: S = -1"),
+    (lambda: valve_position([50.0, 51.0], 1, NAN), "valve_position: J = nan"),
+    (lambda: Sample.of(load_grid("smoke"), 49), "smoke: 49 points; 1 to 48 are allowed"),
+    (lambda: stiction(5.0, -1.0), "describing function"),
+    (lambda: deadzone(0.0), "describing function"),
+    (lambda: simulate(Loop.from_table(GOOD_LOOP), plant=control.tf([1], [1, 1], 0.1)), "discrete"),
+    (lambda: sb.figure("fig-11-25", S=3.0), "shows no loop with S"),
+    (lambda: sb.figure("fig-11-2", S=3.0), "shows no simulated loop"),
+    (lambda: travel_test(Loop.from_table(GOOD_LOOP), 0.2, 60), "increment"),
+    (lambda: travel_test(Loop.from_table(GOOD_LOOP), NAN, 10), "increment"),
+    (lambda: gain_change_recorded(WAVE, replace(WAVE, Ts=2.0)), "Ts = 1 s before and 2 s after"),
+    (lambda: gain_change_recorded(WAVE, WAVE, factor=1.1), "at least 20 %"),
+]
+
+
+@pytest.mark.parametrize(("call", "words"), WRONG_CALLS)
+def test_a_call_that_cannot_be_answered_is_one_sentence(call, words):
+    with pytest.raises((UserError, SpecError)) as error:
+        call()
     assert words in str(error.value)
     assert "\n" not in str(error.value)

@@ -99,9 +99,3 @@ def test_a_grid_too_large_to_run_whole_can_be_sampled():
     grid = make_grid({**MILLION, "axes": axes}, "large", most_cells=10**15)
     assert len(grid) == 10**9
     assert len(Sample.of(grid, 50).drawn) == 50
-
-
-@pytest.mark.parametrize("points", [0, -1, 49])
-def test_a_sample_that_cannot_be_is_refused(points):
-    with pytest.raises(SpecError, match=f"smoke: {points} points; 1 to 48 are allowed"):
-        Sample.of(load_grid("smoke"), points)

@@ -83,12 +83,6 @@ def test_outcome_is_json_text_and_picture(loop):
         assert len(outcome.plot().axes) == 2
 
 
-@pytest.mark.parametrize("factor", [1.0, 0.9, 0.1, -0.5, float("nan")])
-def test_a_gain_change_too_small_or_too_large_is_refused(loop, factor):
-    with pytest.raises(ParameterError, match="factor"):
-        gain_change(loop(), factor)
-
-
 @pytest.mark.parametrize("sticky", [0, 1])
 def test_the_culprit_of_two_coupled_loops_is_named(sticky):
     pair = find_culprit(*drawn_pair(np.random.default_rng(11 + sticky), sticky))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from simbench.confirm.travel import travel_test
-from simbench.detectors.errors import ParameterError
 
 PLANTS = [
     {},
@@ -82,9 +81,3 @@ def test_outcome_is_json_text_and_picture(loop):
     assert len(test.plot().axes) == 2
     assert test.phase.size == test.trace.op.size
     assert np.all(np.diff(test.phase) >= 0)
-
-
-@pytest.mark.parametrize(("increment", "big"), [(0.0, 10), (5, 5), (0.2, 60), (float("nan"), 10)])
-def test_impossible_steps_are_refused(loop, increment, big):
-    with pytest.raises(ParameterError, match="increment"):
-        travel_test(loop(), increment, big)

@@ -112,9 +112,6 @@ def test_the_controllers_proofs_come_first():
     assert proven(situation()) == {}
 
 
-JUMPING = ("load_steps", "valve_lag", "extra_lag", "sensor_lag", "gain_mismatch", "deadband")
-
-
 def jump(amplitude, start):
     """Return a load step: a ramp of one sample."""
     return {"type": "ramp", "amplitude": amplitude, "period": 1.0, "start": start}

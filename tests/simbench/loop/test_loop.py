@@ -94,21 +94,6 @@ def test_a_users_transfer_function_takes_the_plants_place():
     assert abs(second.pv[-1] - 51.0) < 1e-3
 
 
-@pytest.mark.parametrize(
-    ("tf", "word"),
-    [
-        (control.tf([1], [1, -1]), "unstable"),
-        (control.tf([1], [1, 0, 0]), "unstable"),
-        (control.tf([1, 1], [1, 2]), "strictly proper"),
-        (control.tf([1], [1, 1], 0.1), "discrete"),
-        (control.tf([-1], [1, 1]), "positive feedback"),
-    ],
-)
-def test_impossible_plants_are_refused(tf, word):
-    with pytest.raises(ParameterError, match=word):
-        simulate(loop(), plant=tf)
-
-
 def test_pi_is_the_backward_euler_integral_of_the_error_seen():
     r = simulate(loop(noise={"std": 0.2}, sampling={"n": 300})).record
     e = r.sp - r.pv

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from simbench.detectors.errors import ParameterError
 from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
 from simbench.theory.sampled import sampled_loop
 
@@ -137,13 +136,3 @@ def test_describing_function_of_a_valve_that_stops_at_every_sample_follows_its_s
     valve = measured("stenman", {"d": 4.0})
     assert 3.5 < valve.low < 5
     assert abs(valve.N(np.array(40.0))) == pytest.approx(1, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    "make", [lambda: stiction(0.0, 0.0), lambda: stiction(5.0, -1.0), lambda: deadzone(0.0)]
-)
-def test_impossible_sizes_are_refused(make):
-    with pytest.raises(ParameterError, match="describing function"):
-        make()
-    with pytest.raises(ParameterError, match="does not move"):
-        measured("deadband", {"S": 99.0})

@@ -6,7 +6,6 @@ import json
 
 import pytest
 
-from simbench.detectors.errors import UnknownName
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.predict import as_text, predict
 from simbench.theory.sampled import sampled_loop, ultimate_gain
@@ -120,11 +119,6 @@ def test_a_valve_and_an_effect_that_theory_does_not_describe_are_both_said(loop,
     assert theory["reason"].endswith(
         "; the sensor has a lag or rounds PV; the cycle is known for a plain sensor only"
     )
-
-
-def test_unknown_valve_is_an_error(loop):
-    with pytest.raises(UnknownName, match="choudhury"):
-        truth_columns(loop(valve={"model": "choudury"}))
 
 
 def test_disturbances_and_noise_do_not_change_the_prediction(loop):

@@ -5,7 +5,6 @@ here by itself.
 import numpy as np
 import pytest
 
-from simbench.detectors.errors import ParameterError, UnknownName
 from simbench.loop.parameters import VALVES, Number
 from simbench.loop.response import valve_response
 
@@ -54,15 +53,3 @@ def test_position_stays_inside_its_travel_and_op_is_left_alone(name, wandering_o
     assert mv.min() >= 0.0
     assert mv.max() <= 100.0
     np.testing.assert_array_equal(wandering_op, before)
-
-
-def test_response_refuses_what_it_cannot_mean():
-    with pytest.raises(UnknownName, match="did you mean 'choudhury'"):
-        valve_response("chudhury", [50.0])
-    with pytest.raises(ParameterError, match="OP is not finite at sample 1"):
-        valve_response("ideal", [50.0, float("nan")])
-    with pytest.raises(ParameterError, match="Ts = 0 s must be"):
-        valve_response("ideal", [50.0], Ts=0)
-    with pytest.raises(ParameterError, match=r"shape \(2, 1\)"):
-        valve_response("ideal", [[50.0], [51.0]])
-    assert valve_response("ideal", []).size == 0

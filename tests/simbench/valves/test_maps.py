@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simbench.detectors.errors import ParameterError
 from simbench.loop.response import valve_response
 
 # Open-loop sequences worked out for S/J models before this package existed (golden numbers of the
@@ -179,22 +178,6 @@ def test_deadzone_is_odd_about_its_centre_and_flat_inside():
     np.testing.assert_allclose(mv - 50, -(mv[::-1] - 50), atol=1e-12)
     assert (mv[np.abs(op - 50) <= 3] == 50).all()
     np.testing.assert_allclose(mv[op > 53], op[op > 53] - 3)
-
-
-def test_bad_bands_are_refused():
-    for model, table, words in (
-        ("hysteresis", {"S": 50, "H": 30}, "exceeds the travel"),
-        ("limits", {"low": 60, "high": 40}, "must be below"),
-        ("intermittent", {"S": 1, "J": 1, "period": 5, "on": 6}, "longer than period"),
-        ("time_varying", {"S": 1, "J": 1, "t_begin": 5, "t_end": 5}, "must come after"),
-        ("he", {"S": 5}, "needs S and J together"),
-        ("he", {}, "needs S and J, or fs and fd"),
-        ("he", {"S": 5, "J": 2, "fs": 1}, "not some of both"),
-        ("he", {"fs": 1, "fd": 2}, "is below fd"),
-        ("he", {"fs": 1, "fd": -2}, "is negative"),
-    ):
-        with pytest.raises(ParameterError, match=words):
-            valve_response(model, [50.0], table)
 
 
 ops = st.lists(st.floats(-20, 120, allow_nan=False), min_size=1, max_size=60)

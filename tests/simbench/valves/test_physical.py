@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.physical.actuator import overshoot
 from simbench.loop.response import valve_response
@@ -293,35 +292,3 @@ def test_lugre_equals_a_stiff_solver():
         before = now
         reference.append(100 * y[0] / p.stroke)
     assert np.abs(valve_response("lugre", op, SJ, Ts) - reference).max() < 1e-3
-
-
-@pytest.mark.parametrize("model", ["coulomb", "karnopp", "stribeck", "lugre"])
-@pytest.mark.parametrize(
-    ("table", "words"),
-    [
-        ({"S": 5, "J": 7}, "friction alone cannot overshoot"),
-        ({"Fs": 100, "Fc": 200}, "a valve at rest holds at least as hard"),
-        ({"k": 0}, "k = 0 is out of range, it must be > 0"),
-        ({"m": 0}, "m = 0 is out of range"),
-        ({"stroke": 0}, "stroke = 0 is out of range"),
-        ({"Fv": -1}, "Fv = -1 is out of range"),
-        ({"S": 5, "J": 2, "Fs": 100}, "give S and J or Fs and Fc, not some of both"),
-        ({"S": 5}, "needs S and J together, only S is given"),
-    ],
-)
-def test_impossible_physics_is_refused_with_the_reason(model, table, words):
-    with pytest.raises(ParameterError, match=words):
-        valve_response(model, [50.0], table)
-
-
-def test_too_large_a_substep_and_missing_coulomb_friction_are_refused():
-    for model in ("coulomb", "coulomb_viscous", "karnopp", "stribeck"):
-        with pytest.raises(
-            ParameterError, match=r"substep = 0.005 s is too large; above 0.00299 s"
-        ):
-            valve_response(model, [50.0], {"substep": 5e-3})
-    with pytest.raises(ParameterError, match="needs Fc > 0"):
-        valve_response("lugre", [50.0], {"S": 5, "J": 5})
-    assert np.isfinite(valve_response("lugre", [50.0, 50.1], {"Fs": 1.0, "Fc": 0.5})).all()
-    with pytest.raises(ParameterError, match="give S or Fc"):
-        valve_response("coulomb_viscous", [50.0], {"S": 5, "Fc": 5})

@@ -1,8 +1,6 @@
 import numpy as np
-import pytest
 
 from simbench.cli.valve_table import valve_file
-from simbench.detectors.errors import ParameterError, RecordError, UnknownName
 from simbench.loop.response import valve_response
 
 
@@ -23,26 +21,3 @@ def test_an_old_position_is_replaced_and_without_time_the_period_is_a_second(tmp
     (tmp_path / "in.csv").write_text("mv,op\n1,20\n1,80\n1,80\n")
     valve_file(tmp_path / "in.csv", tmp_path / "out.csv", "lag", {"rate": 6})
     assert (tmp_path / "out.csv").read_text() == "op,mv\n20,20.0\n80,26.0\n80,32.0\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "model", "error", "words"),
-    [
-        ("t,pv\n0,1\n", "ideal", RecordError, "no column op; columns are: t, pv"),
-        ("op\n50\n\n", "idael", UnknownName, "did you mean 'ideal'"),
-        ("t,op\n0,50\n1,\n", "ideal", RecordError, "line 3: op is empty"),
-        ("t,op\n0,50\n1,hot\n", "ideal", RecordError, "line 3: op is 'hot'"),
-        (
-            "t,op\n0,50\n1,51\n2,52\n5,53\n",
-            "ideal",
-            RecordError,
-            "line 5: a time step of 3 s among steps of 1 s",
-        ),
-        ("op\n50\n", "deadband", ParameterError, "needs S"),
-    ],
-)
-def test_a_bad_table_is_refused_and_nothing_is_written(tmp_path, text, model, error, words):
-    (tmp_path / "in.csv").write_text(text)
-    with pytest.raises(error, match=words):
-        valve_file(tmp_path / "in.csv", tmp_path / "out.csv", model)
-    assert [p.name for p in tmp_path.iterdir()] == ["in.csv"]

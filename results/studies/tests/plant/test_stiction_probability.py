@@ -8,8 +8,6 @@ from random_case import random_case
 
 from results.studies.plant import stiction_probability as study
 
-CASE = random_case(12)
-
 
 @pytest.mark.parametrize("form", dict.fromkeys(study.FORMS))
 def test_a_record_is_written_in_its_form(form):

@@ -14,7 +14,6 @@ from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.simulate import simulate
-from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import load_grid, make_grid
 
 PAGE = Path(__file__).parents[4] / "docs" / "plant_grid.md"
@@ -118,15 +117,6 @@ def test_noise_on_the_recorded_mv_is_seen_by_nobody_but_the_record():
     assert np.array_equal(one.mv, two.record.mv)
     assert np.std(one.record.mv - two.record.mv) == pytest.approx(0.08, rel=0.1)
     assert simulate_with_truth(scenario.loop, 3)[1] == simulate_with_truth(clean, 3)[1]
-
-
-def test_a_wrong_name_is_one_sentence():
-    with pytest.raises(SpecError, match="effect 'archives' is unknown"):
-        one_cell("choudhury", effect="archives")
-    with pytest.raises(SpecError, match="none of the parameters"):
-        make_grid(
-            {"title": "t", "valves": {"lag": {"scale": {"T": "period"}}}, "block": [{"name": "a"}]}
-        )
 
 
 def test_the_grid_keeps_its_promises():

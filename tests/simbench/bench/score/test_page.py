@@ -17,7 +17,6 @@ from simbench.bench.score.page import reproduce, roc_curve, write_page
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.manifest import read_manifest
 from simbench.detectors.plugins.registry import methods
-from simbench.files import FileError
 
 
 @pytest.fixture(scope="module")
@@ -88,12 +87,6 @@ def test_what_failed_is_said(run, report):
     failed = read_failures(run)
     assert set(failed.methods) == {"broken"}
     assert f"method broken failed on {failed.methods['broken']} of" in report.read_text()
-
-
-def test_a_place_that_cannot_be_written_is_one_sentence_and_leaves_nothing(run, tmp_path):
-    with pytest.raises(FileError, match="cannot be written"):
-        write_page(score_run(run), run, tmp_path / "absent" / "report.html")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_roc_curve_is_that_of_every_threshold_and_its_area_the_auc():

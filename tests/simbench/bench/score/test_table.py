@@ -39,10 +39,6 @@ def test_run_and_score_of_smoke_print_one_table_on_one_screen(tmp_path):
     assert "Table 11.3 predicts a limit cycle" in text
 
 
-def test_an_unknown_truth_is_refused(tmp_path):
-    assert "cycled" in str(called("score", tmp_path, "--truth", "cycle").exception)
-
-
 def test_a_plug_in_that_fails_more_often_than_allowed_is_not_ranked_and_ends_with_1(tmp_path):
     (tmp_path / "broken.py").write_text(BROKEN)
     asked = ("run", "smoke", "--method", "he,broken", "--plugin", tmp_path / "broken.py")

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from simbench.bench.execute.compute_piece import record_hash
-from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.benchmark import nuisances
 from simbench.gap.benchmark.classifier import tell_apart
@@ -16,7 +15,6 @@ from simbench.gap.benchmark.loops import describe, draw_loops, with_nuisances
 from simbench.gap.benchmark.measure import grid
 from simbench.gap.benchmark.nuisances import ADDITIONS
 from simbench.loop.effects import EFFECTS
-from simbench.scenarios.errors import SpecError
 from simbench.scenarios.settled import settled_grid
 
 
@@ -78,17 +76,6 @@ def test_no_record_is_judged_by_what_was_learned_of_its_unit():
     assert 0.0 < certain < 1.0
     apart, _ = tell_apart(place[:60], place[60:] + 9.0, units)
     assert apart.value > 0.99
-
-
-def test_what_cannot_be_compared_is_said(halves):
-    with pytest.raises(UserError, match="3 records, and 0 files that are none; at least 10"):
-        grid("smoke", _records(halves[0][:3]))
-    with pytest.raises(UserError, match="n = 2 loops"):
-        grid("smoke", _records(halves[0][:12]), n=2)
-    with pytest.raises(UserError, match=r"addition 'outlires'.*'outliers'"):
-        grid("smoke", _records(halves[0][:12]), additions=["outlires"])
-    with pytest.raises(SpecError, match="unknown grid"):
-        grid("smok", _records(halves[0][:12]))
 
 
 @pytest.mark.parametrize("name", ADDITIONS)

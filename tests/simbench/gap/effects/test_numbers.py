@@ -17,7 +17,6 @@ from simbench.gap.effects import (
     recogniser,
 )
 
-PLANT = {"K": -2.0, "T": 20.0, "Td": 5.0}
 DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2, late=0, loads={}, measured=False)
 TRUSTED = SimpleNamespace(**vars(DATA), trusted=True)
 SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
@@ -126,15 +125,6 @@ def test_a_load_drifts_half_as_far_again_as_healthy_records_show(ramp, walk, dri
     assert plain(load_drift, drifting, data, trusted=False)
     data.measured, data.loads = True, {"slow": 2.0}
     assert plain(load_drift, drifting, data) is drifts
-
-
-def innovations(height, count, neighbour=0.0):
-    rng = np.random.default_rng(5)
-    x = np.clip(rng.standard_normal(3000), -3.5, 3.5)
-    places = np.linspace(200, 2800, count).astype(int)
-    x[places] = height
-    x[places + 1] = neighbour * height
-    return x, places
 
 
 def test_what_a_file_does_not_say_of_an_effect_adds_nothing():

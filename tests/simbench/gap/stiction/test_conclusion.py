@@ -29,7 +29,7 @@ from simbench.gap.decide.posterior import Posterior
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import WORDS, from_posterior, from_record
 from simbench.gap.stiction.deniable import Deniable
-from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN, block_of
+from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop, load_loop
 
@@ -157,13 +157,6 @@ def drawn(place, number):
     (place / "record").mkdir()
     cut.to_csv(place / "record" / "loop.csv", index=False)
     return place / "record" / "loop.csv", loop, effect
-
-
-def weights(**p):
-    """Return probabilities of effects, `none` and `unknown`; what is not given has none."""
-    return Posterior(
-        dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | p, block_of(max(p, key=lambda e: p[e]))
-    )
 
 
 def assessed(chosen=()):
