@@ -7,7 +7,6 @@ import importlib
 import inspect
 import subprocess
 import sys
-from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -16,7 +15,6 @@ import pytest
 from numpydoc.hooks.validate_docstrings import parse_config
 from numpydoc.validate import validate
 
-from simbench.loop.effects import EFFECTS
 from tests.common.habits import PRODUCT, places, product_trees, statements
 
 ROOT = Path(__file__).parents[1]
@@ -25,10 +23,6 @@ PLUGINS += [f"simbench/loop/{kind}" for kind in ("valves", "effects", "plants", 
 
 
 trees = cache(product_trees)
-
-
-def repeated(names: dict[str, set[str]]) -> dict[str, set[str]]:
-    return {name: files for name, files in names.items() if len(files) > 1}
 
 
 def test_importing_detectors_loads_nothing_heavy():
@@ -98,52 +92,6 @@ def test_plugins_never_import_their_siblings(folder):
             imported += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             siblings = [n.removeprefix(package) for n in imported if n.startswith(package)]
             assert all(n.startswith("_") for n in siblings), f"{name} imports {siblings}"
-
-
-def test_no_two_classes_have_one_name():
-    files = defaultdict(set)
-    for name, tree in trees().items():
-        for node in ast.walk(tree):
-            # `class Loop(spec.Loop)` extends the class of that name
-            if isinstance(node, ast.ClassDef) and node.name not in [
-                getattr(base, "attr", "") for base in node.bases
-            ]:
-                files[node.name].add(name)
-    assert repeated(files) == {}
-
-
-def test_a_constant_that_others_read_has_one_meaning():
-    # plug-ins define constants of fixed names
-    exempt = (
-        *PLUGINS,
-        "simbench/loop/laws/curve.py",
-    )
-    files = defaultdict(set)
-    for name, tree in trees().items():
-        for node in tree.body if not name.startswith(exempt) else ():
-            targets = getattr(node, "targets", []) or [getattr(node, "target", None)]
-            for target in (
-                filter(None, targets) if isinstance(node, (ast.Assign, ast.AnnAssign)) else ()
-            ):
-                for part in ast.walk(target):
-                    if isinstance(part, ast.Name) and part.id.isupper() and part.id[0] != "_":
-                        files[part.id].add(name)
-    assert len(files) > 100
-    assert set(repeated(files)) <= {"SOURCE", "PLUGINS", "TITLE"}
-
-
-def test_few_files_name_an_effect_of_another_file():
-    effects = set(EFFECTS)
-    homes = ("simbench/loop/effects/", "simbench/gap/effects/")
-    names = [
-        f"{name}: {node.value}"
-        for name, tree in trees().items()
-        if name.startswith("simbench/") and not name.startswith(homes)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant) and node.value in effects
-    ]
-    # mostly a verdict, a section of the loop file or a valve model of the same name
-    assert len(names) <= 70, names
 
 
 def test_a_statement_states_one_fact():

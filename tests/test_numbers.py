@@ -3,12 +3,10 @@
 import re
 from pathlib import Path
 
-import pytest
 from typer.main import get_command
 
 from results.studies import numbers
 from simbench.cli import app
-from simbench.detectors.errors import ParameterError
 from simbench.gap import thresholds
 
 ROOT = Path(__file__).parents[1]
@@ -43,74 +41,6 @@ def test_a_changed_result_without_a_changed_page_is_seen(tmp_path):
     assert numbers.differing(root) == {root / "README.md": ["causes.right is 194, not 190"]}
     filled = numbers.fill("190<!--causes.right-->", numbers.known_numbers(root), "page")
     assert filled == "194<!--causes.right-->"
-
-
-@pytest.mark.parametrize(
-    ("number", "like", "said"),
-    [
-        ("0.969", "0.97", "0.97"),
-        ("0.45", ".45", ".45"),
-        ("-0.007", "-.01", "-.01"),
-        ("21.0", "2", "21"),
-    ],
-)
-def test_a_number_is_written_as_the_page_writes_it(number, like, said):
-    assert numbers.as_written(number, like) == said
-
-
-def test_a_count_and_its_total_give_a_share(tmp_path):
-    root = copy_of(tmp_path, "", "right 3, wrong 4\n")
-    (root / "docs" / "numbers.toml").write_text(
-        '[causes]\nfile = "causes.txt"\npattern = "right (?P<all_k>.), wrong (?P<all_of>.)"\n'
-    )
-    assert float(numbers.known_numbers(root)["causes.all"]) == 0.75
-
-
-def test_marks_that_mean_nothing_are_refused(tmp_path):
-    root = copy_of(tmp_path, "")
-    known = numbers.known_numbers(root)
-    with pytest.raises(ParameterError, match=r"'causes\.late' is not in docs/numbers\.toml"):
-        numbers.fill("1<!--causes.late-->", known, "page")
-    with pytest.raises(ParameterError, match="a mark stands behind no number"):
-        numbers.fill("many<!--causes.right-->", known, "page")
-    with pytest.raises(ParameterError, match="a mark of lines stands before no block"):
-        numbers.fill("as follows:<!--lines: first-->\n", known, "page")
-    with pytest.raises(ParameterError, match="has '-' where a page has 1; a number is needed"):
-        numbers.fill("1<!--causes.right-->", {"causes.right": "-"}, "page")
-    (root / "results" / "causes.txt").write_text("nothing\n")
-    with pytest.raises(ParameterError, match="has no line like"):
-        numbers.known_numbers(root)
-
-
-def test_a_block_is_the_lines_of_its_file(tmp_path):
-    root = copy_of(
-        tmp_path, "<!--lines: first-->\n```text\nrank\n1 he\n```\n", "rank\n1 kano\n2 he\n"
-    )
-    (root / "docs" / "numbers.toml").write_text(
-        '[first]\nfile = "causes.txt"\npattern = "rank[\\\\s\\\\S]*"\nlines = ["rank", "1 "]\n'
-        '[whole]\nfile = "causes.txt"\npattern = "1.*\\n2.*"\nlines = []\n'
-    )
-    known = numbers.known_numbers(root)
-    assert known == {"first": "rank\n1 kano\n", "whole": "1 kano\n2 he\n"}
-    assert numbers.differing(root) == {root / "README.md": ["the lines of first are others"]}
-    page = (root / "README.md").read_text()
-    assert numbers.fill(page, known, "page") == page.replace("he", "kano")
-    (root / "results" / "causes.txt").write_text("rank\n2 he\n")
-    with pytest.raises(ParameterError, match="first: no line begins like '1 '"):
-        numbers.known_numbers(root)
-    with pytest.raises(ParameterError, match=r"'second' is not in docs/numbers\.toml"):
-        numbers.fill(page.replace("first", "second"), known, "page")
-
-
-def test_the_costs_of_larger_runs_follow_from_that_of_a_scenario():
-    known = numbers.known_numbers()
-    page = (ROOT / "docs" / "cost.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| (1e\d) \| (\S+?)(?: core-hours)? \| (\S+) \|", page, re.MULTILINE)
-    assert len(rows) == 4
-    for scenarios, fast, full in rows:
-        for set_of, said in (("fast", fast), ("full", full)):
-            hours = float(known[f"cost_{set_of}.ms"]) * float(scenarios) / 3.6e6
-            assert float(said) == pytest.approx(hours, rel=0.03), f"{scenarios}, {set_of}"
 
 
 # what stands typed beside results: settings, limits, formulas, and levels of intervals

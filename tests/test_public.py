@@ -17,7 +17,6 @@ import simbench.detectors as detectors
 import simbench.scenarios as scenarios
 from simbench.cli import main
 from simbench.detectors.errors import RecordError, UnknownName
-from simbench.detectors.methods import horch
 
 PACKAGES = [sb, sb.gap, detectors, scenarios]
 PIPED = {"capture_output": True, "text": True, "check": True}
@@ -50,12 +49,6 @@ def test_every_public_name_is_there_and_completed(package):
     for name in package.__all__:
         assert getattr(package, name) is not None
         assert completer.complete(f"p.{name}", 0).rstrip("()") == f"p.{name}"
-
-
-def test_completion_lists_the_public_names_and_nothing_of_the_machinery():
-    assert {n for n in dir(sb) if not n.startswith("_")} == set(sb.__all__)
-    names = "Loop load_loop read_record detect diagnose predict run score gap"
-    assert set(sb.__all__) >= set(names.split())
 
 
 NEAR = [(sb, "scoer", "score"), (sb, "Lop", "Loop"), (sb.gap, "diagnos", "diagnose")]
@@ -195,17 +188,6 @@ def test_results_become_tables_pictures_and_notebook_cells(run):
         assert word in html
 
 
-def test_reasons_are_given_on_request():
-    shown = sb.detect(sb.Loop(**TABLES).simulate(1).record, ["he", "horch"])
-    text = shown.as_text()
-    assert (
-        text.splitlines()[1]
-        == "Methods: 2 of 2 methods report stiction, 0 no stiction, 0 no decision."
-    )
-    assert "OP is triangular" not in text
-    assert "OP is triangular" in shown.as_text(why=True)
-
-
 def test_python_concludes_what_the_command_line_concludes(tmp_path, run, capsys):
     path = tmp_path / "rec.csv"
     run.to_frame().to_csv(path, index=False)
@@ -217,26 +199,3 @@ def test_python_concludes_what_the_command_line_concludes(tmp_path, run, capsys)
     diagnosed = json.loads(capsys.readouterr().out)
     assert json.loads(json.dumps(sb.diagnose(path).as_json())) == diagnosed
     assert sb.diagnose(path).conclusion.as_json() == diagnosed["conclusion"]
-
-
-def test_there_is_one_class_of_loops():
-    assert scenarios.Loop is sb.Loop
-    assert scenarios.load_loop is sb.load_loop
-    loop = scenarios.Loop(**TABLES)
-    assert loop.simulate(seed=1).record.n == 1200
-
-
-def test_the_verbs_of_a_check_are_functions(tmp_path):
-    folder = sb.run("smoke", "horch", out=tmp_path / "run", sets={"disturbance": "none"})
-    assert sb.check(folder, folder).result == "same"
-    assert repr(sb.check(folder, folder)).endswith(": same")
-    assert sb.contract(horch.__file__).kept
-
-
-def test_results_show_themselves_in_one_line(run):
-    detected, diagnosed = sb.detect(run, "horch"), sb.diagnose(run)
-    assert repr(detected) == "Report: 1 verdict on 1 record"
-    for thing in (detected, diagnosed, diagnosed.conclusion, diagnosed.procedure):
-        assert "\n" not in repr(thing)
-        assert len(repr(thing)) < 300
-        assert thing._repr_html_()

@@ -14,7 +14,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import yaml
 
 from simbench.cli import main
 from simbench.detectors.plugins.registry import methods
@@ -85,14 +84,6 @@ def test_the_first_example_prints_the_ranking_that_stands_below_it(place, capsys
 def test_the_users_detector_keeps_its_contract(own_detector, capsys):
     assert main(["contract", str(own_detector)]) == 0
     assert capsys.readouterr().out.splitlines()[0] == "detector fullness: keeps its contract"
-
-
-def test_the_detector_takes_about_fifteen_lines():
-    assert len(block("python", "METHOD = Method(").strip().splitlines()) <= 16
-
-
-def test_a_newcomer_reads_it_in_one_sitting():
-    assert len(README.splitlines()) <= 130
 
 
 def test_every_link_of_the_readme_hits():
@@ -171,14 +162,6 @@ def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_
     assert written <= {p.name for p in tmp_path.iterdir()}
 
 
-def test_the_ci_recipe_gives_the_action_inputs_that_it_has():
-    (step,) = yaml.safe_load(block("yaml", "uses: ./simbench"))
-    action = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
-    assert set(step["with"]) <= set(action["inputs"])
-    needed = {name for name, about in action["inputs"].items() if about.get("required")}
-    assert needed <= set(step["with"])
-
-
 @pytest.mark.slow
 def test_the_baseline_of_the_ci_recipe_is_made_and_met_as_printed(place, capsys):
     guard = README[README.index("## Guard") : README.index("## Contents")]
@@ -204,18 +187,6 @@ def test_the_python_block_gives_tables_and_pictures(place):
     assert scope["answer"] == "stiction"
     assert scope["table"].method.tolist() == ["horch", "he"]
     assert len(scope["axes"]) == 2
-
-
-def test_the_range_of_the_claims_is_that_of_their_table():
-    page = (ROOT / "docs" / "claims.md").read_text(encoding="utf-8")
-    text = re.sub(r"<!--.*?-->", "", page)
-    rows = re.findall(r"^\| (?!`).* \| (\.\d+), (\.\d+) \| \.\d+, \.\d+ \|", text, re.MULTILINE)
-    assert len(rows) == 5
-    found, called = zip(*rows, strict=True)
-    assert (
-        f"find {min(found)} to {max(found)} of the 14 sticky loops and call {min(called)} to"
-        f" {max(called)} of the others sticky"
-    ) in " ".join(text.split())
 
 
 def test_every_make_target_named_exists():

@@ -127,14 +127,6 @@ def test_every_module_is_reached_from_a_verb_a_public_name_or_a_kind_of_plugin(h
     assert unreached(house) == set()
 
 
-@pytest.mark.parametrize("study", ["simbench.bench.study", "simbench.detectors.attic"])
-def test_a_module_that_only_imports_is_not_reached(house, study):
-    graph = deepcopy(house)
-    graph.add_module(study)
-    graph.add_import(importer=study, imported="simbench.bench.statistics")
-    assert unreached(graph) == {study}
-
-
 def test_no_room_has_more_than_twenty_files_but_those_of_plugins():
     rooms = {
         p.parent

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from results.studies.agreement import COPIES, GRIDS, Scored, areas, halves, of_grid
+from results.studies.agreement import COPIES, Scored, areas, halves
 from simbench.bench.statistics import auc
 
 PRINTED = Path("results/agreement.txt").read_text(encoding="utf-8")
@@ -49,16 +49,6 @@ def test_no_unit_makes_loops_and_judges_them():
     assert np.nanmedian(np.array(halves(loops, loops, False))[:, 0]) > np.nanmedian(
         np.array(halves(loops, loops, True))[:, 0]
     )
-
-
-@pytest.mark.parametrize("name", ["recorded"])
-def test_what_is_shipped_of_a_grid_is_what_was_printed(name):
-    table = {row.split()[0]: row.split()[1:] for row in PRINTED.split("\n\n")[1].splitlines()}
-    assert table.pop("method")[:-1] == list(GRIDS)
-    at, names = GRIDS.index(name), list(table)
-    loops = of_grid(name, names, {})
-    assert [f"{x:.2f}" for x in areas(loops)] == [table[n][at] for n in names]
-    assert np.unique(loops.unit).size == 30
 
 
 def test_the_grid_of_recorded_loops_agrees_at_least_as_well_as_that_of_the_chapter():

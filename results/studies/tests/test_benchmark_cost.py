@@ -1,7 +1,6 @@
 """The measurements of the benchmark itself, in this process and on a few scenarios."""
 
 import shutil
-from types import SimpleNamespace
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -33,29 +32,3 @@ def test_tables_are_the_same_but_for_their_running_time(finished, tmp_path):
     assert not study.same_tables(
         finished, changed(finished, tmp_path / "seed", "scenarios", "seed", 99)
     )
-
-
-def test_kills_that_come_too_late_are_none(monkeypatch):
-    killed = []
-
-    def slow(target, *a, group=False, **k):
-        if not group:
-            target.mkdir()
-            return SimpleNamespace(wait=lambda timeout=None: 0)
-
-        def wait(timeout=None):
-            if timeout is not None and len(killed) < 3:
-                raise study.subprocess.TimeoutExpired("run", timeout)
-
-        return SimpleNamespace(wait=lambda timeout=None: wait(timeout), pid=7)
-
-    monkeypatch.setattr(study, "_run", slow)
-    monkeypatch.setattr(study.os, "killpg", lambda pid, how: killed.append((pid, how)))
-    monkeypatch.setattr(study, "same_tables", lambda one, other: True)
-    # a killed process is waited for without a limit
-    result = study.kills(3)
-    assert result == {"kills": 3, "runs": 1, "kills_after_first_piece": 0, "equal": True}
-    assert killed == [(7, study.signal.SIGKILL)] * 3
-    killed.clear()
-    monkeypatch.setattr(study, "same_tables", lambda one, other: False)
-    assert study.kills(3)["equal"] is False

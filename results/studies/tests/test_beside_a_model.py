@@ -39,12 +39,3 @@ def test_each_nuisance_changes_the_record_and_nothing_else_does():
     quick = others["fast controller"]
     assert quick.n == plain.n
     assert np.std(quick.pv) == pytest.approx(np.std(plain.pv), rel=0.5)
-
-
-def test_the_shares_are_printed(capsys):
-    study.main(["--seed", "1", "-n", "2", "--pairs", "1", "-j", "1"])
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "seed 1"
-    assert [line.split(":")[0] for line in lines[1:]] == (
-        ["sticky"] * 6 + ["healthy"] * 6 + list(study.NUISANCES)
-    )

@@ -1,7 +1,5 @@
 """The black box beside the diagnosis."""
 
-import pytest
-
 from results.studies.black_box import Box, black_box, compared
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -29,9 +27,3 @@ def test_a_record_without_a_box_is_not_near():
     near = ["  the plain loop 0.00", "  the diagnosis  1.00", "  the black box  0.50"]
     assert lines[:4] == ["Near of 4 records:", *near]
     assert lines[6].split() == ["a", "1.00", "1.00", "1.40", "1.00"]
-
-
-@pytest.mark.parametrize("op", [50.0])
-def test_what_cannot_be_identified_has_none(op):
-    still = simulate(LOOP, 3).record.without_mv()
-    assert black_box(type(still)(op=0 * still.op + op, pv=still.pv, Ts=1.0)) is None

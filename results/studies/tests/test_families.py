@@ -2,10 +2,6 @@
 the same cells.
 """
 
-import pytest
-
-from results.studies.families import main, read
-from simbench.bench.execute.run import run_grid
 from simbench.scenarios.grid import load_grid
 
 
@@ -29,18 +25,3 @@ def test_every_family_is_in_the_same_cells():
             for x in sticky.values()
         }
         assert len(cells) == 1
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    axes = {"disturbance": ["none"], "tuning": ["slow"], "S_over_2J": [1.0]}
-    where = tmp_path_factory.mktemp("families") / "run"
-    return run_grid("families", where, ["hammerstein", "he", "horch_histogram"], axes=axes)
-
-
-def test_a_run_is_read_and_printed(run, capsys):
-    rows = read(run)
-    assert {"choudhury", "lugre"} <= set(rows.valve)
-    assert set(rows.method) == {"hammerstein", "he", "horch_histogram"}
-    main([str(run)])
-    assert "S and J of sticky valves, 1 draws" in capsys.readouterr().out

@@ -1,19 +1,10 @@
 """The study of what grids lack: units stay whole, and every number of `list grids` is printed."""
 
-import re
-from pathlib import Path
-
 import numpy as np
-import pytest
 
-from results.studies.grid_gaps import KNOWN, halves, known_difference, main
-from simbench.detectors.errors import ParameterError
+from results.studies.grid_gaps import KNOWN, halves, known_difference
 from simbench.detectors.record import LoopRecord
 from simbench.gap.benchmark import nuisances
-from simbench.scenarios.grid import load_grid
-from simbench.scenarios.packaged import grid_names
-
-PRINTED = Path("results/grid_gaps.txt").read_text(encoding="utf-8")
 
 
 def test_units_stay_whole():
@@ -32,17 +23,3 @@ def test_a_known_difference_is_told(monkeypatch):
     assert block == "lattice"
     assert before > 0.95
     assert after < 0.7
-
-
-def test_what_the_list_of_grids_says_is_printed():
-    stated = dict(re.findall(r"^(\S+) +([01]\.\d\d) \(", PRINTED, re.MULTILINE))
-    for name in grid_names():
-        told = load_grid(name).content.told_from_recorded
-        assert (told is None) == (name not in stated), name
-        assert told is None or f"{told:.2f}" == stated[name], name
-
-
-def test_one_of_folders_and_draws_is_needed():
-    for words in ([], ["folder", "--known", "2"]):
-        with pytest.raises(ParameterError, match="one of both is needed"):
-            main(words)

@@ -3,12 +3,6 @@
 from results.studies import healthy
 
 
-def test_every_effect_is_asked_in_every_strength_and_healthy_loops_too():
-    drawn = healthy.entries(2, 3)
-    assert len(drawn) == 2 * 3 * len(healthy.EFFECTS) + 3
-    assert sum(one["kind"] == "none" for one in drawn) == 3
-
-
 def test_right_answers_of_an_effect_and_names_of_a_healthy_loop_are_counted_by_records():
     answers = [
         ("noise", ["none", "noise", "noise"]),

@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 
 from results.studies.chapter import confirmation, methods, page, rows
-from results.studies.chapter.row import Row
-from results.studies.gallery import gallery
 from results.studies.gallery import main as write_gallery
 from simbench.figures._make import figure_ids
 
@@ -84,21 +82,6 @@ def test_real_loops_reproduce_what_is_known_to_reproduce():
     # CHEM1: 0.84 over every half cycle; printed 0.83
     for what in ("CHEM1 eta", "CHEM1 dtau", "PAP4 dtau"):
         assert agrees[what] is False
-
-
-def test_the_table_has_one_line_per_row():
-    text = page([Row("a", "b|c", "1", "2", False, "why"), Row("d", "e", "1", "", None)])
-    assert "| a | b\\|c | 1 | 2 | **no** | why |" in text
-    assert "0 reproduce, 1 do not, 1 could not be tried" in text
-
-
-def test_the_gallery_shows_every_figure_or_what_it_needs(tmp_path):
-    (tmp_path / "pictures").mkdir()
-    (tmp_path / "pictures" / "fig-11-5.svg").write_text("<svg/>")
-    text = gallery(tmp_path / "pictures", tmp_path / "docs" / "gallery.md")
-    assert re.findall(r"^## `(.*)`$", text, flags=re.M) == figure_ids()
-    assert "fig-11-5.svg)" in text
-    assert "simbench figure fig-11-12 -o DIR --isdb isdb10.mat" in text
 
 
 def test_every_link_of_the_committed_gallery_hits():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from results.studies.procedure_weights import fit, main
+from results.studies.procedure_weights import fit
 
 
 def test_weights_point_the_way_the_indices_do():
@@ -17,8 +17,3 @@ def test_weights_point_the_way_the_indices_do():
     assert weights[2] < -1.5
     # both labels count the same, however rare one of them is
     assert np.mean((x @ weights + bias > 0)[y]) > 0.75
-
-
-def test_bounds_are_printed_for_the_methods_that_are_named(capsys):
-    assert main(["--grid", "smoke", "--every", "4", "--bounds", "hammerstein"]) == 0
-    assert capsys.readouterr().out.startswith("hammerstein: ")

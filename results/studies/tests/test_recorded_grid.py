@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
-from results.studies.recorded_grid import held_like, like, moves_like, one_a_unit, without_columns
+from results.studies.recorded_grid import held_like, like, one_a_unit, without_columns
 from simbench.gap.benchmark.near_loop import NearLoop
 from simbench.scenarios.columns import RESIDUALS
 from simbench.scenarios.settled import settled_grid
@@ -45,27 +45,6 @@ def test_a_drawn_mask_has_the_share_and_the_runs_of_the_given_one():
     changes = [np.count_nonzero(np.diff(x)) for x in (given, drawn)]
     assert changes[1] == pytest.approx(changes[0], rel=0.2)
     assert held_like([0] * 50, np.random.default_rng(0)) == [0] * 50
-
-
-def test_drawn_moves_of_a_set_point_are_as_many_and_stay_where_it_was():
-    people = {"value": 50.0, "steps": [[100.0, 52.0], [400.0, 51.0], [700.0, 55.0]]}
-    drawn = moves_like(people, 1000, 1.0, np.random.default_rng(4))
-    times, levels = np.array(drawn["steps"]).T
-    assert times.size == 3
-    assert (np.diff(times) > 0).all()
-    assert ((levels >= 50.0) & (levels <= 55.0)).all()
-    assert not set(times) & {100.0, 400.0, 700.0}
-    assert moves_like({"value": 5.0, "steps": []}, 9, 1.0, DRAWS) == {"value": 5.0, "steps": []}
-
-
-def test_a_set_point_of_a_master_controller_moves_as_smoothly():
-    levels = [10.0]
-    for shock in DRAWS.normal(size=599):
-        levels.append(10.0 + 0.98 * (levels[-1] - 10.0) + 0.1 * shock)
-    given = {"value": 10.0, "steps": [[float(k), levels[k]] for k in range(1, 600)]}
-    drawn = np.array(moves_like(given, 600, 1.0, np.random.default_rng(5))["steps"])
-    assert drawn.shape == (599, 2)
-    assert neighbours(drawn[:, 1]) == pytest.approx(neighbours(np.array(levels)), abs=0.03)
 
 
 def near(digest, **load):

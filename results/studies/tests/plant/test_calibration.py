@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from results.studies.plant import calibration as study
-from simbench.gap.thresholds import HARDLY_SEEN, SEEN
 
 
 def row(gain, sticky, share=0.3, cycles=30.0, pace=30.0, **rules):
@@ -18,16 +17,6 @@ def test_half_of_the_loops_that_are_drawn_cycle_by_friction():
     assert sum(ids.values()) == 10
     assert ids == study.chosen("ci", 20, seed=3)
     assert set(ids) != set(study.chosen("ci", 20, seed=4))
-
-
-def test_rules_hold_a_probability_between_the_answers():
-    rows = [row(900.0, True), row(-90.0, False)]
-    held = [rows[0] | {"unclaimed": True}, rows[1] | {"open": True}]
-    factors = (SEEN, HARDLY_SEEN)
-    p, within = study.probabilities(rows, factors), study.probabilities(held, factors)
-    assert p[0] > 0.8 > within[0] - 1e-9
-    assert p[1] < 0.2 < within[1] + 1e-9
-    assert study.probabilities([{"sticky": True, "evidence": None}], factors) == [0.5]
 
 
 def test_factors_follow_what_the_labels_of_other_grids_say():

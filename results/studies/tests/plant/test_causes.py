@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from results.studies.plant.causes import CAUSES, WEEK, archived, drawn, plant, summary_lines
+from results.studies.plant.causes import CAUSES, WEEK, archived, drawn, plant
 from simbench.detectors.record import LoopRecord
-from simbench.gap.stiction.causes import Cause, Causes
 
 
 @pytest.fixture(scope="module")
@@ -19,18 +18,6 @@ def test_every_loop_has_a_separate_week_but_a_victim_that_of_its_source(loops):
     assert len(set(starts.values())) == 8
     assert np.ptp(list(starts.values())) == 7 * WEEK
     assert sorted({cause for cause, _, _ in loops.values()}) == sorted(CAUSES)
-
-
-def test_causes_are_counted_as_named(loops):
-    names = {"stiction": "stiction", "tuning": "tuning", "outside": "cannot tell"}
-    named = {
-        n: Causes(Cause(names.get(cause, "none"), 1.0), ()) for n, (cause, _, _) in loops.items()
-    }
-    lines = summary_lines(loops, named, [["4s", "4v"], ["0", "1"]])
-    # two sticky loops, one badly tuned and one at rest are right, one is open, dead-band, upstream,
-    # sensor and saturation wrong
-    assert "of 9 loops: right 4, wrong 4, cannot tell 1" in lines[-1]
-    assert "events 2, across weeks 1" in lines[-1]
 
 
 def test_an_archive_of_exceptions_holds_values_and_one_of_lines_draws_them(tmp_path):

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from results.studies.plant.corners import CUTS, Asked, as_lines, main, members, under_wave, with_cut
-from results.studies.plant.echoes import STICKY
+from results.studies.plant.corners import CUTS, under_wave, with_cut
 from simbench.bench.scenario.resolve import resolve
-from simbench.detectors.errors import ParameterError
 from simbench.loop.echo import donor_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.grid import load_grid
@@ -39,24 +37,3 @@ def test_an_echo_that_ends_higher_is_nearer_to_the_sticky_loop():
         np.std(simulate(with_cut(echo.loop, cut), echo.seed).record.pv - sticky) for cut in CUTS
     ]
     assert apart == sorted(apart, reverse=True)
-
-
-def test_every_group_has_a_sticky_loop_and_shows_no_valve():
-    found = list(members("ci", 2, 5))
-    assert sum(m.kind == STICKY for m in found) == 2
-    assert all(m.record.mv is None and not m.record.meta for m in found)
-
-
-def test_claims_are_counted_by_kind():
-    head, sticky, echo = as_lines("ci", [Asked(STICKY, 0.9), Asked(STICKY, None), Asked("e", 0.1)])
-    assert head.startswith("ci: ")
-    assert sticky.startswith("  sticky: 1 of 2 (")
-    assert sticky.endswith("probability up to 0.90")
-    assert echo.startswith("  e: 0 of 1 (")
-
-
-def test_what_has_no_loops_is_refused_in_one_sentence():
-    with pytest.raises(ParameterError, match="-n 0: at least 1 group is needed"):
-        main(["ci", "-n", "0", "--seed", "1"])
-    with pytest.raises(ParameterError, match="grid smoke: no group has a sticky loop"):
-        main(["smoke", "-n", "1", "--seed", "1", "-j", "1"])

@@ -4,8 +4,7 @@ from itertools import islice
 
 import pytest
 
-from results.studies.plant.echoes import STICKY, Asked, as_lines, main, pairs
-from simbench.detectors.errors import ParameterError
+from results.studies.plant.echoes import STICKY, Asked, as_lines, pairs
 from simbench.detectors.signal.oscillation import find_oscillation
 
 
@@ -14,15 +13,6 @@ def test_a_pair_is_a_sticky_loop_and_an_echo_that_both_oscillate_and_show_no_val
     assert [m.kind == STICKY for m in members] == [True, False, True, False]
     assert all(m.record.mv is None and not m.record.meta for m in members)
     assert all(find_oscillation(m.record.op, m.record.pv, m.record.Ts).sustained for m in members)
-
-
-def test_the_seed_draws_the_pairs():
-    first, again, other = (next(pairs("ci", 1, seed)).record.pv.tobytes() for seed in (5, 5, 6))
-    assert first == again != other
-
-
-def test_as_many_pairs_as_asked_for():
-    assert len(list(pairs("ci", 3, 5))) == 6
 
 
 def test_a_loop_that_cannot_be_judged_has_even_odds_and_kinds_are_counted_apart():
@@ -43,15 +33,3 @@ def test_a_loop_that_cannot_be_judged_has_even_odds_and_kinds_are_counted_apart(
 def test_the_calibration_error_is_how_far_probabilities_are_from_what_is_true(p, error):
     lines = as_lines("ci", [Asked(STICKY, p[0]), Asked("smooth", p[1])])
     assert f"calibration error {error}" in lines[1]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["ci", "-n", "0"], "-n 0: at least 1 pair is needed"),
-        (["smoke", "-n", "2"], "grid smoke: no group has a sticky loop and an echo"),
-    ],
-)
-def test_what_has_no_pairs_is_refused_in_one_sentence(words, message):
-    with pytest.raises(ParameterError, match=message):
-        main([*words, "--seed", "1", "-j", "1"])

@@ -2,11 +2,9 @@
 is refused.
 """
 
-import pytest
 from recorded import STICKY, resting
 
 from results.studies.plant import gap_seeds as study
-from simbench.detectors.errors import UserError
 from simbench.files import write_record
 
 
@@ -17,8 +15,3 @@ def test_a_plain_case_has_one_answer_with_every_seed(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "1 records, seed 919" in said
     assert "another effect: 0" in said
-
-
-def test_a_folder_without_records_is_refused(tmp_path):
-    with pytest.raises(UserError, match="no record of a loop"):
-        study.main([str(tmp_path)])

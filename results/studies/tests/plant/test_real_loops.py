@@ -6,13 +6,10 @@ import pytest
 
 from results.studies.plant.real_loops import (
     TIERS,
-    area,
-    as_lines,
     by_loop,
     counted,
     read,
     share,
-    without_one,
 )
 from simbench.gap.stiction.conclusion import Conclusion
 
@@ -54,23 +51,6 @@ def test_each_kind_of_label_is_counted_apart_and_an_unknown_one_is_not():
     assert "0 of 1 (0.00 to 0.79)" in next(x for x in lines if x.startswith("stiction, stated"))
     assert "1 of 2 (0.09 to 0.91)" in next(x for x in lines if x.startswith("no stiction, likely"))
     assert share(0, 0) == "0 of 0"
-
-
-def test_what_cannot_be_judged_counts_with_even_odds():
-    loops = by_loop(ANSWERED)
-    # A (.77) beats B and C, D (.5) beats B alone
-    assert area(loops) == pytest.approx(3 / 4)
-    # without Scali no loop without stiction is left; without Horch D stands between B and C
-    assert without_one(loops) == "0.50 (without Horch) to 0.50 (without Horch)"
-    assert without_one(loops[loops.contributor == "Horch"]) == "no contributor can be left out"
-
-
-def test_the_table_names_every_loop_and_the_areas():
-    text = "\n".join(as_lines(ANSWERED))
-    for loop in "ABCDE":
-        assert f"\n{loop} " in text
-    assert "by record (5)" in text
-    assert "arXiv" in text
 
 
 def test_a_record_of_two_folders_counts_once_and_has_its_contributor(tmp_path):

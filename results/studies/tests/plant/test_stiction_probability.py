@@ -3,25 +3,8 @@ counted the same.
 """
 
 import numpy as np
-import pytest
-from random_case import random_case
 
 from results.studies.plant import stiction_probability as study
-
-
-@pytest.mark.parametrize("form", dict.fromkeys(study.FORMS))
-def test_a_record_is_written_in_its_form(form):
-    record = random_case(7, ("oscillation",)).record
-    seen = study._recorded(record, form, np.random.default_rng(1))
-    assert seen.n <= study.LONGEST
-    changed = {
-        "whole": seen.Ts == record.Ts,
-        "window": seen.n < record.n,
-        "seldom": seen.Ts >= record.Ts,
-        "held": np.mean(np.diff(seen.pv) == 0.0) > 0.3,
-        "small": 0.05 <= np.ptp(seen.op) <= 1.0,
-    }
-    assert changed[form]
 
 
 def test_a_rule_is_scored_on_a_simulator_it_was_not_learned_on():
@@ -47,12 +30,3 @@ def test_a_rule_is_scored_on_a_simulator_it_was_not_learned_on():
     p = study.left_out(turned, rule)
     assert p[:30][y[:30]].max() < p[:30][~y[:30]].min()
     assert p[30:][y[30:]].min() > p[30:][~y[30:]].max()
-
-
-def test_each_bin_of_the_probability_says_what_share_of_it_sticks():
-    p = np.array([0.05] * 10 + [0.95] * 4 + [1.0] * 4)
-    y = np.array([True] + [False] * 9 + [True] * 8)
-    assert study.reliability(p, y) == [
-        "  0.0 to 0.1: 1 of 10 (0.02 to 0.40) sticks",
-        "  0.9 to 1.0: 8 of 8 (0.68 to 1.00) sticks",
-    ]

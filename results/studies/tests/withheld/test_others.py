@@ -1,6 +1,5 @@
 """Diagnoses of other people: their files, their scores side by side, and the example in awk."""
 
-import json
 import re
 import shutil
 import subprocess
@@ -10,9 +9,8 @@ import pandas as pd
 import pytest
 
 from results.studies.withheld.__main__ import run
-from results.studies.withheld.others import OURS, SHOWN, read_diagnosis, score
+from results.studies.withheld.others import SHOWN, read_diagnosis, score
 from results.studies.withheld.page import write_page
-from simbench.detectors.errors import ParameterError
 
 ROOT = Path(__file__).parents[4]
 
@@ -43,23 +41,6 @@ def test_a_block_that_is_stated_counts_for_what_is_unknown(tmp_path):
     assert read_diagnosis(file, ["a"])["a"]["block"] == "sensor"
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("id,cause\na,noise\n", "lacks the column 'effect'"),
-        ("id,effect\nz,noise\n", "line 2: no record is called 'z'"),
-        ("id,effect\na,stction\n", "line 2: effect 'stction'.*stiction"),
-        ("id,effect,probability\na,noise,1.5\n", "line 2: probability 1.5; 0 to 1"),
-        ("id,effect,probability\na,drift,\na,noise,high\n", "line 3: probability high; 0 to 1"),
-        ("id,effect,block\na,unknown,valv\n", "line 2: block 'valv'.*valve"),
-        ("", "cannot be read as CSV"),
-    ],
-)
-def test_a_wrong_file_is_refused_in_one_sentence(tmp_path, text, said):
-    with pytest.raises(ParameterError, match=said):
-        read_diagnosis(written(tmp_path, "x", text), ["a"])
-
-
 def test_diagnoses_are_scored_beside_each_other_on_the_same_records(theirs, tmp_path):
     files = [written(tmp_path, "right", RIGHT), written(tmp_path, "wrong", WRONG)]
     scored = score(theirs, files)
@@ -78,28 +59,6 @@ def test_diagnoses_are_scored_beside_each_other_on_the_same_records(theirs, tmp_
     write_page(scored, page)
     assert "By effect" in page.read_text(encoding="utf-8")
     assert "By site" not in page.read_text(encoding="utf-8"), "their folder names no sites"
-
-
-def test_the_products_answers_take_part_where_they_are(theirs, tmp_path):
-    (theirs / "answers").mkdir()
-    answer = {"effect": "stiction", "block": "valve", "effects": [{"effect": "stiction"}]}
-    (theirs / "answers" / "a.json").write_text(json.dumps({**answer, "ranking": []}))
-    figures = score(theirs, [written(tmp_path, "wrong", WRONG)]).figures().set_index("figure")
-    assert figures[OURS]["first answer right"].startswith("1.00")
-    assert list(figures.columns) == [OURS, "wrong"]
-
-
-def test_two_diagnoses_of_one_name_are_refused(theirs, tmp_path):
-    (tmp_path / "other").mkdir()
-    twice = [written(folder, "mine", WRONG) for folder in (tmp_path, tmp_path / "other")]
-    for files in (twice, [written(tmp_path, OURS, WRONG)]):
-        with pytest.raises(ParameterError, match="stands for another one"):
-            score(theirs, files)
-
-
-def test_nothing_to_score_is_refused(theirs):
-    with pytest.raises(ParameterError, match="no file of answers is given"):
-        score(theirs, [])
 
 
 @pytest.fixture(scope="module")
@@ -126,16 +85,6 @@ def test_the_example_in_awk_answers_every_record_and_is_scored_by_site(sites, ca
     assert re.search(r"not answered +0\.00 \(.*\), n 20", text)
     assert re.search(r"three_rules: first answer right by site .* of \d+ sites", text)
     assert "By site" in (sites / "page.html").read_text(encoding="utf-8")
-
-
-def test_the_page_shows_what_the_commands_print():
-    page = (ROOT / "docs" / "gap_benchmark.md").read_text(encoding="utf-8")
-    kept = (ROOT / "results" / "sites.txt").read_text(encoding="utf-8")
-    (shown,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
-    assert shown.strip() == kept.strip()
-    row = (ROOT / "results" / "README.md").read_text(encoding="utf-8")
-    for command in re.findall(r"^(?:python|awk) .*$", page, re.MULTILINE):
-        assert command.split(" --page")[0] in row, command
 
 
 def test_the_rules_of_the_example_see_what_they_look_for(tmp_path):

@@ -6,11 +6,10 @@ import pandas as pd
 import pytest
 
 from results.studies.withheld.claims import true_shrinkages
-from results.studies.withheld.levels import Share, by_effect, calibration, levels
+from results.studies.withheld.levels import calibration, levels
 from results.studies.withheld.opening import open_
-from results.studies.withheld.score import claimed_shrinkage, first_three, judge_record
+from results.studies.withheld.score import claimed_shrinkage, judge_record
 from results.studies.worlds import own
-from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import EFFECTS
 from simbench.loop.effects._alike import Circumstances
 
@@ -93,24 +92,6 @@ def test_perfect_answers_hold_every_level():
     )  # the weak one is below 1.5
 
 
-def test_how_many_simulations_come_near_the_record_is_counted_by_right_and_wrong():
-    def half(row):
-        right = len(row["id"]) % 2 == 0
-        after = 1.4 if right else 1.6
-        said = answering(row["effect"] if right else "unknown")
-        return said | {"gap": GAP | {"before": 3.0, "after": after, "plant_floor": 1.0}}
-
-    figures = figures_of(table_of(half))
-    assert figures["within 1.5 plant floors before, all"].value == 0.0
-    right = figures["within 1.5 plant floors after, the right effect named"]
-    assert (right.value, right.level) == (1.0, None)
-    every = figures["within 1.5 plant floors after, all"]
-    assert 0 < right.n <= every.k < every.n
-    # answers of before there was such a floor count nowhere
-    old = figures_of(table_of(lambda row: answering(row["effect"])))
-    assert old["within 1.5 plant floors after, all"].n == 0
-
-
 def test_answers_that_are_all_wrong_hold_none():
     def wrong(row):
         if row["effect"] == "unknown":
@@ -128,39 +109,6 @@ def test_answers_that_are_all_wrong_hold_none():
     assert figures["first answer right"].value == 0.0
     assert figures["expected calibration error"].value > 0.9
     assert figures["effect named where there is none"].value == 1.0
-
-
-def test_two_effects_and_foreign_kinds_have_separate_rows():
-    cells = by_effect(table_of(lambda row: answering("stiction")))
-    first = cells[cells.measure == "first"].set_index(["effect", "strength"])
-    assert list(first.loc[("stiction", "strong"), ["k", "n"]]) == [1, 1]
-    assert first.loc[("two effects", "strong"), "n"] == 1
-    assert first.loc[("foreign: frozen", "weak"), "k"] == 0
-
-
-@pytest.mark.parametrize("nothing", [None, {"error": "no idea"}])
-def test_no_answer_is_wrong(nothing):
-    figures = figures_of(table_of(lambda row: nothing))
-    assert figures["not answered"].value == 1.0
-    assert figures["first answer right"].value == 0.0
-
-
-@pytest.mark.parametrize(
-    ("facts", "named", "in_group", "block_right"),
-    [
-        # without MV a valve's lag is any lag
-        (Circumstances(False, True, False), "extra_lag", True, True),
-        (Circumstances(False, True, True), "extra_lag", False, False),
-        (Circumstances(False, True, True), "stiction", False, True),
-        (Circumstances(False, True, True), "valve_lag", True, True),
-    ],
-)
-def test_group_and_block_follow_the_facts(facts, named, in_group, block_right):
-    row = judge_record(
-        {"id": "a", "block": "valve", "effect": "valve_lag"}, answering(named), facts
-    )
-    assert (row["in_group"], row["block_right"]) == (in_group, block_right)
-    assert row["first"] == (named == "valve_lag")
 
 
 def test_an_effect_nobody_knows_is_foreign_and_wants_unknown():
@@ -201,13 +149,6 @@ def test_a_foreign_kind_that_the_library_has_by_now_may_be_called_by_its_name(
     )
 
 
-def test_first_three_start_with_what_is_named_and_count_none_and_unknown():
-    answer = answering("stiction", probability=0.4, others=("none", "drift", "noise"))
-    answer["ranking"][1]["probability"] = 0.5
-    assert first_three(answer) == ["stiction", "none", "drift"]
-    assert first_three({"effect": "none"}) == ["none"]
-
-
 def test_claimed_shrinkage_needs_a_resolvable_gap():
     candidate = {"gap_before": 3.0, "gap_after": 1.5}
     assert claimed_shrinkage(candidate, {"gap": GAP}) == pytest.approx(0.75)
@@ -242,11 +183,6 @@ def test_calibration_error_is_the_distance_of_confidence_and_success(probability
     assert calibration(table).value == pytest.approx(error, abs=1e-12)
 
 
-def test_wilson_interval_of_a_published_case():
-    lo, hi = Share("", 81, 263).interval  # Newcombe (1998), table I: 0.2553 to 0.3662
-    assert (round(lo, 4), round(hi, 4)) == (0.2553, 0.3662)
-
-
 def test_someone_elses_folder_is_scored_with_what_it_has(theirs):
     (theirs / "answers").mkdir()
     for name, effect in (("a", "stiction"), ("b", "none")):
@@ -264,22 +200,6 @@ def test_someone_elses_folder_is_scored_with_what_it_has(theirs):
     assert made == [*tables, "score.csv", "score.json"]
     stored = json.loads((theirs / "out" / "score.json").read_text())
     assert stored["figures"] == json.loads(json.dumps(score["figures"]))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("id,effect\na,stiction\n", "lacks the column 'block'"),
-        ("id,block,effect\nz,valve,stiction\n", r"z.csv cannot be read"),
-        (None, r"neither commitment.txt nor a readable answers.csv"),
-    ],
-)
-def test_unreadable_folders_end_in_one_sentence(theirs, text, message):
-    (theirs / "answers.csv").unlink()
-    if text:
-        (theirs / "answers.csv").write_text(text)
-    with pytest.raises(ParameterError, match=message):
-        open_(theirs)
 
 
 def test_a_true_claim_closes_the_gap_when_simulated_again_and_a_false_one_does_not():

@@ -104,33 +104,6 @@ def test_a_call_killed_between_key_and_records_begins_anew_and_its_seed_gives_th
         assert path.read_bytes() == (tmp_path / "set" / "records" / path.name).read_bytes()
 
 
-def test_wrong_use_ends_in_one_sentence(made, tmp_path):
-    folder, key, _ = made
-    (tmp_path / "text.key").write_text("hello")
-    bare = tmp_path / "bare"
-    bare.mkdir()
-    (tmp_path / "bare.key").write_text("{}")
-    (bare / "commitment.txt").write_text(hashlib.sha256(b"{}").hexdigest())
-    for out, file, word in (
-        (tmp_path / "a", tmp_path / "a" / "sub" / "key", "inside"),
-        (folder, tmp_path / "key", "holds records already"),
-        (tmp_path / "a", key, "exists already"),
-    ):
-        with pytest.raises(ParameterError, match=word):
-            make(out, file, seed=1, plan=PLAN)
-    for file, word in (
-        (None, "a key is needed"),
-        (tmp_path / "no.key", "cannot be read"),
-        (tmp_path / "text.key", "no key file"),
-    ):
-        with pytest.raises(ParameterError, match=word):
-            open_(folder, file)
-    with pytest.raises(ParameterError, match="no key file"):
-        open_(bare, tmp_path / "bare.key")
-    with pytest.raises(ParameterError, match=r"no records/\*\.csv"):
-        answer(tmp_path)
-
-
 def test_answering_resumes_and_tries_failures_again(theirs):
     first, second = (theirs / "answers" / f"{name}.json" for name in "ab")
     broken = ["a"]
@@ -156,9 +129,3 @@ def test_workers_answer_as_one_process_does(theirs):
     for name in "abc":
         file = f"answers/{name}.json"
         assert (theirs / file).read_text() == (alone / file).read_text()
-
-
-def test_a_record_without_baseline_is_refused(theirs):
-    (theirs / "records" / "b.toml").unlink()
-    with pytest.raises(ParameterError, match=r"b\.csv has no baseline"):
-        answer(theirs)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from results.studies.worlds import nuisances, recipes
-from results.studies.worlds.refinery import drawing, foreign
+from results.studies.worlds.refinery import drawing
 from results.studies.worlds.refinery.loops import REFINERY
 from results.studies.worlds.refinery.simulation import build
 from simbench.scenarios.spec import Loop
@@ -19,19 +19,6 @@ def test_sites_are_the_same_for_every_seed_and_none_is_one_of_the_recipes():
     assert sites == [nuisances.site(k) for k in range(recipes.SITES)]
     plain = {recipes.site(k).loads for k in range(recipes.SITES)}
     assert not plain & {s.loads for s in sites}
-
-
-@pytest.mark.parametrize("kind", foreign.MORE)
-def test_a_fault_of_its_own_is_drawn_and_runs_again(kind):
-    entry = {"kind": "foreign", "effect": kind, "strength": "strong", "mv": False}
-    item = nuisances.draw(5, 3, entry)
-    a = item.answer
-    assert (a["foreign"], a["block"]) == (kind, nuisances.FOREIGN[kind])
-    hidden = [{"effect": kind, "parameters": a["parameters"]}]
-    again = nuisances.simulate(a, hidden, a["seed"])
-    assert all(np.array_equal(again[name], x) for name, x in item.columns.items())
-    without = nuisances.simulate(a, [], a["seed"])
-    assert not np.array_equal(without["pv"], item.columns["pv"])
 
 
 def test_a_stated_filter_is_in_the_file_and_not_in_its_plant():

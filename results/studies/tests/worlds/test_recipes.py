@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from results.studies.worlds import recipes, refinery
+from results.studies.worlds import recipes
 from results.studies.worlds.refinery import drawing
 from results.studies.worlds.refinery.loops import REFINERY
 from results.studies.worlds.refinery.simulation import build
@@ -25,13 +25,6 @@ def test_sites_are_the_same_for_every_seed_and_unlike_each_other():
     assert len(set(sites)) == recipes.SITES
     assert {recipes.part(k) for k in range(0, recipes.SITES, 2)} == {"build"}
     assert {recipes.part(k) for k in range(1, recipes.SITES, 2)} == {"judge"}
-
-
-def test_every_twenty_records_come_from_all_sites_whatever_signals_they_have():
-    sites = np.array([recipes.site_at(i) for i in range(400)])
-    assert all(set(turn) == set(range(recipes.SITES)) for turn in sites.reshape(20, 20).tolist())
-    judged = sites % 2 == 1
-    assert 0.4 < judged[::2].mean() < 0.6
 
 
 @pytest.mark.parametrize("number", [1, 24])
@@ -102,9 +95,3 @@ def test_what_a_baseline_says_of_load_and_noise():
         assert load["period"] == pytest.approx(case["load"]["time"], rel=1e-3)
         assert 0.9 <= item.baseline["noise"]["std"] / case["noise"]["std"] <= 1.1
         assert item.baseline["noise"]["std"] != case["noise"]["std"]
-
-
-def test_the_habits_of_the_refinery_are_its_own():
-    a, b = refinery.draw(5, 0, ENTRY), drawing.draw(5, 0, ENTRY, REFINERY)
-    assert a.answer == b.answer
-    assert "actuator" not in a.answer["case"]

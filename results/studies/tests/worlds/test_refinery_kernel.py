@@ -229,16 +229,3 @@ def test_missed_scans_hold_op_and_the_controller_goes_on_from_what_it_knows(trac
     before = e[107] if tracks else e[99]
     asked = c.Kc * (e[108] - before) + c.Kc * TS / c.Ti * e[108]
     assert op[108] - op[107] == pytest.approx(asked, abs=1e-9)
-
-
-def test_a_zero_shift_jumps_within_one_scan_whatever_filter_there_is():
-    shift = np.where(np.arange(300) < 150, 0.0, 4.0)
-    still = signals(300, shift=shift)
-    pv = loop(still, sensor=Sensor(lag=20.0))[0]
-    assert np.all(pv[:150] == PV0)
-    assert pv[150] == PV0 + 4.0
-
-
-def test_only_one_version_of_the_loop_is_compiled():
-    loop(signals(5))
-    assert len(compiled(physics.close_loop).signatures) == 1

@@ -10,12 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from results.studies.withheld.making import Plan, make
 from results.studies.withheld.world import WORLD_EFFECTS
 from results.studies.worlds import NAMES, load_world
-from simbench.detectors.errors import ParameterError
-from simbench.loop.effects import BLOCKS, Choice
-from simbench.loop.effects import EFFECTS as VOCABULARY
+from simbench.loop.effects import Choice
 from simbench.scenarios.spec import Loop
 
 SEED = 11
@@ -139,16 +136,6 @@ def test_at_identity_an_effect_changes_no_bit(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_world_names_foreign_kinds_in_at_least_four_blocks(name):
-    foreign = load_world(name).FOREIGN
-    assert len(foreign) >= 8
-    assert len(set(foreign.values())) >= 4
-    assert set(foreign.values()) <= set(BLOCKS)
-    assert not set(foreign) & set(WORLD_EFFECTS)
-    assert "\n" not in load_world(name).TITLE
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_a_world_imports_nothing_that_it_judges_nor_effects_that_others_install(name):
     place = load_world(name)
     shared = (
@@ -167,22 +154,3 @@ def test_a_world_imports_nothing_that_it_judges_nor_effects_that_others_install(
 
 
 _OURS = ("simbench", "scenarios", "detectors", "results")
-
-
-def test_an_effect_that_cannot_act_in_a_loop_is_refused():
-    world = load_world("own")
-    item = world.draw(5, 0, {"kind": "none", "mv": False, "plant": "integrating"})
-    slow = {"effect": "time_constant_mismatch", "parameters": {"factor": 2.0}}
-    with pytest.raises(ParameterError, match="foptd plant only"):
-        world.simulate(item.answer, [slow], 1)
-
-
-def test_an_unknown_world_is_refused_before_anything_is_written(tmp_path):
-    with pytest.raises(ParameterError, match="own"):
-        make(tmp_path / "set", tmp_path / "key", seed=1, world="owm")
-    assert not any(tmp_path.iterdir())
-
-
-def test_the_plan_holds_every_effect_that_worlds_draw_and_the_vocabulary_knows_them_all():
-    assert list(Plan().effects) == list(WORLD_EFFECTS)
-    assert set(WORLD_EFFECTS) <= set(VOCABULARY)

@@ -5,10 +5,8 @@ is mixed.
 import shlex
 import shutil
 import signal
-import subprocess
 import sys
 import textwrap
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,7 +15,6 @@ import pandas as pd
 import pytest
 from bench_fixtures import SMALL, raise_after
 from joblib import Parallel, delayed
-from killing import kill_when_it_stops, stops
 
 import simbench.scenarios as scenarios
 from simbench.bench.execute import compute_piece as piece_module
@@ -172,60 +169,6 @@ def test_a_detector_that_raises_is_a_row_with_its_error(small, tmp_path):
     assert read_manifest(run)["counts"]["errors"] == len(mine)
 
 
-def child(tmp_path, jobs, file, sigint="default_int_handler"):
-    """Run the small grid in another process; what Ctrl-C does there is not inherited."""
-    code = f"""
-        import signal
-        import sys
-        from simbench.bench.execute.run import Interrupted, run_grid
-        from simbench.scenarios.grid import make_grid
-        sys.path.insert(0, {str(Path(__file__).parents[3] / "common")!r})
-        from bench_fixtures import SMALL
-        if __name__ == "__main__":
-            signal.signal(signal.SIGINT, signal.{sigint})
-            try:
-                small = make_grid(SMALL, "small", {{"repeats": 2}})
-                run_grid(small, {str(tmp_path / "run")!r}, ["he"], {jobs},
-                         plugins=[{str(file)!r}], resume=True)
-            except Interrupted as stop:
-                print(stop)
-                sys.exit(130)
-    """
-    script = tmp_path / "child.py"
-    script.write_text(textwrap.dedent(code))
-    return subprocess.Popen(
-        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-
-
-@pytest.mark.slow  # in memory, by an interrupt: test_place.py
-def test_a_killed_run_is_resumed_without_repeating_or_losing_anything(small, tmp_path):
-    file = plugin(tmp_path, stops(tmp_path))
-    process = child(tmp_path, 1, file)
-    kill_when_it_stops(tmp_path, process.pid)
-    _, err = process.communicate(timeout=240)
-    assert process.returncode == -signal.SIGKILL, err
-    run = tmp_path / "run"
-    whole = {f.name: f.stat().st_mtime_ns for f in (run / "receipts").glob("*.json")}
-    assert 0 < len(whole) < 8
-    run_grid(small, run, ["he"], plugins=[file], resume=True)
-    judged = (tmp_path / "seen").stat().st_size
-    pieces = 32 - 4 * len(whole)
-    assert judged == 20 + 1 + pieces  # the pieces that were whole were not judged again
-    undisturbed = run_grid(small, tmp_path / "other", ["he"], plugins=[file])
-    assert_same(run, undisturbed)
-
-
-@pytest.mark.slow  # without processes: the next test
-def test_a_worker_that_dies_is_replaced(small, tmp_path):
-    file = plugin(tmp_path, stops(tmp_path))
-    process = child(tmp_path, 2, file)
-    kill_when_it_stops(tmp_path)
-    _, err = process.communicate(timeout=240)
-    assert process.returncode == 0, err
-    assert_same(tmp_path / "run", run_grid(small, tmp_path / "other", ["he"], plugins=[file]))
-
-
 @pytest.mark.usefixtures("unscored")
 @pytest.mark.parametrize("deaths", [1, run_module.LIVES])
 def test_dead_workers_are_replaced_and_when_they_keep_dying_the_run_ends_with_advice(
@@ -249,52 +192,6 @@ def test_dead_workers_are_replaced_and_when_they_keep_dying_the_run_ends_with_ad
         with pytest.raises(RunError, match=r"keep dying .*--resume"):
             run_grid(small, tmp_path / "run", METHODS)
     assert worked == [0, 1, 2, *[3] * deaths, *([3, 4, 5, 6, 7] if deaths == 1 else [])]
-
-
-def counting(tmp_path):
-    """A detector that takes its time and leaves a mark for every record it judges."""
-    return plugin(
-        tmp_path,
-        f"""
-        import time
-        with (pathlib.Path({str(tmp_path)!r}) / "seen").open("a") as f:
-            f.write("x")
-        time.sleep(0.3)
-        """,
-    )
-
-
-def interrupt(process, tmp_path, sent):
-    """Stop a run once a piece of it is whole; return what it printed, and how many records it
-    judged after that.
-    """
-    while not list((tmp_path / "run" / "receipts").glob("*.json")):
-        assert process.poll() is None
-        time.sleep(0.05)
-    seen = tmp_path / "seen"
-    before = seen.stat().st_size
-    process.send_signal(sent)
-    out, err = process.communicate()
-    return out, err, seen.stat().st_size - before
-
-
-@pytest.mark.slow  # in one process: the next test
-@pytest.mark.parametrize(
-    ("jobs", "sent", "sigint"),
-    [
-        (1, signal.SIGINT, "default_int_handler"),
-        (2, signal.SIGINT, "default_int_handler"),
-        (1, signal.SIGTERM, "SIG_IGN"),  # a background job, whose shell ignores Ctrl-C
-    ],
-)
-def test_a_stopped_process_ends_at_once_and_names_resume(tmp_path, jobs, sent, sigint):
-    process = child(tmp_path, jobs, counting(tmp_path), sigint)
-    out, err, judged = interrupt(process, tmp_path, sent)
-    assert process.returncode == 130, err
-    assert "continue with --resume" in out
-    assert "Traceback" not in err
-    # those at work when it came, and what was judged before it came
-    assert judged <= 4 * jobs
 
 
 @pytest.mark.parametrize(
@@ -506,20 +403,6 @@ def test_a_kill_before_the_scores_is_tidied_up(small, finished, tmp_path, monkey
     assert_same(run, finished)
 
 
-def test_receipts_that_a_kill_left_in_a_finished_run_go(small, finished, tmp_path):
-    run = shutil.copytree(finished, tmp_path / "run")
-    (run / "receipts").mkdir()
-    run_grid(small, run, METHODS, resume=True)
-    assert not (run / "receipts").exists()
-
-
-@pytest.mark.usefixtures("unscored")
-def test_nothing_is_printed_where_stderr_is_no_terminal(small, tmp_path, capfd):
-    run_grid(small, tmp_path / "run", ["yamashita"])
-    out, err = capfd.readouterr()
-    assert (out, err) == ("", "")
-
-
 @pytest.mark.usefixtures("unscored")
 def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
     small, finished, tmp_path, monkeypatch
@@ -557,32 +440,6 @@ def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tm
         r"valve 'lag' has no \(S, J\).*; the sensor has a lag"
     ).all()
     assert not verdicts.reason.fillna("").str.startswith("failed").any()
-
-
-@pytest.mark.usefixtures("unscored")
-def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_path, capfd):
-    run_grid(small, tmp_path / "run", ["yamashita"], progress=True)
-    err = capfd.readouterr().err
-    assert "32/32" in err
-    assert "scenarios/s" in err
-    assert "failures=0" in err
-
-
-def test_the_manifest_states_what_was_run(finished):
-    content = read_manifest(finished)
-    assert content["complete"]
-    assert content["counts"] == {"scenarios": 32, "verdicts": 64, "errors": 0}
-    assert set(content["methods"]) == set(METHODS)
-    assert {
-        "grid_hash",
-        "seed",
-        "records_hash",
-        "versions",
-        "code",
-        "commit",
-        "command",
-        "times",
-    } <= set(content)
 
 
 def test_the_manifest_states_what_set_and_axis_change_and_its_command_repeats_the_run(tmp_path):

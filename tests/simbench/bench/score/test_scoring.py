@@ -10,15 +10,11 @@ import pytest
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score import folds
 from simbench.bench.score.answers import home_of
-from simbench.bench.score.compare import compare
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
-from simbench.bench.score.page import tabulate
 from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import score_book, score_run
-from simbench.bench.store.benchmark import FROM_RECORDS
-from simbench.bench.store.reading import RunArrays, _own_axes
+from simbench.bench.store.reading import _own_axes
 from simbench.cli import main
-from simbench.detectors.plugins.registry import methods as registry
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.grid import make_grid
 from simbench.scenarios.spec import Loop
@@ -196,34 +192,6 @@ def test_the_default_output_is_one_table_of_one_screen(scores):
     assert "Only one method covers these loops" in text
 
 
-def test_a_table_of_many_methods_is_cut_where_the_screen_ends_and_keeps_the_reference_rows(book):
-    rng = np.random.default_rng(0)
-    truth = rng.integers(0, 2, 200)
-    verdict = np.array(
-        [np.where(rng.random(200) < 0.9 - 0.01 * k, truth, 1 - truth) for k in range(45)]
-    )
-    names = [f"a_method_with_a_long_name_{k}" for k in range(45)]
-    lines = score_book(book(verdict, truth, methods=names)).as_text(where="Where.").splitlines()
-    assert len(lines) <= 28
-    assert max(map(len, lines)) <= 100
-    assert "is resolved between any two" in " ".join(lines)
-    assert any("no_waveform" in line for line in lines)
-    (cut,) = [line for line in lines if "more methods: --full" in line]
-    shown = sum("a_method_with" in line for line in lines if line[:1].isdigit())
-    assert cut == f"... and {45 - shown} more methods: --full"
-
-
-def test_everything_is_printed_on_request(scores):
-    text = scores.as_text(full=True)
-    for part in (
-        "labels that disagree",
-        "cost over no_waveform",
-        "AUC",
-    ):
-        assert part in text
-    assert max(map(len, text.splitlines())) <= 126
-
-
 def test_the_table_against_another_truth_counts_that_truth(scores, joined):
     text = scores.as_text("predicted")
     row = scores.rows("predicted").set_index("method").loc["he"]
@@ -236,46 +204,6 @@ def test_the_table_against_another_truth_counts_that_truth(scores, joined):
         f"{row.n} loops have a clear label and oscillate; in {row.positives} Table 11.3 predicts"
         " a limit cycle" in text
     )
-
-
-def test_loops_that_do_not_oscillate_have_another_table(book):
-    rng = np.random.default_rng(6)
-    going = np.arange(200) < 100
-    truth = np.where(going, rng.integers(0, 2, 200), 0)
-    run = replace(
-        book(np.where(going, truth, 1), truth),
-        oscillating=going,
-    )
-    assert "loops that do not oscillate (" in score_book(run).as_text(full=True)
-    still = score_book(run).rows(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
-    assert (still.n, still.false_positives, still.no_decision) == (100, 1.0, 0.0)
-    lines = score_book(run).as_text(full=True).splitlines()
-    at = next(
-        k
-        for k, line in enumerate(lines)
-        if line.startswith("loops that do not oscillate (100, 0 positive)")
-    )
-    assert lines[at + 2].split() == ["m0", "100", "1.00", ".00"]
-
-
-def test_where_no_ranking_is_possible_the_reason_is_printed(book):
-    few = np.tile([1, 0], 9)
-    text = score_book(book([few, few], few)).as_text()
-    assert (
-        "There is no ranking: 18 oscillating loops have a clear label, and 30 are needed." in text
-    )
-    assert score_book(book([few, few], few)).rows()["rank"].isna().all()
-    unclear = score_book(book(np.ones(40), np.full(40, -1)))
-    assert "There is no ranking: 0 oscillating loops have a clear label" in unclear.as_text()
-    whole = " ".join(unclear.as_text(full=True).split())
-    assert "0 yes, 0 no, 0 entrained, 40 unclear" in whole
-    truth = np.tile([1, 0], 30)
-    partly = book([truth, truth], truth)
-    partly.applicable[:, 20:] = 0
-    partial = score_book(partly).as_text()
-    assert "There is no ranking: no method answers 90 % of the 60 loops; m0 answers 20." in partial
-    alone = score_book(book(truth, truth)).as_text()
-    assert "Only one method covers these loops" in alone
 
 
 def test_a_method_that_failed_more_often_than_allowed_has_no_rank(book):
@@ -326,14 +254,6 @@ def test_json_is_the_contracts(scores):
         horch["rank"],
         horch["accuracy_all"],
     ) == (0, None, None, 0.0)
-
-
-def test_the_csv_is_small_and_readable(finished, scores):
-    file = finished / "scores.csv"
-    assert file.stat().st_size < 210_000
-    frame = pd.read_csv(file)
-    # truths, processes, populations; three methods and four reference rows
-    assert len(frame) == len(scores.table) == 3 * 3 * 3 * 7
 
 
 def test_cost_counts_no_decision_as_half_an_error_or_as_asked(book):
@@ -456,19 +376,6 @@ def test_a_rate_of_fewer_than_20_loops_is_not_printed(book):
     assert line.split()[:4] == ["-", "m0", "-", "-"]
 
 
-def test_median_runtimes_are_there(scores):
-    assert (scores.table.query("role != 'yardstick'").median_ms > 0).all()
-
-
-def test_a_books_scores_are_the_runs(finished, joined):
-    book = RunArrays.read(finished)
-    assert book.methods == ("he", "horch", "yamashita")
-    assert [i.decode() for i in book.ids] == joined[joined.method == "he"].scenario_id.tolist()
-    he = joined[joined.method == "he"]
-    assert np.allclose(book.score[0], he.score.astype(float), equal_nan=True, rtol=0)
-    assert set(book.truth["cycled_word"]) <= {"yes", "no", "entrained", "unclear"}
-
-
 def test_the_oracle_is_not_ranked(tmp_path):
     run = run_grid("smoke", tmp_path / "run", ["he", "oracle"], sets={"disturbance": "sine"})
     block = score_run(run).rows()
@@ -497,20 +404,6 @@ def test_the_table_of_truths_begins_with_sticky_loops_that_should_cycle_and_do(s
     rows = scores.disagreement[["sticky", "predicted", "cycled"]].to_records(index=False).tolist()
     assert rows == sorted(rows, reverse=True)
     assert len({row[0] for row in rows}) == 2
-
-
-def test_a_method_fitted_on_this_grid_is_marked_in_the_tables(book):
-    truth = np.tile([1, 0], 30)
-    run = book(np.array([truth, truth]), truth, grid="chapter")
-    run.manifest["methods"]["m1"] = {**run.manifest["methods"]["m1"], "fitted_on": ["chapter"]}
-    lines = [x.split() for x in score_book(run).as_text().splitlines()]
-    assert any("m1*" in line for line in lines)
-    assert any("m0" in line for line in lines)
-    assert not any("m0*" in line for line in lines)
-    assert dict(compare(run).ranking[["method", "home"]].to_numpy()) == {
-        "m0": "no",
-        "m1": "fitted here",
-    }
 
 
 def test_a_method_tuned_on_loops_like_those_of_a_users_grid_is_marked(book):
@@ -597,15 +490,6 @@ def test_loops_apart_are_in_no_ranking_and_false_positives_have_a_cause(book):
     assert "own tuning 40" in scores.as_text(full=True)
 
 
-def test_a_division_says_whose_numbers_a_method_has(scores):
-    division = scores.table.drop_duplicates("method").set_index("method").division
-    assert division["he"] == "published"
-    assert division["no_waveform"] == division["rhythm"] == division["always_no"] == "reference"
-    assert registry.load("procedure").METHOD.division == "tuned"
-    assert registry.load("likelihood").METHOD.division == "learned"
-    assert set(scores.table.name) == set(scores.table.method)
-
-
 def named(book, *names):
     """The run with some of its methods as plug-ins of whoever ran it."""
     return replace(book, manifest={**book.manifest, "plugins": dict.fromkeys(names, "digest")})
@@ -635,17 +519,6 @@ def test_a_method_of_ones_own_always_has_a_row_and_a_rank(book):
     assert len(text) <= 40
 
 
-def test_no_heading_is_without_rows(book):
-    rng, truth = np.random.default_rng(7), np.arange(400) % 2
-    run = book([np.where(rng.random(400) < 0.7, truth, 1 - truth) for _ in range(40)], truth)
-    for k in range(1, 40, 2):
-        run.applicable[k, 100 + 5 * k :] = 0  # each a group of its own
-    for text in (score_book(run).as_text(), score_book(run).as_text(full=True)):
-        lines = text[: text.index("Cost: ")].splitlines()
-        for line, after in zip(lines, [*lines[1:], ""], strict=True):
-            assert not (line.startswith("-- ") and (after.startswith("-- ") or not after)), line
-
-
 def test_a_gap_in_the_answers_neither_helps_nor_harms(book):
     rng, truth = np.random.default_rng(9), np.arange(2000) % 2
     said = np.where(rng.random(2000) < 0.8, truth, 1 - truth)
@@ -655,38 +528,6 @@ def test_a_gap_in_the_answers_neither_helps_nor_harms(book):
     assert ranks["m0"] == ranks["m1"] == 1
     run.applicable[1, ::8] = 0
     assert np.isnan(score_book(run).rows().set_index("method")["rank"]["m1"])
-
-
-def test_a_rank_on_a_part_of_the_loops_says_so_wherever_it_stands(book):
-    truth = np.arange(400) % 2
-    run = book([truth, 1 - truth], truth)
-    run.applicable[0, 150:] = 0
-    run = named(run, "m0")
-    scores = score_book(run)
-    row = scores.rows().set_index("method").loc["m0"]
-    assert (row["rank"], row.rank_loops, row.n) == (1, 150, 400)
-    assert "m0 (ranked on the 150 loops that it answers)" in [*tabulate(scores.rows()).frame.method]
-
-
-def advised(book, said, source=FROM_RECORDS):
-    """Return the first sentence of the ranking of a run whose grid has this source."""
-    told = book(said, np.tile([1, 0], 60))
-    told = replace(told, manifest={**told.manifest, "grid_content": {"source": source}})
-    return " ".join(score_book(told).as_text().split("\n\n")[0].split())
-
-
-def test_a_run_made_from_records_begins_with_the_method_to_rely_on(book):
-    truth = np.tile([1, 0], 60)
-    silent = np.full(120, 2)
-    assert advised(book, [truth, silent]) == (
-        "Rely on m0 for such loops: on 120 simulations of loops like these m0 is right in 100% and"
-        " wrong in 0%."
-    )
-    two = advised(book, [truth, truth, silent])
-    assert two.endswith("wrong in 0%; these loops do not tell it from m1.")
-    wrong = advised(book, [np.roll(truth, 1), silent])
-    assert wrong.startswith("No method is known to be worth more here than no answer: on 120")
-    assert advised(book, [truth, silent], "own").startswith("grid ")
 
 
 def test_loops_with_one_record_and_the_same_labels_count_once(book):

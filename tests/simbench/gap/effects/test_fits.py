@@ -2,8 +2,6 @@
 asked.
 """
 
-from math import comb, log
-
 import numpy as np
 import pytest
 
@@ -94,14 +92,6 @@ def near(name, value):
     )
 
 
-def test_a_released_gain_is_begun_under_two_loads():
-    engine = Engine(lambda spec, theta: -abs(theta["load"] - 0.6))
-    best, price = fit("gain_mismatch", engine)
-    assert engine.begun("load") == pytest.approx([2.0, 0.6])
-    assert (best.theta["load"], price) == (pytest.approx(0.6), 1.0)
-    assert best.spec.free == {"K"}
-
-
 @pytest.mark.parametrize(("effect", "name", "values", "on", "price"), [
     ("time_constant_mismatch", "T", (8.0, 14.0, 70.0), {"free": {"T"}}, 1.0),
     ("dead_time_mismatch", "Td", (1.0, 3.0, 10.0, 45.0), {"free": {"Td"}}, 1.0),
@@ -118,113 +108,6 @@ def test_a_number_is_sought_over_all_that_a_record_could_show(effect, name, valu
         assert abs(np.log(best.theta[name] / value)) < np.log(3.2), value
         assert {key: getattr(best.spec, key) for key in on} == on
         assert paid == price
-
-
-@pytest.mark.parametrize(
-    ("effect", "begun"), [("sensor_lag", (0.2, 0.2)), ("valve_lag", (0.1, 0.1))]
-)
-def test_a_filter_is_begun_from_the_stated_noise_and_little_colour(effect, begun):
-    engine = Engine(near("tau", 5.0))
-    fit(effect, engine)
-    ((theta, _),) = engine.gridded
-    assert (theta["noise_std"], theta["colour"]) == begun
-
-
-def test_a_released_noise_is_begun_from_twice_the_stated_and_less_is_dear():
-    engine = Engine(lambda spec, theta: theta["noise_std"])
-    best, price = fit("noise", engine)
-    assert [(t["noise_std"], t["colour"], t["load"]) for t, _, _ in engine.fitted] == [
-        (0.1, 0.1, 2.0), (0.4, 0.05, 2.0), (0.4, 0.1, 0.7),
-    ]  # fmt: skip
-    assert (best.theta["noise_std"], price, best.spec.free) == (0.4, 1.0, {"noise_std"})
-    assert fit("noise", Engine(lambda spec, theta: -theta["noise_std"]))[1] == 4.0
-    bare = Engine(noise=0.0)
-    assert fit("noise", bare)[1] == 1.0
-    assert len(bare.fitted) == 1
-
-
-def test_a_drift_ramps_but_a_vessels_balance_is_a_ramp_already():
-    best, _ = fit("drift", Engine())
-    bend, ramp = (channel[[0, 333, -1]] for channel in best.spec.channels)
-    assert ramp == pytest.approx([0.0, 1 / 3, 1.0])
-    assert bend == pytest.approx([0.0, 8 / 9, 0.0])
-    best, price = fit("drift", Engine(T=0.0))
-    assert (best.spec.channels, price) == ((), 1.0)
-
-
-@pytest.mark.parametrize(("effect", "kind", "count", "ratios", "price"), [
-    # how many sizes are tried, and the second number over the first: where in its band MV began,
-    # or the jump; of a dead zone the least and the largest centre
-    ("deadband", kernels.PLAY, 42, [-0.5, 0.0, 0.5], 1.0),
-    ("stiction", kernels.CREEP, 100, [0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95], 2.5),
-    ("deadzone", kernels.ZONE, 22, None, 2.0),
-])  # fmt: skip
-def test_valve_maps_are_scanned_from_next_to_none_to_beyond_ops_range(
-    effect, kind, count, ratios, price
-):
-    engine = Engine(lambda spec, theta: 50.0 + (spec.valve == kernels.CREEP))
-    best, paid = fit(effect, engine)
-    assert (best.spec.valve, paid) == (kind, price)
-    points = next(p for k, p in engine.scanned if k == kind)
-    sizes = np.unique(points[:, 0])
-    # OP's inner range is 19.8 %
-    assert (len(sizes), *sizes[[0, -1]]) == pytest.approx((count, 0.0198, 23.76))
-    if ratios:
-        assert np.unique(np.round(points[:, 1] / points[:, 0], 9)) == pytest.approx(ratios)
-    else:
-        assert np.unique(np.round(points[:, 1], 9)) == pytest.approx(np.linspace(40.2, 59.8, 13))
-
-
-class Jumpy(Engine):
-    """An engine whose load jumps: so many jumps bring so many nats each, and further ones
-    nothing.
-    """
-
-    spread = 10.0
-    noise_model = RealEngine.noise_model
-
-    def __init__(self, real, worth):
-        super().__init__()
-        self.real, self.worth = real, worth
-
-    def evaluate(self, spec, theta):
-        return self.worth * min(len(spec.jumps), self.real)
-
-    def fit(self, spec, theta, search=None, steps=10):
-        self.fitted.append((dict(theta), search, steps))
-        return Fit(spec, self.evaluate(spec, theta), dict(theta), np.ones(3), RESIDUAL)
-
-
-RESIDUAL = np.random.default_rng(0).standard_normal(N)
-
-
-def test_jumps_that_are_worth_nothing_with_the_others_are_taken_out_again():
-    n, start = 1000, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL)
-    real = set(load_steps._jumps(Jumpy(0, 0.0), start)[0][2:12:4])
-
-    class Placed(Jumpy):
-        def evaluate(self, spec, theta):
-            return 50.0 * len(real & set(spec.jumps))
-
-    best, price = fit("load_steps", Placed(0, 0.0), start)
-    assert set(best.spec.jumps) == real
-    assert price == pytest.approx(log(comb(n, 3)) / (0.5 * log(n)) + 1.0)
-
-
-@pytest.mark.parametrize(("real", "worth", "count"), [
-    # sixteen places of a thousand can be picked in e^79.7 ways, 4.98 nats a jump; half as many are
-    # tried each time
-    (0, 0.0, 0), (16, 3.0, 0), (16, 5.1, 16), (1, 100.0, 16), (1, 50.0, 8),
-])  # fmt: skip
-def test_jumps_are_added_while_they_pay_for_themselves(real, worth, count):
-    engine = Jumpy(real, worth)
-    best, price = fit("load_steps", engine, Fit(Spec(), 0.0, THETA, np.ones(3), RESIDUAL))
-    # the same innovations show the same sixteen places again
-    assert len(best.spec.jumps) == count
-    # and their one std is a number of its own
-    assert price == pytest.approx(log(comb(N, count)) / (0.5 * np.log(N)) + 1.0)
-    # a load that only had to make the jumps gives way
-    assert engine.fitted[0][0]["load"] == pytest.approx(0.7 * 2.0)
 
 
 @pytest.mark.parametrize("fade", [True, False])
