@@ -154,15 +154,3 @@ def test_without_a_run_no_comment_is_written(baseline, tmp_path):
     assert job.step(ASK) == 2
     assert job.step(COMMENT) == 0
     assert not (tmp_path / "gh.txt").exists()
-
-
-def test_every_input_is_used_and_explained_and_the_package_is_installed_from_the_action():
-    text = (ROOT / "action.yml").read_text(encoding="utf-8")
-    for name, about in ACTION["inputs"].items():
-        assert re.search(rf"inputs\.{name}\b", text), name
-        assert about["description"].endswith((".", "`."))
-        assert about.get("required") or "default" in about
-    place = "$GITHUB_ACTION_PATH"
-    words = f'python -m pip install -c "{place}/constraints.txt" "{place}"'
-    assert STEPS[INSTALL]["run"].strip() == words
-    assert all(step.get("shell") == "bash" for step in STEPS.values())

@@ -6,7 +6,6 @@ import json
 import rlcompleter
 import subprocess
 import sys
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -58,83 +57,6 @@ NEAR = [(sb, "scoer", "score"), (sb, "Lop", "Loop"), (sb.gap, "diagnos", "diagno
 def test_a_wrong_name_is_answered_with_the_nearest(package, wrong, right):
     with pytest.raises(AttributeError, match=f"did you mean '{right}'"):
         getattr(package, wrong)
-
-
-STRICT = """
-import simbench as sb
-
-loop = sb.load_loop("loop.toml").with_("valve.S", 3.0)
-built = sb.Loop(plant={}, controller={}, sampling={}, valve={})
-run = loop.simulate(seed=1)
-report = sb.detect(run, ["horch", "he"], kind="flow")
-words: list[str] = [v.verdict for v in report] + [report["horch"].reason, sb.diagnose(run).verdict]
-n: int = sb.read_record("rec.csv").n + len(report) + built.simulate(0).record.n
-period = sb.predict(loop)["exact"]
-scores = sb.score(sb.run("smoke", jobs=2))
-resolved: float = scores.resolution
-said: str = sb.gap.diagnose(run.record, loop).sentence()
-
-
-def mine(record: sb.LoopRecord) -> tuple[bool, float]:
-    return record.n > 3, 0.5
-
-
-class Level:
-    def __init__(self, level: float = 1.0) -> None:
-        self.level = level
-
-    def detect(self, record: sb.LoopRecord) -> bool:
-        return bool(record.pv.std() > self.level)
-
-
-methods = [mine, Level(2.0), "horch"]
-own = sb.detect(op=[1.0, 2.0], pv=[1.0, 2.0], Ts=1.0, methods=methods, process="integrating")
-table = sb.detect({"op": [1.0], "pv": [1.0], "t": [0.0]}, mine, kind="flow")
-folder = sb.run("smoke", ["horch", mine, Level()], sets={"repeats": 2}, resume=True)
-gap = sb.gap.diagnose(op=[1.0], pv=[1.0], Ts=1.0, baseline=loop).effect
-travel = sb.confirm(op=[1.0], pv=[1.0], Ts=1.0).same_direction
-changed = sb.confirm(run, run.record, ratio=0.6).verdict
-"""
-WRONG = {
-    "sb.scoer": "scoer",
-    "sb.Loop(plant={}, controller={}, sampling={}, vlave={})": "vlave",
-    "sb.load_loop(3)": "Literal[3]",
-    "sb.detect()": "overloads",
-    "sb.detect(op=[1.0], pv=[1.0])": "overloads",
-    "sb.detect('a.csv', kind='flwo')": "flwo",
-    "sb.detect('a.csv', knd='flow')": "detect",
-    "sb.detect('a.csv', methods=3)": "detect",
-    "sb.detect('a.csv', lambda r: 3)": "detect",
-    "sb.run('smoke', jobs='2')": "jobs",
-    "sb.run('smoke', resum=True)": "resum",
-    "sb.gap.diagnose('a.csv', None, proces='integrating')": "proces",
-    "sb.confirm('a.csv', 'b.csv', ratio='0.6')": "confirm",
-}
-
-
-@pytest.mark.slow
-def test_strict_type_checking_passes_right_names_and_reports_wrong_ones(tmp_path):
-    (tmp_path / "right.py").write_text(f"# pyright: strict\n{STRICT}")
-    lines = "\n".join(WRONG)
-    (tmp_path / "wrong.py").write_text(f"import simbench as sb\n\n{lines}\n")
-    settings = {
-        "include": ["."],
-        "extraPaths": [str(Path(__file__).parents[1])],
-        "pythonVersion": "3.11",
-    }
-    (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
-    options = ["--pythonpath", sys.executable, "-p", str(tmp_path)]
-    command = [sys.executable, "-m", "pyright", "--outputjson", *options]
-    out = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path).stdout
-    reported = [
-        (Path(d["file"]).name, d["range"]["start"]["line"], d["message"])
-        for d in json.loads(out)["generalDiagnostics"]
-    ]
-    assert [f for f in reported if f[0] == "right.py"] == []
-    for line, word in enumerate(WRONG.values(), 2):
-        assert any(
-            name == "wrong.py" and at == line and word in message for name, at, message in reported
-        ), (line, reported)
 
 
 def test_a_loop_simulates_itself_and_is_the_loop_of_the_file(tmp_path, run):

@@ -4,7 +4,6 @@ recipe, the table.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -48,27 +47,6 @@ def test_the_loop_file_is_the_tutorials_and_its_model_lacks_the_stiction_alone()
     assert Loop.from_table(sticky).valve.name == "choudhury"
     healthy = tomllib.loads((EXAMPLE / "model.toml").read_text(encoding="utf-8"))
     assert healthy == {**sticky, "valve": {"model": "ideal"}}
-
-
-@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
-def test_a_users_detector_runs_through_detect_run_and_score(tmp_path, own_detector, capsys, jobs):
-    record, run = tmp_path / "rec.csv", tmp_path / "run"
-    assert main(["simulate", str(EXAMPLE / "loop.toml"), "-o", str(record)]) == 0
-    capsys.readouterr()
-    assert (
-        main(
-            ["detect", str(record), "--plugin", str(own_detector), "--method", "fullness", "--json"]
-        )
-        == 0
-    )
-    (verdict,) = json.loads(capsys.readouterr().out)
-    assert verdict["method"] == "fullness"
-    assert verdict["verdict"] == "stiction"
-    assert verdict["indices"]["fuller"] > 0.02
-    chosen = ["--plugin", str(own_detector), "--method", "fullness", "--set", "disturbance=none"]
-    assert main(["run", "smoke", "-o", str(run), "-j", jobs, *chosen]) == 0
-    assert main(["score", str(run), "--json"]) == 0
-    assert "fullness" in capsys.readouterr().out
 
 
 def test_the_first_example_prints_the_ranking_that_stands_below_it(place, capsys):
@@ -160,24 +138,6 @@ def test_the_readme_runs_from_top_to_bottom_in_a_folder_that_holds_the_examples_
         "again.csv",
     }
     assert written <= {p.name for p in tmp_path.iterdir()}
-
-
-@pytest.mark.slow
-def test_the_baseline_of_the_ci_recipe_is_made_and_met_as_printed(place, capsys):
-    guard = README[README.index("## Guard") : README.index("## Contents")]
-    commands = re.findall(r"`(simbench (?:run|check) [^`]+)`", guard)
-    assert [words.split()[1] for words in commands] == ["run", "check"]
-    # what the action does; its scripts themselves run in tests/test_action.py
-    commands += [
-        "simbench run my_baseline -o run --plugin fullness.py --method fullness --with-reference",
-        "simbench check run --against my_baseline",
-    ]
-    for words in commands:
-        assert main(words.split()[1:]) == 0, (words, capsys.readouterr().err)
-        said = capsys.readouterr().out
-        if "--with-reference" in words:
-            assert "procedure" in said
-            assert re.search(r"^\d +fullness ", said, re.MULTILINE)
 
 
 def test_the_python_block_gives_tables_and_pictures(place):

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from simbench.loop.run import Start
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 from simbench.theory.basin import kick_min
@@ -172,26 +171,6 @@ def kicks(loops: int, seed: int) -> int:
         above, below = (simulated_cycle(loop, kick=factor * kick) for factor in (1.02, 0.9))
         right += above is not None and below is None
     return right
-
-
-def cycles_from_midway(gain: float, Td: float, J: float) -> bool:
-    """Return whether a self-regulating P loop (T = 10 s) with stick-slip cycles at the end of 400 T
-    that begin midway between the bounds that a cycle needs.
-    """
-    loop = Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": Td},
-            "controller": {"type": "P", "Kc": gain},
-            "valve": {"model": "choudhury", "S": S, "J": J},
-            "sampling": {"Ts": 0.1, "n": 40_000},
-        }
-    )
-    v = 50.0 - J / 2  # midway between (r0 + fs)/(1 + g) - J and (r0 - fs)/(1 + g), at r0 = 0
-    mv = simulate(
-        loop, start=Start(op=50.0, error=0.0, pv=50.0, valve=(v, 0.0, 0.0, 50.0), mv=(v,))
-    ).record.mv
-    assert mv is not None
-    return all(np.ptp(part) >= J / 2 for part in np.split(mv[-10_000:], 2))
 
 
 def existence_pi(loops: int, seed: int) -> Errors:

@@ -34,17 +34,6 @@ def test_of_a_sticky_loop_and_its_echo_only_the_sticky_one_is_claimed():
     assert found.score > other.score + 20.0
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "verdict"),
-    [(-1e2, -1e2, "stiction"), (1e6, 1e6, "no_stiction"), (-1e2, 1e6, "no_decision")],
-)
-def test_the_bounds_decide(loop, low, high, verdict):
-    record = loop(**DELAYED, Ts=0.5, n=2000, noise=0.05, seed=2)
-    answer = detect(Prepared(record), gain_low=low, gain_high=high)
-    assert answer.verdict == verdict
-    assert (answer.S is not None) == (verdict == "stiction")
-
-
 def test_a_signal_that_rests_is_no_decision():
     rests = Prepared(LoopRecord(op=np.full(600, 50.0), pv=np.sin(np.arange(600.0)), Ts=1.0))
     assert detect(rests, **METHOD.defaults()).verdict == "no_decision"

@@ -73,14 +73,6 @@ def test_only_asymmetric_cycles_are_seen(shape, seen):
     assert (result.ngi > 0 and result.height > 1) == seen
 
 
-def test_slow_cycles_are_thinned_out_and_keep_their_frequency():
-    t = np.arange(40_000)
-    x = (t % 400) / 400 + 0.05 * np.random.default_rng(4).standard_normal(t.size)
-    result = error_bicoherence(x, 400.0)
-    assert result.height > 1
-    assert max(result.f1) < 0.5 / 12
-
-
 def test_short_record_is_no_decision():
     t = np.arange(300)
     verdict = judge(LoopRecord(np.sin(t), np.cos(t), 1.0), ["bicoherence"], raw=True)[0]

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from simbench.detectors.compiled import LANES, compiled, lanes, njit_cached, rows
-from simbench.detectors.first_use import _FIRST_USE
 
 HELPER = "from numbers_ import FACTOR\ndef scaled(x):\n    return FACTOR * x\n"
 KERNEL = "from helper import scaled\ndef kernel(x):\n    return scaled(x) + 1.0\n"
@@ -139,53 +138,6 @@ def test_a_user_who_can_write_nowhere_has_kernels_all_the_same(monkeypatch):
 
     monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
     assert njit_cached(lambda x: 2.0 * x)(3.0) == 6.0
-
-
-def test_who_waits_at_a_terminal_is_told_at_the_first_use(filled, tmp_path):
-    pty = pytest.importorskip("pty")
-    told = []
-    for _ in range(2):
-        controller, terminal = pty.openpty()
-        environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-        at_once = "import simbench.detectors.first_use as c\nc.SILENCE = 0.0\n"
-        words = [sys.executable, "-c", at_once + RUN]
-        subprocess.run(
-            words, cwd=filled, env=environment, stdout=subprocess.PIPE, stderr=terminal, check=True
-        )
-        os.write(terminal, b"\0")  # so that there is something to read, and an end
-        read = b""
-        while not read.endswith(b"\0"):
-            # a terminal hands out what it has in pieces
-            read += os.read(controller, 1000)
-        told.append(read.decode().rstrip("\0"))
-        os.close(controller)
-        os.close(terminal)
-    assert told[0].count("first use: the numerical kernels are compiled") == 1
-    assert told[1] == ""
-
-
-def test_who_reads_a_log_is_told_after_a_second_and_not_before(filled, tmp_path):
-    told = []
-    for silence in ("0.0", "60.0"):
-        code = f"import simbench.detectors.first_use as c\nc.SILENCE = {silence}\n{RUN}"
-        environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / silence)}
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            cwd=filled,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        told.append(done.stderr)
-    assert told[0].splitlines() == [_FIRST_USE]
-    assert told[1] == ""
-
-
-def test_a_cache_of_one_process_goes_with_it(filled, tmp_path):
-    # a file where the folder should stand
-    assert run(filled, XDG_CACHE_HOME=str(filled / "kernel.py"), TMPDIR=str(tmp_path)) == (7.0, 0)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_light_kernels_give_the_same_bits_plain_and_compiled():

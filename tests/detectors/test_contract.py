@@ -35,11 +35,6 @@ def test_every_detector_keeps_its_contract(name):
     assert check_detector(module.__file__).broken == ()
 
 
-def test_a_plain_file_keeps_it(tmp_path):
-    assert broken(tmp_path) == ()
-    assert "mine" not in methods.every_name()
-
-
 @pytest.mark.parametrize(
     ("more", "said"),
     [

@@ -24,14 +24,6 @@ def test_axis_ratio_of_two_sines_is_the_tangent_of_half_their_phase(phase):
     )
 
 
-@pytest.mark.parametrize("slope", [2.0, -0.5])
-def test_a_line_has_no_short_axis_and_noise_has_two_alike(slope):
-    x = np.sin(T)
-    assert axis_ratio(x, slope * x + 3.0) == pytest.approx(0.0, abs=1e-6)
-    noise = np.random.default_rng(0).uniform(size=(2, 50_000))
-    assert axis_ratio(*noise) == pytest.approx(1.0, abs=0.02)
-
-
 def record(phase, scale=1.0):
     return LoopRecord(50 + 5 * np.sin(T), scale * np.sin(T - phase), 1.0, process="self-regulating")
 

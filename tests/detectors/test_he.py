@@ -27,13 +27,6 @@ def test_indices_of_the_three_waves(hump, eta, two_line):
     assert indices[1] == pytest.approx(two_line, abs=0.01)
 
 
-def test_noise_pulls_both_indices_to_one_half_and_the_two_lines_towards_triangle():
-    noise = np.random.default_rng(0).standard_normal((400, HALF_CYCLE_POINTS))
-    eta, two_line = triangle_indices(np.sin(np.pi * POINT) + 0.3 * noise)
-    assert 0.3 < eta < 0.5
-    assert two_line > eta
-
-
 @pytest.mark.parametrize(("noise", "least"), [(0.0, 0.95), (0.08, 0.9), (0.16, 0.8)])
 def test_op_of_a_sticky_self_regulating_loop_is_a_triangle(loop, noise, least):
     record = loop(**DELAYED, Ts=0.5, n=4000, noise=noise, seed=2)
@@ -48,19 +41,6 @@ def test_pv_of_a_sticky_integrating_loop_is_a_triangle(loop, J):
     verdict = judge(record, ["he"])[0]
     assert verdict.verdict == "stiction"
     assert verdict.reason.startswith("PV")
-
-
-@pytest.mark.parametrize("process", ["self-regulating", "integrating"])
-def test_sine_with_a_tenth_of_noise_is_no_stiction(process):
-    rng = np.random.default_rng(1)
-    op, pv = np.sin(T), np.cos(T)
-    record = LoopRecord(
-        op + 0.07 * rng.standard_normal(4000),
-        pv + 0.07 * rng.standard_normal(4000),
-        0.05,
-        process=process,
-    )
-    assert judge(record, ["he"])[0].verdict == "no_stiction"
 
 
 def test_score_is_eta_and_orders_sine_mixture_triangle():

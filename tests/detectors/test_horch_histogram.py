@@ -35,24 +35,6 @@ def test_a_camel_is_never_a_gaussian():
     assert gauss > 10 * camel
 
 
-def test_templates_between_those_tried_turn_no_verdict():
-    def word_of(density, families):
-        gauss, camel = (float(((family - density) ** 2).mean(axis=1).min()) for family in families)
-        return camel > gauss
-
-    families, rng, turned, sticky = h._densities(1.0), np.random.default_rng(0), 0, 0
-    between = [np.r_[family, (family[1:] + family[:-1]) / 2] for family in families]
-    for _ in range(300):
-        d = rng.uniform(0.5, 1.5) * np.cos(rng.uniform(0, 2 * np.pi, 400)) + rng.uniform(
-            0.3, 1.0
-        ) * rng.standard_normal(400)
-        density = np.histogram((d - d.mean()) / d.std(), h.BINS, density=True)[0]
-        sticky += word_of(density, families)
-        turned += word_of(density, families) != word_of(density, between)
-    assert 50 < sticky < 250
-    assert turned <= 1
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
 def test_level_after_a_sticky_valve_has_a_central_peak(loop, J, noise):

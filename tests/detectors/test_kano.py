@@ -5,7 +5,6 @@ import pytest
 from plain_loops import DELAYED
 
 from simbench.detectors.judge import judge
-from simbench.detectors.methods.kano_b import side_distance
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.standstill import steady_valve, stuck_intervals
 
@@ -90,13 +89,3 @@ def test_jump_as_wide_as_the_band_leaves_no_parallelogram(loop):
     assert a.verdict == "stiction"
     assert b.verdict == "no_decision"
     assert b.S is None
-
-
-def test_rounding_moves_no_valve_at_rest():
-    op = np.array([2.0, 3.0, 4.0, 5.0, 5.0, 5.0, 2.0, 1.0, 0.0, 0.0])
-    mv = op + np.repeat([-1.0, 1.0], [6, 4])
-    shaken = mv * (1 + 1e-15 * np.resize([1.0, -1.0], mv.size))
-    moving = np.ones(mv.size, dtype=bool)
-    assert side_distance(op, shaken, moving) == pytest.approx(
-        side_distance(op, mv, moving), abs=1e-9
-    )

@@ -30,17 +30,6 @@ def test_jumps_are_the_cheapest_of_all_courses():
         assert np.allclose(best_jumps(u, r, penalty), cheapest[1])
 
 
-def test_plant_and_delay_are_identified():
-    rng = np.random.default_rng(1)
-    x = rng.standard_normal(300)
-    y = np.zeros(300)
-    for k in range(4, 300):
-        y[k] = 0.8 * y[k - 1] + 0.5 * x[k - 4] + 0.1
-    a, b, c, delay, error = fit_plant(x, y, range(6))
-    assert (a, b, c, delay) == pytest.approx((0.8, 0.5, 0.1, 3), abs=1e-6)
-    assert error < 1e-12
-
-
 def test_jumps_of_a_long_record_equal_the_plain_kernel_bit_for_bit():
     rng = np.random.default_rng(5)
     u = np.cumsum(rng.standard_normal(90))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from simbench.detectors.example_loop import example_record
 from simbench.detectors.record import LoopRecord
@@ -31,21 +30,6 @@ def test_a_share_of_one_is_asked_for_its_span():
     ):
         assert a.verdict == b.verdict, a.method
         assert a.S_unit == b.S_unit == "% of travel"
-
-
-@pytest.mark.parametrize(
-    ("op", "share"),
-    [
-        ([0.0, 0.5, 1.0], True),
-        ([0.0, 0.0, 0.0], False),
-        ([0.5, 0.5, 0.5], False),
-        ([0.0, 0.5, 1.1], False),
-        ([-0.1, 0.5, 1.0], False),
-        ([0.0, 0.0001, 0.001], False),
-    ],
-)
-def test_only_what_moves_within_0_and_1_is_in_doubt(op, share):
-    assert LoopRecord(op=op, pv=[1.0, 2.0, 3.0], Ts=1.0).op_share is share
 
 
 def test_what_would_open_no_valve_is_neither_a_share_nor_percent():

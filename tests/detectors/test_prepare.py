@@ -5,9 +5,7 @@ not.
 import numpy as np
 import pytest
 
-from simbench.detectors.judge import judge
 from simbench.detectors.prepared import prepare, thin_record
-from simbench.detectors.procedure import diagnose
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.oscillation import Oscillation
 
@@ -50,15 +48,6 @@ def test_the_half_that_oscillates_is_judged_where_the_whole_does_not(gate, part)
         assert prepared.oscillation.period_s == pytest.approx(80.0, rel=0.02)
 
 
-def test_of_two_halves_that_oscillate_the_last_is_judged():
-    """Two periods, and a hump in the first that hides both in the whole record."""
-    op = np.where(K < 600, np.sin(2 * np.pi * K / 24), np.sin(2 * np.pi * K / 61))
-    op[200:260] += 40.0 * np.sin(np.pi * np.arange(60) / 60)
-    prepared = prepare(LoopRecord(op=op, pv=op, Ts=1.0))
-    assert prepared.part == (600, 1200)
-    assert prepared.oscillation.period_s == pytest.approx(61.0, rel=0.02)
-
-
 @pytest.mark.parametrize(("fall", "judged"), [(0.45, False), (0.7, True)])
 def test_in_a_half_an_amplitude_may_fall_no_faster_than_in_a_whole(fall, judged):
     """From the first to the last third of the half, whose middles are 400 samples apart; 3 ** -0.5
@@ -71,26 +60,6 @@ def test_in_a_half_an_amplitude_may_fall_no_faster_than_in_a_whole(fall, judged)
     ) == judged
 
 
-def test_the_half_alone_is_judged_and_the_reason_names_it():
-    whole = record(K >= 600, process="self-regulating", op_span=(0.0, 100.0))
-    half = whole.window(600, 1200)
-    for one, other in zip(
-        judge(whole, ["he", "horch", "procedure"]),
-        judge(half, ["he", "horch", "procedure"]),
-        strict=True,
-    ):
-        assert (one.verdict, one.score, one.indices) == (other.verdict, other.score, other.indices)
-        assert one.reason == f"{other.reason}; judged on samples 600 to 1199, which oscillate"
-    steps = {s.step: s.evidence for s in diagnose(whole).steps}
-    assert steps["oscillation"].endswith(", in samples 600 to 1199")
-
-
-def test_mv_is_cut_with_the_rest():
-    whole = record(K >= 600, mv=np.linspace(40.0, 60.0, N))
-    blind = prepare(whole.without_mv())
-    assert list(blind.with_mv(whole).record.mv) == list(whole.mv[600:])
-
-
 def test_a_half_that_would_change_the_unit_of_s_is_left_alone():
     """OP in % that happens to stay within 0..1 in the half that oscillates: there it would look
     like a share.
@@ -98,12 +67,6 @@ def test_a_half_that_would_change_the_unit_of_s_is_left_alone():
     swing = record(K >= 600)
     op = np.where(K >= 600, 0.5 + 0.05 * (swing.op - 50.0), 30 + 10 * (swing.op - 50.0))
     assert prepare(LoopRecord(op=np.clip(op, 0.0, 100.0), pv=swing.pv, Ts=2.0)).part is None
-
-
-@pytest.mark.parametrize("n", [3, 5, 9, 16])
-def test_a_record_too_short_to_be_halved_is_judged_as_it_is(n):
-    ramp = np.arange(n) ** 2.0
-    assert prepare(LoopRecord(op=ramp, pv=-ramp, Ts=1.0)).part is None
 
 
 def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
@@ -139,8 +102,3 @@ def test_whether_a_dense_record_oscillates_is_asked_at_the_density_that_is_judge
     dense = LoopRecord(op=swing, pv=-swing, Ts=1.0)
     for k in (1, 2, 4, 8):
         assert prepare(thin_record(dense, k)).oscillation.sustained == sustained, k
-
-
-def test_what_does_not_oscillate_keeps_its_samples():
-    noise = np.random.default_rng(0).standard_normal(6000).cumsum()
-    assert prepare(LoopRecord(op=noise, pv=noise, Ts=1.0)).step == 1

@@ -4,11 +4,9 @@ loop.
 
 import numpy as np
 import pytest
-from plain_loops import DELAYED, LEVEL
 
-from simbench.detectors.judge import UNFIT, judge
-from simbench.detectors.prepared import prepare
-from simbench.detectors.quality import inspect, saturation, steps
+from simbench.detectors.judge import UNFIT
+from simbench.detectors.quality import inspect, saturation
 from simbench.detectors.record import LoopRecord
 
 T = np.arange(2000.0)
@@ -76,30 +74,6 @@ def test_sound_record_raises_no_flag():
     assert inspect(noisy(sp=np.full(2000, 20.0))) == {}
 
 
-LOOPS = {
-    "self-regulating": DELAYED,
-    "flow": {"T": 0.5, "Td": 1.0, "Kc": 0.3, "Ti": 3.0},
-    "integrating": {
-        **LEVEL,
-        "kick": 6.0,
-    },
-    "dead-band": {**LEVEL, "J": 0.0},
-}
-
-
-@pytest.mark.parametrize("kind", sorted(LOOPS))
-@pytest.mark.parametrize("noise", [0.0, 0.1])
-@pytest.mark.parametrize("rounded", [False, True])
-def test_sticky_loop_is_fit_to_be_judged(loop, kind, noise, rounded):
-    record = loop(**LOOPS[kind], noise=noise, n=2500)
-    if rounded:
-        op, pv = (np.array([float(f"{v:.6g}") for v in x]) for x in (record.op, record.pv))
-        record = LoopRecord(op=op, pv=pv, Ts=1.0)
-    flags = inspect(record)
-    assert not set(UNFIT) & set(flags), flags
-    assert not {"compressed", "quantised_op", "quantised_pv"} & set(flags), flags
-
-
 @pytest.mark.parametrize("rounded", [False, True])
 def test_healthy_loop_under_load_steps_is_fit_to_be_judged(loop, rounded):
     load = np.where(T < 400, 0.0, np.where(T < 1100, 3.0, -2.0))
@@ -116,39 +90,3 @@ def test_saturation_at_the_ends_of_the_span_is_seen_through_noise():
     share, limit = saturation(op, np.cos(T / 8), op)
     assert share == pytest.approx((op == 100).mean())
     assert limit == 100.0
-
-
-def test_one_short_stay_at_the_lowest_value_is_no_limit():
-    op = np.concatenate([np.full(70, 5.0), 5.0 + np.cumsum(np.random.default_rng(0).random(700))])
-    assert saturation(op, np.random.default_rng(1).random(770))[0] == 0.0
-
-
-def test_two_or_three_positions_are_no_quantisation():
-    op = np.where(T % 200 > 100, 20.0, 60.0) + 20.0 * (T % 400 > 300)
-    assert np.unique(op).size == 3
-    assert "quantised_op" not in inspect(noisy(op=op))
-    assert "quantised_op" in inspect(noisy(op=op + 20.0 * (T % 800 > 600)))
-
-
-def test_crest_of_a_coarse_triangle_is_no_limit():
-    op = np.round(10 * np.arcsin(np.sin(T / 16)))
-    assert saturation(op, np.cos(T / 16))[0] == 0.0
-
-
-def test_rounding_of_a_file_is_no_quantisation(loop):
-    record = loop(noise=0.05, **DELAYED)
-    pv = np.round(record.pv, 3)
-    assert steps(pv, pv) == pytest.approx(0.001)
-    assert "quantised_pv" not in inspect(LoopRecord(record.op, pv, 1.0))
-
-
-@pytest.mark.parametrize("flag", ["dead_op", "dead_pv", "manual", "saturated"])
-def test_every_method_abstains_on_an_unfit_record_and_gives_its_reason(flag):
-    for verdict in judge(faults()[flag], ["horch", "he", "yamashita"]):
-        assert verdict.verdict == "no_decision"
-        assert flag in verdict.reason
-
-
-def test_gaps_tell_how_many_periods_of_the_loop_are_left():
-    flag = prepare(noisy(notes=("gaps: 3 of 2000 samples missing",))).flags["gaps"]
-    assert flag.evidence.endswith("; 40 periods of the loop are left")  # 2000 s / (16 pi s)

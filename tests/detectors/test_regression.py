@@ -58,13 +58,6 @@ def positions(op, valves, q=1):
     return np.concatenate(v, axis=1)[:, : len(valves)]
 
 
-def test_a_valve_that_stops_within_every_sample_is_the_other_map():
-    op = np.array([50.0, 52.0, 53.0, 54.0, 58.0, 57.0, 50.0])
-    # He: |OP - v| > 3 moves v to OP less 1 in that direction
-    v = np.array([50.0, 50.0, 50.0, 53.0, 57.0, 57.0, 51.0])
-    assert np.allclose(positions(op, [[4.0, 2.0, 1.0]])[:, 0], (v - v.mean()) / v.std())
-
-
 @pytest.mark.parametrize("q", [1, 3])
 def test_valves_side_by_side_move_as_each_alone_and_compiled_as_plain(swinging, q, monkeypatch):
     op = swinging[0][: 200 * q]
@@ -92,13 +85,6 @@ def test_an_error_is_the_same_to_the_bit_wherever_the_valve_stands_among_others(
     assert np.array_equal(data.errors(valves[::-1])[::-1], whole)
     monkeypatch.setattr(module, "_ROOM", 1)
     assert np.array_equal(data.errors(valves), whole)
-
-
-def test_sums_of_positions_are_those_of_their_window(swinging):
-    v, sums = module._positions(swinging[0], np.array([[4.0, 1.5, 0.0], [0.0, 0.0, 0.0]]), 1, 40)
-    latest, before = v[0, 40:-1], v[0, 39:-2]
-    assert sums[0, 0] == pytest.approx((latest * latest).sum(axis=0), rel=1e-12)
-    assert sums[0, 1] == pytest.approx((latest * before).sum(axis=0), rel=1e-12)
 
 
 @pytest.mark.parametrize("beside", [False, True])

@@ -48,14 +48,6 @@ def test_wild_samples_leave_no_word_about_their_unit():
     assert [note.split(":")[0] for note in repair_record(given).notes] == ["gaps", "outliers"]
 
 
-def test_what_lasts_longer_than_five_samples_is_kept():
-    def change(op, pv):
-        pv[300:306] += 50.0
-
-    moved = record(change)
-    assert np.array_equal(repair_record(moved).pv, moved.pv)
-
-
 def test_the_top_of_a_wave_is_no_wild_sample():
     """What a step of the load does to PV goes out and comes back, sample by sample."""
     t = np.arange(N)
@@ -83,24 +75,6 @@ def test_a_frozen_tail_is_left_out(share):
         f"frozen: PV and OP stand still from sample {begin - 1} to {N - 1} of {N};"
         f" judged samples 0 to {begin - 2}",
     )
-
-
-@pytest.mark.parametrize("signal", ["op", "pv"])
-def test_one_signal_that_rests_alone_is_kept(signal):
-    def change(op, pv):
-        x = op if signal == "op" else pv
-        x[400:500] = x[400]
-
-    resting = record(change)
-    assert repair_record(resting) is resting
-
-
-def test_a_loop_that_comes_to_rest_is_kept():
-    def change(op, pv):
-        op[200:], pv[200:] = op[199], pv[199]
-
-    at_rest = record(change)
-    assert repair_record(at_rest) is at_rest
 
 
 def test_op_at_a_limit_is_not_frozen():

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from plain_loops import DELAYED
 
 from simbench.detectors.judge import judge
 from simbench.detectors.methods.rossi_scali import relay_index
@@ -28,14 +27,6 @@ def test_index_of_sine_triangle_and_square(hump, low, high):
 def test_index_is_one_for_every_relay_answer():
     for shape in relays()[::10]:
         assert relay_index(np.repeat(shape[None], 4, axis=0)) > 0.99
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.05])
-def test_pv_after_a_sticky_valve_looks_like_a_relay_answer(loop, noise):
-    record = loop(**DELAYED, Ts=0.5, n=4000, noise=noise)
-    verdict = judge(record, ["rossi_scali"])[0]
-    assert verdict.verdict == "stiction"
-    assert verdict.indices["eta_rossi"] > 0.8
 
 
 def test_verdict_and_score_follow_the_index_and_the_index_the_wave():

@@ -5,7 +5,6 @@ import pytest
 
 from simbench.detectors.judge import judge
 from simbench.detectors.methods.singhal_salsbury import area_ratio
-from simbench.detectors.record import LoopRecord
 from simbench.detectors.signal.half_cycles import HALF_CYCLE_POINTS
 
 POINT = (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
@@ -30,11 +29,6 @@ def test_a_half_cycle_with_its_peak_at_an_end_counts_a_thousand_at_most():
     assert ratios == pytest.approx((1e3, 1e-3))
 
 
-def test_noise_alone_lifts_the_ratio_above_one():
-    noise = np.random.default_rng(1).standard_normal((60, HALF_CYCLE_POINTS))
-    assert area_ratio(np.sin(np.pi * POINT) + 0.3 * noise) > 1.2
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 @pytest.mark.parametrize("Td", [4.0, 6.0])
 def test_error_after_a_sticky_valve_peaks_late(loop, noise, Td):
@@ -43,10 +37,3 @@ def test_error_after_a_sticky_valve_peaks_late(loop, noise, Td):
     )[0]
     assert verdict.verdict == "stiction"
     assert verdict.indices["r_area"] > 2.0
-
-
-def test_verdict_and_score_agree_about_one_half():
-    for lean in np.linspace(-0.8, 0.8, 9):
-        pv = np.sin(T + lean * np.sin(T) ** 2 * np.sign(np.sin(T)))
-        verdict = judge(LoopRecord(np.cos(T), pv, 0.05), ["singhal_salsbury"])[0]
-        assert (verdict.score > 0.5) == (verdict.verdict == "stiction")

@@ -45,24 +45,6 @@ class Cloned(Level):
         return {"level": self.level}
 
 
-def test_arrays_tables_and_runs_are_judged_alike():
-    dated = FRAME.drop(columns="t").set_index(
-        pd.Timestamp("2026-01-01") + pd.to_timedelta(2.0 * t, unit="s")
-    )
-    record = LoopRecord(OP, PV, 2.0)
-    answers = [
-        sb.detect(source, ["horch", "he"]).as_json()
-        for source in (record, FRAME, dict(FRAME), {"op": OP, "pv": PV, "t": 2.0 * t}, dated)
-    ]
-    answers.append(sb.detect(op=OP, pv=PV, Ts=2.0, methods=["horch", "he"]).as_json())
-    answers.append(
-        sb.detect(
-            {"a": OP, "b": PV}, ["horch", "he"], Ts=2.0, columns={"op": "a", "pv": "b"}
-        ).as_json()
-    )
-    assert all(answer == answers[0] for answer in answers)
-
-
 @pytest.mark.parametrize("detector", [Level(), Cloned()])
 def test_a_detector_keeps_no_state_between_records(detector):
     for _ in range(2):
@@ -76,22 +58,6 @@ def test_a_function_is_judged_with_the_methods_and_is_gone_afterwards():
     assert frame.verdict.tolist() == ["stiction", "no_stiction", "no_stiction"]
     assert frame.score[0] == 0.25
     assert "mean_op" not in registry.names()
-
-
-@pytest.mark.parametrize(
-    ("answer", "verdict"),
-    [
-        (True, "stiction"),
-        (np.False_, "no_stiction"),
-        (None, "no_decision"),
-        ("stiction", "stiction"),
-    ],
-)
-def test_a_word_is_a_verdict(answer, verdict):
-    def constant(record):
-        return answer
-
-    assert sb.detect(FRAME, constant)["constant"].verdict == verdict
 
 
 def test_what_a_function_does_wrong_is_its_answer():
@@ -185,24 +151,6 @@ def test_what_is_no_record_is_shown_one(call, words):
 def test_what_is_no_detector_is_refused(methods, words):
     with pytest.raises(ParameterError, match=words):
         sb.detect(FRAME, methods)
-
-
-@pytest.mark.slow
-def test_a_function_judges_a_grid_in_any_process(tmp_path):
-    tables = []
-    for jobs in (1, 2):
-        folder = sb.run(
-            "smoke",
-            ["horch", mean_op, Level()],
-            out=tmp_path / str(jobs),
-            jobs=jobs,
-            sets={"disturbance": "none", "Td_over_T": 0.3, "Td_over_Ti": 0.05},
-        )
-        verdicts = pd.read_parquet(folder / "verdicts.parquet").drop(columns="runtime_s")
-        tables.append(verdicts)
-        scored = sb.score(folder).to_frame()
-        assert {"mean_op", "level"} <= set(scored.method)
-    assert tables[0].equals(tables[1])
 
 
 def test_gap_and_confirm_take_the_same():

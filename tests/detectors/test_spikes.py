@@ -30,18 +30,6 @@ def test_spikes_on_a_slope_and_in_pairs_are_detected_and_corners_are_not():
     assert find_spikes(pv)[0].tolist() == places.tolist()
 
 
-def test_bursts_of_noise_are_no_spikes():
-    noise = np.random.default_rng(6).standard_normal(3000)
-    for k in range(100, 3000, 300):
-        noise[k : k + 60] *= 6.0
-    assert find_spikes(noise)[0].size == 0
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_noise_has_hardly_any(seed):
-    assert find_spikes(np.random.default_rng(seed).standard_normal(2000))[0].size == 0
-
-
 def test_one_step_of_a_coarse_signal_is_no_spike():
     pv = np.round(np.random.default_rng(0).normal(0.0, 0.2, 2000))
     assert 5 < np.count_nonzero(pv) < 40

@@ -96,22 +96,6 @@ def test_J_zero_is_the_play_operator():
     assert np.max(np.abs(valve_position(op, 5.0, 0.0) - play)) < 1e-9
 
 
-def test_valve_continues_from_a_given_state():
-    op = 50 + 6 * np.sin(np.arange(300) / 9)
-    state = start(op[0])
-    for u in op[:100]:
-        state = step(u, state, 5.0, 2.0)
-    assert np.array_equal(
-        valve_position(op[100:], 5.0, 2.0, state), valve_position(op, 5.0, 2.0)[100:]
-    )
-
-
-def test_without_limits_the_valve_moves_in_any_unit():
-    op = 50 + 6 * np.sin(np.arange(300) / 9)
-    free = valve_position(op * 10 - 2000, 50.0, 20.0, limits=(-np.inf, np.inf))
-    assert np.allclose(free, valve_position(op, 5.0, 2.0) * 10 - 2000)
-
-
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.floats(-50, 150), min_size=1, max_size=60), st.floats(0, 30), st.floats(0, 30))
 def test_position_stays_in_travel_and_within_the_band_of_op(op, S, J):

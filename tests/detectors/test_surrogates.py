@@ -10,7 +10,6 @@ from simbench.detectors.compiled import compiled
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal import look_alikes
 from simbench.detectors.signal.surrogates import (
-    end_matched,
     iaaft,
     nonlinearity_index,
     prediction_error,
@@ -27,16 +26,6 @@ def test_values_are_kept_exactly_and_the_spectrum_nearly():
             wanted
         )
         assert abs(np.corrcoef(x, y)[0, 1]) < 0.999
-
-
-def test_surrogates_repeat_with_their_seed():
-    x = np.random.default_rng(0).standard_normal(100)
-    assert np.array_equal(
-        iaaft(x, 2, np.random.default_rng(5)), iaaft(x, 2, np.random.default_rng(5))
-    )
-    assert (
-        nonlinearity_index(np.tile(x, 4), 20.0).npi == nonlinearity_index(np.tile(x, 4), 20.0).npi
-    )
 
 
 @pytest.mark.parametrize("run", [ranked_again, compiled(ranked_again)])
@@ -80,15 +69,6 @@ def test_look_alikes_equally_far_all_count():
     assert prediction_error(x, 4, 4) == 0.0
     with pytest.raises(ParameterError, match="at least 1"):
         prediction_error(x, 4, 4, 0)
-
-
-@pytest.mark.parametrize("period", [20, 33])
-def test_end_runs_into_the_beginning_also_in_noise(period):
-    t = np.arange(40 * period + 7)
-    x = np.sin(2 * np.pi * t / period) + 0.3 * np.random.default_rng(3).standard_normal(t.size)
-    cut = end_matched(x, period)
-    assert min(cut.size % period, -cut.size % period) <= 2
-    assert cut.size >= x.size - 3 * period
 
 
 def test_a_noisy_sine_is_not_called_nonlinear():

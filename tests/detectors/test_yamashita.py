@@ -71,18 +71,3 @@ def test_air_to_close_valve_is_judged_like_air_to_open(loop):
         scores.append(judge(flow, ["yamashita"], thresholds={"yamashita": {"step": 10}})[0].score)
     assert scores[0] == pytest.approx(scores[1])
     assert scores[0] > 0.25
-
-
-@pytest.mark.parametrize(
-    ("step", "verdict", "words"),
-    [
-        (1.0, "stiction", "stands still while OP moves"),
-        (0.01, "no_stiction", "the valve follows OP"),
-    ],
-)
-def test_the_reason_describes_the_valve_of_the_verdict(step, verdict, words):
-    op = 50 + 2 * np.arcsin(np.sin(np.arange(1000) / 20))
-    record = LoopRecord(op, np.round(op / step) * step, 1.0, kind="flow")
-    answer = judge(record, ["yamashita"])[0]
-    assert answer.verdict == verdict
-    assert words in answer.reason

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from simbench.scenarios.cell import SETTINGS, loop_axes, ultimate_gain
+from simbench.scenarios.cell import SETTINGS, loop_axes
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.expansion import chunks
 from simbench.scenarios.grid import (
     SMALLEST_BLOCK,
     SMALLEST_LOOP,
@@ -74,28 +73,6 @@ def test_table_11_3_has_all_eight_cells():
     blocks = load_grid("table-11-3").content.block
     cells = {(b.process, b.controller, math.inf in b.axes["S_over_2J"]) for b in blocks}
     assert len(cells) == 8
-
-
-def test_the_chapter_grid_has_every_kind_of_healthy_loop():
-    grid = load_grid("chapter")
-    healthy = [
-        d.tags for g in grid.groups(0, grid.cells) for d in g.drafts if d.tags["valve"] == "ideal"
-    ]
-    assert {t["disturbance"] for t in healthy} == {
-        "none",
-        "sine",
-        "propagated",
-        "steps",
-        "random_walk",
-    }
-    assert {t["echo"] for t in healthy} == {"none", "smooth", "harmonics", "propagated"}
-    assert {t["tuning"] for t in healthy if t["echo"] == "none"} >= {"aggressive", "saturating"}
-    assert {t["cell_S_over_2J"] for t in healthy} == {0.5, 1.0, 2.5, math.inf}
-    assert {(t["process"], t["controller"]) for t in healthy} >= {
-        ("foptd", "PI"),
-        ("integrating", "PI"),
-        ("integrating", "P"),
-    }
 
 
 def test_groups_are_the_product_of_the_axes_with_the_last_axis_running_fastest():
@@ -168,21 +145,10 @@ def test_more_repeats_only_append():
     assert twice.group(once.group_count) != once.group(0)
 
 
-def test_another_seed_gives_another_plant():
-    assert make_grid(ruled(), sets={"seed": 1}).group(0).twin != make_grid(ruled()).group(0).twin
-
-
 def test_infinity_means_dead_band_and_zero_none():
     group = make_grid(ruled()).group(2)
     assert [d.loop.valve.name for d in group.drafts] == ["deadband", "ideal"]
     assert [d.tags["S_over_2J"] for d in group.drafts] == [math.inf, 0.0]
-
-
-def test_an_axis_can_be_replaced_and_fixed_from_outside():
-    grid = make_grid(ruled(), sets={"noise_ratio": 0.3}, axes={"Td_over_T": [0.5]})
-    assert {d.tags["Td_over_T"] for g in grid.groups() for d in g.drafts} == {0.5}
-    assert {g.rules.noise_ratio for g in grid.groups()} == {0.3}
-    assert len(grid) == len(make_grid(ruled())) // 2
 
 
 def test_an_axis_that_only_some_blocks_have_is_changed_there_alone():
@@ -199,30 +165,11 @@ def test_a_dotted_key_is_set_in_every_loop_that_has_it():
         assert {d.loop.controller.Kc for d in group.drafts} == {0.5}
 
 
-def test_a_whole_loop_with_dotted_axes_is_a_grid_too():
-    grid = make_grid(PLAIN)
-    loops = [g.drafts[0].loop for g in grid.groups()]
-    assert [(x.valve.parameters["J"], x.noise.std) for x in loops] == [
-        (j, s) for j in (1, 2, 5) for s in (0.0, 0.1)
-    ]
-    assert grid.group(0).drafts[0].tags["S_over_2J"] == 2.5
-
-
 def test_the_hash_follows_what_is_simulated_and_nothing_else():
     grid = make_grid(ruled())
     assert make_grid({**ruled(), "title": "another"}).hash == grid.hash
     for sets in ({"seed": 4}, {"repeats": 3}, {"noise_ratio": 0.5}, {"controller.Kc": 2.0}):
         assert make_grid(ruled(), sets=sets).hash != grid.hash
-
-
-def test_chunks_cover_every_group_once_and_hold_50_to_100_scenarios():
-    grid = load_grid("chapter")
-    pieces = list(chunks(grid))
-    assert [start for start, _ in pieces] == [0] + [stop for _, stop in pieces[:-1]]
-    assert pieces[-1][1] == grid.group_count
-    sizes = [sum(grid.size(i) for i in range(*piece)) for piece in pieces]
-    assert min(sizes[:-1]) >= 50
-    assert max(sizes) <= 100
 
 
 @pytest.mark.parametrize(
@@ -274,11 +221,6 @@ def test_an_unknown_grid_names_the_nearest():
         "families",
         "recorded",
     }
-
-
-def test_the_ultimate_gain_of_a_pure_delay_like_plant():
-    assert ultimate_gain(1.0) == pytest.approx(2.2618, abs=1e-3)
-    assert ultimate_gain(100.0) == pytest.approx(1.0, abs=0.01)
 
 
 def test_axes_of_a_whole_loop():

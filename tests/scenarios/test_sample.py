@@ -53,18 +53,6 @@ def test_a_drawn_group_is_that_of_the_whole_grid_with_the_members_drawn():
     assert sum(stop - start for start, stop in chunks(sample)) == sample.group_count
 
 
-@pytest.mark.parametrize("draws", [50, pytest.param(400, marks=pytest.mark.slow)])
-def test_every_scenario_is_as_likely_also_where_the_sizes_do_not_divide(draws):
-    drawn = Counter()
-    for seed in range(draws):
-        sample = Sample.of(load_grid("smoke", {"seed": seed}), 19)
-        drawn.update((group, name) for group, names in sample.drawn.items() for name in names)
-    assert len(drawn) == 48
-    # probability 19/48: mean 158 and std 9.8 of 400 draws
-    most = 4.5 * 9.8 * (draws / 400) ** 0.5
-    assert all(abs(count - draws * 19 / 48) < most for count in drawn.values())
-
-
 def test_a_sample_is_a_function_of_grid_seed_and_size():
     one, other = (Sample.of(load_grid("smoke"), 10) for _ in range(2))
     assert one.drawn == other.drawn

@@ -11,9 +11,8 @@ from results.studies.freeze import frozen
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import load_grid, packaged_grid
 from simbench.scenarios.packaged import grid_names
-from simbench.scenarios.settled import SettledGrid, settled_grid, table_file, table_of
+from simbench.scenarios.settled import settled_grid, table_file
 
-MOST_BYTES = 6_000_000  # of all tables in the wheel
 FROZEN = "recorded"  # the grid whose scenarios are nowhere but in its table
 
 
@@ -39,10 +38,6 @@ def stored(name):
     return table_file(name).read_bytes()
 
 
-def test_all_tables_are_small():
-    assert sum(len(stored(name)) for name in grid_names()) < MOST_BYTES
-
-
 def test_the_table_of_smoke_is_what_settling_gives():
     settled, there = (pq.read_table(io.BytesIO(x)) for x in (frozen("smoke"), stored("smoke")))
     assert settled.to_pylist() == there.to_pylist()
@@ -55,17 +50,6 @@ def test_a_group_of_a_table_has_nothing_left_to_settle():
     assert [d.rules.empty for d in group.drafts] == [True] * table.size(3)
     assert all(json.loads(json.dumps(d.tags)) == d.tags for d in group.drafts)
     assert group == pickle.loads(pickle.dumps(table)).group(3)
-
-
-def test_a_group_that_lost_all_its_scenarios_is_empty():
-    table = settled_grid("smoke")
-    rows = [row for index in (0, 2) for row in table._rows[index]]
-    other = SettledGrid(table.name, table.content, {}, table_of(rows), len(rows))
-    assert (other.group_count, other.size(1), other.group(1).drafts) == (3, 0, ())
-    assert other.group(2) == table.group(2)
-    assert other.samples() == [0]
-    nothing = SettledGrid(table.name, table.content, {}, table_of([]), 0)
-    assert (nothing.group_count, nothing.samples()) == (0, [])
 
 
 def test_only_the_grid_of_recorded_loops_stands_in_its_table_alone():
@@ -91,10 +75,3 @@ def test_some_scenarios_of_a_table_are_scenarios_of_it():
     for points in (0, len(table) + 1):
         with pytest.raises(SpecError, match=f"1 to {len(table)} are allowed"):
             table.some(points)
-
-
-def test_a_grid_is_known_by_its_table():
-    table = settled_grid("smoke")
-    assert table.hash != load_grid("smoke").hash
-    other = SettledGrid(table.name, table.content, {}, settled_grid("ci").table, len(table))
-    assert other.hash != table.hash

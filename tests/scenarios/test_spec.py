@@ -36,18 +36,6 @@ def test_every_number_survives_writing_and_reading(T):
     assert tomllib.loads(loop.to_toml())["plant"]["T"] == T
 
 
-def test_absent_sections_take_their_defaults():
-    bare = {k: TABLE[k] for k in ("plant", "controller", "sampling")}
-    loop = Loop.from_table(bare)
-    assert (loop.valve.name, loop.noise.std, loop.setpoint.value, loop.pv0, loop.sampling.n) == (
-        "ideal",
-        0.0,
-        50.0,
-        50.0,
-        4000,
-    )
-
-
 def test_id_is_a_hash_of_content_not_of_spelling():
     whole = Scenario(loop=Loop.from_table(TABLE), seed=1)
     spelled = Scenario(

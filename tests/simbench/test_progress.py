@@ -21,11 +21,6 @@ def test_a_log_gets_whole_lines_no_more_often_than_allowed(monkeypatch, capsys):
     assert all(re.fullmatch(r"loops: \d+ of 10 after [\d:]+, [\d:]+ left", line) for line in lines)
 
 
-def test_work_shorter_than_a_minute_writes_nothing_to_a_log(capsys):
-    list(progress.Progress(range(10), desc="loops"))
-    assert capsys.readouterr().err == ""
-
-
 @pytest.mark.parametrize(("shown", "said"), [(False, ""), (None, "work: 30 of 40 after")])
 def test_what_was_done_before_counts_and_flatters_no_rate(monkeypatch, capsys, shown, said):
     monkeypatch.setattr(progress, "BETWEEN_LINES", 0.0)
@@ -37,17 +32,6 @@ def test_what_was_done_before_counts_and_flatters_no_rate(monkeypatch, capsys, s
     assert "".join(last).startswith(said)
     # ten in half a second: as many again are left
     assert all(line.endswith(("00:00 left", "00:01 left")) for line in last)
-
-
-def test_a_slow_part_after_a_fast_one_has_its_lines(monkeypatch, capsys):
-    monkeypatch.setattr(progress, "BETWEEN_LINES", 0.1)
-    with progress.Progress(total=2000, desc="work") as bar:
-        time.sleep(0.15)
-        bar.update(1000)
-        for _ in range(3):
-            time.sleep(0.15)
-            bar.update()
-    assert len(capsys.readouterr().err.splitlines()) == 4
 
 
 def test_a_command_stopped_by_sigterm_prints_that():
@@ -70,13 +54,6 @@ def test_list_alone_prints_what_can_be_listed(capsys):
     assert capsys.readouterr().out.split("\n")[:-1] == [
         f"simbench list {kind}" for kind in (*LISTED_KINDS, "thresholds")
     ]
-
-
-def test_one_mistake_in_many_blocks_of_a_grid_is_named_once(tmp_path, capsys):
-    assert cli.main(["run", "chapter", "-o", str(tmp_path / "run"), "--axis", "tuning=quick"]) == 2
-    printed = capsys.readouterr().err
-    assert printed.count("'quick' is unknown") == 1
-    assert "(the same in 4 more)" in printed
 
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])

@@ -4,18 +4,14 @@ bridged or cut, and that is said.
 
 from __future__ import annotations
 
-import os
 import shlex
-import sys
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
 from simbench.detectors.errors import ParameterError, RecordError
-from simbench.detectors.records import columns
 from simbench.detectors.records.columns import parse, words_of
 from simbench.detectors.records.folder import read_folder, read_labels
 from simbench.detectors.records.io import read_columns, read_record, read_records
@@ -80,28 +76,6 @@ def options_of(cure):
 def test_the_name_of_a_column_says_the_signal_and_the_loop(name, found):
     assert parse(name)[:2] == found
     assert words_of(name) == words_of(name.upper())
-
-
-HOLES = {
-    "three samples": (slice(10, 13), N, 0, "PV missing, bridged"),
-    "four samples": (slice(10, 14), N - 14, 14, "judged samples 14 to 299 of 300"),
-}
-
-
-@pytest.mark.parametrize("by_row", [False, True])
-@pytest.mark.parametrize("name", HOLES)
-def test_short_holes_are_bridged_and_long_ones_split(tmp_path, name, by_row):
-    hole, n, start, note = HOLES[name]
-    pv = PV.astype(object)
-    pv[hole] = ""
-    lines = wide("t,op,pv", TS * K, OP, pv).splitlines()
-    kept = [line for line in lines if not (by_row and line.endswith(","))]
-    record = read_record(written(tmp_path, "\n".join(kept), "csv"))
-    assert record.n == n
-    assert np.array_equal(record.op[5:], OP[start + 5 :]) or by_row
-    assert note in " | ".join(record.notes)
-    if n == N:
-        assert np.allclose(record.pv[9:14], np.linspace(PV[9], PV[13], 5))
 
 
 @pytest.mark.parametrize("name", ["sp", "mv"])
@@ -192,17 +166,6 @@ def test_every_loop_of_a_file_is_a_record(tmp_path):
     assert np.array_equal(records["LIC7"].op, PV)
 
 
-def test_of_many_loops_without_a_time_each_column_is_looked_at_once(tmp_path, monkeypatch):
-    looked = []
-    monkeypatch.setattr(columns, "_rises", lambda x: bool(looked.append(x)))
-    signals = np.random.default_rng(0).normal(50.0, 2.0, (20, 40))
-    names = [f"FIC{k}.{role}" for k in range(20) for role in ("op", "pv")]
-    pd.DataFrame(dict(zip(names, signals.T, strict=True))).to_csv(tmp_path / "t.csv", index=False)
-    with pytest.raises(RecordError, match="no time column"):
-        read_records(tmp_path / "t.csv")
-    assert len(looked) == len(names)
-
-
 def test_complex_numbers_of_a_matlab_file_are_refused(tmp_path):
     file = written(tmp_path, layouts.mat(pv=PV, op=OP, sp=SP + 1j), "mat")
     with pytest.raises(RecordError, match="sp holds complex numbers; real ones are needed"):
@@ -235,13 +198,6 @@ def test_the_range_of_a_record_is_never_proposed_as_that_of_its_valve():
         record = read_columns({"op": op, "pv": PV}, Ts=1.0)
         assert words in record.notes[-1]
     assert read_columns({"op": 40.95 * OP, "pv": PV}, Ts=1.0).S_unit == "OP units"
-
-
-def test_a_span_that_is_another_signals_is_refused_and_samples_outside_are_noted():
-    with pytest.raises(RecordError, match="PV lies outside pv_span 0 to 100"):
-        read_columns({"op": OP, "pv": PV}, Ts=1.0, pv_span=(0, 100))
-    record = read_columns({"op": OP, "pv": PV}, Ts=1.0, op_span=(0, OP.max() - 0.01))
-    assert "span: OP lies outside" in record.notes[0]
 
 
 def test_a_table_of_loops_states_what_the_file_does_not(tmp_path):
@@ -285,16 +241,6 @@ def test_a_tag_names_the_loop_of_a_file_whose_columns_name_none_but_not_of_every
     assert np.array_equal(read_records(file, loops=table)[0]["FIC1"].pv, PV)
 
 
-def test_what_the_caller_knows_reaches_the_record(tmp_path):
-    known = {"kind": "diff_pressure", "process": "integrating", "op_span": (0, 200), "Ts": 7.0}
-    record = read_record(written(tmp_path, layouts.named("PV", "OP"), "csv"), **known)
-    got = record.kind, record.process, record.op_span, record.Ts
-    assert got == ("pressure", "integrating", (0, 200), 7.0)
-    for Ts in (0, -1, np.nan):
-        with pytest.raises(RecordError, match="sampling period must be a number above 0"):
-            read_columns({"op": OP, "pv": PV}, Ts=Ts)
-
-
 def test_a_folder_keeps_good_records_and_names_the_others(tmp_path):
     for name in ("a.csv", "a.txt", "b.csv"):
         (tmp_path / name).write_text(layouts.named("PV", "OP"))
@@ -311,15 +257,6 @@ def test_a_folder_keeps_good_records_and_names_the_others(tmp_path):
     ):
         with pytest.raises(RecordError, match=words):
             read_folder(place)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes")
-def test_a_file_name_that_is_no_text_costs_nothing_but_its_beauty(tmp_path):
-    for name in (b"good", b"n\xff", b"e\x1b[31m", "r\u202e".encode()):
-        (tmp_path / os.fsdecode(name + b".csv")).write_text(layouts.named("PV", "OP"))
-    records, refused = read_folder(tmp_path)
-    assert (sorted(records), refused) == (["e\\x1b[31m", "good", "n\\udcff", "r\\u202e"], {})
-    assert sorted(r.tag for r in records.values()) == sorted(records)
 
 
 def test_labels_are_read_with_underscores_as_hyphens(tmp_path):
@@ -348,11 +285,3 @@ def test_a_large_parquet_file_is_refused_before_it_is_read(tmp_path, monkeypatch
     monkeypatch.setattr(parquet, "read_table", lambda *path, **how: pytest.fail("it was read"))
     with pytest.raises(RecordError, match="unpacks to"):
         read_record(file)
-
-
-def test_a_text_that_repeats_in_a_parquet_file_is_kept_once(tmp_path):
-    n = 400_000
-    text = pa.DictionaryArray.from_arrays(np.zeros(n, dtype=np.int32), ["y" * 100_000])
-    signals = {"t": np.arange(n), "op": np.arange(n) % 50, "pv": np.arange(n) % 20}
-    parquet.write_table(pa.table({**signals, "note": text}), tmp_path / "rec.parquet")
-    assert read_record(tmp_path / "rec.parquet").n == n  # 40 GB, each text for itself

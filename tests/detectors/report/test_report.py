@@ -15,10 +15,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.report import Report, choose_methods, score_units
 from simbench.detectors.report.summary import own_reason, sentence
 from simbench.detectors.verdict import Verdict
-from simbench.detectors.views import columns
 from simbench.verbs import judge_files
-
-KEYS = {"method", "verdict", "score", "indices", "S", "J", "S_unit", "applicable", "reason"}
 
 
 def save(record, file):
@@ -37,15 +34,6 @@ def folder(loop, tmp_path):
     body = "sticky,stiction,flow,self_regulating,A\nhealthy,no_stiction,flow,self_regulating,B\n"
     (tmp_path / "labels.csv").write_text(head + body)
     return tmp_path
-
-
-def test_single_file_gives_one_object_per_method_with_the_agreed_keys(folder):
-    report = judge_files(
-        folder / "sticky.csv", ["horch,he"], kind="flow", process="self-regulating"
-    )
-    data = json.loads(json.dumps(report.as_json(), allow_nan=False))
-    assert [d["method"] for d in data] == ["horch", "he"]
-    assert all(set(d) == KEYS for d in data)
 
 
 def test_folder_adds_the_record_and_names_what_it_left_out(folder):
@@ -79,11 +67,6 @@ def test_labels_pick_the_records_give_their_kind_and_score(folder):
     }
     assert all("unknown" not in v.reason for _, v in report.verdicts)
     assert "positives" in report.as_text()
-
-
-def test_command_line_knows_what_it_is_told(folder):
-    report = judge_files(folder / "sticky.csv", ["he"], process="integrating")
-    assert "PV is" in report.verdicts[0][1].reason
 
 
 def test_sets_of_methods():
@@ -136,60 +119,9 @@ def test_units_count_once_and_undecided_records_do_not_vote():
     assert 0.0 <= row["cost_lo"] < row["cost"] < row["cost_hi"] < 1.0
 
 
-def test_units_are_ranked_by_cost_next_to_what_always_no_and_always_yes_cost():
-    answers = {
-        "m": ("stiction", "no_decision"),
-        "n": ("no_stiction", "no_stiction"),
-        "o": ("stiction", "no_stiction"),
-    }
-    verdicts = [
-        (f"r{k}", Verdict(m, word, 0.0, reason="-"))
-        for m, words in answers.items()
-        for k, word in enumerate(words)
-    ]
-    labels = {
-        "r0": {"label": "stiction", "unit_group": "A"},
-        "r1": {"label": "tuning", "unit_group": "B"},
-    }
-    rows = score_units(verdicts, labels)
-    assert [(row["method"], row["cost"]) for row in rows] == [("o", 0.0), ("m", 0.25), ("n", 0.5)]
-    assert (
-        "of 2 units always no costs 0.50, always yes 0.50"
-        in Report(verdicts, scores=rows).as_text()
-    )
-
-
-def test_a_loop_that_does_not_oscillate_counts_in_the_area_below_every_score():
-    scores = {"a": -math.inf, "b": 0.3, "c": -math.inf, "d": -math.inf, "e": 0.1, "f": math.nan}
-    verdicts = [
-        (name, Verdict("m", "no_stiction", score, reason="-")) for name, score in scores.items()
-    ]
-    labels = {
-        name: {"label": "stiction" if name in "ab" else "tuning", "unit_group": name}
-        for name in scores
-    }
-    # a against c, d, e: 1/2, 1/2, 0; b against them: 1, 1, 1; f has no score at all
-    assert score_units(verdicts, labels)[0]["auc"] == pytest.approx(4 / 6)
-
-
 def test_labels_without_a_folder_are_refused(folder):
     with pytest.raises(ParameterError, match="labels score a folder"):
         judge_files(folder / "sticky.csv", ["he"], labels=folder / "labels.csv")
-
-
-PLUGIN = '''"""Judge nothing."""
-from simbench.detectors.method import Method
-from simbench.detectors.verdict import Verdict
-METHOD = Method(title="coin", source="nobody")
-def detect(prepared):
-    return Verdict("coin", "no_decision", reason="heads or tails")
-'''
-
-
-def test_plugin_file_is_judged_next_to_the_others(folder, tmp_path):
-    (tmp_path / "coin_of_mine.py").write_text(PLUGIN)
-    report = judge_files(folder / "sticky.csv", ["he"], plugins=[tmp_path / "coin_of_mine.py"])
-    assert [v.method for _, v in report.verdicts] == ["he", "coin_of_mine"]
 
 
 def test_command_prints_json_and_nothing_else(folder, capsys):
@@ -229,30 +161,6 @@ def test_command_prints_lines_for_people(folder, capsys):
     out = capsys.readouterr().out
     assert out.splitlines()[1] == "Methods: hammerstein reports stiction."
     assert "S (% of travel)" in out
-
-
-def test_level_is_a_number_or_an_interval_in_the_text():
-    shown = (
-        Report([(None, Verdict("m", "stiction", S=1.5, J=(0.0, 1.0), reason="so"))])
-        .as_text()
-        .splitlines()
-    )
-    assert shown[1].split() == [
-        "method",
-        "verdict",
-        "score",
-        "S",
-        "(%",
-        "of",
-        "travel)",
-        "J",
-        "applicable",
-    ]
-    assert shown[2].split() == ["m", "stiction", "1.5", "0", "to", "1", "yes"]
-
-
-def test_cells_stand_in_equal_columns():
-    assert columns([("a", "b"), ("long", "c")]) == ["a     b", "long  c"]
 
 
 def test_what_the_methods_say_together_counts_each():

@@ -23,10 +23,3 @@ def test_methods_that_were_not_asked_are_no_votes():
     mixed = [*verdicts, *judge(swings, ["gbt44693"])]
     assert summary.sentence(mixed).startswith(("0 of 1 methods", "1 of 1 methods"))
     assert summary.sentence(mixed).endswith("; 3 not asked: no sustained oscillation")
-
-
-def test_what_a_verdict_says_of_the_record_stands_once_in_its_reason():
-    t = np.arange(900.0)
-    record = LoopRecord(op=50 + 5 * np.sin(t / 8), pv=20 - np.cos(t / 8), Ts=1.0)
-    for verdict in judge(record, ["yamashita", "kano_a", "kano_b"]):
-        assert verdict.reason.count("PV as MV, kind of loop unknown") == 1

@@ -1,26 +1,19 @@
 """Small parts of the benchmark on cases worked out by hand."""
 
-import io
 import math
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
-import pyarrow.parquet as pq
 import pytest
 
-from results.studies.leak import Leak
 from simbench.bench import statistics as of
 from simbench.bench.check.check_result import Check
 from simbench.bench.execute import compute_piece as piece
 from simbench.bench.execute.failures import Failures
-from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario import truth
-from simbench.bench.score.names import kind_of
 from simbench.bench.score.pairing import pair
-from simbench.bench.score.ranks import loops_needed, rank_methods
 from simbench.bench.store import manifest
-from simbench.bench.store.tables import AXES, SCENARIOS, VERDICT_SCHEMA, encode
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.summary import level_ends
 from simbench.detectors.verdict import Verdict
@@ -28,24 +21,6 @@ from simbench.loop.motion import Motion, largest_sine, motion
 from simbench.scenarios.spec import Loop
 
 SHOWN = 20  # flipped scenarios that a check shows
-
-
-def test_ranks_of_nobody_of_one_and_of_two_that_are_far_apart():
-    nobody = rank_methods(np.zeros((0, 5), dtype=bool))
-    assert (nobody.rank.size, math.isnan(nobody.resolution), math.isnan(nobody.spread)) == (
-        0,
-        True,
-        True,
-    )
-    assert rank_methods(np.zeros((2, 0), dtype=bool)).rank.tolist() == [1, 1]
-    half = np.arange(98) % 2 == 0
-    # p = 50/100 with one success and one failure more: spread 2 * 1/4
-    one = rank_methods(half[None])
-    assert (one.rank.tolist(), one.spread) == ([1], pytest.approx(0.5))
-    assert one.resolution == pytest.approx(1.959964 * math.sqrt(0.5 / 98), rel=1e-6)
-    two = rank_methods(np.array([half, ~half]))  # alone right in every loop
-    assert two.spread == pytest.approx(1.0)
-    assert loops_needed(0.1, 1.0) == math.ceil((1.959964 + 1.281552) ** 2 * 100)
 
 
 def test_statistics_of_the_fewest_cases():
@@ -67,30 +42,6 @@ def test_loops_are_paired_by_id(book):
     assert pairs.now.tolist() == [1, 2]
     assert pairs.before.tolist() == [2, 0]
     assert pairs.same.tolist() == [False, True]
-
-
-def test_a_piece_of_a_table_keeps_its_types_and_its_number():
-    rows = [
-        {"scenario_id": "a", "score": math.nan, "applicable": True, "runtime_s": 0.0},
-        {"scenario_id": "b", "score": 1.5, "applicable": None, "runtime_s": -math.inf},
-    ]
-    read = pq.read_table(io.BytesIO(encode(rows, VERDICT_SCHEMA, 7)))
-    assert read.schema.metadata[b"piece"] == b"7"
-    assert read.schema.metadata[b"format"] == b"3"
-    assert read["score"].to_pylist() == [None, 1.5]
-    assert read["runtime_s"].to_pylist() == [0.0, -math.inf]
-    assert read["applicable"].to_pylist() == [True, None]
-    assert set(AXES) < set(SCENARIOS.names)
-    assert {str(SCENARIOS.field(n).type) for n in ("cell", "repeat", "group", "seed", "n")} == {
-        "int64"
-    }
-    assert {
-        str(SCENARIOS.field(n).type)
-        for n in ("block", "process", "disturbance", "tuning", "cycled")
-    } == {"string"}
-    assert {
-        str(SCENARIOS.field(n).type) for n in ("Td_over_T", "noise_ratio", "samples_per_period")
-    } == {"double"}
 
 
 def test_a_motion_with_few_reversals_has_what_can_be_computed():
@@ -124,10 +75,6 @@ def test_a_turn_counts_when_it_goes_back_by_more_than_the_least():
 def test_the_largest_sine_is_looked_for_within_a_factor_of_three(period, inside):
     wave = 2.0 * np.sin(2 * np.pi * np.arange(6600) / period)
     assert (largest_sine(wave, 100.0) > 1.8) is inside
-
-
-def test_a_tail_is_twenty_periods_long_within_limits():
-    assert [truth._samples(p) for p in (1.0, 3.0, 10.01, 5000.0)] == [60, 60, 201, 20000]
 
 
 def loop(**more):
@@ -174,53 +121,6 @@ def test_a_valve_that_turned_seldom_and_still_moves_is_unclear(reversals, late, 
     assert truth._goes_on_by_itself(loop(), 0, tail, moved, 1.0, 0) == expected
 
 
-def test_numbers_of_a_cell_have_three_digits():
-    assert [rules.significant(x) for x in (1234.5, 0.00123456, 9.999, 1.0)] == [
-        1230.0,
-        0.00123,
-        10.0,
-        1.0,
-    ]
-
-
-@pytest.mark.parametrize(
-    ("settings", "guess"),
-    [
-        # k = K Kc/T max(1, T/Ti); p = J/(2 - k Td); 2 S/(k p) + 2 Td + k Td^2
-        ({}, 2 * 5 / (0.1 * 2 / 1.8) + 4 + 0.4),
-        ({"controller": {"type": "PI", "Kc": 1, "Ti": 5}}, 2 * 5 / (0.2 * 2 / 1.6) + 4 + 0.8),
-        ({"controller": {"type": "P", "Kc": 4}}, 2 * 5 / (0.4 * 2 / 1.2) + 4 + 1.6),
-        (
-            {"controller": {"type": "P", "Kc": 9}},
-            2 * 5 / (0.9 * 2 / 1.1) + 4 + 1.8,
-        ),  # k Td at most 0.9
-        (
-            {"valve": {"model": "choudhury", "S": 6, "J": 0}},
-            2 * 6 / (0.1 * 2 / 1.8) + 4 + 0.4,
-        ),  # as J = S/3
-        (
-            {
-                "plant": {"type": "integrating", "K": 0.1, "Td": 2},
-                "valve": {"model": "choudhury", "S": 6, "J": 0},
-            },
-            4 * math.pi * math.sqrt(10 / 0.1) + 8,
-        ),
-        ({"valve": {"model": "ideal"}}, 2 * 1 / (0.1 * 1 / 1.8) + 4 + 0.4),  # as S = J = 1
-    ],
-)
-def test_the_first_guess_of_a_period(settings, guess):
-    assert rules.first_guess(loop(**settings)) == pytest.approx(guess, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("scenarios", "failed", "most"), [(5, 0, 0.05), (0, 9, 0.09), (50, 10, 0.5)]
-)
-def test_failures_are_shares_of_what_was_tried(scenarios, failed, most):
-    failures = Failures(100, scenarios, {"he": failed} if failed else {}, {"why": 3})
-    assert failures.above(most - 1e-9)
-    assert not failures.above(most)
-
-
 def test_failures_are_counted_and_those_of_plug_ins_as_well():
     failures = Failures(10, 2, {"he": 4, "mine": 8}, {"he: why": 4})
     assert (
@@ -232,48 +132,6 @@ def test_failures_are_counted_and_those_of_plug_ins_as_well():
     assert not failures.above(1.0)
     assert str(Failures(10, 0)) == ""
     assert not Failures(0, 0).above(0.0)
-
-
-@pytest.mark.parametrize(
-    ("role", "sees_mv", "kind"),
-    [
-        ("stiction", False, 0),
-        ("stiction", True, 1),
-        ("oracle", True, 2),
-        ("yardstick", False, 2),
-        ("nonlinearity", False, 3),
-    ],
-)
-def test_who_is_ranked_with_whom(role, sees_mv, kind):
-    assert kind_of(role, sees_mv) == kind
-
-
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        ({}, None),
-        ({"counts": {"yes": 44, "no": 56}}, "0.440 of the loops cycle"),
-        ({"counts": {"yes": 56, "no": 44}}, "0.560 of the loops cycle"),
-        ({"unmatched": 12}, "0.107 of the loops are left out"),
-        ({"alone": {"op_std": 0.571}}, "AUC 0.571 of op_std"),
-        ({"sets": {"noise": 0.601}}, "AUC 0.601 of the set noise"),
-        ({"sets": {"rhythm": 0.561}}, "AUC 0.561 of the set rhythm"),
-        ({"together": 0.621}, "AUC 0.621 of all together"),
-        ({"tree": (0.601, ("Ts", "op_std"))}, "a tree on Ts and op_std"),
-    ],
-)
-def test_a_grid_tells_nothing_up_to_and_with_its_bounds(change, problem):
-    bounds = {
-        "counts": {"yes": 45, "no": 55},
-        "unmatched": 11,
-        "oscillating": 90,
-        "majority": 0.55,
-        "alone": {"op_std": 0.57},
-        "sets": {"noise": 0.60},
-        "together": 0.62,
-        "tree": (0.60, ("Ts", "op_std")),
-    }
-    assert Leak(**{**bounds, **change}).problems == ([] if problem is None else [problem])
 
 
 def checked(flips, **row):

@@ -47,12 +47,6 @@ def test_a_single_sample_of_1e59_warns_of_nothing(large, here, words, signal):
     assert run_verb(words.replace("REC", str(large / f"{signal}.csv")))[0] in (0, 2)
 
 
-@pytest.mark.slow
-def test_a_folder_of_samples_of_1e59_warns_of_nothing(large, tmp_path, capfd):
-    run_verb(f"detect {large} --html {tmp_path}/page.html")
-    assert "Warning" not in capfd.readouterr().err
-
-
 def stranger(folder, *words):
     """Run a verb as a user whom no table of users knows, with nothing to write to but one
     folder.

@@ -232,13 +232,6 @@ def test_one_bit_of_a_table_is_noticed_or_changes_nothing(finished, here, kind):
     assert found > 20
 
 
-def test_simulate_from_a_damaged_run(finished, here):
-    scenario = pq.read_table(finished / "scenarios.parquet").column("scenario_id")[0].as_py()
-    spoil(file_of(copied(finished, here), "scenarios"), "cut")
-    refused(f"simulate --from copy --id {scenario} -o r.csv", "copy")
-    refused(f"simulate --from {finished} --id nothing -o r.csv", "nothing")
-
-
 def test_an_empty_baseline_never_passes(finished, baseline, here):
     base = copied(baseline, here)
     for kind in TABLES:

@@ -5,7 +5,6 @@ later is a row.
 from __future__ import annotations
 
 import json
-import tomllib
 from itertools import product
 
 import pyarrow.parquet as pq
@@ -13,8 +12,6 @@ import pytest
 
 from simbench.bench.execute import compute_piece as piece
 from simbench.bench.execute.failures import read_failures
-from simbench.scenarios.errors import SpecError
-from simbench.scenarios.grid import make_grid
 from tests.simbench.boundary.conftest import (
     answer_to,
     names_in,
@@ -292,18 +289,6 @@ def test_a_wrong_option_of_run(here, option, part):
     words = [*RUN.split(), *option.split(" ")]  # an empty value is a word too
     refused(words, part, values=values)
     assert names_in(here) == ["grid.toml"]
-
-
-def test_all_mistakes_are_named_at_once():
-    text = HEAD
-    for old, new in (
-        ("[0.7, 2.0]", "[2.0, 0.7]"),
-        ('"choudhury"', '"choudury"'),
-        ('["none", "sine"]', '["none", "sinus"]'),
-    ):
-        text = text.replace(old, new, 1)
-    with pytest.raises(SpecError, match=r"amplitude[\s\S]*sinus|sinus[\s\S]*amplitude"):
-        make_grid(tomllib.loads(text), "grid")
 
 
 def test_what_cannot_be_simulated_is_a_row_with_its_reason_and_the_exit_code_says_so(

@@ -8,11 +8,8 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.simbench.boundary.conftest import answer_to, asked, names_in, refused
-from tests.simbench.boundary.test_fuzz import MANY
 from tests.simbench.boundary.test_loops import text as loop_text
 
 
@@ -95,22 +92,6 @@ Kc = 1
 """
 
 
-@pytest.mark.slow
-def test_thousands_of_columns_are_read_in_a_moment(here):
-    """In time that grows with their number, not with its square: 9 s of the names' comparisons
-    alone would be more.
-    """
-    names = [f"x{k}" for k in range(20_000)]
-    rows = [",".join([str(k), str(k % 7), str(k % 5), *["1"] * 20_000]) for k in range(4)]
-    (here / "wide.csv").write_text("\n".join(["t,op,pv," + ",".join(names), *rows]))
-    assert asked("detect wide.csv --method horch --json")[0] == 0
-
-
-def test_a_file_in_another_alphabet_comes_back_as_a_short_sentence(here):
-    (here / "e.csv").write_bytes((here / "rec.csv").read_text().encode("cp500"))
-    refused("detect e.csv", "e.csv: no PV column")
-
-
 @pytest.mark.parametrize("first", [45_000.0, 739_000.0])  # of a spreadsheet, and of MATLAB
 def test_days_are_never_taken_for_seconds(here, first):
     write(here / "days.csv", first + np.arange(900) / 86400, "timestamp,op,pv")
@@ -177,65 +158,3 @@ VERBS = [
     "figure table-11-4 -o f",
     "valve --model kano op.csv -o v.csv",
 ]
-OPTIONS = [
-    "--op-span",
-    "--pv-span",
-    "--ts",
-    "--method",
-    "--columns",
-    "--kind",
-    "--loop",
-    "--set",
-    "--axis",
-    "--seed",
-    "--kick",
-    "--param",
-    "-j",
-    "--address",
-    "--backend",
-    "-o",
-    "--html",
-    "--csv",
-]
-HOSTILE = [
-    "0",
-    "-1",
-    "nan",
-    "1e309",
-    "a=b",
-    "K=1",
-    "op=pv",
-    "..",
-    "",
-    "s3://k:secret@h/x",
-    "ftp://me:secret@127.0.0.1:1/a",
-    "memory://x",
-    "local:///proc/x",
-    "data:/x",
-    "::",
-    "1_0",
-    "seed=1_0",
-    "\udcff",
-    "=1",
-    "x" * 300,
-    "self",
-    "pipe.csv",
-]
-WORDS = st.one_of(
-    st.sampled_from(HOSTILE),
-    st.floats().map(str),
-    st.text(max_size=6).filter(lambda t: "\0" not in t and not t.startswith("-")),
-)
-
-
-@MANY
-@given(
-    verb=st.sampled_from(VERBS),
-    options=st.lists(
-        st.tuples(st.sampled_from(OPTIONS), WORDS, st.booleans()), min_size=1, max_size=3
-    ),
-)
-def test_options_at_random(here, stopped, verb, options):
-    given = (word for name, value, twice in options for word in (name, *[value] * (1 + twice)))
-    _, _, message = asked([*verb.split(), *given])
-    assert "secret" not in message

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.simbench.boundary.conftest import answer_to, run_verb, sampled
+from tests.simbench.boundary.conftest import run_verb, sampled
 from tests.simbench.boundary.test_hostile import write
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes")
@@ -49,11 +49,3 @@ def test_a_name_that_is_no_text_is_taken_and_shown_escaped(here, chain):
         text = page.read_text(encoding="utf-8")
         assert not any(raw in text for raw in RAW), page
         assert page.suffix != ".csv" or ";=" not in text
-
-
-def test_a_run_in_a_folder_whose_name_is_no_text_states_its_command(here, monkeypatch):
-    words = ["run", "smoke", "-o", ODD, "--method", "horch_histogram", "-j", "1"]
-    monkeypatch.setattr(sys, "argv", ["simbench", *words])
-    answer_to([*words, "--set", "disturbance=none", "--set", "repeats=1"])
-    (here / ODD / "manifest.json").read_text(encoding="utf-8").encode()
-    assert run_verb(["score", ODD, "--report", "page.html"])[0] == 0

@@ -8,11 +8,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from simbench.detectors.errors import ParameterError
 from simbench.loop.effects import EFFECTS as VOCABULARY
 from simbench.loop.effects import PLUGINS as EFFECTS
 from simbench.loop.parameters import VALVES
-from simbench.loop.part_files import added_parts
 from simbench.loop.valves import deadband
 from tests.simbench.boundary.conftest import answer_to, refused
 from tests.simbench.boundary.test_loops import text as loop
@@ -101,30 +99,6 @@ def test_a_wrong_part_is_refused_in_one_sentence_that_names_it(here, words, name
     assert not [*here.glob("r.csv"), *here.glob("mv.csv")]
 
 
-@pytest.mark.parametrize(
-    ("option", "source", "names"),
-    [
-        ("--valve-plugin", PLAY, ("deadband", "Mine", "a b", "absent")),
-        ("--effect-plugin", HUM, ("noise", "none", "unknown", "my-file")),
-    ],
-)
-def test_a_name_that_means_something_already_is_refused(here, option, source, names):
-    loop_file()
-    for name in names:
-        file = here / f"{name}.py"
-        if name != "absent":
-            file.write_text(source)
-        refused(["simulate", "loop.toml", "-o", "r.csv", option, file], file.name)
-    assert not (here / "r.csv").exists()
-
-
-def test_two_files_of_one_name_are_refused_and_nothing_is_known_afterwards(here):
-    (here / "b").mkdir()
-    files = [hostile(folder, PLAY, *FINE) for folder in (here, here / "b")]
-    with pytest.raises(ParameterError, match="taken"), added_parts(files):
-        pass
-
-
 def test_a_part_of_a_file_gives_what_the_built_in_one_gives(here):
     hostile(here, PLAY, *FINE)
     for name, plugins in (("deadband", ""), ("mine", "--valve-plugin mine.py")):
@@ -157,12 +131,6 @@ disturbance = ["none"]
 """
 
 
-def grid_file(name: str, *members: str) -> None:
-    """Write a grid with one scenario for each valve."""
-    tables = (f'[[block.member]]\nname = "{m}"\nvalve = "{m}"\n' for m in members)
-    Path(name).write_text(GRID + "".join(tables))
-
-
 # fails in one of two loops of a grid, and not in the cell that is tried before the run
 LATE = (STEP, "if p.S > 6.0:\n        raise ValueError('on purpose')")
 
@@ -187,13 +155,6 @@ def test_a_loop_that_a_part_fails_in_is_a_row_and_the_others_are_as_without_it(h
     words = f"simulate --from b --id {scenario} -o r.csv"
     answer_to(f"{words} {plugin}")
     refused(words, "'mine'")
-
-
-def test_a_part_that_fails_from_the_start_is_refused_before_the_run(here):
-    hostile(here, PLAY, REST, "raise ValueError('on purpose')")
-    grid_file("g.toml", "mine")
-    refused("run g.toml -o run --method oracle --valve-plugin mine.py", "'mine'", "on purpose")
-    assert not (here / "run").exists()
 
 
 @pytest.fixture

@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from simbench.detectors.errors import ParameterError
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.record import LoopRecord
 from simbench.verbs import detect
@@ -81,15 +80,6 @@ HOSTILE = {
     ),
     "writes into its input": ("prepared.record.op[0] = 1e9\n    " + FINE, "read-only"),
 }
-# what is nobody else's concern: it answers, and the others do not notice
-HARMLESS = {
-    "prints": 'print("x" * 100_000)\n    ' + FINE,
-    "numpy numbers": (
-        'return Verdict("x", "stiction", score=np.float32(1), S=np.float64(2.0), reason="r")'
-    ),
-    "no score": 'return Verdict("x", "no_decision", reason="r")',
-    "no index": 'return Verdict("x", "stiction", 1.0, {"a": float("nan")}, reason="r")',
-}
 T = np.arange(600.0)
 RECORD = LoopRecord(op=50 + np.sin(T / 8), pv=50 - np.sin(T / 8 - 1), Ts=1.0)
 OTHERS = ["horch", "horch_histogram", "rossi_scali"]
@@ -135,16 +125,6 @@ def test_hostile_plug_ins_are_named_and_the_others_do_not_notice(here, alone):
         assert offender.verdict == "no_decision", name
         assert offender.reason.startswith("failed: ")
         assert parts[name][1] in offender.reason
-
-
-def test_what_plug_ins_print_mixes_with_no_answer(here, alone, capsys):
-    files = [plugin(here, body, "_".join(["x", *name.split()])) for name, body in HARMLESS.items()]
-    others, harmless = answers(plugins=files)
-    assert others == alone
-    assert len(harmless) == len(HARMLESS)
-    for verdict in harmless.values():
-        assert not verdict.reason.startswith("failed"), verdict.reason
-    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.parametrize("words", ["detect rec.csv", "run smoke -o run", "run smoke -o run -j 2"])
@@ -199,19 +179,6 @@ def test_a_name_that_means_something_already_is_refused(here, words):
         refused([*words.split(), "--method", "horch", "--plugin", f"{name}.py"], name, "rename")
 
 
-def test_two_files_of_one_name_are_never_mistaken_for_each_other(here):
-    (here / "b").mkdir()
-    first, second = (plugin(folder, FINE) for folder in (here, here / "b"))
-    with pytest.raises(ParameterError, match="taken"):
-        methods.add_files(first, second)
-    assert methods.add_files(first, first) == ["stranger"]
-
-
-def test_missing_plug_ins_are_named(here):
-    refused("run smoke -o run --plugin none.py", "none.py")
-    refused(["detect", "rec.csv", "--plugin", here], here.name)
-
-
 def test_a_run_with_an_offender_is_the_run_without_it_for_all_others(here):
     """The verdicts of the others equal, its failures counted, exit 1: it failed on more records
     than allowed.
@@ -263,12 +230,6 @@ def test_a_published_detector_is_asked_as_those_of_files_are(published, alone):
     assert others == alone
     assert offenders["good"].verdict == offenders["good@published"].verdict == "stiction"
     assert "on purpose" in offenders["mad"].reason
-
-
-def test_a_published_detector_takes_no_name_of_a_built_in_one(published, alone):
-    published(horch=FINE, oracle=FINE)
-    assert answers()[0] == alone
-    assert "oracle" not in methods.names()
 
 
 def test_a_published_detector_that_cannot_be_imported_is_named_with_its_distribution(published):

@@ -177,13 +177,6 @@ def test_a_workbook_of_an_old_excel_or_with_a_password(here, name):
     refused(f"detect {name}", name, "without a password is needed")
 
 
-@pytest.mark.parametrize("column", ["op", "pv", "t"])
-def test_a_parquet_column_of_another_type(here, column):
-    for value in ("a", None, [1, 2], b"\0", True):
-        frame(**{column: pd.Series([value] * N, dtype=object)}).to_parquet("rec.parquet")
-        refused(READERS["detect"].format("rec.parquet"), "rec.parquet")
-
-
 def test_a_small_sheet_that_unpacks_to_a_large_one_is_refused(here, monkeypatch):
     monkeypatch.setattr(files, "MOST_UNPACKED", 500_000)
     with (

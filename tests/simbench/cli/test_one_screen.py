@@ -50,11 +50,3 @@ def test_what_a_verb_prints_fits_one_screen(records, name, monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert 0 < len(lines) <= LINES
     assert max(len(line) for line in lines if not line.startswith(PATHS)) <= COLUMNS
-
-
-def test_simbench_alone_prints_its_help(capsys):
-    assert main([]) == 0
-    printed = capsys.readouterr()
-    assert printed.out.startswith("Usage: simbench ")
-    assert "detect" in printed.out
-    assert printed.err == ""

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import json
 import shlex
 
 import numpy as np
@@ -139,30 +138,3 @@ def test_what_a_verb_refuses_it_reads_when_its_command_is_typed(tmp_path, caught
     _, *again = shlex.split(capsys.readouterr().err.strip().split("try: ")[1])
     assert typed(again) == 0
     assert caught[0].n > 100
-
-
-def test_detect_judges_every_loop_of_a_file(export, capsys):
-    assert cli.main(["detect", str(export / "unit.csv"), "--method", "horch", "--json"]) == 0
-    assert [v["record"] for v in json.loads(capsys.readouterr().out)] == [
-        "[default]U1/FIC101",
-        "[default]U1/LIC7",
-    ]
-
-
-def test_the_whole_path_of_a_tag_is_in_the_matrix(export, capsys):
-    assert cli.main(["detect", str(export / "unit.csv"), "--method", "horch"]) == 0
-    assert "[default]U1/FIC101 " in capsys.readouterr().out
-
-
-def test_what_reading_assumed_follows_the_answer(export, capsys, tmp_path):
-    file = tmp_path / "low.csv"
-    record = example_loop(noise=0.1)
-    op = 8 + 4 * (record.op - record.op.min()) / np.ptp(record.op)
-    file.write_text(
-        "t,op,pv\n"
-        + "".join(f"{t},{o:.4f},{p:.5f}\n" for t, o, p in zip(record.t, op, record.pv, strict=True))
-    )
-    assert cli.main(["diagnose", str(file)]) == 0
-    assert "add --op-span 4 20" in " ".join(capsys.readouterr().out.split())
-    assert cli.main(["diagnose", str(file), "--json"]) == 0
-    assert any("--op-span 4 20" in note for note in json.loads(capsys.readouterr().out)["notes"])

@@ -7,9 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from results.studies.coupled_loops import drawn_pair, find_culprit, main
+from results.studies.coupled_loops import drawn_pair, find_culprit
 from simbench.confirm.gain_change import gain_change
-from simbench.detectors.errors import ParameterError
 
 IDEAL = {"model": "ideal"}
 SINE = [{"type": "sine", "amplitude": 3.0, "period": 60.0}]
@@ -50,15 +49,6 @@ def test_near_its_stability_limit_a_healthy_loop_moves_its_period_but_is_not_cal
     assert "a sound valve stops oscillating" in healthy.reason
 
 
-@pytest.mark.parametrize(
-    "valve", [{"model": "deadband", "S": 5.0}, pytest.param(IDEAL, marks=pytest.mark.slow)]
-)
-def test_a_loop_that_rests_has_nothing_to_confirm(loop, valve):
-    outcome = gain_change(loop(valve=valve, noise=0.01))
-    assert outcome.verdict == "no_decision"
-    assert "no sustained oscillation" in outcome.reason
-
-
 def test_a_loop_at_rest_is_nudged_and_that_is_reported(loop):
     assert gain_change(loop()).as_json()["nudge"] > 0
     moved = loop(J=5.0, setpoint={"value": 50, "steps": [[10, 54]]})
@@ -93,46 +83,3 @@ def test_the_culprit_of_two_coupled_loops_is_named(sticky):
     assert pair.shifts[1 - sticky] < 0.1
     assert json.loads(json.dumps(pair.as_json()))["culprit"] == sticky
     assert len(pair.plot().axes) == 4
-
-
-@pytest.mark.parametrize(
-    ("more", "reason"),
-    [
-        ({"disturbance": SINE}, "outside"),
-        pytest.param({}, "no sustained", marks=pytest.mark.slow),
-    ],
-)
-def test_no_culprit_when_the_oscillation_comes_from_outside_or_nothing_oscillates(
-    loop, more, reason
-):
-    pair = [loop(valve=IDEAL, **more), loop(valve=IDEAL, Kc=0.5)]
-    outcome = find_culprit(pair, np.array([[0, 0.3], [0.3, 0]]))
-    assert outcome.culprit is None
-    assert reason in outcome.reason
-
-
-@pytest.mark.parametrize("pairs", [1, pytest.param(4, marks=pytest.mark.slow)])
-def test_culprit_is_named_in_random_pairs(monkeypatch, capsys, pairs):
-    monkeypatch.setattr("sys.argv", ["coupled", "--pairs", str(pairs), "--seed", "12"])
-    main()
-    assert f"culprit named in {pairs} of {pairs} pairs" in capsys.readouterr().out
-
-
-def test_one_loop_is_no_pair(loop):
-    with pytest.raises(ParameterError, match="two or more"):
-        find_culprit([loop()], np.zeros((1, 1)))
-
-
-def test_a_rule_on_the_period_alone_would_call_a_level_that_rolls_sticky(loop):
-    slow = {"plant": {"type": "integrating", "K": 0.0033, "Td": 5.0}}
-    slow |= {"controller": {"type": "PI", "Kc": 0.35, "Ti": 60.0}}
-    load = [{"type": "coloured", "amplitude": 1.0, "period": 400.0}]
-    rolls = loop(valve=IDEAL, noise=0.1, Ts=5.0, n=4000, disturbance=load, **slow)
-    outcomes = [gain_change(rolls, 0.6, seed) for seed in range(3)]
-    assert any(outcome.shift > 0.1 for outcome in outcomes)
-    assert all(outcome.verdict != "stiction" for outcome in outcomes)
-
-
-def test_friction_that_is_stated_as_an_effect_is_not_in_the_sound_loop(loop):
-    as_effect = loop(valve=IDEAL, effect=[{"name": "stiction", "S": 5.0, "J": 2.0}])
-    assert gain_change(as_effect).verdict == gain_change(loop()).verdict == "stiction"

@@ -45,20 +45,6 @@ def test_a_valve_that_follows_small_steps_is_not_sticky(loop, valve):
     assert (test.J, test.S) == (0.2, 0.2)
 
 
-def test_smaller_steps_measure_more_finely(loop):
-    test = travel_test(loop(S=1.33, J=0.57), increment=0.05)
-    assert 0.57 <= test.J <= 0.62 + 1e-9
-    assert 1.33 <= test.S <= 1.38 + 1e-9
-
-
-def test_disturbances_and_set_point_do_not_act_in_manual(loop):
-    more = {
-        "disturbance": [{"type": "sine", "amplitude": 3, "period": 60}],
-        "setpoint": {"value": 50, "steps": [[50, 60]]},
-    }
-    assert travel_test(loop(**more)).as_json() == travel_test(loop()).as_json()
-
-
 @pytest.mark.parametrize(
     ("S", "J", "reason"), [(100.0, 50.0, "did not answer"), (95.0, 3.0, "limit")]
 )

@@ -1,11 +1,9 @@
 """Baselines of higher order, and the inner loop of a cascade as the record."""
 
-import numpy as np
 import pytest
 
 import simbench as sb
 from simbench.detectors.errors import UserError
-from simbench.loop.plant import beyond_first_order, first_order_like, polynomials, sample
 from simbench.scenarios.errors import SpecError
 
 BASE = {
@@ -48,20 +46,6 @@ def test_the_inner_loop_of_a_cascade_is_judged_from_its_record():
         2
     )
     assert sb.gap.diagnose(run, loop).effect == "gain_mismatch"
-
-
-def test_what_is_beyond_first_order_gives_the_whole_plant_again():
-    plant = sb.Loop(
-        **{**BASE, "plant": {"type": "tf", "num": [-3.0, 1.2], "den": [400, 120, 17, 1]}}
-    ).plant
-    b, a = beyond_first_order(plant, 1.0)
-    whole, alone = (sample(*polynomials(p), 0.0, 1.0) for p in (plant, first_order_like(plant)))
-    z = np.exp(1j * np.array([0.01, 0.1, 1.0]))
-    responses = [
-        [(g.C @ np.linalg.solve(v * np.eye(g.order) - g.A, g.B_new)) for v in z]
-        for g in (whole, alone)
-    ]
-    assert np.allclose(responses[0], np.array(responses[1]) * np.polyval(b, z) / np.polyval(a, z))
 
 
 def test_a_plant_without_a_model_is_no_baseline():

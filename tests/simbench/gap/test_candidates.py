@@ -4,25 +4,21 @@ large as is said.
 
 from dataclasses import replace
 
-import pandas as pd
 import pytest
-from left_out import left_out
 from recorded import FLOW, LOADED, recorded
 
-from results.studies.withheld.score import true_circumstances
 from simbench.gap.candidates import (
     find_look_alikes,
     fit_candidates,
     possible_effects,
     proven,
 )
-from simbench.gap.effects import NOT_IN_PLANT, recogniser
+from simbench.gap.effects import recogniser
 from simbench.gap.intake.check import check
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.situation import load_memory
-from simbench.loop.effects import EFFECTS, block_of
-from simbench.loop.effects._alike import indistinguishable
+from simbench.loop.effects import block_of
 from simbench.scenarios.spec import Loop
 
 SHORT = {"sampling": {"Ts": 1.0, "n": 900}}
@@ -42,56 +38,9 @@ def plain():
     return situation()
 
 
-@pytest.mark.parametrize(
-    ("effect", "parameters"),
-    [
-        ("stiction", {"S": 3.0, "J": 0.4}),
-        ("stiction", {}),
-        ("deadband", {"S": 2.0}),
-        ("noise", {"factor": 2.0}),
-        ("drift", {"rate": 0.0, "walk": 1e-4}),
-        ("drift", {"rate": 5.0, "walk": 0.0}),
-        ("drift", {"rate": 5.0, "walk": 1.0}),
-        ("load_drift", {"rate": 0.003, "walk": 0.0}),
-        ("load_drift", {"rate": 0.001, "walk": 0.001}),
-        ("load_steps", {"size": 0.05}),
-        ("load_steps", {"size": 5.0}),
-    ],
-)
-@pytest.mark.parametrize(
-    "base", [FLOW, VESSEL, FLOW | {"setpoint": {"value": 50}}], ids=["foptd", "vessel", "at rest"]
-)
-@pytest.mark.parametrize("mv", [False, True])
-def test_the_diagnosis_sees_the_circumstances_that_its_judge_sees(base, mv, effect, parameters):
-    s = situation(base, mv=mv)
-    columns = {
-        name: x for name in ("sp", "op", "pv", "mv") if (x := getattr(s.record, name)) is not None
-    }
-    true = true_circumstances(
-        {"effect": effect, "parameters": parameters}, s.baseline.to_table(), pd.DataFrame(columns)
-    )
-    assert set(find_look_alikes(effect, s, parameters)) == indistinguishable(effect, true)
-
-
-def test_what_is_out_of_the_library_is_like_nothing():
-    s = situation(FLOW)
-    assert find_look_alikes("extra_lag", s) == ("extra_lag", "valve_lag")
-    with left_out("valve_lag"):
-        assert find_look_alikes("extra_lag", s) == ("extra_lag",)
-
-
 def test_none_and_unknown_are_alone(plain):
     assert find_look_alikes("none", plain) == ("none",)
     assert find_look_alikes("unknown", plain) == ("unknown",)
-
-
-def test_every_effect_of_the_vocabulary_is_recognised_somehow():
-    for effect in EFFECTS:
-        how = recogniser(effect)
-        assert how.fit is not None or how.proven is not recogniser("stiction").proven, effect
-        known = {"plant", "tuning", "time constant", "valve without friction", NOT_IN_PLANT}
-        assert how.needs <= known, effect
-        assert (how.by_mv is not None) == (block_of(effect) == "valve"), effect
 
 
 def test_what_cannot_be_is_not_fitted(plain):

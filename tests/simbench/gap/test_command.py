@@ -91,20 +91,6 @@ def test_the_loop_file_it_writes_simulates_like_the_record(answer, place):
     assert np.abs(bare - real).max() > np.log(3.0)
 
 
-def test_every_part_of_a_written_loop_says_what_it_is_for(answer, place):
-    lines = (place / "fixed.toml").read_text().splitlines()
-    of_loop = lines[lines.index("") + 1 :]
-    heads = [k for k, line in enumerate(of_loop) if line.startswith("[") and "valve" not in line]
-    assert all(of_loop[k - 1].startswith("# ") for k in heads)
-    assert "# moves OP in its first sample, which starts the cycle of a valve at rest" in of_loop
-
-
-@pytest.mark.slow
-def test_records_of_one_loop_give_one_answer(place):
-    both = diagnosed(place, "FIC101.csv", "no_mv.csv", "--baseline", "loop.toml")
-    assert both["effect"] == "stiction"
-
-
 def with_part(place, true, *sections):
     """Return the answer to a record of a loop without MV, beside these sections of the healthy
     loop's file.
@@ -128,11 +114,6 @@ def test_without_a_plant_the_tuning_is_still_judged_and_what_is_left_open_is_not
     assert "gain_mismatch" in notes
     assert "no [sampling] given, identified from the record: Ts = 1" in notes
     assert "[controller]" not in notes
-
-
-@pytest.mark.slow
-def test_without_a_plant_an_agreeing_tuning_is_no_effect(place):
-    assert with_part(place, HEALTHY, "controller")["effect"] == "none"
 
 
 @pytest.mark.slow

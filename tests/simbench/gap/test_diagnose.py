@@ -13,7 +13,7 @@ import pytest
 from simbench.detectors.errors import ParameterError
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.report.result import GapReport
-from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
+from simbench.loop.effects import EFFECTS, NONE
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -68,56 +68,6 @@ def test_the_seed_of_the_simulations_hardly_moves_the_gap(sticky):
     assert other.before == pytest.approx(one.before, rel=0.08)
     assert other.after == pytest.approx(one.after, rel=0.2)
     assert other.floor == pytest.approx(one.floor, rel=0.08)
-
-
-def test_json_has_the_contracts_keys_and_no_others(sticky):
-    report = sticky.as_json()
-    assert json.loads(json.dumps(report)) == report
-    assert set(report) == {
-        "block",
-        "effect",
-        "effects",
-        "group",
-        "ranking",
-        "set",
-        "gap",
-        "shrinkage",
-        "remaining",
-        "blocks",
-        "next_test",
-        "notes",
-        "probability_of_stiction",
-        "conclusion",
-    }
-    assert set(report["effects"][0]) == {"block", "effect", "parameters", "probability"}
-    assert set(report["ranking"][0]) == {
-        "effect",
-        "block",
-        "probability",
-        "gap_before",
-        "gap_after",
-        "group",
-        "parameters",
-    }
-    assert set(report["gap"]) == {
-        "before",
-        "recalibrated",
-        "after",
-        "floor",
-        "resolvable",
-        "plant_floor",
-        "near",
-    }
-    assert set(report["blocks"]) == {*BLOCKS, UNKNOWN}
-
-
-def test_probabilities_and_shares_sum_to_one(sticky):
-    assert sum(r.probability for r in sticky.ranking) == pytest.approx(1.0)
-    assert {r.effect for r in sticky.ranking} == {*EFFECTS, NONE, UNKNOWN}
-    assert sum(sticky.blocks.values()) == pytest.approx(1.0)
-    assert [r.probability for r in sticky.ranking] == sorted(
-        (r.probability for r in sticky.ranking), reverse=True
-    )
 
 
 def slow(effect, parameters):
@@ -199,27 +149,6 @@ def test_beside_a_stated_effect_another_one_is_named():
     assert found.effects[0]["parameters"]["factor"] == pytest.approx(2.0, rel=0.15)
 
 
-@pytest.mark.slow
-def test_a_valve_characteristic_is_named_where_the_record_is_long_enough_to_show_it():
-    steps = [[60, 56], [400, 47], [700, 54], [1100, 45]]
-    wide = BASE.with_all({"sampling.n": 1500, "setpoint.steps": steps})
-    report = ask(blind(record(("valve_characteristic", {"R": 60.0}), loop=wide)))
-    assert report.effect == "valve_characteristic"
-
-
-@pytest.mark.slow
-def test_one_more_series_pole_is_named_as_a_group():
-    report = report_on(("extra_lag", {"tau": 12.0}))
-    assert report.effect in report.group
-    assert {"extra_lag", "valve_lag"} <= set(report.group)
-    assert report.next_test.startswith("the valve position (MV) recorded with OP would tell")
-
-
-@pytest.mark.parametrize("effect", ["valve_lag", pytest.param("extra_lag", marks=pytest.mark.slow)])
-def test_mv_tells_the_valves_lag_from_the_plants(effect):
-    assert report_on((effect, {"tau": 12.0}), mv=True).effect == effect
-
-
 @pytest.mark.parametrize(("gain", "offset"), [(0.16, 4.0), (-1.0, 100.0)])
 def test_mv_in_another_unit_is_put_in_that_of_op_and_said(gain, offset):
     r = record(STICKY)
@@ -242,16 +171,6 @@ def test_two_effects_of_different_blocks_are_both_named():
     assert {e["effect"] for e in report.effects} == {"stiction", "quantisation"}
 
 
-@pytest.mark.slow  # the law behind OP that says so is tested by itself
-def test_a_controller_that_skips_scans_misses_executions():
-    r = blind(record())
-    e, op = r.sp - r.pv, [float(r.op[0])]
-    for k in range(1, r.n):
-        op.append(op[-1] if k % 7 in (0, 1) else op[-1] + 0.6 * (e[k] - e[k - 1]) + 0.6 / 18 * e[k])
-    report = ask(replace(r, op=np.clip(op, 0, 100)))
-    assert (report.effect, report.block) == ("missed_executions", "controller")
-
-
 def test_adding_the_effect_closes_the_gap_and_is_in_the_file(sticky):
     assert sticky.gap.resolvable
     assert sticky.shrinkage["value"] > 0.6
@@ -262,12 +181,6 @@ def test_adding_the_effect_closes_the_gap_and_is_in_the_file(sticky):
     assert again.effect[0].name == "stiction"
     real, sim = record(STICKY), simulate(again, seed=9).record
     assert np.std(sim.op) == pytest.approx(np.std(real.op), rel=0.4)
-
-
-@pytest.mark.slow  # another process gives the same answer in test_command
-def test_the_same_seed_gives_the_same_answer(sticky):
-    again = ask(blind(record(STICKY)))
-    assert again.as_json() == sticky.as_json()
 
 
 @pytest.mark.slow

@@ -1,12 +1,9 @@
 """Terms shown without a likelihood: none where the baseline's law holds, else the missing one."""
 
-from dataclasses import replace
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
-from simbench.gap.exact import controller_term, frozen, read_off, shown
+from simbench.gap.exact import controller_term, frozen, shown
 from simbench.gap.intake.check import check
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -55,39 +52,8 @@ def test_repeats_of_pv_are_shown_with_their_share():
     assert "frozen_sensor" in s.proven
 
 
-def test_what_is_read_off_pays_by_how_often_it_comes_in_the_part_it_was_not_learnt_from():
-    often, never = np.zeros(1000, dtype=bool), np.zeros(1000, dtype=bool)
-    often[::5] = True
-    first, p, q = 650, 130.5 / 651, 1e-3
-    onwards = 70 * np.log(p / q) + 280 * np.log((1 - p) / (1 - q))
-    backwards = 130 * np.log((70.5 / 351) / q) + 520 * np.log((1 - 70.5 / 351) / (1 - q))
-    assert read_off(often, q, first) == pytest.approx(max(onwards, backwards) - np.log(3.0))
-    assert read_off(never, q, first) < 0.0
-
-
-def test_one_long_run_needs_no_second_one_in_the_other_part():
-    once = np.zeros(1000, dtype=bool)
-    once[100:140] = True
-    assert read_off(once, 0.1, 650) == pytest.approx(40 * np.log(10.0) - np.log(3000.0))
-
-
 def test_another_tuning_shows_no_term():
     retuned = Loop.from_table(TABLE).with_("controller.Kc", 1.6).with_("controller.Ti", 30.0)
     s = check(simulate(retuned, 3).record, STATED)
     assert s.law.tuning is not None
     assert controller_term(s, 780) is None
-
-
-@pytest.mark.parametrize("name", ["square", "down"])
-def test_a_term_that_no_effect_has_is_shown_as_nothing(name):
-    """OP by a gain that grows with the error, and by one whose moves down are limited."""
-    record = simulate(Loop.from_table({**TABLE, "noise": {"std": 0.5}}), 3).record
-    e, op = record.sp - record.pv, [50.0]
-    for before, now in pairwise(e):
-        factor = (abs(now), abs(before)) if name == "square" else (2.5, 2.5)
-        move = 0.4 * (now * factor[0] - before * factor[1]) + 0.4 * now * factor[0] / 20.0
-        op.append(op[-1] + (move if name == "square" else max(move, -0.1)))
-    s = check(replace(record, op=np.array(op)), Loop.from_table(TABLE))
-    assert controller_term(s, 780) is None
-    assert shown(s, "derivative") is None
-    assert shown(s, "idle") is None

@@ -71,12 +71,6 @@ def test_what_keeps_its_period_comes_from_outside():
     assert outcome.shift < 0.02
 
 
-def test_a_crest_met_at_the_same_value_in_every_cycle_is_no_limit_but_a_clipped_one_is():
-    assert "limits" not in gain_change_recorded(wave(90), wave(150), 0.6).reason
-    clipped = LoopRecord(np.minimum(wave(90).op, 50.8), wave(90).pv, 1.0)
-    assert "limits" in gain_change_recorded(clipped, wave(150), 0.6).reason
-
-
 def test_the_period_of_two_bare_sines_claims_nothing():
     assert gain_change_recorded(wave(90.3), wave(150.7), 0.6).verdict != "stiction"
 

@@ -9,7 +9,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.law import Law
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood.model import Data
-from simbench.gap.situation import Archive, Situation, load_memory, through_valve
+from simbench.gap.situation import Archive, Situation, load_memory
 from simbench.scenarios.spec import Loop
 
 N = 1000
@@ -46,19 +46,6 @@ def situation(*, straight=0.9, plant=FOPTD, op=OP, valve=None, law=None, archive
 
 
 @pytest.mark.parametrize(
-    ("T", "Td", "n", "memory"),
-    [
-        (15.0, 3.0, 1000, 72.0),
-        (0.5, 0.5, 1000, 5.0),
-        (60.0, 30.0, 1000, 200.0),
-        (60.0, 30.0, 4000, 360.0),
-    ],
-)
-def test_an_ordinary_load_remembers_four_time_scales_of_the_plant(T, Td, n, memory):
-    assert load_memory(situation(T=T, Td=Td, n=n)) == pytest.approx(memory)
-
-
-@pytest.mark.parametrize(
     ("K", "memory"), [(0.1, 4 * (3.0 + 20.0)), (-0.1, 4 * (3.0 + 20.0)), (0.0, 200.0)]
 )
 def test_a_vessels_time_scale_is_its_loops(K, memory):
@@ -92,13 +79,3 @@ def test_a_baselines_valve_is_no_gap():
     assert situation(valve={"model": "choudhury", "S": 1.6, "J": 0.5}).expected_band == 0.0
     assert situation(valve={"model": "choudhury", "S": 1.6, "J": 0.0}).expected_band == 1.6
     assert situation().expected_band == 0.0
-
-
-def test_stages_before_and_after_a_valve_act_in_their_order():
-    u = np.where(np.arange(60) < 10, 50.0, 54.0)
-    play, lag = {"model": "deadband", "S": 2.0}, {"model": "lag", "T": 4.0}
-    after = situation(valve={**play, "behind": [lag]}).baseline
-    before = situation(valve={**lag, "before": [play]}).baseline
-    after, before = (through_valve(u, baseline, 2.0) for baseline in (after, before))
-    assert after == pytest.approx(before)
-    assert after[-1] == pytest.approx(53.0, abs=1e-3)

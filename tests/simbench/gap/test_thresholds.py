@@ -4,7 +4,6 @@ import ast
 import copy
 import json
 import pickle
-import re
 from pathlib import Path
 
 import pytest
@@ -53,13 +52,3 @@ def test_a_threshold_is_a_number_like_any_other():
     assert one * 2 == 1.0
     assert f"{one:.2f}" == "0.50"
     assert type(copy.copy(one)) is type(pickle.loads(pickle.dumps(one))) is float
-
-
-def test_what_a_source_names_is_there():
-    root = GAP.parents[1]
-    for name, x in THRESHOLDS.items():
-        for path in re.findall(r"results/[\w/]+(?:\.txt)?", x.source):
-            assert (root / path).exists(), name
-        for module in re.findall(r"results(?:\.\w+)+", x.source):
-            place = root / module.replace(".", "/")
-            assert place.with_suffix(".py").exists() or (place / "__main__.py").exists(), name

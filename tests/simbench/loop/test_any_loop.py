@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import simbench as sb
-from simbench.loop.plant import first_order_like
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.run import run_setup
 from simbench.loop.simulate import simulate
@@ -145,8 +144,3 @@ def test_a_system_of_python_control_is_a_plant(system):
     assert np.allclose(
         expected.simulate(1).record.pv[:first], simulate(written, 1).record.pv[:first], rtol=1e-9
     )
-
-
-def test_what_stands_for_a_plant_has_its_mean_delay():
-    like = first_order_like(loop(plant=PLANTS["inverse response"]).plant)
-    assert like.T + like.Td == pytest.approx(15.0 + 2.0 + 0.4)

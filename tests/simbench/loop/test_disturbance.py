@@ -30,11 +30,6 @@ def test_a_vanishing_lag_changes_nothing():
     )
 
 
-def test_without_lag_the_memory_is_the_period():
-    x = coloured(amplitude=1.0, period=20.0)
-    assert np.mean(x[20:] * x[:-20]) == pytest.approx(np.exp(-1), abs=0.05)
-
-
 @pytest.mark.parametrize(("lag", "power"), [(0.0, 2.0), (10.0, 4.0)])
 def test_power_falls_with_the_second_power_of_frequency_or_with_lag_the_fourth(lag, power):
     # corners at 1/(2 pi 10 s) and 1/(2 pi 20 s): beyond both and far below the sampling's end

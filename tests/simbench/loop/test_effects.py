@@ -2,16 +2,11 @@
 it claims to act.
 """
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
-from simbench.loop.effects import BLOCKS, EFFECTS, ORDER, PLUGINS
+from simbench.loop.effects import EFFECTS, PLUGINS
 from simbench.loop.effects.compression import swinging_door
-from simbench.loop.parameters import Number
-from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -62,48 +57,6 @@ def same(a, b):
     return all(np.array_equal(getattr(a, s), getattr(b, s)) for s in ("op", "pv", "mv", "sp"))
 
 
-def test_there_is_one_file_for_each_effect_and_each_is_tried_here():
-    assert PLUGINS.names() == sorted(EFFECTS) == sorted(STRONG) == sorted(ORDER)
-
-
-@pytest.mark.parametrize("name", EFFECTS)
-def test_an_effect_says_where_it_acts_and_where_it_comes_from(name):
-    effect = PLUGINS.load(name)
-    assert effect.BLOCK in BLOCKS
-    assert effect.ACTS in ("loop", "record")
-    assert effect.SOURCE
-    assert len(EFFECTS[name].says) > 20
-    for key, number in EFFECTS[name].parameters.items():
-        if isinstance(number, Number):
-            assert number.low <= number.identity <= number.high, key
-
-
-def test_the_vocabulary_is_data_and_loads_no_model():
-    code = (
-        "import sys; from simbench.loop.effects import EFFECTS; len(EFFECTS);"
-        " print(','.join(sys.modules))"
-    )
-    loaded = (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        .stdout.strip()
-        .split(",")
-    )
-    imported = {
-        name
-        for name in loaded
-        if name.startswith("simbench.")
-        and not name.startswith(
-            ("simbench.loop.effects", "simbench.detectors", "simbench.scenarios")
-        )
-    }
-    # simbench.lazy: how the package finds its public names; it loads none of them
-    assert imported == {
-        "simbench.lazy",
-        *(f"simbench.loop{name}" for name in ("", ".elementary", ".parameters", ".spells")),
-    }
-    assert not {"numba", "scipy", "control", "pandas"} & set(loaded)
-
-
 @pytest.mark.parametrize("name", EFFECTS)
 def test_strength_zero_changes_no_bit(name):
     effect = with_effects((name, EFFECTS[name].identity))
@@ -129,18 +82,6 @@ def test_two_effects_act_together():
     assert np.count_nonzero(np.diff(both.mv) == 0) > both.n / 2
 
 
-def test_the_time_constant_is_found_beside_another_lag():
-    lag, slow = ("extra_lag", {"tau": 8.0}), ("time_constant_mismatch", {"factor": 1.5})
-    a, b = (simulate(with_effects(*order), seed=1).record for order in ((lag, slow), (slow, lag)))
-    assert np.allclose(a.pv, b.pv)
-
-
-def test_the_zone_is_centred_on_the_operating_point():
-    a = simulate(with_effects(("deadzone", {"D": 4.0})), seed=1).record
-    b = simulate(with_effects(("deadzone", {"D": 4.0, "c": 50.0})), seed=1).record
-    assert same(a, b)
-
-
 def test_noise_adds_in_quadrature():
     r = simulate(with_effects(("noise", {"factor": 0.0, "std": 0.3})), seed=5)
     assert np.array_equal(r.record.mv, simulate(LOOP.with_("noise.std", 0.3), seed=5).record.mv)
@@ -151,16 +92,3 @@ def test_no_sample_leaves_the_door():
     rebuilt = swinging_door(pv, 0.7)
     assert np.abs(rebuilt - pv).max() <= 0.7 + 1e-9
     assert np.count_nonzero(np.abs(np.diff(rebuilt, 2)) > 1e-9) < 0.6 * pv.size
-
-
-@pytest.mark.parametrize(("extra", "Td"), [(2.5, 6.0), (-1.5, 2.0), (-9.0, 0.0)])
-def test_extra_dead_time_is_added_down_to_none(extra, Td):
-    changed = with_effects(("dead_time_mismatch", {"extra": extra}))
-    assert resolve_loop(changed, 1).Td == Td
-
-
-def test_a_stick_band_without_a_jump_is_a_dead_band():
-    stiction = simulate(with_effects(("stiction", {"S": 4.0, "J": 0.0})), seed=3).record
-    band = simulate(with_effects(("deadband", {"S": 4.0})), seed=3).record
-    assert np.allclose(stiction.mv, band.mv, atol=1e-9)
-    assert not np.allclose(stiction.mv, simulate(LOOP, seed=3).record.mv)

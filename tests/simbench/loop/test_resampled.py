@@ -6,7 +6,6 @@ import tomllib
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 import simbench as sb
 from simbench.detectors.errors import UserError
@@ -54,36 +53,11 @@ def test_pieces_of_the_residuals_follow_each_other_and_the_columns_stay_together
     assert not np.array_equal(signals(seed=2)["output"], both["output"])
 
 
-def test_what_enters_a_signal_passes_the_filter_and_moves_of_op_do_not():
-    plain, through = signals(), signals(filter=[2.0, -1.0], amplitude=3.0)
-    expected = lfilter([1.0], [1.0, -0.5], 3.0 * plain["output"])
-    np.testing.assert_allclose(through["output"], expected, rtol=1e-12)
-    np.testing.assert_allclose(through["op"], 3.0 * plain["op"])
-
-
-def test_op_moves_by_the_residuals_and_the_controller_goes_on_from_there():
-    still = loop({"type": "resampled", "piece": 2.0, "op": [0.5, 0.5]})
-    op = simulate(still.with_("controller.Kc", 1e-9), 1).record.op
-    np.testing.assert_allclose(op[:90], 50.0 + 0.5 * np.arange(1, 91), atol=1e-6)
-    assert op.max() == 100.0, "OP has its limits"
-    # a load that rises within one sample is the offset that starts a cycle
-    sticky = {"valve": {"model": "choudhury", "S": 5.0, "J": 2.0}}
-    moved = simulate(loop({"type": "ramp", "amplitude": 6.0, "period": 1.0, "at": "op"}, **sticky))
-    kicked = simulate(loop(**sticky), kick=6.0)
-    np.testing.assert_allclose(moved.record.op[1:150], kicked.record.op[:149], atol=1e-9)
-
-
 def test_compiled_and_plain_give_the_same_bits():
     fast, slow = (run_setup(resolve_loop(loop(LOAD), 3), plain=p) for p in (False, True))
     assert np.array_equal(fast.record.op, slow.record.op)
     assert np.array_equal(fast.record.pv, slow.record.pv)
     assert np.array_equal(simulate(loop(LOAD), 3).record.pv, fast.record.pv)
-
-
-def test_the_tail_stands_still():
-    setup = resolve_loop(loop(LOAD), 3, tail=50)
-    assert not setup.op_moves[200:].any()
-    assert np.ptp(setup.load_out[199:]) == 0.0
 
 
 def test_an_archive_writes_in_steps_and_repeats_what_it_held():

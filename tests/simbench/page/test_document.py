@@ -17,7 +17,6 @@ from simbench.page.document import (
     Table,
     Text,
     as_html,
-    inline_svg,
     texts,
     two_digits,
     write,
@@ -65,18 +64,6 @@ def test_pictures_of_one_page_share_no_id(tmp_path):
     assert len(ids) == len(set(ids)) > 3
     assert [html.count(f"<figcaption>{c}.</figcaption>") for c in ("one", "two", "wide")] == [1] * 3
     assert html.count('<figure class="wide">') == 1
-
-
-def test_black_and_white_of_a_picture_are_those_of_the_page():
-    figure = _figure()
-    figure.axes[0].text(0.5, 0.5, "on white", bbox={"facecolor": "white"})
-    figure.axes[0].text(0.5, 0.1, "on a dark cell", color="#fefefe")
-    svg = inline_svg(figure, "p", "says")
-    assert "fill: var(--page)" in svg
-    assert "currentColor" in svg
-    assert "#fefefe" in svg
-    assert "#ffffff" not in svg
-    assert "#000000" not in svg
 
 
 def test_sections_without_parts_are_left_out(tmp_path):

@@ -2,7 +2,6 @@
 printed words.
 """
 
-from collections import Counter
 from dataclasses import replace
 from itertools import cycle as cycle_through
 from itertools import repeat
@@ -10,19 +9,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from theory_check import cycles_from_midway, starts
 
 from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.theory import table_check
-from simbench.theory.basin import kick_min, starts_cycle
-from simbench.theory.cycle import after_load_step, at_rest, exact_cycle
+from simbench.theory.cycle import exact_cycle
 from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
 from simbench.theory.half_cycle import _move, _product, _residual, _solve, half_cycles, standing
-from simbench.theory.march import reversals
 from simbench.theory.predict import as_text
-from simbench.theory.sampled import mapped_valve, nearest_map, sampled_loop, ultimate_gain
-from simbench.theory.tables import CONDITIONS, _reason, cell, refined, table_11_3
+from simbench.theory.sampled import mapped_valve, sampled_loop, ultimate_gain
+from simbench.theory.tables import CONDITIONS, cell, refined, table_11_3
 
 
 def test_sizes_of_a_sampled_loop(loop):
@@ -52,23 +48,6 @@ def test_responses_of_a_loop_by_their_formulas(loop):
     np.testing.assert_allclose(p.response(w), 3.0 * np.exp(-2j * w) / (1 + 10j * w), rtol=1e-12)
 
 
-def test_how_long_a_loop_is_waited_for(loop):
-    """Ten times the way of OP through the band at its slowest, and fifty times the slowest time
-    constant.
-    """
-    p = sampled_loop(loop(T=10.0, Td=2.0, Ti=None, Ts=0.5))
-    assert p.patience == 100 + 50 * 20
-    pi = sampled_loop(loop(K=1.0, Kc=1.0, T=10.0, Td=2.0, Ti=8.0, S=5.0, J=2.0, Ts=0.5))
-    slope = 1.0 * 1.0 / 8.0  # gain times half the jump over Ti, % per s
-    assert pi.patience == pytest.approx(100 + (10 * 5.0 / slope + 500) / 0.5, abs=1)
-    level = sampled_loop(
-        loop(kind="integrating", K=0.1, Td=2.0, Kc=2.0, Ti=40.0, S=5.0, J=2.0, Ts=0.5)
-    )
-    assert level.patience == pytest.approx(
-        100 + (10 * 5.0 / (0.1 * 2.0 * 1.0) + 50 * 40.0) / 0.5, abs=1
-    )
-
-
 def stage(name, **table):
     module = VALVES.load(name)
     return (module, valve_parameters(module, table, 1.0))
@@ -91,39 +70,6 @@ def test_one_stage_with_friction_is_described_and_two_are_not(loop):
     assert (one.S, one.J) == (2.0, 1.0)
 
 
-def test_the_nearest_map_of_a_map_is_itself():
-    assert nearest_map((stage("choudhury", S=4.0, J=2.0),), 4.0, 2.0) == (False, 0.0)
-    assert nearest_map((stage("stenman", d=4.0),), 4.0, 4.0)[0]
-    assert nearest_map((stage("stenman", d=4.0),), 4.0, 4.0)[1] == pytest.approx(0.0, abs=1e-12)
-    assert nearest_map((stage("ideal"),), 0.0, 0.0) == (False, 0.0)
-
-
-def test_where_a_run_begins_at_rest_and_after_a_kick(loop):
-    made = sampled_loop(loop(S=5.0, J=2.0, Ts=0.5))  # breaks away at 3.5, runs 1.5 short
-    for kick, s in (
-        (3.5, [3.5, 0, 0, 0, 0]),
-        (3.6, [3.6, 0, 2.1, 1, 1]),
-        (-4.0, [-4.0, 0, -2.5, -1, 1]),
-        (99.0, [50.0, 0, 48.5, 1, 1]),
-    ):
-        x, state, past = at_rest(made, kick)
-        assert state.tolist() == pytest.approx(s)
-        assert x.tolist() == [0.0]
-        assert past.tolist() == pytest.approx([0.0] * (made.delay + 1) + [s[2]])
-
-
-@pytest.mark.parametrize(("Ti", "v", "w"), [(None, 2.0, -2.0), (10.0, 3.0, 0.0)])
-def test_a_load_that_steps_back_leaves_the_loop_where_it_held(loop, Ti, v, w):
-    """Gain 2, load 3: a P controller holds OP = -PV = 2 against it, a PI controller takes all of
-    it.
-    """
-    made = sampled_loop(loop(K=2.0, Kc=1.0, Ti=Ti, Ts=0.5))
-    x, s, past = after_load_step(made, 3.0)
-    assert s.tolist() == pytest.approx([v, w, v, 0.0, 0.0])
-    assert made.C @ x == pytest.approx(w)
-    assert past.tolist() == pytest.approx([v] * (made.delay + 2))
-
-
 def test_a_loop_without_friction_has_no_cycle_and_no_cell(loop):
     free = sampled_loop(loop(S=0.0, J=0.0, Ts=0.5))
     assert exact_cycle(free) is None
@@ -140,27 +86,6 @@ def test_a_p_loop_cycles_where_gain_times_jump_exceeds_the_band(loop, J, cycles)
         ("self-regulating", "P", "stick-slip"),
         ("self-regulating", "PI", "dead-band"),
     ]
-
-
-def test_a_kick_starts_a_cycle_only_within_the_limits_of_op(loop):
-    made = sampled_loop(loop(Ts=0.5))
-    cycle = exact_cycle(made)
-    assert kick_min(replace(made, hi=made.fs), cycle) is None
-    assert kick_min(replace(made, S=0.0, J=0.0), cycle) is None
-    assert starts_cycle(made, cycle, 1.05 * kick_min(made, cycle))
-
-
-def test_a_march_that_may_take_no_more_samples_stops(loop):
-    made = sampled_loop(loop(Ts=0.5))
-    start = exact_cycle(made).state
-    assert reversals(made, *(a.copy() for a in start), 5, most=7).samples == 7
-    run = reversals(made, *(a.copy() for a in start), 5)
-    assert (run.count, run.stalled) == (5, False)
-    assert run.samples == run.sample[-1]
-    again = reversals(made, *(a.copy() for a in start), 9)
-    assert np.all(np.diff(again.sample) > 0)
-    assert np.all(np.diff(np.sign(again.extreme)) != 0)
-    assert np.all(np.sign(again.extreme) == np.sign(again.stop))
 
 
 def test_a_product_of_small_arrays():
@@ -280,43 +205,6 @@ def test_a_prediction_is_printed_line_by_line():
     assert "no offset of OP starts it" in as_text(unkicked)
 
 
-def test_the_loops_that_check_a_cell_cover_delays_resets_gains_and_jumps():
-    for (process, controller, kind), n in {
-        ("self-regulating", "P", "dead-band"): 15,
-        ("self-regulating", "PI", "dead-band"): 45,
-        ("integrating", "P", "stick-slip"): 60,
-        ("integrating", "PI", "stick-slip"): 180,
-    }.items():
-        loops = list(table_check._loops(process, controller, kind))
-        assert len(loops) == n
-        assert {(m.integrating, m.integral) for m in loops} == {
-            (process == "integrating", controller == "PI")
-        }
-        jumps = {0.0} if kind == "dead-band" else {1.0, 2.5, 5.0, 7.5}
-        assert Counter(m.J for m in loops) == dict.fromkeys(jumps, n // len(jumps))
-        for delayed in {m.delay for m in loops} - {0}:
-            gains = sorted(
-                {
-                    round(m.gain * m.static_gain if process == "self-regulating" else m.gain, 6)
-                    for m in loops
-                }
-            )
-            assert gains[0] > 0.0
-            assert delayed > 0
-
-
-def test_starts_of_the_check_of_theory(loop):
-    made = loop(S=5.0, J=2.0, Kc=2.0, Ts=0.5)  # breaks away at 3.5
-    begun = list(starts(made))
-    assert [round(start["kick"], 9) for _, start in begun[:3]] == pytest.approx([3.675, 5.6, 10.5])
-    assert [
-        moved.disturbance[0].parameters["amplitude"] for moved, _ in begun[3:7]
-    ] == pytest.approx([1.75, 3.5, 5.25, 10.5])
-    assert [
-        moved.setpoint.steps[0][1] - made.setpoint.value for moved, _ in begun[7:]
-    ] == pytest.approx([1.05, 3.5])
-
-
 def test_the_ultimate_gain_of_pure_first_order_lag_and_delay(loop):
     """K e^(-2 s)/(10 s + 1): its phase is -pi where tan(2 w) = -10 w (w = 0.8501); sampled finely,
     P control.
@@ -326,23 +214,6 @@ def test_the_ultimate_gain_of_pure_first_order_lag_and_delay(loop):
     for _ in range(50):
         w = (np.pi - np.arctan(10 * w)) / 2
     assert ultimate_gain(made) == pytest.approx(np.hypot(1, 10 * w), rel=3e-3)
-
-
-@pytest.mark.parametrize(
-    ("irregularity", "words"),
-    [(0.0099, ""), (0.0101, "half periods vary by 1 %"), (0.1, "vary by 10 %")],
-)
-def test_half_periods_that_vary_by_more_than_a_hundredth_are_reported(loop, irregularity, words):
-    made = replace(sampled_loop(loop(Ts=0.5)), misfit=0.0)
-    reason = _reason(made, replace(exact_cycle(made), irregularity=irregularity))
-    assert words in reason
-    assert ("half periods" in reason) == bool(words)
-
-
-def test_a_p_loop_held_midway_cycles_with_room_and_stays_without():
-    """Gain 4, S = 5: room when g J > S, so 2.5 % of jump cycle and 0.5 % stay."""
-    assert cycles_from_midway(4.0, 2.0, 2.5)
-    assert not cycles_from_midway(4.0, 2.0, 0.5)
 
 
 def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
@@ -364,15 +235,3 @@ def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
         assert sum(check.disagreements.values()) == (1 if check.table else 3)
     every_other = table_check.check_table_11_3(load_steps=2, every=2)[0]
     assert (every_other.loops, every_other.exist) == (2, 1)
-
-
-def test_the_checked_loops_have_the_integral_times_they_promise():
-    for process, times in (
-        ("integrating", {10.0, 20.0, 40.0}),
-        ("self-regulating", {5.0, 10.0, 20.0}),
-    ):
-        made = list(table_check._loops(process, "PI", "dead-band"))
-        assert {round(loop.Ts / loop.beta, 9) for loop in made} == times
-        assert {round(loop.Td, 9) for loop in made} == (
-            {0.0, 1.0, 4.0} if process == "integrating" else {0.0, 2.0, 10.0}
-        )

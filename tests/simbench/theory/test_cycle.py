@@ -6,10 +6,10 @@ from theory_check import simulated_cycle
 
 from simbench.detectors.errors import ParameterError
 from simbench.loop.simulate import simulate
-from simbench.theory.cycle import after_load_step, cycle_start, exact_cycle, on_half_cycle, settled
-from simbench.theory.half_cycle import half_cycles, standing
+from simbench.theory.cycle import cycle_start, exact_cycle, on_half_cycle
+from simbench.theory.half_cycle import half_cycles
 from simbench.theory.march import reversals
-from simbench.theory.sampled import reduced, sampled_loop
+from simbench.theory.sampled import sampled_loop
 
 
 def closed_form(k, Td, S, J):
@@ -77,24 +77,6 @@ def test_sampling_shortens_the_period_and_widens_op_as_predicted(loop, Ts, J):
     assert cycle.amplitude > slow[1] * (1 + 0.01 * Ts)
 
 
-def test_state_of_a_half_cycle_returns_with_the_opposite_sign(loop):
-    sampled = sampled_loop(loop(Ts=0.02))
-    [half] = half_cycles(sampled)
-    x, s, past = on_half_cycle(sampled, half)
-    before = np.array([*x, s[0], s[2]])
-    reversals(sampled, x, s, past, 10, most=round(half.samples))
-    # within one sample's motion: the mean cycle switches between samples
-    assert np.abs(np.array([*x, s[0], s[2]]) + before).max() < 0.01
-
-
-def test_standing_matrix_is_one_sample_of_the_march(loop):
-    sampled = sampled_loop(loop(Td=0.3, Ts=0.7))
-    x, s, past = after_load_step(sampled, 2.0)
-    expected = standing(sampled) @ np.array([*x, s[0], s[2]])
-    reversals(sampled, x, s, past, 5, most=1)
-    assert np.array([*x, s[0], s[2]]) == pytest.approx(expected)
-
-
 def test_multiplier_predicts_how_fast_a_deviation_dies(loop):
     # integrating PI, J = 0: no jump, hence regular; swings approach the cycle by the multiplier per
     # half cycle
@@ -137,23 +119,6 @@ def test_cycles_of_other_valve_models_are_those_of_the_simulator(loop, valve, pl
     assert cycle.amplitude == pytest.approx(amplitude, rel=0.015)
 
 
-@pytest.mark.parametrize(
-    "valve",
-    [
-        {"model": "hysteresis", "S": 2, "H": 3},
-        {"model": "asymmetric", "S_up": 5, "S_down": 4, "J_up": 2, "J_down": 1},
-    ],
-)
-def test_valves_that_are_no_map_are_known_as_such(loop, valve):
-    assert sampled_loop(loop(Ts=0.5, valve=valve)).misfit > 0.1
-
-
-def test_cycle_of_an_unstable_loop_runs_between_the_limits(loop):
-    cycle = exact_cycle(sampled_loop(loop("integrating", K=0.1, Td=12, Kc=2, Ti=10, Ts=1)))
-    assert cycle.amplitude == pytest.approx(50)
-    assert cycle.multiplier is None
-
-
 def test_period_and_amplitude_do_not_change_when_pv_is_scaled(loop):
     one, other = (exact_cycle(sampled_loop(loop(K=K, Kc=1 / K, Ts=0.5))) for K in (1.0, 4.0))
     assert (one.period, one.amplitude) == (other.period, other.amplitude)
@@ -163,26 +128,6 @@ def test_amplitude_scales_with_the_valve_and_the_period_does_not(loop):
     one, other = (exact_cycle(sampled_loop(loop(S=2.0 * f, J=1.0 * f, Ts=0.5))) for f in (1, 4))
     assert one.period == other.period
     assert 4 * one.amplitude == pytest.approx(other.amplitude)
-
-
-def test_plants_of_higher_order_have_a_cycle_too(loop):
-    import control
-
-    from simbench.loop.resolve import resolve_loop
-
-    asked = loop(Ts=0.1)
-    # two lags of 10 and 0.01 s are nearly one
-    setup = resolve_loop(asked, 0, 0, control.tf([1], np.polymul([10, 1], [0.01, 1])))
-    sampled = reduced(setup, 5.0, 2.0)
-    assert sampled.order == 2
-    assert exact_cycle(sampled).period == pytest.approx(
-        exact_cycle(sampled_loop(asked)).period, rel=0.01
-    )
-
-
-def test_settled_rejects_a_swing_that_fades(loop):
-    sampled = sampled_loop(loop(J=0, Ti=5, Ts=0.5))
-    assert settled(sampled, after_load_step(sampled, 20.0), None) is None
 
 
 @pytest.mark.parametrize(

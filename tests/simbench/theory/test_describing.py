@@ -110,14 +110,6 @@ def test_deadzone_makes_an_unstable_loop_jump_but_no_stable_loop_cycle(loop):
     assert intersections(sampled_loop(loop(Ti=None, Kc=4)), deadzone(4.0)) == []
 
 
-def test_sampled_frequency_response_approaches_the_continuous_one(loop):
-    w = np.array([0.05, 0.3, 1.0])
-    L = (1 + 1 / (10j * w)) * np.exp(-2j * w) / (10j * w + 1)
-    sampled = sampled_loop(loop(Ts=1e-3))
-    assert np.abs(sampled.response(w) / L - 1).max() < 1e-12
-    assert np.abs(sampled.sampled_response(w) / L - 1).max() < 1e-3
-
-
 def test_sampled_frequency_response_is_that_of_the_stepped_loop(loop):
     sampled = sampled_loop(loop(Td=2.3, Ts=0.7))
     k, w = np.arange(4000), 0.4

@@ -130,29 +130,6 @@ def test_load_step_of_the_march_equals_that_of_the_simulator(loop, case):
     assert np.abs(record.op[seen : seen + 151] - balance - op).max() < 1e-8
 
 
-def test_reversals_are_where_the_valve_turns(loop):
-    sampled = sampled_loop(loop(Ts=0.5))
-    run = reversals(sampled, *at_rest(sampled, 4.0), 30)
-    # chaos shifts later turns by a sample
-    op, mv = slow_march(sampled, 4.0, int(run.sample[12]) + 200)
-    for i in range(1, 12):
-        a, b = int(run.sample[i - 1]), int(run.sample[i])
-        up = mv[a] > mv[a - 1]
-        assert (mv[b] < mv[b - 1]) == up
-        assert run.extreme[i] == pytest.approx(
-            op[a - 1 : b].max() if up else op[a - 1 : b].min(), abs=1e-6
-        )
-        assert run.stop[i] == pytest.approx(mv[b - 1], abs=1e-6)
-
-
-def test_march_says_when_the_valve_rests(loop):
-    sampled = sampled_loop(loop(Kc=0.5, Ti=None, Ts=0.5))
-    run = reversals(sampled, *at_rest(sampled, 5.0), 50)
-    assert run.stalled
-    assert run.count < 50
-    assert run.samples > sampled.patience
-
-
 def test_plain_and_compiled_march_agree(loop):
     sampled = sampled_loop(loop(Ts=0.5))
     ends = []

@@ -10,7 +10,7 @@ from simbench.theory.cycle import exact_cycle
 from simbench.theory.predict import as_text, predict
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 from simbench.theory.table_check import _loops, check_table_11_3
-from simbench.theory.tables import TABLE_11_2, TABLE_11_3, cell, refined, table_11_3, truth_columns
+from simbench.theory.tables import TABLE_11_2, TABLE_11_3, refined, table_11_3, truth_columns
 
 EIGHT = [
     ({"Ti": None, "Kc": 4, "J": 0}, False, False),
@@ -34,43 +34,12 @@ def test_tables_hold_the_printed_words():
     assert TABLE_11_2["fast (flow)", "I"] == ("triangular (sharp)", "square")
 
 
-@pytest.mark.parametrize(("settings", "printed", "exists"), EIGHT)
-def test_truth_columns_say_table_refinement_and_theory(loop, settings, printed, exists):
-    predicted, holds, theory = truth_columns(loop(**settings, Ts=0.1))
-    assert (predicted, holds, theory["exists"]) == (printed, exists, exists)
-    assert theory["by"] == "exact"
-    assert (theory["period"] is not None) == exists
-    assert theory["kick_min"] is None  # only on demand
-
-
 def test_the_p_condition_is_exact(loop):
     for gain, expected in ((2.45, False), (2.55, True)):
         sampled = sampled_loop(loop(Ti=None, Kc=gain, J=2, Ts=0.05))
         cycle = exact_cycle(sampled)
         assert refined(sampled, cycle) == expected
         assert (cycle is not None) == expected
-
-
-@pytest.mark.parametrize(
-    ("valve", "S", "J"),
-    [
-        ({"model": "deadband", "S": 4}, 4, 0),
-        ({"model": "kano", "S": 4, "J": 1}, 4, 1),
-        ({"model": "he", "S": 4, "J": 1}, 4, 1),
-        ({"model": "stenman", "d": 3}, 3, 3),
-        ({"model": "coulomb", "S": 4, "J": 1}, 4, 1),
-    ],
-)
-def test_friction_models_enter_by_their_mapped_numbers(loop, valve, S, J):
-    sampled = sampled_loop(loop(valve=valve, Ts=0.5))
-    assert (sampled.S, sampled.J) == pytest.approx((S, J))
-    assert cell(sampled)[2] == ("stick-slip" if J else "dead-band")
-
-
-def test_stiction_effect_on_an_ideal_valve_is_that_valve(loop):
-    effect = [{"name": "stiction", "S": 5, "J": 2}]
-    sampled = sampled_loop(loop(valve={"model": "ideal"}, effect=effect, Ts=0.5))
-    assert (sampled.S, sampled.J) == (5, 2)
 
 
 def test_healthy_valve_is_a_negative_of_every_column(loop):

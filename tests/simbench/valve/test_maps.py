@@ -28,30 +28,9 @@ def test_a_zone_is_its_formula(u, D, c):
     assert maps.zone(u, D, c) == pytest.approx(expected, abs=1e-9)
 
 
-@given(ops=OPS, S=SIZES, share=st.floats(0.0, 1.0), K=st.floats(1.0, 2.0))
-def test_a_valve_that_creeps_stands_in_its_band_or_slips(ops, S, share, K):
-    J, v = share * S, 50.0
-    fs, fd = 0.5 * (S + J), 0.5 * (S - J)
-    for u in ops:
-        x, before = np.clip(u, 0.0, 100.0), v
-        v = maps.creep(u, v, S, J, K)
-        c = x - before
-        slipped = before + K * (c - np.sign(c) * fd)
-        expected = before if abs(c) <= fs else np.clip(slipped, 0.0, 100.0)
-        assert v == pytest.approx(expected, abs=1e-9)
-
-
 @given(ops=OPS, S=SIZES)
 def test_without_a_jump_a_sticking_valve_is_a_play(ops, S):
     state, v = maps.at_rest(50.0), 50.0
     for u in ops:
         state, v = maps.stick(u, state, S, 0.0), maps.play(u, v, S)
         assert state[0] == pytest.approx(v, abs=1e-9)
-
-
-@given(ops=OPS, S=SIZES, share=st.floats(0.0, 1.4))
-def test_a_band_of_no_width_follows_op_under_either_map(ops, S, share):
-    state, v = maps.at_rest(ops[0]), float(np.clip(ops[0], 0.0, 100.0))
-    for u in ops:
-        state, v = maps.stick(u, state, 0.0, 0.0), maps.creep(u, v, 0.0, 0.0)
-        assert state[0] == v == np.clip(u, 0.0, 100.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.errors import ParameterError
-from simbench.loop.parameters import VALVES, Number, valve_parameters
+from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.response import valve_response
 
 STICKY = {
@@ -74,14 +74,6 @@ def test_a_spell_begins_at_its_delay_and_ends_after_its_length():
     op = 50.0 + np.arange(12) * 2.0  # 2 % per s: it sticks at t = 1, 2, 6, 7, 11
     lag = op - valve_response("intermittent", op, table)
     assert (lag > 0.0).tolist() == [t in (1, 2, 6, 7, 11) for t in range(12)]
-
-
-def test_a_band_between_spells_is_kept():
-    table = {"S": 8.0, "J": 0.0, "period": 4.0, "on": 1.0, "S_off": 3.0, "J_off": 1.0}
-    op = 20.0 + 5.0 * np.arange(8)
-    assert (op - valve_response("intermittent", op, table)).tolist() == pytest.approx(
-        [0, 1, 1, 1, 4, 1, 1, 1]
-    )
 
 
 def test_friction_that_changes_in_time_is_halfway_there_at_half_time():
@@ -158,72 +150,11 @@ def test_the_last_value_allowed_and_the_first_refused(name, allowed, refused):
         valve_response(name, [50.0], {**allowed, **refused})
 
 
-OTHER_RANGES = {
-    ("hysteresis", "H"): (0.0, 50.0),
-    ("he", "fd"): (-50.0, 100.0),
-}  # fd = (S - J)/2 falls below 0 where J exceeds S
-
-
-def test_a_share_of_travel_may_be_anything_from_nought_to_all_of_it():
-    for name in VALVES.names():
-        for key, rule in VALVES.load(name).PARAMETERS.items():
-            if isinstance(rule, Number) and rule.unit == "% of travel":
-                assert (rule.low, rule.high) == OTHER_RANGES.get((name, key), (0.0, 100.0)), (
-                    name,
-                    key,
-                )
-            elif isinstance(rule, Number) and rule.unit in ("s", "m/s", "N/m", "N s/m", "%/s"):
-                assert rule.low == 0.0, (name, key)
-
-
 def test_a_gain_ratio_is_the_ratio_of_the_slopes_at_either_end():
     for R in (0.1, 1.0, 4.0):
         mv = valve_response("gain_ratio", [0.0, 0.001, 99.999, 100.0], {"R": R})
         assert mv[[0, 3]].tolist() == pytest.approx([0.0, 100.0])
         assert (mv[3] - mv[2]) / (mv[1] - mv[0]) == pytest.approx(R, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("op", "mv"),
-    [(30.0, 35.0), (44.9, 49.9), (45.0, 50.0), (55.0, 50.0), (55.1, 50.1), (90.0, 85.0)],
-)
-def test_a_deadzone_by_hand(op, mv):
-    assert valve_response("deadzone", [op], {"D": 10.0})[0] == pytest.approx(mv)
-    assert valve_response("deadzone", [op - 20.0], {"D": 10.0, "c": 30.0})[0] == pytest.approx(
-        mv - 20.0
-    )
-
-
-@pytest.mark.parametrize(
-    ("name", "parameters"),
-    [
-        ("asymmetric", {"S_up": 6.5, "J_up": 2.6, "S_down": 3.5, "J_down": 1.4}),
-        ("hysteresis", {"S": 2.5, "H": 2.5}),
-        (
-            "intermittent",
-            {"S": 5.0, "J": 2.0, "S_off": 2.0, "J_off": 0.8, "period": 300.0, "on": 200.0},
-        ),
-        ("stenman", {"d": 5.0}),
-        ("time_varying", {"S": 2.5, "J": 1.0, "S_end": 5.0, "J_end": 2.0, "t_end": 100.0}),
-    ],
-)
-def test_what_a_cell_s_band_of_5_and_jump_of_2_are_to_a_valve_of_other_numbers(name, parameters):
-    assert VALVES.load(name).for_SJ(5.0, 2.0, 10.0) == pytest.approx(parameters)
-
-
-@pytest.mark.parametrize(("K", "mapped"), [(1.0, (4.0, 2.0)), (1.2, (3.6, 2.4)), (1.5, (3.0, 3.0))])
-def test_he_s_gain_widens_the_jump_at_the_cost_of_the_band(K, mapped):
-    p = valve_parameters(VALVES.load("he"), {"S": 4.0, "J": 2.0, "K": K}, 1.0)
-    assert VALVES.load("he").mapped_SJ(p) == pytest.approx(mapped)
-    assert sum(VALVES.load("he").mapped_SJ(p)) == pytest.approx(6.0)
-
-
-@pytest.mark.parametrize(
-    ("op", "position"), [(-5.0, 0.0), (0.0, 0.0), (50.0, 50.0), (130.0, 100.0)]
-)
-def test_choudhurys_valve_begins_at_rest_within_its_travel(op, position):
-    # position, direction, moving, last OP
-    assert VALVES.load("choudhury").start(op, None) == (position, 0.0, 0.0, position)
 
 
 def test_a_spell_is_counted_in_seconds_whatever_the_sampling():

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import RK45
 from scipy.linalg import expm
-from scipy.optimize import brentq
 
 from simbench.loop.parameters import VALVES
-from simbench.loop.physical.bristles import slide_bristles, slopes, solve
-from simbench.loop.physical.motion import arrival_time, fade_time, fall_time, free, slide, stop_time
+from simbench.loop.physical.bristles import slide_bristles
+from simbench.loop.physical.motion import fall_time, free, slide, stop_time
 from simbench.loop.physical.substeps import slide_in_substeps
 from simbench.loop.physical.tail import TOLERANCE_R, TOLERANCE_X, runge_kutta, slide_stribeck
 from simbench.loop.response import valve_response
@@ -61,32 +60,6 @@ def test_the_rate_falls_to_a_level_where_it_is_found(start, d, a):
     assert fall_time(z, r, d, 1.1 * peak, a, W2, T) == 0.0
 
 
-def test_the_slow_mode_alone_fades_where_the_rate_is_at_rest():
-    a, rest = 60.0, 1e-9
-    t = fade_time(-2.0, 0.0, 1.0, rest, a, W2)
-    z, r = free(-2.0, 0.0, a, W2, t)
-    assert r == pytest.approx(rest, rel=1e-5)
-    slow = a - np.sqrt(a * a - W2)
-    assert z == pytest.approx(-rest / slow, rel=1e-5)
-    # a fast mode that is still there, a rate that is at rest already, an underdamped valve: no
-    # closed form
-    for args in (
-        (-2.0, 0.0, 1.0, 15.0, a, W2),
-        (-1e-12, 0.0, 1.0, rest, a, W2),
-        (-2.0, 0.0, 1.0, rest, 10.0, W2),
-    ):
-        assert fade_time(*args) == np.inf
-
-
-@pytest.mark.parametrize("d", [1.0, -1.0])
-def test_a_target_is_reached_once(d):
-    a, T = 30.0, 0.3
-    t = arrival_time(-2.0 * d, 0.0, d, -0.7 * d, a, W2, T)
-    assert t == pytest.approx(
-        brentq(lambda x: d * exact(-2.0 * d, 0.0, a, x)[0] + 0.7, 0, T), abs=1e-9
-    )
-
-
 @pytest.mark.parametrize("a", [3.0, 20.0, 60.0])
 @pytest.mark.parametrize(
     ("u", "x", "r"),
@@ -106,14 +79,6 @@ def test_a_slide_is_the_limit_of_small_steps(u, x, r, a):
         )
         assert slide(u, x, r, 1.5, 0.8, a, W2, 1e-6, T)[0] == pytest.approx(
             2 * many - few, abs=2e-4
-        )
-
-
-def test_a_valve_within_its_band_stays_and_beyond_it_leaves():
-    for d in (1.0, -1.0):
-        assert slide(50.0 + 1.5 * d, 50.0, 0.0, 1.5, 0.8, 60.0, W2, 1e-6, 1.0) == (50.0, 0.0)
-        assert (
-            d * (slide(50.0 + 1.51 * d, 50.0, 0.0, 1.5, 0.8, 60.0, W2, 1e-6, 1.0)[0] - 50.0) > 0.5
         )
 
 
@@ -190,25 +155,6 @@ def jacobian(u, y):
 
 
 STATES = [(50.0, 0.8, 5e-5), (50.0, -1.7, -9e-5), (50.1, 3.0, 2e-5), (49.0, -0.2, 6e-5)]
-
-
-@pytest.mark.parametrize("y", STATES)
-def test_slopes_of_the_bristles_are_the_law_and_its_derivatives(y):
-    acc, slip, *rest = slopes(52.0, *y, *BRISTLES.values())
-    assert (y[1], acc, slip) == pytest.approx(of_bristles(52.0, 0.0, 0.0, y), rel=1e-12)
-    J = jacobian(52.0, np.array(y))
-    assert rest == pytest.approx([J[1, 1], J[1, 2], J[2, 1], J[2, 2]], rel=1e-4, abs=1e-6)
-
-
-def test_the_linear_equations_of_a_step_are_solved():
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        acc_r, acc_z, slip_r, slip_z = rng.standard_normal(4)
-        b, c = rng.standard_normal(3), rng.uniform(0.01, 0.3)
-        J = np.array([[0, 1, 0], [-W2, acc_r, acc_z], [0, slip_r, slip_z]])
-        assert solve(c, *b, W2, acc_r, acc_z, slip_r, slip_z) == pytest.approx(
-            np.linalg.solve(np.eye(3) - c * J, b), rel=1e-9
-        )
 
 
 @pytest.mark.parametrize("ramp", [0.0, 40.0])

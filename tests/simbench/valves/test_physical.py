@@ -140,25 +140,6 @@ def test_smoothly_driven_valve_is_the_stiction_map(table):
         assert rms(valve_response(model, op, table, 0.01) - mapped) <= 0.1
 
 
-def test_lugre_with_stiff_bristles_is_stribeck():
-    op = sine(20.0)
-    stribeck = valve_response("stribeck", op, SJ, 0.01)
-    soft, stiff = (
-        rms(valve_response("lugre", op, {**SJ, "s0": s0}, 0.01) - stribeck) for s0 in (1e7, 1e9)
-    )
-    assert stiff <= 0.06
-    assert stiff < soft < 0.3
-
-
-def test_lugre_valve_gives_before_it_breaks_away():
-    p = parameters("lugre", SJ, 0.01)
-    op = 50.0 + np.minimum(0.5 * np.arange(0, 4, 0.01), 1.0)
-    # well below break-away the bristles are a second spring in parallel to the actuator's
-    assert valve_response("lugre", op, SJ, 0.01)[-1] - 50.0 == pytest.approx(
-        p.k / (p.k + p.s0), rel=0.2
-    )
-
-
 def test_valve_that_comes_to_rest_in_every_sample_is_hes_map():
     op = held_op(1000)
     for table in (SJ, {"S": 4, "J": 4}, {"S": 4, "J": 0}):
@@ -196,31 +177,6 @@ def test_any_damping_is_solved_like_fine_steps(Fv):
     assert fine < 0.2 * coarse
 
 
-def test_critical_damping_is_continuous_with_its_neighbours():
-    op = held_op(200)
-    middle = valve_response("coulomb", op, {**SJ, "Fv": CRITICAL}, 0.01)
-    for share in (1 - 1e-9, 1 + 1e-9):
-        np.testing.assert_allclose(
-            valve_response("coulomb", op, {**SJ, "Fv": CRITICAL * share}, 0.01), middle, atol=1e-6
-        )
-
-
-def test_undamped_valve_swings_through_half_a_period_and_sticks():
-    # 50 -> 54 with fs = 3.5, fd = 1.5: swings about 52.5 from 50 to 55, where |54 - 55| holds it
-    np.testing.assert_allclose(
-        valve_response("coulomb", [50, 54, 54], {**SJ, "Fv": 0}, 1.0), [50, 55, 55], atol=1e-9
-    )
-
-
-def test_underdamped_valve_hits_its_stop_and_stays():
-    mv = valve_response("coulomb", [50, 99, 99, 99], {"S": 1, "J": 0.5, "Fv": 10}, 0.05)
-    assert mv.max() <= 100.0
-    assert (
-        valve_response("coulomb", [50, 100, *[100] * 20], {"S": 30, "J": 10, "Fv": 10}, 0.005)[-1]
-        == 100.0
-    )
-
-
 def test_karnopp_valve_creeps_only_above_its_band():
     slow = 30.0 + 0.02 * np.arange(0, 400, 0.01)
     assert count_jumps(valve_response("coulomb", slow, SJ, 0.01)) == 1
@@ -252,25 +208,6 @@ def test_stribeck_solver_equals_extrapolated_substeps(table, bound):
         valve_response("stribeck", op, {**table, "substep": h}, 0.01) for h in (2e-6, 1e-6)
     )
     assert np.abs(2 * fine - coarse - exact).max() <= bound
-
-
-def test_stribeck_valve_jumps_along_a_slow_ramp_where_coulomb_slides():
-    for rate, jumps in ((0.1, 6), (0.25, 6)):
-        # after break-away, 32 % of OP in which the published valve can jump 6 times by 5.32 %
-        op = 20.0 + rate * np.arange(0, (32.1 + 32.0) / rate, 0.01)
-        mv = valve_response("stribeck", op, PUBLISHED, 0.01)
-        assert count_jumps(mv) in (jumps, jumps + 1)
-        assert count_jumps(valve_response("coulomb", op, PUBLISHED, 0.01)) == 1
-
-
-def test_stribeck_without_excess_force_is_coulomb():
-    op = held_op(300)
-    table = {"S": 5, "J": 0}
-    np.testing.assert_allclose(
-        valve_response("stribeck", op, table, 0.01),
-        valve_response("coulomb", op, table, 0.01),
-        atol=1e-7,
-    )
 
 
 def test_lugre_equals_a_stiff_solver():

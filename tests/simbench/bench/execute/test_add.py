@@ -135,22 +135,6 @@ def test_a_missing_answer_is_no_decision_and_counted(place, run, tmp_path):
     assert len(mine) == 12
 
 
-def test_sizes_are_numbers_or_intervals(run, tmp_path):
-    ids = tables(run)[0].scenario_id
-    lines = [
-        "method,record,verdict,S,J",
-        f"mine,{ids[0]},stiction,2.5..4,1",
-        f"mine,{ids[1]},stiction,,nan",
-    ]
-    (tmp_path / "mine.csv").write_text("\n".join(lines))
-    add_to_run(run, add=False, answers=[tmp_path / "mine.csv"])
-    verdicts = tables(run)[1]
-    mine = verdicts[verdicts.method == "mine"].set_index("scenario_id")
-    ends = ["S_lo", "S_hi", "J_lo", "J_hi"]
-    assert mine.loc[ids[0], ends].tolist() == [2.5, 4.0, 1.0, 1.0]
-    assert mine.loc[ids[1], ends].isna().all()
-
-
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_answers_may_be_apart_by_what_other_countries_write(run, tmp_path, separator):
     ids = tables(run)[0].scenario_id

@@ -6,16 +6,8 @@ import numpy as np
 import pytest
 
 from simbench.bench.execute.grid_check import MOST_SCENARIOS, GridSize, refuse_too_large, size_of
-from simbench.bench.scenario.resolve import resolve
 from simbench.bench.store.manifest import RunError
 from simbench.scenarios.grid import make_grid
-
-
-def test_the_estimated_size_is_that_of_the_cells(small):
-    size = size_of(small, 2, 0)
-    cells = [s for index in range(small.group_count) for s in resolve(small.group(index))]
-    assert size.scenarios == len(cells) == small.group_count * 2  # members
-    assert size.samples == pytest.approx(sum(s.loop.sampling.n for s in cells), rel=0.5)
 
 
 def test_a_single_loop_states_its_length():
@@ -34,16 +26,6 @@ def test_a_single_loop_states_its_length():
     assert size_of(make_grid(table, "one"), 1, 0).samples == 3 * 4000
 
 
-def test_every_method_adds_its_rows_and_a_slow_one_its_time(small):
-    none, fast, slow, both = (size_of(small, *m) for m in ((0, 0), (1, 0), (0, 1), (2, 3)))
-    assert fast.bytes == slow.bytes > none.bytes
-    assert slow.seconds - none.seconds > 10 * (fast.seconds - none.seconds) > 0
-    row = fast.bytes - none.bytes
-    assert both.bytes == pytest.approx(none.bytes + 5 * row)
-    cost = 2 * (fast.seconds - none.seconds) + 3 * (slow.seconds - none.seconds)
-    assert both.seconds == pytest.approx(none.seconds + cost)
-
-
 def test_the_estimated_time_is_that_of_a_run_within_a_factor(small):
     # the chapter with the fast methods takes about two minutes of one core, and some ten MB
     from simbench.scenarios.grid import load_grid
@@ -57,13 +39,6 @@ def test_a_run_that_is_too_large_is_told_how_to_draw_from_its_grid():
     refuse_too_large(GridSize(1, MOST_SCENARIOS, 1.0, 1.0, 1.0), "grid")
     with pytest.raises(RunError, match=r"1000001 scenarios.*--n 10000"):
         refuse_too_large(GridSize(1, MOST_SCENARIOS + 1, 1.0, 1.0, 1.0), "grid")
-
-
-def test_the_size_reads_in_usual_units():
-    text = str(GridSize(3, 12, 4.2e7, 5.5e6, 90.0))
-    assert (
-        text == "3 cells, 12 scenarios, about 4.2e+07 samples, 5.5 MB and 1.5 minutes of one core"
-    )
 
 
 def test_a_number_that_waits_for_its_scale_must_have_the_right_sign():

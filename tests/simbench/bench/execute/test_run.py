@@ -25,7 +25,6 @@ from simbench.bench.execute.run import Interrupted, run_grid
 from simbench.bench.score.page import reproduce
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store import manifest as manifest_module
-from simbench.bench.store import reading as store
 from simbench.bench.store.manifest import RunError, read_manifest
 from simbench.bench.store.reading import RunArrays, read_book, read_scenario
 from simbench.cli import main
@@ -69,21 +68,6 @@ def unscored(monkeypatch):
     monkeypatch.setattr(pieces, "score_book", lambda book: nothing)
 
 
-def test_both_tables_are_keyed_by_scenario_and_method(finished):
-    verdicts, scenarios = tables(finished)
-    assert len(scenarios) == 32
-    assert scenarios.scenario_id.is_unique
-    assert not verdicts.duplicated(["scenario_id", "method"]).any()
-    assert set(verdicts.scenario_id) == set(scenarios.scenario_id)
-    assert sorted(f.name for f in finished.iterdir()) == [
-        "manifest.json",
-        "scenarios.parquet",
-        "scores.csv",
-        "scores_by_axis.csv",
-        "verdicts.parquet",
-    ]
-
-
 @pytest.fixture(scope="module")
 def by_two(tmp_path_factory):
     """The run by two workers."""
@@ -99,25 +83,6 @@ def test_two_workers_give_the_same_bits_as_one(by_two, finished):
 def test_joblib_still_finds_its_processes_after_a_run():
     """As `simbench report` after `simbench run` in one process."""
     assert Parallel(2)(delayed(abs)(-i) for i in range(3)) == [0, 1, 2]
-
-
-def test_a_book_holds_what_the_tables_say(finished):
-    verdicts, scenarios = tables(finished)
-    book = RunArrays.read(finished)
-    assert book.ids.astype(str).tolist() == scenarios.scenario_id.tolist()
-    assert book.hashes.astype(str).tolist() == scenarios.record_hash.tolist()
-    assert book.oscillating.tolist() == scenarios.oscillating.tolist()
-    for name in ("block", "disturbance"):
-        assert book.axes[name].tolist() == scenarios[name].fillna("").tolist()
-    np.testing.assert_array_equal(book.axes["noise_ratio"], scenarios.noise_ratio)
-    assert (
-        book.truth["cycled"].tolist()
-        == scenarios.cycled.map({"yes": 1, "no": 0}).fillna(-1).tolist()
-    )
-    wide = verdicts.pivot(index="scenario_id", columns="method").loc[scenarios.scenario_id]
-    for i, method in enumerate(book.methods):
-        assert [list(store.CODES)[c] for c in book.verdict[i]] == wide["verdict"][method].tolist()
-        np.testing.assert_array_equal(book.score[i], wide["score"][method])
 
 
 @pytest.mark.usefixtures("unscored")
@@ -222,12 +187,6 @@ def test_resuming_a_finished_run_changes_nothing(small, finished):
     before = {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
     run_grid(small, finished, METHODS, resume=True)
     assert before == {f.name: f.stat().st_mtime_ns for f in finished.iterdir()}
-
-
-@pytest.mark.usefixtures("unscored")
-def test_resume_on_an_absent_or_empty_folder_starts_afresh(small, finished, tmp_path):
-    (tmp_path / "empty").mkdir()
-    assert_same(run_grid(small, tmp_path / "empty", METHODS, resume=True), finished)
 
 
 def test_a_run_is_not_written_over(small, finished):

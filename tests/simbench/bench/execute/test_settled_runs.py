@@ -8,8 +8,6 @@ import math
 import pandas as pd
 import pytest
 
-from simbench.bench.check.baseline import write_baseline
-from simbench.bench.check.check import check_run
 from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario import resolve
 from simbench.bench.store.benchmark import grid_of
@@ -39,23 +37,6 @@ def test_a_grid_of_the_package_is_read_from_its_table_and_settled_again_when_ask
     assert said[0]["benchmark"] == said[1]["benchmark"]
     with pytest.raises(RunError, match="cannot be resumed: the grid differs"):
         run_grid("smoke", tmp_path / "again", ["he"], resume=True)
-
-
-@pytest.mark.parametrize("kind", ["run", "baseline", "run of a sample"])
-def test_a_run_or_a_baseline_is_a_grid(finished, tmp_path, monkeypatch, kind):
-    source = finished
-    if kind == "run of a sample":
-        source = run_grid("smoke", tmp_path / "sample", ["he"], n=9)
-    if kind == "baseline":
-        source = tmp_path / "baseline"
-        write_baseline(finished, source)
-    settles_nothing(monkeypatch)
-    again = run_grid(source, tmp_path / "again", ["horch"], jobs=2)
-    assert loops_of(again).equals(loops_of(source))
-    assert read_manifest(again)["benchmark"] == read_manifest(source)["benchmark"]
-    third = run_grid(again, tmp_path / "third", ["horch"])
-    assert loops_of(third).equals(loops_of(source))
-    assert check_run(third, again).result == "same"
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,6 @@ source of its ranges.
 """
 
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,11 +10,9 @@ import pytest
 from simbench.bench.scenario.resolve import band, resolve, valve_table
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.detectors.errors import ParameterError
-from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.simulate import simulate
+from simbench.loop.parameters import VALVES
 from simbench.scenarios.grid import load_grid, make_grid
 
-PAGE = Path(__file__).parents[4] / "docs" / "plant_grid.md"
 DEAD_BANDS = ("deadband", "coulomb_viscous", "hysteresis")
 MORE = {
     "deadzone": {"parameters": {"D": 0.5}, "scale": {"D": "S"}},
@@ -87,19 +83,6 @@ def test_a_band_that_a_valve_cannot_have_is_one_sentence(valve, J):
         valve_table(valve, {"S": 5.0, "J": J}, 100.0, {})
 
 
-def test_parameters_of_the_grid_have_the_last_word_in_units_of_the_cell():
-    assert valve_table("he", {"S": 5.0, "J": 2.0}, 100.0, {"K": 1.2}) == {
-        "model": "he",
-        "S": 5.0,
-        "J": 2.0,
-        "K": 1.2,
-    }
-    deadzone, lag = one_cell(["deadzone", "lag"])
-    assert deadzone.loop.valve.parameters == {"D": 2.0}
-    period = deadzone.loop.sampling.Ts * 30.0
-    assert 0.02 <= lag.loop.valve.parameters["T"] / period <= 0.05 * 1.01
-
-
 def test_siblings_share_everything_but_the_valve():
     sticky, healthy = one_cell(["choudhury", "ideal"])
     assert sticky.loop.model_copy(update={"valve": healthy.loop.valve}) == healthy.loop
@@ -107,16 +90,6 @@ def test_siblings_share_everything_but_the_valve():
     assert [e.name for e in sticky.loop.effect] == ["compression"]
     assert sticky.loop.noise.mv_std == 0.08
     assert np.std([value for _, value in sticky.loop.setpoint.steps[1:]]) > 0
-
-
-def test_noise_on_the_recorded_mv_is_seen_by_nobody_but_the_record():
-    (scenario,) = one_cell("choudhury", effect="none", moves=0.0)
-    clean = scenario.loop.with_("noise.mv_std", 0.0)
-    one, two = simulate(scenario.loop, 3), simulate(clean, 3)
-    assert np.array_equal(one.record.pv, two.record.pv)
-    assert np.array_equal(one.mv, two.record.mv)
-    assert np.std(one.record.mv - two.record.mv) == pytest.approx(0.08, rel=0.1)
-    assert simulate_with_truth(scenario.loop, 3)[1] == simulate_with_truth(clean, 3)[1]
 
 
 def test_the_grid_keeps_its_promises():
@@ -152,52 +125,3 @@ def test_the_grid_keeps_its_promises():
         for v in ([m.valve] if isinstance(m.valve, str) else m.valve)
     }
     assert used == whole == set(VALVES.names()) - {"choudhury_literal"}
-
-
-def test_the_page_names_every_range_as_the_grid_has_it():
-    content = load_grid("plant").content
-    ranges = {
-        key: value
-        for key, value in content.draw.items()
-        if isinstance(value, tuple) and not isinstance(value[0], str)
-    }
-    for name, d in content.disturbances.items():
-        ranges.update({f"{name}.amplitude": d.amplitude, f"{name}.period": d.period})
-    for part in (content.valves, content.effects):
-        for name, more in part.items():
-            values = {
-                k: v
-                for k, v in more.parameters.items()
-                if isinstance(v, tuple) and not isinstance(v[0], str)
-            }
-            ranges.update({f"{name}.{key}": value for key, value in values.items()})
-    as_chapter = ("sine", "propagated", "steps", "random_walk")
-    on_page = dict(
-        re.findall(
-            r"^\| `([\w.]+)` \| `(\[[^]]+\])` \| (?:chosen here|source|records)",
-            PAGE.read_text(),
-            flags=re.M,
-        )
-    )
-    wanted = {
-        k: f"[{v[0]}, {v[1]}]" for k, v in ranges.items() if k.partition(".")[0] not in as_chapter
-    }
-    assert on_page == wanted
-    chapter = load_grid("chapter").content.disturbances
-    assert all(content.disturbances[name] == chapter[name] for name in as_chapter)
-
-
-def test_mapped_parameters_are_those_of_the_valve_file():
-    for name in VALVES.names():
-        module = VALVES.load(name)
-        if hasattr(module, "for_SJ"):
-            S, J = (
-                (5.0, 5.0)
-                if name == "stenman"
-                else (5.0, 0.0)
-                if name == "hysteresis"
-                else (5.0, 2.0)
-            )
-            assert module.mapped_SJ(
-                valve_parameters(module, module.for_SJ(S, J, 100.0), 1.0)
-            ) == pytest.approx((S, J))

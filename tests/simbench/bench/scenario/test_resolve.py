@@ -6,15 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from results.studies.leak import (
-    BALANCE,
-    MOST_ALONE,
-    MOST_OF_ALL,
-    MOST_OF_SET,
-    MOST_UNMATCHED,
-    leak,
-    seen,
-)
 from simbench.bench.scenario import resolve as rules
 from simbench.bench.scenario.resolve import (
     first_guess,
@@ -58,22 +49,6 @@ def test_noise_and_disturbance_do_not_change_what_is_measured():
     assert measure_cycle(loop(noise={"std": 1.0}, disturbance=driven)) == measure_cycle(loop())
 
 
-def test_a_loop_that_does_not_cycle_gets_a_finite_guess():
-    cycle = measure_cycle(loop(J=0.0))
-    assert not cycle.exists
-    assert math.isfinite(cycle.period)
-    assert cycle.pv_std > 0
-
-
-def test_members_share_plant_length_noise_and_set_point(smoke):
-    for _, scenarios in smoke:
-        shared = {
-            (s.loop.plant, s.loop.sampling.n, s.loop.noise, s.loop.setpoint, s.seed)
-            for s in scenarios
-        }
-        assert len(shared) == 1
-
-
 def test_a_record_that_oscillates_has_20_to_60_samples_per_period_sticky_or_not(smoke):
     per = {True: [], False: []}
     for _, scenarios in smoke:
@@ -86,13 +61,6 @@ def test_a_record_that_oscillates_has_20_to_60_samples_per_period_sticky_or_not(
         assert len(sampled) >= 10
         assert np.mean([18 <= x <= 65 for x in sampled]) >= 0.8
     assert np.median(per[True]) == pytest.approx(np.median(per[False]), rel=0.3)
-
-
-def test_noise_is_a_share_of_the_sticky_twins_pv(smoke):
-    for group, scenarios in smoke:
-        assert scenarios[0].loop.noise.std == pytest.approx(
-            0.1 * measure_cycle(group.twin).pv_std, rel=0.006
-        )
 
 
 def test_ids_are_unique_and_stay_when_asked_again(smoke):
@@ -136,29 +104,6 @@ def test_w_Ti_of_the_cycle_is_what_the_cell_asks_for():
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "every"),
-    [
-        ("ci", 30),
-        *(
-            pytest.param(name, 4, marks=pytest.mark.slow)
-            for name in ("chapter", "plant", "families")
-        ),
-    ],
-)
-def test_a_grid_tells_no_label_without_the_waveform(name, every):
-    leaked = leak(seen(load_grid(name), every))
-    # a subsample wanders by chance: three standard errors are granted, `make leak` grants none on
-    # the whole grid
-    known = leaked.counts["yes"] + leaked.counts["no"]
-    slack, of_auc = 3 * 0.5 / math.sqrt(known), 3 * 0.577 / math.sqrt(leaked.oscillating)
-    assert BALANCE[0] - slack <= leaked.positives <= BALANCE[1] + slack
-    assert leaked.unmatched <= MOST_UNMATCHED * sum(leaked.counts.values())
-    assert max(leaked.alone.values()) <= MOST_ALONE + of_auc
-    assert max(leaked.sets.values()) <= MOST_OF_SET + of_auc
-    assert leaked.together <= MOST_OF_ALL + of_auc
-
-
 def ids_of(grid):
     return {s.id: s.loop_digest for g in grid.groups() for s in resolve(g)}
 
@@ -176,24 +121,6 @@ def test_an_id_says_what_was_asked_for_and_no_computed_number(monkeypatch):
     elsewhere = ids_of(load_grid("smoke", axes=few))
     assert list(elsewhere) == list(asked)
     assert elsewhere != asked
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"sets": {"seed": 5}},
-        {"axes": {"noise_ratio": [0.2]}},
-        {"sets": {"controller.direction": "reverse"}},
-    ],
-)
-def test_another_question_has_another_id(change):
-    few = {"disturbance": ["none"], "S_over_2J": [0.5]}
-    axes = {**few, **change.get("axes", {})}
-    asked, other = (
-        ids_of(load_grid("smoke", **one))
-        for one in ({"axes": few}, {"sets": change.get("sets"), "axes": axes})
-    )
-    assert not set(asked) & set(other)
 
 
 def test_more_repeats_keep_the_ids_of_the_first_and_a_sample_has_those_of_the_grid():

@@ -2,11 +2,9 @@
 
 import json
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from simbench.bench.score.page import draw_maps
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
 from simbench.detectors.errors import ParameterError
@@ -20,15 +18,6 @@ def counted(finished):
     )
     he = verdicts[verdicts.method == "he"].merge(scenarios, on="scenario_id")
     return score_run(finished), he[he.cycled.isin(["yes", "no"])]
-
-
-def test_one_axis_is_what_the_table_by_axis_says(counted):
-    scores, _ = counted
-    rows = scores.along("S_over_2J").set_index(["method", "S_over_2J"])
-    every = scores.by_axis[scores.by_axis.axis == "S_over_2J"].set_index(["method", "value"])
-    for name in ("accuracy", "accuracy_lo", "sensitivity", "false_positives_hi", "no_decision"):
-        same = every.loc[rows.index, name].to_numpy(dtype=float)
-        assert np.allclose(rows[name].to_numpy(dtype=float), same, equal_nan=True)
 
 
 def test_two_axes_are_counted_together(counted):
@@ -56,18 +45,6 @@ def test_two_axes_as_text_json_and_csv(finished, tmp_path, capsys):
     by = json.loads(capsys.readouterr().out)["by"]
     assert by["axis"] == ["disturbance", "tuning"]
     assert len(by["rows"]) == len(two)
-
-
-def test_cells_of_few_loops_are_marked_with_their_number():
-    cells = {"S_over_2J": ["0.5", "0.5"], "Td_over_T": ["0.1", "0.5"]}
-    rates = pd.DataFrame({"method": "m0", **cells, "accuracy": 1.0, "n": [8, 32]})
-    figure = draw_maps(rates, "Td_over_T")
-    first = figure.axes[0]
-    shown = [text.get_text() for text in first.texts]
-    assert shown == ["1.00\n8", "1.00\n32"]
-    (mesh,) = first.collections
-    pale, full = np.ravel(mesh.get_alpha())
-    assert pale < full == 1.0
 
 
 @pytest.mark.parametrize(

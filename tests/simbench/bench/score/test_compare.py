@@ -65,24 +65,6 @@ def test_from_folders_with_texts_that_hold_the_numbers(tmp_path):
         score_run(folder).compare("cicled")
 
 
-def test_what_does_not_apply_is_not_compared(run):
-    applies = np.ones((3, N), np.int8)
-    applies[1, :150] = 0
-    part = replace(run, applicable=applies)
-    comparison = compare(part)
-    of = comparison.ranking.set_index("method")
-    assert of.n.to_dict() == {"good": N, "fair": N - 150, "also_fair": N}
-    assert of.accuracy["fair"] == pytest.approx(np.mean(run.verdict[1, 150:] == TRUTH[150:]))
-    (pair,) = comparison.pairs[
-        (comparison.pairs["first"] == "good") & (comparison.pairs["second"] == "fair")
-    ].to_dict("records")
-    good, fair = (run.verdict[i, 150:] == TRUTH[150:] for i in (0, 1))
-    assert (pair["win"], pair["loss"]) == (
-        int((good & ~fair).sum()),
-        int((~good & fair).sum()),
-    )
-
-
 def test_every_pair_stands_in_the_matrix(run):
     comparison = compare(run)
     wins, ties, losses, n = (comparison.matrix(x) for x in ("win", "tie", "loss", "n"))
@@ -100,23 +82,6 @@ def test_every_pair_stands_in_the_matrix(run):
     assert np.allclose(comparison.matrix(), comparison.matrix().T, equal_nan=True)
     with pytest.raises(UserError, match="win"):
         comparison.matrix("wins")
-
-
-def test_the_text_shows_every_pair_within_a_line_of_a_terminal(book, noisy):
-    rng = np.random.default_rng(3)
-    names = [f"a_method_named_{k}" for k in range(14)]
-    parts = [noisy(rng, TRUTH, 0.95 - 0.03 * k, methods=1)[0][0] for k in range(14)]
-    comparison = compare(book(parts, TRUTH, methods=names))
-    lines = comparison.as_text().splitlines()
-    assert max(map(len, lines)) <= 100
-    shown = [
-        cell
-        for line in lines
-        for cell in line.split()
-        if cell[0].isdigit() and cell.count("-") == 2
-    ]
-    assert len(shown) == len(comparison.pairs) == 14 * 13 // 2
-    assert len([cell for cell in shown if cell.endswith("*")]) == comparison.pairs.differ.sum()
 
 
 def test_a_method_that_failed_is_marked(run):

@@ -71,23 +71,6 @@ def test_rates_over_an_axis_say_of_which_loops_they_are(finished, tmp_path):
     assert [cell.strip() for cell in head.split("|")[1:4]] == ["Method", "disturbance", "n"]
 
 
-def test_a_method_that_failed_on_nothing_is_not_under_those_that_failed(book):
-    truth = np.arange(200) % 2
-    run = book([truth] * 3, truth, methods=("whole", "sound", "crashy"))
-    run.applicable[1:] = np.arange(200) < 100
-    run.failed[2, :40] = True
-    scores = score_book(run)
-    lines = scores.as_text().splitlines()
-    titles = {
-        line.split()[1]: [t for t in lines[:k] if t.startswith("--")][-1:]
-        for k, line in enumerate(lines)
-        if len(line.split()) > 4
-    }
-    assert titles["whole"] == []
-    assert titles["sound"] == ["-- applicable to 100 of these loops, not ranked"]
-    assert titles["crashy"] == ["-- failed on more records than allowed, not ranked"]
-
-
 def test_a_method_is_compared_with_every_other_in_one_family(book, noisy):
     rng, truth = np.random.default_rng(3), np.arange(400) % 2
     parts = [noisy(rng, truth, share, methods=1)[0][0] for share in (0.9, 0.7, 0.72, 0.5)]

@@ -12,7 +12,7 @@ from simbench.bench.check.baseline import write_baseline
 from simbench.bench.check.check import check_books
 from simbench.bench.execute.run import run_grid
 from simbench.bench.score.quantification import quantification
-from simbench.bench.score.scoring import score_book, score_run
+from simbench.bench.score.scoring import score_run
 from simbench.bench.store.reading import read_book
 
 N = 200
@@ -50,22 +50,6 @@ def test_errors_and_widths_are_shares_of_s_and_coverage_is_counted(sized):
     assert np.isnan(rows["J"].coverage)
 
 
-def test_an_interval_without_a_stated_level_is_not_held_against_one(sized):
-    rows = quantification(sized(*held(0.5), stated=()))
-    assert rows.coverage.isna().all()
-    assert rows.width.isna().all()
-
-
-def test_healthy_loops_and_methods_without_s_have_no_row(sized, book):
-    healthy = replace(sized(*held(0.9)), friction=np.zeros((N, 2)))
-    assert quantification(healthy).empty
-    assert quantification(book(np.ones(5), np.ones(5))).empty
-    # a section of which a run holds nothing is not printed
-    whole = score_book(healthy).as_text(full=True)
-    assert "S and J of sticky loops" not in whole
-    assert "\n\n\n" not in whole
-
-
 def test_the_gate_passes_what_did_not_change(sized):
     check = check_books(sized(*held(0.9)), sized(*held(0.9)))
     assert check.result == "same"
@@ -99,12 +83,6 @@ def test_a_method_that_gives_no_size_any_more_cannot_be_compared(sized):
     check = check_books(replace(run, sizes=fewer), run)
     assert check.result == "cannot tell"
     assert "given 100 times, before 200" in " ".join(check.reasons)
-
-
-def test_a_baseline_without_sizes_asks_nothing(sized):
-    run = sized(*held(0.9))
-    nothing = np.full_like(run.sizes, np.nan)
-    assert check_books(run, replace(run, sizes=nothing)).result == "same"
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,7 @@ from simbench.bench.execute.run import run_grid
 from simbench.bench.score import folds
 from simbench.bench.score.answers import home_of
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
-from simbench.bench.score.ranks import RANKED_LOOPS
 from simbench.bench.score.scoring import score_book, score_run
-from simbench.bench.store.reading import _own_axes
 from simbench.cli import main
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.grid import make_grid
@@ -124,20 +122,6 @@ def test_yardsticks_answer_always_the_same(scores):
     assert block.loc[["always_no", "always_yes"], "rank"].isna().all()
 
 
-def test_methods_that_see_mv_are_ranked_apart_and_partial_ones_where_they_apply(scores):
-    everywhere, few = scores.rows(), scores.rows(process="self-regulating")
-    assert everywhere.set_index("method").loc[["he", "yamashita"], "rank"].tolist() == [1, 1]
-    assert everywhere.set_index("method")["rank"].isna()["horch"]
-    assert few.n.max() < RANKED_LOOPS
-    assert few["rank"].isna().all()
-    assert everywhere.method.tolist() == [
-        "he",
-        "horch",
-        "yamashita",
-        *everywhere.method.tolist()[3:],
-    ]
-
-
 def test_a_method_that_does_not_apply_is_not_undecided(book):
     truth = np.tile([1, 0], 20)
     verdict = np.array([truth, np.where(np.arange(40) < 20, truth, 2)])
@@ -159,51 +143,6 @@ def test_axis_rows_add_up_to_the_whole(scores):
         whole = scores.rows(population=ALL).set_index("method").loc["he"]
         assert rows.n.sum() == whole.n
         assert (rows.accuracy_all * rows.n).sum() == pytest.approx(whole.accuracy_all * whole.n)
-
-
-def test_entrained_and_unclear_are_counted_but_not_scored(scores, joined):
-    one = joined[joined.method == "he"]
-    assert scores.disagreement.scenarios.sum() == len(one)
-    left_out = one.cycled.isin(["entrained", "unclear"]).sum()
-    row = scores.rows(population=ALL).set_index("method").loc["he"]
-    assert row.n == len(one) - left_out
-
-
-def test_the_default_output_is_one_table_of_one_screen(scores):
-    where = "A report with pictures: simbench score RUN --report report.html; every table: --full."
-    lines = scores.as_text(where=where).splitlines()
-    assert len(lines) <= 38  # a command adds two
-    assert max(map(len, lines)) <= 100
-    (head,) = [x.split("  ") for x in lines if x.startswith("rank")]
-    shown = [cell.strip() for cell in head if cell]
-    assert shown == [
-        "rank",
-        "method",
-        "cost",
-        "accuracy",
-        "sensitivity",
-        "false positives",
-        "no decision",
-    ]
-    text = "\n".join(lines)
-    for reference in ("no_waveform", "always_yes", "always_no"):
-        assert reference in text
-    assert text.index("he ") < text.index("with MV") < text.index("yamashita")
-    assert "Only one method covers these loops" in text
-
-
-def test_the_table_against_another_truth_counts_that_truth(scores, joined):
-    text = scores.as_text("predicted")
-    row = scores.rows("predicted").set_index("method").loc["he"]
-    one = joined[(joined.method == "he") & joined.oscillating]
-    assert (row.n, row.positives) == (
-        one.predicted.notna().sum(),
-        (one.predicted == True).sum(),  # noqa: E712
-    )
-    assert (
-        f"{row.n} loops have a clear label and oscillate; in {row.positives} Table 11.3 predicts"
-        " a limit cycle" in text
-    )
 
 
 def test_a_method_that_failed_more_often_than_allowed_has_no_rank(book):
@@ -313,69 +252,6 @@ def test_a_large_run_counts_all_loops_and_orders_a_sample_of_whole_groups(book, 
     assert part.as_json()["sampled"] == 1500
 
 
-def test_an_axis_of_many_values_has_a_row_for_each(book):
-    truth, value = np.tile([1, 0], 300), np.repeat(np.arange(200.0), 3)
-    run = book(truth, truth)
-    run.axes["Td_over_T"][:] = value
-    rows = score_book(run).by_axis.query("axis == 'Td_over_T' and method == 'm0'")
-    assert rows.value.tolist() == [f"{v:g}" for v in range(200)]
-    assert set(rows.n) == {3}
-    assert (rows.accuracy == 1.0).all()
-
-
-def test_the_classifiers_without_waveform_are_trained_once_for_the_same_loops(book):
-    folds._boost.cache_clear()
-    runs = [book(np.tile([1, 0], 100), np.tile([1, 0], 100)) for _ in range(2)]
-    tables, learned = [], []
-    for run in runs:
-        tables.append(score_book(run).table)
-        learned.append(folds._boost.cache_info().misses)
-    assert learned[0] == learned[1] > 0
-    pd.testing.assert_frame_equal(*tables)
-
-
-def test_where_loops_oscillate_a_method_is_compared_with_the_classifier_without_waveform(book):
-    """What does not oscillate is negative: a classifier that knows no more is right on most loops,
-    and beats nobody there.
-    """
-    rng = np.random.default_rng(6)
-    oscillating = np.arange(800) < 400
-    truth = np.where(oscillating, rng.integers(0, 2, 800), 0)
-    seeing = np.where(oscillating & (rng.random(800) < 0.25), 2, truth)
-    run = replace(book(np.array([seeing, oscillating, 1 - truth]), truth), oscillating=oscillating)
-    run = replace(run, design=rng.normal(size=(800, 6)))
-    scores = score_book(run)
-    everything, table = (
-        scores.rows(population=x).set_index("method") for x in (ALL, OF_OSCILLATING)
-    )
-    assert everything.loc["no_waveform", "accuracy"] > 0.7
-    assert (table.n == 400).all()
-    undecided = (seeing[:400] == 2).mean()
-    assert table.loc["m0", "cost"] == pytest.approx(0.5 * undecided)
-    blind = table.loc["no_waveform", "cost"]
-    assert table.loc["m0", "cost_over_no_waveform"] == pytest.approx(0.5 * undecided - blind)
-    assert table.loc["no_waveform", "cost_over_no_waveform"] == 0.0
-    text = scores.as_text(full=True)
-    after = text[text.index("less than no_waveform") :].splitlines()
-    answers = {line.split()[0]: " ".join(line.split()[6:]) for line in after[1:4]}
-    assert answers == {"m0": "yes", "m1": "cannot tell", "m2": "no"}
-
-
-def test_answers_about_left_out_loops_are_counted(book):
-    truth = np.r_[np.ones(30), np.zeros(30), np.full(25, -1)].astype(int)
-    run = book(np.r_[np.zeros(60), np.ones(20), np.full(5, 2)], truth)
-    left = score_book(run).left_out
-    row = left[(left.method == "m0") & (left.of == "unclear")].iloc[0]
-    assert (row.n, row.stiction, row.no_decision) == (25, 0.8, 0.2)
-    assert row.stiction_lo < 0.8 < row.stiction_hi
-
-
-def test_a_rate_of_fewer_than_20_loops_is_not_printed(book):
-    truth = np.tile([1, 0], 9)
-    line = next(x for x in score_book(book(truth, truth)).as_text().splitlines() if " m0 " in x)
-    assert line.split()[:4] == ["-", "m0", "-", "-"]
-
-
 def test_the_oracle_is_not_ranked(tmp_path):
     run = run_grid("smoke", tmp_path / "run", ["he", "oracle"], sets={"disturbance": "sine"})
     block = score_run(run).rows()
@@ -398,12 +274,6 @@ def test_scores_are_a_table_a_picture_and_a_notebook_cell(scores):
     assert axes.figure.dpi >= 200
     assert "another rank" in scores._repr_html_()
     assert "\n" not in repr(scores)
-
-
-def test_the_table_of_truths_begins_with_sticky_loops_that_should_cycle_and_do(scores):
-    rows = scores.disagreement[["sticky", "predicted", "cycled"]].to_records(index=False).tolist()
-    assert rows == sorted(rows, reverse=True)
-    assert len({row[0] for row in rows}) == 2
 
 
 def test_a_method_tuned_on_loops_like_those_of_a_users_grid_is_marked(book):
@@ -447,78 +317,6 @@ def test_rates_over_an_axis_are_printed_and_given_as_json(finished, joined, caps
     assert "did you mean 'disturbance'" in capsys.readouterr().err
 
 
-def test_rates_over_the_axes_of_a_grid_of_ones_own(tmp_path, capsys):
-    plants = [LOOP.to_table()["plant"], {"type": "integrating", "K": 0.1, "Td": 2.0}]
-    table = {"title": "own", "repeats": 8, "loop": LOOP.to_table()}
-    axes = {"valve.S": [1.0, 5.0], "plant": plants, "noise.std": [k / 1000 for k in range(201)]}
-    few = {**table, "axes": {**axes, "noise.std": [0.1]}}
-    folder = run_grid(make_grid(few, "own"), tmp_path / "own", ["he"])
-    scenarios = pd.read_parquet(folder / "scenarios.parquet")
-    tags = scenarios.tags.map(json.loads)
-    verdicts = pd.read_parquet(folder / "verdicts.parquet").verdict
-    scores = score_run(folder)
-    for axis, values in (("valve.S", ["1", "5"]), ("plant", sorted({t["plant"] for t in tags}))):
-        rows = scores.along(axis)
-        assert rows[axis].tolist() == values
-        for row in rows.to_dict("records"):
-            of = tags.map(lambda t, axis=axis: t[axis] if axis == "plant" else f"{t[axis]:g}")
-            use = (of == row[axis]) & scenarios.cycled.isin(["yes", "no"])
-            healthy = use & (scenarios.cycled == "no")
-            assert row["n"] == use.sum()
-            share = (verdicts[healthy] == STICTION).mean()
-            assert row["false_positives"] == pytest.approx(share, nan_ok=True)
-    assert main(["score", str(folder), "--by", "valve.S"]) == 0
-    assert "\nvalve.S  method" in capsys.readouterr().out
-    # one value each of 201 says nothing
-    many = {"grid_content": {"axes": axes}}
-    assert "noise.std" not in _own_axes(many)
-
-
-def test_loops_apart_are_in_no_ranking_and_false_positives_have_a_cause(book):
-    truth = np.repeat([1, 0], 120)
-    run = book(np.ones(240), truth)
-    run.axes["echo"] = np.where(truth == 1, "none", np.tile(["smooth", "harmonics"], 120))
-    run.axes["ranked"][200:] = 0.0
-    run.axes["tuning"] = np.where(np.arange(240) < 200, "slow", "aggressive")
-    run.axes["echo"][200:] = "none"
-    scores = score_book(run)
-    assert scores.rows().n.iloc[0] == 200
-    assert scores.rows(population=ALL).n.iloc[0] == 240
-    causes = scores.by_cause.query("method == 'm0'").set_index("cause")
-    assert causes.n.to_dict() == {"echo, smooth": 40, "echo, harmonics": 40, "own tuning": 40}
-    assert (causes.false_positives == 1.0).all()
-    assert "own tuning 40" in scores.as_text(full=True)
-
-
-def named(book, *names):
-    """The run with some of its methods as plug-ins of whoever ran it."""
-    return replace(book, manifest={**book.manifest, "plugins": dict.fromkeys(names, "digest")})
-
-
-def test_a_method_of_ones_own_always_has_a_row_and_a_rank(book):
-    rng, truth = np.random.default_rng(7), np.arange(400) % 2
-    right = [0.95, 0.65, 0.6, 0.6, *[0.5] * 30]
-    said = [np.where(rng.random(400) < share, truth, 1 - truth) for share in right]
-    run = book(said, truth)
-    run.applicable[1, 150:] = 0  # m1 answers 150 loops, m2 these and no others
-    run.applicable[2, 150:] = 0
-    foreign = score_book(run).rows().set_index("method")
-    assert foreign["rank"][["m1", "m2"]].isna().all()
-    scores = score_book(named(run, "m1", "m33"))
-    rows = scores.rows().set_index("method")
-    assert (rows["rank"]["m1"], rows.rank_loops["m1"]) == (2, 150)  # after m0, before m2
-    assert (rows["rank"]["m0"], rows.rank_loops["m0"]) == (1, 400)
-    assert np.isnan(rows["rank"]["m2"])
-    text = scores.as_text().splitlines()
-    assert text.index("-- ranked on the 150 of these loops that it answers") == next(
-        k - 1 for k, line in enumerate(text) if line.split()[:2] == ["2", "m1"]
-    )
-    # it stands last, and others make room for it
-    assert any(line.split()[1:2] == ["m33"] for line in text)
-    assert "more methods: --full" in scores.as_text()
-    assert len(text) <= 40
-
-
 def test_a_gap_in_the_answers_neither_helps_nor_harms(book):
     rng, truth = np.random.default_rng(9), np.arange(2000) % 2
     said = np.where(rng.random(2000) < 0.8, truth, 1 - truth)
@@ -544,14 +342,6 @@ def test_loops_with_one_record_and_the_same_labels_count_once(book):
     )
     assert score_book(copies).as_json()["copies"] == 1560
     assert score_book(once).as_json()["copies"] == 0
-
-
-def test_one_record_with_two_labels_and_loops_without_a_record_are_no_copies(book):
-    truth = np.arange(40) % 2
-    book_of = book([truth], truth, hashes=["one"] * 40)
-    assert book_of.without_copies().ids.tolist() == book_of.ids[:2].tolist()
-    failed = book([truth], truth, hashes=[""] * 40)
-    assert failed.without_copies() is failed
 
 
 def test_a_grid_that_draws_copies_is_told_when_it_is_loaded_and_ranks_nothing(tmp_path, capsys):

@@ -54,27 +54,9 @@ def test_scores_are_those_of_a_run_that_asks_all_methods(place):
     assert list(read_manifest(place / "mine")["methods"]) == ["yamashita"]
 
 
-def test_page_figures_and_comparison_of_a_run_show_shipped_methods_too(place, tmp_path, capsys):
-    assert set(shipped.read_joined(place / "mine").methods) == {"yamashita", *SHIPPED}
-    page = tmp_path / "page.html"
-    assert main(["score", str(place / "mine"), "--paired", "--report", str(page)]) == 0
-    assert "horch" in page.read_text()
-    scores = score_run(place / "mine")
-    assert set(SHIPPED) < set(scores.along("tuning").method)
-    assert set(SHIPPED) < set(scores.compare().ranking.method)
-
-
 def test_a_run_with_shipped_verdicts_is_scored_later_as_at_once(place, capsys):
     assert main(["score", str(place / "mine"), "--full"]) == 0
     assert "horch" in capsys.readouterr().out
-
-
-def test_a_method_that_the_run_asks_itself_is_not_joined(place, tmp_path):
-    run = run_grid("smoke", tmp_path / "run", ["he"], with_reference=True)
-    book = shipped.with_shipped(RunArrays.read(run))
-    assert book.methods == ("he", "horch")
-    assert np.isfinite(book.runtime[0]).all()
-    assert np.isnan(book.runtime[1]).all()
 
 
 def test_a_record_with_other_last_bits_has_its_shipped_verdict_and_is_counted(place):
@@ -84,14 +66,6 @@ def test_a_record_with_other_last_bits_has_its_shipped_verdict_and_is_counted(pl
     assert np.array_equal(shipped.with_shipped(book).verdict[1:], given.verdict)
     said = " ".join(score_book(book).as_text().split())
     assert "1 records have other last bits than those of the shipped verdicts" in said
-
-
-def test_where_a_loop_is_not_among_the_shipped_a_shipped_method_does_not_apply(place):
-    book = RunArrays.read(place / "mine")
-    book.ids[0] = b"another"
-    joined = shipped.with_shipped(book)
-    assert (joined.applicable[1:, 0] == 0).all()
-    assert (joined.verdict[1:, 0] == 2).all()
 
 
 def test_verdicts_of_another_benchmark_version_are_not_joined(place):
@@ -146,15 +120,6 @@ def test_a_share_of_what_is_shipped_comes_out_the_same_when_it_is_asked_again(gr
     found = ask_again(grid, 0.01, seed=3, but=["likelihood"])
     assert found.loops > 8
     assert found.differ == ()
-
-
-def test_what_is_asked_again_and_differs_is_named(place, monkeypatch):
-    given = shipped.results("smoke")
-    given["verdict"] = given["verdict"].replace("stiction", "no_decision")
-    monkeypatch.setattr(study, "results", lambda name: given)
-    found = ask_again("smoke", 0.5)
-    assert found.loops >= 20
-    assert {text.split(": ")[1] for text in found.differ} == {"verdict"}
 
 
 @pytest.mark.parametrize("verb", ["run", "simulate"])

@@ -7,8 +7,8 @@ import pytest
 
 from simbench.bench.score.answers import Answers
 from simbench.bench.score.pairing import Paired
-from simbench.bench.score.tally import RATES, counted, long_table, share_frame, tallied
-from simbench.bench.statistics import mcnemar, rate
+from simbench.bench.score.tally import counted, long_table, tallied
+from simbench.bench.statistics import mcnemar
 
 N = 400
 
@@ -42,50 +42,11 @@ def test_every_combination_is_counted(answers, loops):
     assert found == expected
 
 
-def test_a_group_comes_to_what_its_answers_are(answers, loops):
-    table = tallied(counted(long_table(answers), **loops), ["where", "method"])
-    assert len(table) == 12
-    for (where, k), row in table.iterrows():
-        a = answers[k]
-        here = [i for i in range(N) if loops["where"][i] == where]
-        known = [i for i in here if loops["label"][i] >= 0]
-        covered = [i for i in known if a.applies[i]]
-        sticky = [i for i in covered if loops["label"][i] == 1]
-        right = sum(a.said[i] == loops["label"][i] for i in covered)
-        open_ = sum(a.said[i] == 2 for i in covered)
-        found = sum(a.said[i] == 1 for i in sticky)
-        alarms = sum(a.said[i] == 1 for i in covered) - found
-        assert (row["n"], row["n_all"], row["applicable"]) == (len(known), len(here), len(covered))
-        assert row["positives"] == sum(loops["label"][i] == 1 for i in known)
-        assert row["missed"] == sum(a.said[i] == 0 for i in sticky)
-        assert (row["open_sticky"] + row["open_other"], row["right"]) == (open_, right)
-        assert row["errors"] == sum(a.failed[i] for i in known)
-        m = len(covered)
-        expected = (
-            rate(right, m),
-            rate(right, m - open_),
-            rate(open_, m),
-            rate(found, len(sticky)),
-            rate(alarms, m - len(sticky)),
-            rate(right, len(known)),
-        )
-        for name, share in zip(RATES, expected, strict=True):
-            assert tuple(row[[name, f"{name}_lo", f"{name}_hi"]]) == pytest.approx(share)
-
-
 def test_without_loops_there_is_nothing_to_count(answers):
     columns = ("said", "applies", "failed")
     none = [a._replace(**{name: getattr(a, name)[:0] for name in columns}) for a in answers]
     counts = counted(long_table(none), label=np.empty(0, dtype=int))
     assert len(tallied(counts, ["method"])) == 0
-
-
-def test_a_share_of_nothing_is_not_known(answers, loops):
-    table = tallied(counted(long_table(answers), **loops), ["method"])
-    share = share_frame("share", 0 * table["found"], 0 * table["n"])
-    assert share["share"].isna().all()
-    assert share["share_lo"].eq(0).all()
-    assert share["share_hi"].eq(1).all()
 
 
 def test_wins_ties_and_losses_of_two_sets_of_answers():

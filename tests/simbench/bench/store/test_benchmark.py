@@ -10,12 +10,11 @@ from typer.testing import CliRunner
 
 from simbench.bench.check.baseline import write_baseline
 from simbench.bench.execute.run import run_grid
-from simbench.bench.store import benchmark
-from simbench.bench.store.benchmark import benchmark_of, grid_of
+from simbench.bench.store.benchmark import grid_of
 from simbench.bench.store.manifest import read_manifest, write_manifest
 from simbench.cli import app
 from simbench.detectors.errors import UserError
-from simbench.scenarios.grid import load_grid, make_grid
+from simbench.scenarios.grid import make_grid
 
 AXES = {"disturbance": ["none"], "S_over_2J": [0.5]}
 
@@ -35,26 +34,6 @@ def runs(tmp_path_factory):
             methods,
         )
     return folder
-
-
-def test_each_part_follows_what_it_is_named_after(monkeypatch):
-    grid = load_grid("smoke")
-    table = [("a", "0f"), ("b", "3c")]
-    stated = benchmark_of(grid, table)
-    assert (stated["name"], stated["version"]) == (
-        f"smoke-{grid.content.version}",
-        grid.content.version,
-    )
-    for other in ([("a", "0f"), ("c", "3c")], [("a", "0f"), ("b", "3d")], table[:1]):
-        settled = benchmark_of(load_grid("smoke", {"seed": 5}), other)
-        assert settled["name"] == stated["name"]
-        assert differ(stated, settled) == {"scenarios"}
-    changed = benchmark_of(load_grid("smoke", axes={"S_over_2J": [0.7]}), table)
-    assert changed["name"].endswith("changed")
-    benchmark.evaluator_hash.cache_clear()
-    monkeypatch.setattr(benchmark, "_FILES", benchmark._FILES[:1])
-    assert differ(stated, benchmark_of(grid, table[::-1])) == {"evaluator"}
-    benchmark.evaluator_hash.cache_clear()
 
 
 def differ(one, other):

@@ -1,21 +1,17 @@
 """A grid from records: the loops that copy them, labelled by simulation, the same every time."""
 
-import json
-
 import numpy as np
 import pytest
 
 import simbench
 from simbench.bench.execute.compute_piece import compute_piece
 from simbench.bench.execute.run import run_grid
-from simbench.bench.scenario.oracle import judge_oracle
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import YES, simulate_with_truth
 from simbench.bench.score.scoring import score_run
 from simbench.bench.store.reading import read_table
 from simbench.detectors.errors import ParameterError, RecordError, Refusal, UserError
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.verdict import STICTION
 from simbench.files import write_record
 from simbench.gap.benchmark.from_records import (
     JUMPS,
@@ -23,7 +19,7 @@ from simbench.gap.benchmark.from_records import (
     grid_from_records,
     plan_of_records,
 )
-from simbench.gap.benchmark.near_loop import NearLoop, near_loop
+from simbench.gap.benchmark.near_loop import near_loop
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -75,12 +71,6 @@ def test_the_record_is_written_as_the_real_one(made, records):
         assert np.allclose(run.op, np.round(run.op, 2), atol=1e-9)
 
 
-def test_loads_are_fresh(made):
-    quiet = [s for s in _scenarios(made.grid) if s.tags["echo"] == "none"]
-    pv = [simulate(s.loop, s.seed).record.pv for s in quiet[:3]]
-    assert not np.array_equal(pv[0], pv[1])
-
-
 def test_the_friction_of_the_record_is_taken_out(made):
     near = made.loops["stuck"]
     assert near.loop.valve.name == "ideal"
@@ -106,16 +96,6 @@ def test_an_echo_stands_beside_what_cycles(made):
     assert echoes <= cycling
 
 
-def test_the_oracle_knows_what_stood_before_the_archive(made):
-    wrong, asked = 0, 0
-    for one in _scenarios(made.grid):
-        run, cycled = simulate_with_truth(one.loop, one.seed)
-        if cycled.answer in (YES, "no"):
-            asked += 1
-            wrong += (judge_oracle(one, run).verdict == STICTION) != (cycled.answer == YES)
-    assert wrong <= 0.1 * asked
-
-
 def test_a_loop_that_was_kept_is_not_identified_again(records, made, tmp_path, monkeypatch):
     first = grid_from_records(records, "ours", kept=tmp_path)
     monkeypatch.setattr("simbench.gap.benchmark.from_records.near_loop", None)
@@ -125,11 +105,6 @@ def test_a_loop_that_was_kept_is_not_identified_again(records, made, tmp_path, m
 
 def test_the_same_grid_for_any_number_of_workers(records, made):
     assert grid_from_records(records, "ours", jobs=2).grid.table == made.grid.table
-
-
-def test_a_near_loop_survives_json(made):
-    near = made.loops["quiet"]
-    assert NearLoop.from_json(json.loads(json.dumps(near.as_json()))) == near
 
 
 def test_it_runs_and_scores_like_any_grid(made, tmp_path):

@@ -68,17 +68,6 @@ def test_a_simulated_record_repeats_its_samples_where_the_real_one_does(record):
     assert np.abs(pv - wanted.pv).max() < 1e-3 * np.std(other.pv)
 
 
-def test_what_rests_by_its_rounding_alone_is_not_held_as_well(record):
-    coarse = 0.5 * np.std(np.diff(record.pv))
-    rounded = replace(record, pv=coarse * np.round(record.pv / coarse))
-    s = check(rounded, LOOP, trusted=False)
-    other = recorded(SHORT, seed=9)
-    pv = as_archived(s, other.op, coarse * np.round(other.pv / coarse))[1]
-    rests = np.mean(np.diff(rounded.pv) == 0.0)
-    assert rests > 0.1
-    assert np.mean(np.diff(pv) == 0.0) == pytest.approx(rests, rel=0.2)
-
-
 def test_what_an_effect_explains_is_left_to_the_effect(record):
     stuck = record.op.copy()
     stuck[stuck > np.quantile(stuck, 0.7)] = np.quantile(stuck, 0.7)
@@ -86,16 +75,3 @@ def test_what_an_effect_explains_is_left_to_the_effect(record):
     assert "saturation" in s.facts
     other = recorded(SHORT, seed=9)
     assert np.array_equal(as_archived(s, other.op, other.pv)[0], other.op)
-
-
-@pytest.fixture(scope="module")
-def bare(record):
-    return diagnose(record, LOOP)
-
-
-@pytest.mark.slow  # what it does to a record is tested above
-@pytest.mark.parametrize("archive", [digits, means])
-def test_an_archive_alone_makes_no_gap_and_no_effect(record, bare, archive):
-    kept = diagnose(archive(record), LOOP)
-    assert kept.effect == bare.effect == "none"
-    assert kept.gap.before < bare.gap.before + 0.35

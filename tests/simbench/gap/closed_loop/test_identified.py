@@ -14,7 +14,6 @@ from simbench.gap import diagnose
 from simbench.gap.closed_loop.copies import archived, copies
 from simbench.gap.closed_loop.described import described, gain_margin
 from simbench.gap.closed_loop.gap import held_out
-from simbench.gap.closed_loop.nearest import nearest
 from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
 from simbench.gap.report.view import write_page
@@ -33,7 +32,6 @@ TRUE = {
         {"type": "resampled", "piece": 10.0, "output": SELDOM.tolist(), "filter": [1, -0.98]}
     ],
 }
-STICKY = TRUE | {"valve": {"model": "choudhury", "S": 6.0, "J": 3.0}}
 
 
 def record_of(table, **archive):
@@ -80,37 +78,6 @@ def test_nothing_of_the_last_third_is_in_the_load(report, healthy):
 
 def identified_loop(record):
     return identify(record)
-
-
-def test_the_nearest_is_nearer_than_all_others(healthy):
-    s = check(healthy, identified_loop(healthy), trusted=False)
-    tried = list(copies(s, identified_loop(healthy), []))
-    assert {copy.plant for copy in tried} == {"first order", "as the samples show"}
-    best = nearest(s, tried)
-    assert best.distance <= min(nearest(s, [copy]).distance for copy in tried)
-    assert nearest(s, []) is None
-
-
-def test_friction_that_is_named_stands_in_the_copy_and_one_s_without_it():
-    report = diagnose(record_of(STICKY), identify=True)
-    assert report.effect in ("stiction", "deadband")
-    loops = report.behind.loops
-    assert [part.name for part in loops.corrected(report.named).effect] == report.named
-    assert loops.corrected([]).effect == ()
-    nearer = report.gap.after < report.gap.before
-    assert nearer == ("does not bring the simulation nearer" not in report.answer())
-
-
-def test_what_the_archive_did_is_stated_and_not_done_twice():
-    held = np.append(0, (RNG.random(1999) < 0.4).astype(int)).tolist()
-    record = record_of(TRUE, pv_held=held)
-    report = diagnose(record, identify=True)
-    archive = report.fixed_loop().archive
-    assert np.mean(archive.pv_held) == pytest.approx(0.4, abs=0.05)
-    again = simulate(report.fixed_loop(), 1).record.pv
-    assert np.mean(np.diff(again) == 0.0) == pytest.approx(
-        np.mean(np.diff(record.pv) == 0.0), abs=0.05
-    )
 
 
 def test_a_lattice_of_the_record_is_the_archive_s(healthy):

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.closed_loop.loop_from_fit import _noise, fixed_loop, load_parts
+from simbench.gap.closed_loop.loop_from_fit import fixed_loop, load_parts
 from simbench.gap.likelihood import kernels
-from simbench.gap.likelihood.model import Data, Fit, Moves, Spec
+from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.loop.disturbance import disturbance_signal
 from simbench.scenarios.parts import Part
 from simbench.scenarios.spec import Loop
@@ -147,24 +147,6 @@ def test_a_mismatch_scales_the_stated_number_and_comes_after_what_the_baseline_h
     assert (loop.sampling.Ts, loop.sampling.n) == (2.02, N)
 
 
-def test_the_records_set_point_is_the_files():
-    sp = np.where(np.arange(N) < 100, 60.0, np.where(np.arange(N) < 500, 65.0, 58.0))
-    loop = built(sp=sp)
-    assert (loop.setpoint.value, loop.operating_point.pv0) == (60.0, 60.0)
-    assert [tuple(step) for step in loop.setpoint.steps] == [(202.0, 65.0), (1010.0, 58.0)]
-
-
-@pytest.mark.parametrize(("fit", "amplitude"), [
-    (fitted_as(), 2.0), (fitted_as(-1.5), 2.0), (fitted_as(0.05), 60.0), (fitted_as(0.01), 75.0),
-])  # fmt: skip
-def test_a_load_is_as_large_at_the_input_as_it_is_on_pv_through_the_gain_it_was_fitted_with(
-    fit, amplitude
-):
-    # the gain counts down to a fiftieth of the stated one
-    (load,) = built(fit).disturbance
-    assert load.parameters == {"amplitude": pytest.approx(amplitude), "period": 60.0}
-
-
 @pytest.mark.parametrize(
     ("colour", "free", "coloured"),
     [(0.14, (), False), (0.16, (), True), (0.16, ("noise_std",), False)],
@@ -181,29 +163,9 @@ def test_noise_that_remembers_is_a_load_on_pv(colour, free, coloured):
     )
 
 
-@pytest.mark.parametrize(
-    ("spec", "effects", "kept"),
-    [
-        (Spec(walk=True), {}, True),
-        (Spec(free=frozenset({"noise_std"})), {}, True),
-        (Spec(), {}, False),
-    ],
-)
-def test_a_slow_load_on_pv_stays_where_the_fit_has_it_apart_from_the_load(spec, effects, kept):
-    load = {"type": "coloured", "at": "output", "amplitude": 0.8, "period": 40.0}
-    loop = built(fitted_as(spec=spec), effects, on_pv=[load])
-    assert ("output" in [d.parameters.get("at") for d in loop.disturbance]) == kept
-
-
 def test_the_noise_is_the_fitted_one_and_the_stated_one_in_the_baseline_itself():
     assert (built().noise.std, built(plant="baseline").noise.std) == (0.2, 0.1)
     assert built(trusted=False, plant="baseline").noise.std == 0.2
-
-
-def test_rounding_is_not_counted_as_noise_as_well():
-    for step, noise in ((0.12 * np.sqrt(12.0), 0.16), (2.0, 0.0)):
-        s = SimpleNamespace(trusted=True, data=SimpleNamespace(resolution=step))
-        assert _noise(s, fitted_as()) == pytest.approx(noise)
 
 
 def test_loads_and_noise_that_a_fit_did_not_find_are_left_out():
@@ -217,40 +179,6 @@ def test_a_loop_file_that_states_its_loads_is_simulated_with_them():
     assert [d.name for d in given.disturbance] == ["sine"]
     assert [d.name for d in fitted.disturbance] == ["coloured"]
     assert given.noise.std == 0.1
-
-
-HALF, HELD = Moves(lambda u, theta: 0.5 * u, ()), Moves(lambda u, theta: np.full(u.shape, 40.0), ())
-
-
-@pytest.mark.parametrize(("fit", "more", "op0"), [
-    (fitted_as(), {}, 50.0),
-    # PV lies 3 above the first set point: 2 % of MV too much
-    (fitted_as(), {"pv": 63.0}, 48.0), (fitted_as(spec=Spec(moves=HALF)), {"pv": 63.0}, 46.0),
-    (fitted_as(spec=Spec(moves=HELD)), {"pv": 63.0}, 48.0), (fitted_as(0.0), {"pv": 63.0}, 48.5),
-    # a vessel that rises by 30 within 1000 samples at 0.03 a sample and percent has 1 % too much
-    (fitted_as(0.03), {"stated": VESSEL, "pv": np.linspace(60.0, 90.0, N)}, 49.0),
-    (fitted_as(), {"pv": 360.0}, 1.0),
-    # half of 2000 s of a ramp: what drifts on PV moves OP through the gain
-    (fitted_as(), {"effects": {"load_drift": {"rate": 0.01, "walk": 0.0}}}, 60.0),
-    (fitted_as(), {"effects": {"drift": {"rate": 0.015, "walk": 0.0}}}, 60.0),
-    (fitted_as(0.03), {"stated": VESSEL, "effects": {"drift": {"rate": 0.015, "walk": 0.0}}}, 50.0),
-])  # fmt: skip
-def test_op_begins_where_pv_rests_on_the_first_set_point(fit, more, op0):
-    assert built(fit, **more).operating_point.op0 == pytest.approx(op0, abs=0.002)
-
-
-def test_a_sticking_valve_moves_as_far_as_op_on_average():
-    # the regression of OP on the position of a sticking valve is flat, and would leave half of the
-    # rise in the operating point
-    stuck = fitted_as(spec=Spec(valve=kernels.STICK), S=1.8, J=0.5)
-    assert built(stuck, pv=63.0).operating_point.op0 == pytest.approx(48.0, abs=0.01)
-
-
-@pytest.mark.parametrize(("lag", "stages"), [(0.1, 1), (0.11, 2)])
-def test_a_second_stage_counts_from_a_tenth_of_a_sample(lag, stages):
-    ((std, _, second),) = load_parts({"load": 2.0, "load_time": 30.0, "load_lag": lag})
-    assert (second > 0.0) == (stages == 2)
-    assert std == pytest.approx(2.0, rel=1e-3)
 
 
 def test_jumps_of_the_load_are_load_steps_of_the_loop_unless_they_are_in_question():

@@ -58,38 +58,6 @@ def made(monkeypatch):
 BARE, TUNED = ("base", (), "baseline"), ("base", (), "fitted")
 
 
-def test_an_effect_is_compared_with_the_bare_and_the_recalibrated_loop_under_one_load(made):
-    loops, seen = made
-    assert loops.shrink(["stiction"]).number == 1
-    # the loop with friction is kicked by its band
-    assert seen.simulated == [
-        (*BARE, "stuck", 0.0),
-        (*TUNED, "stuck", 0.0),
-        ("stuck", ("stiction",), "fitted", "stuck", 5.0),
-    ]
-    assert seen.compared == [
-        ((*BARE, "stuck"), (*TUNED, "stuck"), ("stuck", ("stiction",), "fitted", "stuck"), 7)
-    ]
-    loops.shrink(["stiction"])
-    assert len(seen.simulated) == 3
-
-
-def test_the_loads_jumps_are_left_out_where_they_are_the_effect(made):
-    loops, seen = made
-    loops.shrink(["stiction"])
-    assert seen.jumps == [True] * 3
-    seen.jumps.clear()
-    loops.shrink(["load_steps"])
-    assert seen.jumps == [False] * 3
-
-
-def test_of_no_effect_the_recalibrated_loop_is_the_last(made):
-    loops, seen = made
-    loops.shrink([])
-    assert seen.compared == [((*BARE, "base"), (*TUNED, "base"), (*TUNED, "base"), 7)]
-    assert len(seen.simulated) == 2
-
-
 def test_of_no_effect_the_loop_as_given_is_the_last_where_it_is_the_nearer(made):
     loops, seen = made
     seen.first = 0.5

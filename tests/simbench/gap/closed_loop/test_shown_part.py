@@ -62,13 +62,6 @@ def test_the_written_loop_has_that_law_and_the_stated_plant(report):
     assert SHOWN in compared(report)
 
 
-def test_a_law_that_holds_is_not_replaced():
-    record = simulate(Loop.from_table(STATED), 4).record.without_mv()
-    report = diagnose(record, Loop.from_table(STATED))
-    assert report.effect == "none"
-    assert report.fixed_loop().controller.type == "PI"
-
-
 @pytest.fixture(scope="module")
 def bursts():
     """The diagnosis of a loop whose load comes in bursts."""
@@ -96,17 +89,6 @@ def test_each_part_has_its_words(bursts):
     assert shown_words(copy, "controller") == "the controller is PI: Kc = 0.6, Ti = 30 s"
     as_shown = copy._replace(plant=AS_SHOWN)
     assert shown_words(as_shown, "process").startswith("the plant is of first order: K = ")
-
-
-@pytest.mark.parametrize(
-    ("block", "plants", "first"),
-    [("process", {"foptd", "tf"}, "foptd"), ("sensor", {"foptd"}, "foptd")],
-)
-def test_the_plant_is_asked_only_where_process_or_load_is_otherwise(bursts, block, plants, first):
-    found = bursts.behind
-    tried = list(shown(found.found.situation, found.loops.runs_with([])[1].loop, block))
-    assert {one.loop.plant.type for one in tried} == plants
-    assert tried[0].loop.plant.type == first
 
 
 def test_a_stated_sensor_leaves_the_load_as_it_is(bursts):

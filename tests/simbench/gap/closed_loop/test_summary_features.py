@@ -7,11 +7,8 @@ import pytest
 
 from simbench.gap.closed_loop.summary_features import (
     chance_of,
-    distance,
     features,
     floor_of,
-    least_spread,
-    seed_spread,
 )
 
 N = 1024
@@ -87,55 +84,6 @@ def test_the_power_of_a_sine_lies_in_its_band(band):
     assert sum(power.values()) == pytest.approx(N / 16 * (1.5 if band > 1 else 1.25), rel=0.02)
 
 
-def test_sharpness_is_the_share_of_the_three_strongest_lines():
-    # each of five sines has a line of 1 and two of 1/4
-    values = of(sum(sine(k) for k in (3, 50, 100, 150, 200)))
-    assert values["pv sharpness"] == pytest.approx(np.log(0.001 + 3.0 / 7.5), abs=0.02)
-    # what lies below two periods is trend
-    assert of(sine(300) + sine(1, 9.0) - sine(1, 9.0).mean())["pv sharpness"] > np.log(0.5)
-
-
-@pytest.mark.parametrize(
-    ("step", "rests", "straight"),
-    [(0.0, 1.0, 1.0), (0.5e-9, 1.0, 1.0), (2e-9, 0.5, 1.0), (2e-6, 0.5, 0.5)],
-)
-def test_rest_and_straight_lines_are_counted_relative_to_the_size(step, rests, straight):
-    # half of the record wanders up and down by a step; the other half stands, and a jump between
-    # gives a size of 1
-    creep = np.zeros(1000)
-    creep[:500] = step * (np.arange(500) % 2)
-    values = of(np.concatenate([creep[:500], creep[500:] + 2.0]))
-    assert values["pv at rest"] == pytest.approx(np.log(0.01 + rests), abs=0.01)
-    assert values["pv straight"] == pytest.approx(np.log(0.01 + straight), abs=0.01)
-
-
-def test_of_nothing_every_feature_is_finite_and_neutral():
-    values = of()
-    for name in ("pv", "op"):
-        assert values[f"{name} size"] == values[f"{name} change"] == pytest.approx(np.log(1e-9))
-        assert values[f"{name} band 3"] == pytest.approx(np.log(1e-12))
-        assert values[f"{name} sharpness"] == pytest.approx(np.log(1e-3))
-        for known in ("kurtosis", "change kurtosis", "memory 10", "wander"):
-            assert values[f"{name} {known}"] == 0.0
-    assert values["op after pv 0"] == values["pv after op 2"] == 0.0
-
-
-LEADS = {
-    "op after pv 0": 0,
-    "op after pv 1": 1,
-    "op after pv 3": 3,
-    "pv after op 2": -2,
-    "pv after op 6": -6,
-}
-
-
-@pytest.mark.parametrize("lag", LEADS.values())
-def test_what_follows_what_and_when(lag):
-    values = of(np.cumsum(W), np.cumsum(np.roll(W, lag)))
-    for name, at in LEADS.items():
-        assert values[name] == pytest.approx(1.0 if at == lag else 0.0, abs=0.03), name
-
-
 def test_several_runs_at_once_are_each_by_itself():
     pv, op = W[:3000].reshape(3, 1000), W[3000:6000].reshape(3, 1000)
     together = np.array(list(of(pv, op).values())).T
@@ -143,23 +91,6 @@ def test_several_runs_at_once_are_each_by_itself():
 
 
 SIMS = np.array([[0.0, 0.0], [1.0, 4.0], [2.0, 8.0]])
-
-
-def test_distances_are_in_spreads_and_capped_at_twelve():
-    least = np.array([0.03, 2.0])
-    assert seed_spread(SIMS, least).tolist() == [1.0, 4.0]
-    assert seed_spread(np.zeros((3, 2)), least).tolist() == [0.03, 2.0]
-
-
-def test_a_share_of_counted_samples_is_known_to_one_of_them():
-    one, two, many = (np.log(0.01 + k / 200) for k in (1, 2, 100))
-    least = least_spread({"pv at limit": one, "op size": 0.0, "op at rest": many}, 200)
-    # from the first sample to the second in 200
-    assert least[0] == pytest.approx(two - one, rel=0.2)
-    # what is known better than that counts as all others do
-    assert list(least[1:]) == [0.03, 0.03]
-    assert distance(np.array([3.0, 4.0]), SIMS, np.array([1.0, 4.0])) == pytest.approx(1.0)
-    assert distance(np.array([1000.0, 4.0]), SIMS, np.array([1.0, 4.0])) == pytest.approx(6.0)
 
 
 def test_the_floor_is_how_far_each_seed_lies_from_the_others():

@@ -64,29 +64,6 @@ def test_an_archive_that_stores_op_late_or_by_exception_hides_no_settings():
     assert retuned.tuning == pytest.approx((0.2, 1.0))
 
 
-@pytest.mark.parametrize("settings", [{}, {"b": 0.4, "c": 0.3, "N": 5.0}, {"Td": 0.0, "b": 0.6}])
-@pytest.mark.parametrize(
-    ("effect", "shown"),
-    [
-        ({"name": "detuning", "Kc_factor": 0.6, "Ti_factor": 1.7}, {"tuning": (0.6, 1.7)}),
-        ({"name": "op_quantisation", "step": 1.0}, {"step": 1.0}),
-        ({"name": "saturation", "hi": 53.0}, {"limits": (0.0, 53.0)}),
-    ],
-)
-def test_behind_a_pid_the_controller_s_effects_show_as_behind_a_pi(settings, effect, shown):
-    table = {
-        **TABLE,
-        "controller": TABLE["controller"] | settings,
-        "setpoint": {"value": 50.0, "steps": [[200, 52.0], [500, 50.0]]},
-        "noise": {"std": 0.1},
-    }
-    for seed in range(6):  # of forms of the integral that are exact alike no last bit may decide
-        r = simulate(Loop.from_table({**table, "effect": [effect]}), seed).record
-        law = examine_controller(r.op, r.pv, r.sp, r.Ts, Loop.from_table(table))
-        for name, value in shown.items():
-            assert getattr(law, name) == pytest.approx(value, rel=0.02)
-
-
 @pytest.mark.parametrize("settings", [{}, {"b": 0.4, "c": 0.3, "N": 5.0}, {"form": "velocity"}])
 def test_a_pid_that_misses_scans_obeys_its_settings_from_run_to_run(settings):
     loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | settings})
@@ -101,26 +78,6 @@ def test_a_pid_that_misses_scans_obeys_its_settings_from_run_to_run(settings):
             op[k], *rest = pid_step(sp[k] - pv[k], sp[k], state, p)
             state = (op[k], *rest)
     assert "skips scans" in examine_controller(op, pv, sp, 1.0, loop).foreign
-
-
-@pytest.mark.parametrize("share", [1.0, 0.5, 0.0])
-@pytest.mark.parametrize("Ti", [9.0, 15.0])
-def test_a_pid_may_count_the_newest_error_in_its_integral_or_not(share, Ti):
-    loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | {"b": 0.4, "N": 5.0}})
-    n, Td, Kc = 800, 1.5, 1.2
-    pv = 50.0 + lfilter([0.3], [1.0, -0.9], np.random.default_rng(5).standard_normal(n))
-    e = 50.0 - pv
-    lag = Td / 5.0
-    slope = lfilter([Td / (lag + 1.0)], [1.0, -lag / (lag + 1.0)], np.append(0.0, np.diff(e)))
-    adds = share * e + (1.0 - share) * np.append(e[0], e[:-1])
-    op = 50.0 + Kc * (e + slope + np.cumsum(adds) / Ti)
-    law = examine_controller(op, pv, np.full(n, 50.0), 1.0, loop)
-    assert law.residual < 1e-6
-    if Ti == 9.0:
-        assert (law.known, law.tuning) == (True, None)
-        assert np.abs(law.recovered_pv - pv).max() < 0.05
-    else:
-        assert law.tuning == pytest.approx((1.0, 15.0 / 9.0))
 
 
 def test_the_pv_behind_a_pid_is_recovered_from_op():

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from recorded import LOADED, recorded
 
-from simbench.gap.controller.law import Law
 from simbench.gap.controller.pi_law import examine_law
 from simbench.gap.controller.pid_law import Stated
 
@@ -77,31 +76,6 @@ def test_the_pv_before_a_compressed_archive_is_recovered():
     )
 
 
-def soft_gap_record(width):
-    """A velocity-form PI whose dead-band takes its half width off larger errors, on a first-order
-    plant.
-    """
-    rng, n, Kc, Ti = np.random.default_rng(5), 2000, 1.2, 12.0
-    op, pv, sp = np.full(n, 50.0), np.full(n, 20.0), np.full(n, 20.0)
-    before = x = load = 0.0
-    for k in range(n):
-        load = 0.98 * load + 0.2 * rng.standard_normal()
-        x += (0.8 * (op[k - 3] - 50.0 + load) - x) / 15.0 if k > 3 else 0.0
-        pv[k] = 20.0 + x + 0.05 * rng.standard_normal()
-        e = sp[k] - pv[k]
-        e = np.sign(e) * max(abs(e) - width / 2, 0.0)
-        op[k] = (op[k - 1] if k else 50.0) + Kc * (e - before + e / Ti)
-        before = e
-    return np.round(op, 6), np.round(pv, 6), sp
-
-
-def test_a_dead_band_that_starts_from_zero_at_its_edge_is_one_too():
-    result = examine_law(*soft_gap_record(0.5), Stated(1.2, 12.0, 1.0))
-    assert result.known
-    assert between(result) == {"gap"}
-    assert result.gap == pytest.approx(0.5, rel=0.02)
-
-
 def test_a_set_point_logged_a_sample_off_is_no_other_controller():
     r = record()
     for sp in (np.append(r.sp[0], r.sp[:-1]), np.append(r.sp[1:], r.sp[-1])):
@@ -156,33 +130,6 @@ def test_tuning_is_read_through_a_poor_archive(archive, tuning):
         assert not between(result)
 
 
-def test_a_dozen_kept_samples_are_enough_to_believe_op():
-    r = record()
-    kept = np.append(np.arange(0, r.n - 1, 125), r.n - 1)
-    archived = np.interp(np.arange(r.n), kept, r.pv[kept])
-    recovered_pv = law(replace(r, pv=archived)).recovered_pv
-    assert recovered_pv is not None
-    assert np.abs(recovered_pv - r.pv).max() < 1e-6
-
-
-@pytest.mark.parametrize("weight", [0.0, 0.6])
-def test_a_weighted_set_point_is_no_late_set_point(weight):
-    r = record(setpoint={"value": 50, "steps": [[60, 53], [400, 50], [700, 48], [1100, 52]]})
-    e = r.sp - r.pv
-    pushed = e - (1.0 - weight) * (r.sp - r.sp[0])
-    op = 50 + 0.6 * pushed + 0.6 / 18 * np.cumsum(e)
-    assert "set-point" in law(replace(r, op=op)).foreign
-
-
-@pytest.mark.parametrize(("op", "pv"), [(2, 5), (5, 2), (2, 2)])
-def test_the_digits_of_an_archive_unseat_no_law(op, pv):
-    r = record()
-    rounded = replace(r, op=np.round(r.op, op), pv=np.round(r.pv, pv), sp=np.round(r.sp, pv))
-    result = law(rounded)
-    assert result.known, result
-    assert not between(result)
-
-
 def of_means(r):
     return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
 
@@ -196,32 +143,10 @@ def test_a_detuned_controller_is_measured_through_an_archive_that_takes_means(tu
     assert result.tuning == pytest.approx(tuple(tuning.values()), rel=0.06)
 
 
-def test_the_baselines_law_through_a_mean_comes_before_another_tuning_of_a_late_archive(
-    monkeypatch,
-):
-    r = record()
-    through, late = (
-        Law(0.5, 0.6, 18.0, averaged=True),
-        Law(0.03, 0.57, 39.0, tuning=(0.95, 2.2)),
-    )
-    answers = iter([through, late, late, through, through])
-    monkeypatch.setattr("simbench.gap.controller.pi_law._Examination.law", lambda *a: next(answers))
-    assert law(r).averaged
-
-
 def test_a_dead_band_of_the_error_is_seen_through_an_archive_that_takes_means():
     result = law(of_means(record(("error_deadband", {"width": 0.3}))))
     assert result.gap == pytest.approx(0.3, abs=0.1)
     assert law(of_means(record())).gap == 0.0
-
-
-def test_an_archive_that_takes_means_is_distinguished_from_a_controller_with_a_third_term():
-    r = record()
-    result = law(replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1]))))
-    assert result.known
-    assert result.averaged
-    assert np.abs(result.recovered_pv - r.pv)[5:-5].max() < 1e-6 * np.std(r.pv)
-    assert not between(result)
 
 
 def test_an_integral_held_at_a_limit_is_no_other_controller():

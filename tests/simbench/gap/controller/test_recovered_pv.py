@@ -27,16 +27,6 @@ def test_an_integral_time_is_fitted_from_a_twentieth_to_twenty_times_the_baselin
     assert fit.base > 0.1
 
 
-@pytest.mark.parametrize("ratio", [np.exp(-5.0), np.exp(5.0)])
-def test_no_integral_time_is_sought_beyond_that(ratio):
-    Kc, wait = 0.8, 400.0 if ratio < 1 else 4.0
-    fit = hidden_law(
-        op_of(Kc * (1.0 + 1.0 / (wait * ratio)), -Kc), E, Kc, Kc / wait, np.ones(N, dtype=bool)
-    )
-    forget = -fit.b / fit.a
-    assert abs(np.log(forget / (1.0 - forget) / wait)) == pytest.approx(3.0, abs=0.11)
-
-
 def test_a_proportional_controllers_gain_is_fitted():
     fit = hidden_law(50.0 + 1.7 * E, E, 1.0, 0.0, np.arange(N) % 5 == 0)
     assert (fit.a, fit.b, fit.misfit) == pytest.approx((1.7, -1.7, 0.0), abs=1e-6)
@@ -82,17 +72,3 @@ def test_a_law_that_cannot_be_inverted_recovers_nothing():
 def test_the_weights_of_a_mean_add_to_one_and_are_hardly_negative(weights, mean):
     pv = weights[0] * SEEN + weights[1] * np.roll(SEEN, 1)
     assert (rest_of_mean(pv, SEEN) < 1e-9) == mean
-
-
-@pytest.mark.parametrize(
-    ("noise", "mean"), [(0.07, True), (0.16, True), (0.28, False), (0.5, False)]
-)
-def test_a_mean_leaves_a_fifth_of_the_moves_at_most(noise, mean):
-    # the moves of the mean of two white samples have a standard deviation of 0.71
-    pv = (
-        0.5 * (SEEN + np.roll(SEEN, 1))
-        + noise * np.random.default_rng(2).normal(size=SEEN.size) * 0.71
-    )
-    rest = rest_of_mean(pv, SEEN)
-    assert np.isfinite(rest) == mean
-    assert not mean or rest == pytest.approx(noise / np.sqrt(1.0 + 2.0 * noise**2), rel=0.05)

@@ -16,19 +16,6 @@ def test_a_fine_op_that_rests_at_one_extreme_only_is_limited(rests, elsewhere, l
     assert limits_of(op, np.zeros(op.size), 1.0, 0.0, 0.0, 0.0) == ({"hi": 55.0} if limited else {})
 
 
-@pytest.mark.parametrize(
-    ("scans", "push", "limited"),
-    [(1, 0.05, False), (2, 0.05, True), (2, 0.02, False), (2, 0.04, True)],
-)
-def test_a_fine_op_pushed_on_in_two_scans_by_more_than_its_digits_is_limited(scans, push, limited):
-    wave = 50.0 + 4.0 * np.sin(np.arange(300) * 0.37)
-    op = np.concatenate([wave, [55.0] * scans, wave[:50]])
-    e = np.zeros(op.size)
-    e[300 : 300 + scans] = push
-    e[300] += 55.0 - op[299]
-    assert limits_of(op, e, 1.0, 0.0, 0.0, 0.01) == ({"hi": 55.0} if limited else {})
-
-
 def rest(pairs, n, wrong=0):
     """Return an error within 0.1 for so many pairs of samples and beyond 2 elsewhere, and OP that
     rests in the band.
@@ -113,34 +100,6 @@ def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, sk
     assert skips_scans(op, e, e.take, np.ones(op.size - 1, dtype=bool), size, unit * size) == skips
 
 
-@pytest.mark.parametrize(("rests", "limited"), [(0, True), (60, False)])
-def test_an_op_that_often_rests_does_so_at_its_extreme_by_chance(rests, limited):
-    rng = np.random.default_rng(3)
-    op = 50.0 + rng.uniform(-1.0, 1.0, 1000)
-    e = np.append(0.0, np.diff(op))
-    op[500:502] = 51.5
-    e[500:502] = 1.6
-    for k in range(10, 10 + 3 * rests, 3):
-        op[k + 1] = op[k]
-    limits = limits_of(op, e, 1.0, 0.0, 0.0, 1e-6)
-    assert ("hi" in limits) == limited
-
-
-@pytest.mark.parametrize(("times", "limited"), [(1, False), (2, True), (6, True)])
-def test_a_value_that_op_comes_back_to_and_never_passes_is_a_limit_whatever_law_there_is(
-    times, limited
-):
-    rng = np.random.default_rng(4)
-    op = 50.0 + 4.0 * np.sin(np.arange(2000) * 0.11) + rng.uniform(-0.3, 0.3, 2000)
-    peaks = (np.arange(times) * 5 + 3) * 57  # near every fifth crest OP rests for eight samples
-    for k in peaks:
-        op[k : k + 8] = 55.0
-    rests = rng.choice(1800, 80)  # and elsewhere for two
-    op[rests + 1] = op[rests]
-    op = np.where(op > 55.0, 54.9, op)
-    assert ("hi" in limits_of(op, np.zeros(2000), 1.0, 0.0, 0.0, 1e-4)) == limited
-
-
 def test_coarse_values_meet_at_their_extreme_by_chance():
     rng = np.random.default_rng(5)
     op = np.round(50.0 + 4.0 * np.sin(np.arange(2000) * 0.11) + rng.uniform(-0.3, 0.3, 2000))
@@ -151,13 +110,6 @@ def test_coarse_values_meet_at_their_extreme_by_chance():
     wavers[500:600] = np.resize([54.5, 54.0], 100)
     assert not comes_back(wavers, 0.5)
     assert comes_back(wavers, 0.05)
-
-
-@pytest.mark.parametrize(("exact", "skips"), [(0.03, False), (0.2, True)])
-def test_where_digits_blur_the_law_missed_scans_show_as_far_as_it_holds(exact, skips):
-    op, e, size = scans(100, noise=0.1)
-    free = np.ones(op.size - 1, dtype=bool)
-    assert skips_scans(op, e, e.take, free, size, 0.0, exact) == skips
 
 
 def test_an_incremental_controller_that_leaves_its_limit_at_once_is_limited_under_any_law():

@@ -11,14 +11,11 @@ from simbench.gap.closed_loop.level import kick_of
 from simbench.gap.closed_loop.loop_from_fit import shift_by_ramps
 from simbench.gap.effects import (
     Recogniser,
-    load_drift,
-    load_steps,
     oscillation,
     recogniser,
 )
 
 DATA = SimpleNamespace(n=1000, K=2.0, T=10.0, Td=4.0, noise=0.2, late=0, loads={}, measured=False)
-TRUSTED = SimpleNamespace(**vars(DATA), trusted=True)
 SITUATION = SimpleNamespace(data=DATA, record=SimpleNamespace(Ts=2.0))
 
 
@@ -73,35 +70,6 @@ def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
     assert sine["amplitude"] == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize("effect", ["oscillation", "load_drift", "load_steps"])
-def test_a_load_after_a_valve_that_never_moved_has_a_size(effect):
-    still = fit(
-        K=0.0, linear=(3.0, 4.0), jumps=(200,), period=60.0, T=10.0, load_walk=0.3, load_jump=8.0
-    )
-    assert all(np.isfinite(x) for x in recogniser(effect).numbers(still, SITUATION).values())
-
-
-def test_load_steps_are_counted_and_sized_in_percent_of_op():
-    steps = load_steps.numbers(fit(K=-2.0, jumps=(200, 500, 700), load_jump=8.0), SITUATION)
-    # two parts of 8 are a jump of 8 sqrt(2), between levels that spread by 8: 4 % at the input
-    assert steps == pytest.approx({"rate": 3 / 2000.0, "size": 4.0})
-
-
-def test_jumps_are_ordinary_up_to_half_as_large_again_as_healthy_records_show():
-    jumping = fit(K=-1.0, jumps=(100, 200), load=0.2, load_jump=0.5)
-    assert not plain(load_steps, jumping, TRUSTED)
-    known = SimpleNamespace(**(vars(TRUSTED) | {"loads": {"steps": 2.0}, "measured": True}))
-    for size, is_ordinary in ((2.9, True), (3.1, False)):
-        jumping = fit(K=-1.0, jumps=(100, 200), load=0.5, load_jump=size)
-        assert plain(load_steps, jumping, known) is is_ordinary
-    # and so are those that fade as the load does, its kicks, and a single one
-    jumping.spec.fade = True
-    assert plain(load_steps, jumping, known)
-    assert plain(load_steps, fit(K=-1.0, jumps=(100,), load=0.5, load_jump=3.1), known)
-    # the load of an identified loop is its own
-    assert plain(load_steps, jumping, known, trusted=False)
-
-
 def beside(data, trusted=True):
     """Return a situation with a record of 1000 samples."""
     record = SimpleNamespace(n=1000, Ts=1.0, duration=1000.0)
@@ -111,20 +79,6 @@ def beside(data, trusted=True):
 def plain(effect, shown, data, **more):
     """Return whether a fit shows an ordinary load of its kind."""
     return effect.ordinary(shown, beside(data, **more))
-
-
-@pytest.mark.parametrize(
-    ("ramp", "walk", "drifts"), [(5.0, 0.0, True), (7.0, 0.0, False), (4.0, 5.0 / 1000**0.5, False)]
-)
-def test_a_load_drifts_half_as_far_again_as_healthy_records_show(ramp, walk, drifts):
-    # K = 2: two percent are four of PV
-    drifting = SimpleNamespace(beta=np.array([2.0, 0.0, 0.0, ramp]), K=2.0)
-    drifting.theta = {"load_walk": walk}
-    data = SimpleNamespace(n=1000, K=2.0, loads={}, measured=False)
-    assert not plain(load_drift, drifting, data)
-    assert plain(load_drift, drifting, data, trusted=False)
-    data.measured, data.loads = True, {"slow": 2.0}
-    assert plain(load_drift, drifting, data) is drifts
 
 
 def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
@@ -146,36 +100,6 @@ def test_only_a_ramp_moves_the_mean_of_op_and_only_a_jump_needs_a_kick():
     )
     assert kick_of({"S": 3.0, "J": 1.0}) == 3.0
     assert kick_of({"S": 3.0}) == kick_of({"rate": 1.0}) == 0.0
-
-
-@pytest.mark.parametrize(("noise", "rounding", "band", "drowned"), [
-    (0.1, None, 0.0, False), (0.1, (0.5, "loop"), 0.0, True), (0.1, None, 0.2, True),
-])  # fmt: skip
-def test_noise_is_not_judged_where_rounding_or_compression_makes_some(
-    noise, rounding, band, drowned
-):
-    archive = SimpleNamespace(rounding=rounding, band=band)
-    s = SimpleNamespace(archive=archive, loads_on_pv=[])
-    assert recogniser("noise").ordinary(None, s) is drowned
-    # nor where the baseline states a load that does the same
-    s.loads_on_pv = [{"type": "coloured"}]
-    assert recogniser("noise").ordinary(None, s)
-    assert recogniser("drift").ordinary(None, s)
-
-
-@pytest.mark.parametrize(("period", "load"), [(110.0, False), (150.0, True)])
-def test_an_oscillation_of_fewer_than_eight_periods_wanders_as_an_identified_load(period, load):
-    sine = fit(K=1.0, linear=(0.6, 0.8), period=period, T=1e-3)
-    of_plant = {"T": 1.0, "K": 1.0, "sines": (), "loads": {}}
-    s = beside(SimpleNamespace(measured=False, **of_plant), trusted=False)
-    assert oscillation.ordinary(sine, s) == load
-    # beside a loop file only up to half as far again as healthy records wander
-    s.trusted = True
-    assert not oscillation.ordinary(sine, s)
-    s.data.loads = {"slow": 0.7}
-    assert oscillation.ordinary(sine, s) == load
-    s.data.loads = {"slow": 0.6}
-    assert not oscillation.ordinary(sine, s)
 
 
 @pytest.mark.parametrize(

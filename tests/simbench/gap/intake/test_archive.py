@@ -90,15 +90,6 @@ def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     assert np.array_equal(plant_pv, PV)
 
 
-def test_lines_through_a_mean_are_the_means():
-    seen = PV + np.random.default_rng(5).normal(0.0, 0.5, N)
-    pv = 0.5 * (seen + np.append(seen[0], seen[:-1])) + np.where(np.arange(N) % 9 == 0, 0.3, 0.0)
-    law = replace(LAW, averaged=True, recovered_pv=seen)
-    result, plant_pv, _ = find_archive(seen_in(law, replace(PLAIN, straight=0.3), pv))
-    assert result.band == 0.0
-    assert np.array_equal(plant_pv, seen)
-
-
 @pytest.mark.parametrize(("archive", "gap", "mismatch", "foreign", "reason"), [
     (Archive(), 0.0, "", "", "no law"), (Archive(), 0.0, "", "skips scans", "skips scans"),
     (Archive(), 0.0, "moves", "skips scans", "moves"),
@@ -112,43 +103,6 @@ def test_why_no_law_holds_is_given_unless_what_lies_between_is_known(
     law = replace(LAW, reason="no law", gap=gap, foreign=foreign)
     s = SimpleNamespace(law=law, baseline=controlled())
     assert why_no_law(s, archive, mismatch) == reason
-
-
-@pytest.mark.parametrize(("residual", "reason"), [(0.02, "no law"), (0.5, ""), (0.8, "no law")])
-def test_an_archive_cannot_tell_a_derivative_that_is_computed_within_a_sample(residual, reason):
-    law = replace(LAW, reason="no law", residual=residual)
-    s = SimpleNamespace(law=law, baseline=controlled(Td=3.0))
-    assert why_no_law(s, Archive(), "") == reason
-    s.baseline = controlled()
-    assert why_no_law(s, Archive(), "") == "no law"
-
-
-@pytest.mark.parametrize(
-    ("strays", "sp", "pv", "more", "reason"),
-    [
-        ([100, 200, 300], {}, {}, {}, "in 3 samples"),
-        ([100, 200], {}, {}, {}, ""),
-        # a set point that the archive stored a sample off, a sample that it drew between two
-        # others, a limit
-        ([100, 200, 300], {101: 51.0}, {}, {}, ""),
-        ([100, 200, 300], {}, {201: 0.5 * (PV[200] + PV[202])}, {}, ""),
-        ([1, 100, 200], {}, {}, {}, ""),
-        ([int(OP.argmax()), 100, 200], {}, {}, {}, ""),
-        ([100, 200, 300], {}, {}, {"limits": (40.0, 60.0)}, ""),
-        ([100, 200, 300], {}, {}, {"step": 0.5}, ""),
-    ],
-)
-def test_what_strays_from_a_law_that_holds_elsewhere_is_another_controller_s(
-    strays, sp, pv, more, reason
-):
-    moved, drawn = np.where(np.arange(N) >= min(sp, default=N), 51.0, 50.0), PV.copy()
-    for k, value in pv.items():
-        drawn[k] = value
-    law = replace(LAW, strays=np.array(strays), **more)
-    it = seen_in(law, PLAIN, pv=drawn)
-    it.op, it.sp = OP, moved
-    said = why_no_law(it, Archive(), "")
-    assert (reason in said) if reason else said == ""
 
 
 @pytest.mark.parametrize(
@@ -186,24 +140,6 @@ def hit(pv=PV, places=PLACES, heights=HEIGHTS):
 
 def spiky(count=4):
     return replace(PLAIN, spikes=PLACES[:count], heights=HEIGHTS[:count])
-
-
-@pytest.mark.parametrize(("count", "expected"), [(2, False), (3, True), (4, True)])
-def test_three_spikes_are_an_effect_that_the_controller_saw_where_its_law_holds_on_them(
-    count, expected
-):
-    pv = hit(places=PLACES[:count], heights=HEIGHTS[:count])
-    spikes, plant_pv, mismatch = _spikes(
-        seen_in(replace(LAW, recovered_pv=pv), spiky(count), pv), pv, False
-    )
-    assert mismatch == ""
-    if expected:
-        assert spikes == (count / N, pytest.approx(np.mean(np.abs(HEIGHTS[:count]))), "loop")
-        # the plant did not make them
-        assert np.abs(plant_pv - PV).max() < 0.5
-    else:
-        assert spikes is None
-    assert _spikes(seen_in(replace(LAW, recovered_pv=pv), spiky(count), pv), pv, True)[0] is None
 
 
 def test_spikes_that_op_did_not_see_are_the_records_and_the_plants_pv_is_what_op_saw():

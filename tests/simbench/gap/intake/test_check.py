@@ -52,30 +52,6 @@ def refused(record, baseline, *words):
         assert word in sentence
 
 
-@pytest.mark.parametrize(
-    "effect",
-    [
-        {"name": "stiction", "S": 8.0, "J": 4.0},
-        {"name": "valve_characteristic", "R": 15.0},
-        *(
-            pytest.param(effect, marks=pytest.mark.slow)
-            for effect in (
-                {"name": "deadband", "S": 5.0},
-                {"name": "valve_lag", "tau": 15.0},
-                {"name": "valve_characteristic", "R": 0.1},
-                {"name": "deadzone", "D": 6.0, "c": 50.0},
-            )
-        ),
-    ],
-    ids=lambda e: f"{e['name']} {list(e.values())[1]:g}",
-)
-def test_a_faulty_valve_is_no_other_unit(effect):
-    r = run(effect=[effect])
-    noisy = replace(r, mv=np.asarray(r.mv) + 0.05 * np.random.default_rng(0).standard_normal(r.n))
-    assert check(r, loop()).record.mv is not None
-    assert check(noisy, loop()).record.mv is not None
-
-
 def test_op_in_ma_or_as_a_share_is_refused_and_its_span_settles_it():
     r = run()
     refused(replace(r, op=4.0 + 0.16 * r.op, mv=None), loop(), "OP runs from", "mA", "--op-span")
@@ -136,21 +112,6 @@ def test_retuned_vessels_are_not_taken_for_other_plants():
     )
 
 
-def held(pv, every, length):
-    pv = pv.copy()
-    for k in range(every, pv.size - length, every):
-        pv[k : k + length] = pv[k]
-    return pv
-
-
-@pytest.mark.parametrize("digits", [3, 9])
-def test_short_standstills_of_a_noisy_pv_are_frozen_and_rounding_is_not(digits):
-    r = run(**LOADED)
-    pv = np.round(r.pv, digits)
-    assert not check(replace(r, pv=pv), loop()).frozen
-    assert check(replace(r, pv=held(pv, 200, 12)), loop()).frozen
-
-
 @pytest.mark.parametrize("at", ["loop", "record"])
 @pytest.mark.parametrize(
     "other", [{}, {"name": "op_quantisation", "step": 0.5}], ids=["fine", "coarse OP"]
@@ -161,13 +122,6 @@ def test_op_shows_whether_the_controller_saw_the_spikes(at, other):
         *([other] if other else []),
     ]
     assert check(run(**LOADED, effect=effects), loop()).proven["outliers"]["at"] == at
-
-
-def test_a_lightly_thinned_archive_is_compression_and_no_spikes():
-    r = run(**LOADED, effect=[{"name": "compression", "band": 0.1}])
-    situation = check(r, loop())
-    assert 0.0 < situation.samples.straight < 0.5
-    assert set(situation.proven) == {"compression"}
 
 
 def test_lines_whose_error_nothing_tells_are_no_light_ones():
@@ -188,17 +142,6 @@ def test_what_the_baselines_valve_does_to_op_is_no_gap(valve):
     r = run(valve=valve)
     situation = check(replace(r, mv=None), loop(valve=valve))
     assert np.abs(situation.data.u - r.mv)[100:].max() < 0.05
-
-
-def test_coloured_noise_that_the_baseline_states_on_pv_is_noise_and_a_slow_load_is_none():
-    parts = [
-        {"type": "coloured", "amplitude": 0.08, "period": 2.0, "at": "output"},
-        {"type": "coloured", "amplitude": 0.5, "period": 60.0, "at": "output"},
-        {"type": "coloured", "amplitude": 0.6, "period": 2.0},
-    ]
-    stated = loop(noise={"std": 0.06}, disturbance=parts)
-    assert check(run(), stated).data.noise == pytest.approx(0.1)
-    assert check(run(), stated, trusted=False).data.noise == 0.0
 
 
 def test_a_stated_sine_is_as_large_on_pv_as_the_plant_lets_it_through():

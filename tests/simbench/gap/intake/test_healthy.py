@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from simbench.detectors.errors import ParameterError
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.intake import healthy as module
-from simbench.gap.intake.check import check
-from simbench.gap.intake.healthy import Healthy, check_healthy
+from simbench.gap.intake.healthy import check_healthy
 from simbench.gap.intake.partial import Partial
-from simbench.gap.likelihood.engine import Engine
-from simbench.gap.likelihood.model import Spec, load_std
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -64,17 +59,6 @@ def test_a_sine_that_healthy_records_have_is_known_by_period_and_size_on_pv():
     assert amplitude == pytest.approx(SINE["amplitude"] * PLANT_AT_90_S, rel=0.1)
 
 
-def test_jumps_and_walks_of_the_load_are_known_by_their_size():
-    quiet = learn([recorded(1)], loop)
-    walk = {"type": "random_walk", "amplitude": 1.0, "period": 300.0}
-    assert quiet.steps == 0.0
-    assert quiet.wander * np.sqrt(1500.0) < 0.3
-    assert learn([recorded(1, loads=(LOAD, walk))], loop).wander > 10.0 * quiet.wander
-    jumps = {"name": "load_steps", "rate": 1.0 / 150.0, "size": 2.0}
-    # the smallest jumps are not found, so that the mean is of the larger ones
-    assert 2.0 <= learn([recorded(1, jumps)], loop).steps <= 5.0
-
-
 @pytest.mark.parametrize(
     ("effect", "names"),
     [
@@ -116,49 +100,12 @@ def test_the_controller_may_be_unknown(healthy):
     )
 
 
-def test_the_load_is_at_most_what_the_records_leave_possible(healthy):
-    larger = recorded(3, loads=({**LOAD, "amplitude": 0.4},))
-    few, most = learn(healthy, loop), learn([*healthy, larger], loop)
-    # of what it does to PV in the end, through a gain of 1.2
-    assert few.load == pytest.approx(1.2 * LOAD["amplitude"], rel=0.3)
-    assert most.load == pytest.approx(2.0 * few.load, rel=0.3)
-    assert most.ordinary_in(check(healthy[0], loop)).data.most_load == most.load
-    # where there is none, one that noise would hide is possible
-    assert 0.0 < learn([recorded(1, loads=())], loop).load < 0.5 * few.load
-
-
-@pytest.mark.parametrize(("times", "price"), [(0.9, 0.0), (1.0, 0.0), (np.exp(0.3), 2.0)])
-def test_a_fit_pays_for_more_load_than_healthy_records_have(healthy, times, price):
-    d = check(healthy[0], loop).data
-    theta = Engine(d, 100.0).base().theta
-    free, held = (
-        Engine(replace(d, measured=True, most_load=most), 100.0).evaluate(Spec(), theta)
-        for most in (1e9, load_std(theta) / times)
-    )
-    assert free - held == pytest.approx(price, abs=1e-9)
-
-
 def test_with_healthy_records_or_nothing_to_tell_no_answer_is_left_open(healthy):
     for given in ([], healthy):
         record = recorded(3) if not given else recorded(3, {"name": "noise", "factor": 1.05})
         ranking = diagnose(record, loop, healthy=given).as_json()["ranking"]
         assert all(("none" in line["group"]) == (line["effect"] == "none") for line in ranking)
         assert all(line["effect"] in line["group"] for line in ranking)
-
-
-def test_what_is_ordinary_of_a_record_is_in_its_samples_and_of_its_length():
-    slower = {"sampling": {"Ts": 2.0, "n": 800}}
-    record = recorded(1, **slower)
-    shown = Healthy(noise=0.1, wander=0.01, steps=0.5, sines=((90.0, 1.2),), load=0.3)
-    data = shown.ordinary_in(check(record, Loop.from_table({**BASELINE, **slower}))).data
-    assert data.loads == {"slow": pytest.approx(0.01 * record.duration**0.5), "steps": 0.5}
-    assert data.sines == ((45.0, 1.2),)
-    assert (data.measured, data.most_load) == (True, 0.3)
-
-
-def test_what_rounding_adds_is_no_noise(healthy):
-    rounded = replace(healthy[0], pv=np.round(healthy[0].pv / 0.3) * 0.3)
-    assert learn([rounded], loop).noise == pytest.approx(0.1, rel=0.1)
 
 
 def test_coloured_noise_that_the_loop_file_states_on_pv_is_part_of_it(healthy):

@@ -7,11 +7,8 @@ import pytest
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
-from simbench.gap.candidates import meaningful
 from simbench.gap.diagnosis import conclude
-from simbench.gap.effects import recogniser
 from simbench.gap.intake.identify import fit_plant, identify
-from simbench.loop.effects import EFFECTS, block_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.plant import Controller, Plant
 from simbench.scenarios.spec import Loop
@@ -92,35 +89,11 @@ def test_a_proportional_controller_has_no_integral_time():
     assert control.Kc == pytest.approx(0.8, rel=0.02)
 
 
-def test_an_op_that_no_law_makes_leaves_a_guess_by_the_sizes_of_the_changes():
-    record = run(TABLE)
-    op = 50.0 + np.cumsum(np.random.default_rng(0).standard_normal(record.n))
-    control = identify(
-        replace(record, op=op), plant=Plant(type="foptd", K=1.4, T=30.0, Td=8.0)
-    ).controller
-    assert np.isfinite(control.Kc)
-    assert control.Kc > 0.0
-
-
 def test_where_pv_does_not_answer_op_no_plant_is_made_up():
     rng = np.random.default_rng(0)
     record = replace(run(TABLE), op=np.full(1200, 50.0), pv=rng.standard_normal(1200), tag="FIC1")
     with pytest.raises(RecordError, match="record 'FIC1': no plant can be identified"):
         identify(record, controller=Controller(type="PI", Kc=1.0, Ti=10.0))
-
-
-@pytest.mark.parametrize(("T", "Td"), [(0.8, 0.0), (6.0, 2.0), (15.0, 7.0), (30.0, 6.0)])
-def test_a_plant_is_fitted_from_a_coarse_grid_of_times(T, Td):
-    rng = np.random.default_rng(2)
-    u = 50.0 + np.repeat(rng.choice([-2.0, 2.0], 60), 20)
-    a, x, y = np.exp(-1.0 / T), 0.0, np.empty(u.size)
-    for k in range(u.size):
-        y[k] = x
-        x = a * x + (1.0 - a) * 1.7 * (u[max(k - int(Td), 0)] - u[0])
-    _, fit = fit_plant(u, y + 0.05 * rng.standard_normal(u.size), False, 0.0)
-    assert fit.K == pytest.approx(1.7, rel=0.02)
-    assert fit.theta["T"] == pytest.approx(T, rel=0.05)
-    assert fit.theta["Td"] == pytest.approx(Td, abs=0.1)
 
 
 DRIVEN = {
@@ -141,22 +114,6 @@ def test_friction_and_feedback_do_not_turn_a_plant(sign):
     assert fit_plant(record.op, record.pv, False, 0.0, sign)[1].K * sign > 0
     loop = identify(replace(record, process="self-regulating"))
     assert (np.sign(loop.plant.K), loop.controller.direction) == (sign, control["direction"])
-
-
-def test_what_compares_with_a_plant_has_no_meaning_without_one():
-    of_plant = {e for e in EFFECTS if "plant" in recogniser(e).needs}
-    of_tuning = {e for e in EFFECTS if "tuning" in recogniser(e).needs}
-    valve = {e for e in EFFECTS if block_of(e) == "valve"}
-    assert of_tuning == {"detuning"}
-    assert {"gain_mismatch", "dead_time_mismatch"} <= of_plant
-    assert "stiction" not in of_plant
-
-    def known(tuned, by_mv):
-        return {e for e in EFFECTS if meaningful(e, False, tuned, by_mv)}
-
-    assert known(False, False) == set(EFFECTS) - of_plant - of_tuning
-    assert known(True, False) == set(EFFECTS) - of_plant
-    assert known(False, True) == (set(EFFECTS) - of_plant - of_tuning) | valve
 
 
 def test_op_that_is_moved_by_hand_has_no_controller_and_says_so():

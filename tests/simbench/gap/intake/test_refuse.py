@@ -10,7 +10,7 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.law import Law
 from simbench.gap.intake import other_loop
-from simbench.gap.intake.archive import _op_answers_spikes, stands_out
+from simbench.gap.intake.archive import stands_out
 from simbench.gap.intake.observed import moves_of
 from simbench.gap.intake.refuse import (
     refuse_op_units,
@@ -170,15 +170,3 @@ def test_a_spike_exceeds_its_neighbours_by_about_its_height(share, high):
     pv[places] = share * heights
     assert stands_out(pv, places, heights) == high
     assert not stands_out(pv, places[:1], heights[:1])
-
-
-@pytest.mark.parametrize(
-    ("share", "seen"), [(0.0, False), (0.4, False), (0.6, True), (1.0, True), (-1.0, False)]
-)
-@pytest.mark.parametrize("late", [0, 1])
-def test_the_controller_answers_a_spike_it_saw(share, seen, late):
-    op, places, heights = np.zeros(200), np.array([30, 90, 150]), np.array([2.0, -3.0, 4.0])
-    for k, h in zip(places, heights):
-        op[k + late] = -0.7 * share * h
-    it = SimpleNamespace(record=SimpleNamespace(op=op, n=200), law=replace(LAW, Kc=0.7, late=late))
-    assert _op_answers_spikes(it, places, heights) == seen

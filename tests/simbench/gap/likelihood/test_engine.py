@@ -220,65 +220,6 @@ def test_a_fit_has_no_unit_of_pv(spec):
         ), name
 
 
-@pytest.mark.parametrize(
-    ("trusted", "free", "T", "bounds"),
-    [
-        (True, "", 20.0, (16.0, 25.0)),
-        (True, "T", 20.0, (1.0, 400.0)),
-        (False, "", 20.0, (0.05, 100.0)),
-        (False, "", 130.0, (0.05, 130.0)),
-    ],
-)
-def test_a_time_constant_is_held_near_the_baselines_unless_released(trusted, free, T, bounds):
-    d = Data(OP, PV, K, T, 4.0, NOISE, trusted=trusted)
-    assert d.n == 1500
-    assert Engine(d, 60.0).bounds(Spec(free=frozenset({free})), "T") == pytest.approx(bounds)
-
-
-@pytest.mark.parametrize(
-    ("trusted", "free", "late", "T", "Td", "bounds"),
-    [
-        (True, "", 0, 20.0, 4.0, (2.5, 5.5)),
-        (True, "", 1, 20.0, 4.0, (1.5, 6.5)),
-        (True, "Td", 0, 20.0, 4.0, (0.0, 49.0)),
-        (False, "", 0, 2.0, 4.0, (0.0, 21.0)),
-        (True, "Td", 0, 2.0, 1.0, (0.0, 10.0)),
-    ],
-)
-def test_a_dead_time_is_held_within_half_a_sample_and_a_quarter_unless_released(
-    trusted, free, late, T, Td, bounds
-):
-    d = Data(OP, PV, K, T, Td, NOISE, trusted=trusted, late=late)
-    assert Engine(d, 60.0).bounds(Spec(free=frozenset({free})), "Td") == pytest.approx(bounds)
-
-
-@pytest.mark.parametrize(
-    ("gain", "free", "way"),
-    [
-        (1.05, "", 0),
-        (1.12, "", 1),
-        (0.88, "", -1),
-        (25.0, "K", 1),
-        (0.04, "K", -1),
-    ],
-)
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_gain_is_held_within_a_tenth_of_the_baselines_unless_released(gain, free, way, sign):
-    data = Data(OP, PV, 2.0 * sign, T, TD, NOISE)
-    # normal equations of a gain and a bias that the record knows to a thousandth
-    N = np.diag([0.0, 1e6, 1e6])
-    N[0, 1:] = N[1:, 0] = 1e6 * np.array([2.0 * sign * gain, 0.3])
-    beta, off = Engine(data, 60.0)._linear(Spec(free=frozenset({free})), N)
-    assert beta == pytest.approx([2.0 * sign * gain, 0.3], rel=0.02)
-    assert np.sign(off) == way
-
-
-def test_a_trusted_baseline_is_left_only_for_a_reason():
-    fit = engine(gain=0.6).base()  # K is 40 % too low: the prior yields, but reluctantly
-    assert 0.66 * K < fit.K < K
-    assert fit.theta["T"] == pytest.approx(0.95 * T, rel=0.2)
-
-
 @pytest.mark.parametrize("tau", [0.6, 4.0])
 def test_a_sensors_pole_is_taken_off_pv(tau):
     a = np.exp(-1.0 / tau)
@@ -293,13 +234,3 @@ def test_a_sensors_pole_is_taken_off_pv(tau):
         seen - seen[0], abs=1e-6
     )
     assert e._channels(Spec(), THETA)[0] == pytest.approx(shown - shown[0])
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_gain_a_fifth_to_five_times_the_baselines_is_as_good_as_any_and_less_is_held(sign):
-    spec, theta = Spec(free=frozenset({"K"})), THETA
-    inside, outside = (engine(gain=sign * gain, pv=sign * PV) for gain in (4.0, 10.0))
-    free = engine(gain=sign, pv=sign * PV).evaluate(spec, theta)
-    # the plant's own gain is a quarter of the first baseline's and a tenth of the second's
-    assert inside.evaluate(spec, theta) == pytest.approx(free, abs=1e-6)
-    assert outside.evaluate(spec, theta) < free - 10.0

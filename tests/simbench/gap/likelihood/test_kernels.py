@@ -196,15 +196,3 @@ def test_jumps_of_the_load_widen_the_covariance_from_where_they_are(T, places):
     # were the first
     assert white[0] == pytest.approx(np.linalg.solve(L, y), abs=0.05)
     assert logs == pytest.approx(2 * np.sum(np.log(np.diag(L))[kernels.SKIP :]), abs=0.5)
-
-
-@pytest.mark.parametrize("places", [(), (100, 103, 140)])
-def test_a_channel_by_itself_is_filtered_as_among_others(places):
-    y = RNG.standard_normal((3, 200))
-    model = kernels.NoiseModel(8.0, 2.0, 15.0, 3.0, 1.3, 0.4, 0.3, 5.0, 0.2, 0.1)
-    jumps = kernels.Jumps(np.array(places), 4.0) if places else kernels.NO_JUMPS
-    among, logs = kernels.whiten(y, model, jumps)
-    for i in range(3):
-        alone, same = kernels.whiten(y[i : i + 1], model, jumps)
-        assert np.array_equal(alone[0], among[i])
-        assert same == logs

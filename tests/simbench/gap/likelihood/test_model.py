@@ -57,28 +57,6 @@ def test_an_effect_adds_its_numbers_to_plant_load_and_noise(spec, names):
     assert lag_of({}) == kernels.PINK_LOAD
 
 
-def test_two_effects_joined_have_what_either_has_and_of_two_valves_the_second():
-    line = np.ones(3)
-    one = Spec(frozenset({"K"}), kernels.PLAY, "extra", walk=True, channels=(line,), start=1.0)
-    other = Spec(frozenset({"T"}), load_walk=True, pink=True, channels=(2 * line,), moves=MOVES)
-    both = one.join(other)
-    assert (both.free, both.valve, both.pole, both.start) == (
-        {"K", "T"},
-        kernels.PLAY,
-        "extra",
-        1.0,
-    )
-    assert (both.walk, both.load_walk, both.pink, both.moves) == (True, True, True, MOVES)
-    assert [c[0] for c in both.channels] == [1.0, 2.0]
-    second = Spec(valve=kernels.ZONE, pole="sensor", start=-1.0)
-    assert (one.join(second).valve, one.join(second).pole, one.join(second).start) == (
-        kernels.ZONE,
-        "sensor",
-        -1.0,
-    )
-    assert Spec().join(Spec()) == Spec()
-
-
 @pytest.mark.parametrize(("spec", "theta", "mv"), [
     (Spec(), {}, [50.0, 52.0, 47.0]), (Spec(moves=MOVES), {"own": 2.0}, [52.0, 54.0, 49.0]),
     (Spec(valve=kernels.PLAY), {"S": 2.0}, [50.0, 51.0, 48.0]),

@@ -47,20 +47,6 @@ def test_memory_and_input_count_half_a_nat_for_squared_correlations_over_25_lags
     assert abs(values["memory"]) < 14.0
 
 
-@pytest.mark.parametrize("where", [0, kernels.SKIP - 1])
-def test_the_start_is_not_judged(where):
-    odd = WHITE.copy()
-    odd[where] = 1e6
-    assert of(odd) == of(WHITE)
-
-
-def test_one_huge_innovation_counts_as_six_standard_deviations():
-    odd, six = WHITE - WHITE[kernels.SKIP :].mean(), WHITE - WHITE[kernels.SKIP :].mean()
-    odd[[2000, 2300]], six[[2000, 2300]] = (50.0, -50.0), (6.0, -6.0)
-    assert of(odd) == pytest.approx(of(six), abs=0.2)
-    assert of(six)["memory"] != pytest.approx(of(WHITE)["memory"], abs=1e-3)
-
-
 def a_loop(shift=0.0, jump=0.0, wild=0.0):
     """The fit without an effect of a loop whose PV shifts, or whose load jumps, or with one wild
     sample.

@@ -81,21 +81,6 @@ BASE = Fit(Spec(), 0.0, THETA, np.ones(3), np.zeros(3))
 
 
 @pytest.mark.parametrize(
-    ("kind", "point", "numbers", "start"),
-    [
-        (kernels.PLAY, (8.0, 4.0, 0.0), {"S": 8.0}, 1.0),
-        (kernels.PLAY, (8.0, -2.0, 0.0), {"S": 8.0}, -0.5),
-        (kernels.STICK, (8.0, 3.0, -4.0), {"S": 8.0, "J": 3.0}, -1.0),
-        (kernels.ZONE, (8.0, 51.0, 0.0), {"D": 8.0, "c": 51.0}, 0.0),
-    ],
-)
-def test_a_point_becomes_a_valve_that_begins_there(kind, point, numbers, start):
-    fit = fit_with_map(Peaks(kind, (0.0, 8.0, 1.0)), Spec(), THETA, kind, np.array(point))
-    assert fit.theta == THETA | numbers
-    assert (fit.spec.valve, fit.spec.start) == (kind, pytest.approx(start))
-
-
-@pytest.mark.parametrize(
     ("kind", "peak"),
     [
         (kernels.PLAY, (5.0,)),
@@ -180,30 +165,6 @@ def test_effects_are_looked_for_from_the_fitted_and_from_the_stated_plant():
     assert plants(SimpleNamespace(data=data(trusted=False)), BASE) == [
         fitted, stated, {"T": 12.5, "Td": 2.5}, {"T": 25.0 / 6, "Td": 5.0 / 6},
     ]  # fmt: skip
-
-
-class Feedback(Peaks):
-    """An engine whose peak is seen only near one plant, far from the one that was identified."""
-
-    def __init__(self, T, Td):
-        super().__init__(kernels.STICK, (50.0, 5.0, 3.0), d=data(trusted=False))
-        self.plant = T, Td
-
-    def scan(self, spec, theta, kind, points):
-        T, Td = self.plant
-        off = abs(np.log((theta["T"] + 1.0) / (T + 1.0))) + abs(theta["Td"] - Td)
-        return super().scan(spec, theta, kind, points) - 1e6 * off
-
-
-@pytest.mark.parametrize("plant", [(0.7, 15.0), (3.0, 0.5), (30.0, 8.0)])
-def test_friction_is_looked_for_far_from_a_plant_that_was_identified(plant):
-    engine = Feedback(*plant)
-    coarse = np.array([(s, 0.6 * s, 0.0) for s in (2.0, 3.3, 5.1, 9.0)])
-    starts = [{**THETA, "load": 2.0}, {**THETA, "load": 0.6}]
-    first, *_ = screen_starts(engine, BASE, kernels.STICK, coarse, starts)
-    assert (first["T"], first["Td"], first["load"]) == (*plant, pytest.approx(0.6))
-    near = screen_starts(Feedback(20.0, 4.0), BASE, kernels.STICK, coarse, starts)
-    assert near[:2] == starts
 
 
 def test_an_integrating_plant_is_looked_for_among_integrating_ones():

@@ -7,18 +7,12 @@ import pytest
 from scipy.signal import cont2discrete, lfilter, lsim
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.likelihood.second_order import held, lag_second_order, positioner, second_order
-from simbench.gap.likelihood.valve_map import MapSearch, lag_signal
+from simbench.gap.likelihood.second_order import held, lag_second_order
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.conclusion import judged
-from simbench.loop.response import valve_response
 
 RNG = np.random.default_rng(4)
 OP = 50.0 + lfilter([0.15], [1.0, -0.97], RNG.standard_normal(2000)) * 6.0
-
-
-def search(mv):
-    return MapSearch(OP, mv, 1.0, OP)
 
 
 def test_the_response_is_that_of_the_differential_equation():
@@ -37,23 +31,6 @@ def test_the_samples_are_those_of_the_matrix_exponential(tau, damping):
     found = held(tau, damping)
     assert np.ravel(b)[1:] == pytest.approx(found[0], abs=1e-12)
     assert a == pytest.approx(found[1], abs=1e-12)
-
-
-@pytest.mark.parametrize("digits", [0.1, 0.0])
-def test_time_constant_and_damping_are_found_in_coarse_digits_too(digits):
-    mv = lag_second_order(OP, 0.8, 0.15, OP[0])
-    mv = np.round(mv / digits) * digits if digits else mv
-    gain, numbers = second_order(search(mv))
-    assert gain > 100.0
-    assert (numbers["tau"], numbers["damping"]) == pytest.approx((0.8, 0.15), rel=0.05)
-    assert positioner(search(mv)) is not None
-
-
-@pytest.mark.parametrize(
-    "mv", [OP, lag_signal(OP, 3.0), valve_response("choudhury", OP, {"S": 3.0, "J": 1.0})]
-)
-def test_what_does_not_overshoot_is_no_such_positioner(mv):
-    assert positioner(search(np.round(mv, 1))) is None
 
 
 def test_a_positioner_that_overshoots_is_the_cause_and_not_stiction():

@@ -2,9 +2,9 @@
 
 import pytest
 
-from simbench.gap.report.next_test import MEASUREMENTS, tell_apart
+from simbench.gap.report.next_test import tell_apart
 from simbench.gap.report.ranked import Ranked
-from simbench.loop.effects import EFFECTS, block_of
+from simbench.loop.effects import block_of
 
 
 def ranked(*pairs, group=()):
@@ -41,9 +41,3 @@ def ranked(*pairs, group=()):
 )
 def test_a_measurement_is_named_where_the_record_does_not_decide(ranking, mv, said):
     assert tell_apart(ranking, mv) == said
-
-
-def test_every_effect_is_shown_by_some_measurement():
-    shown = set().union(*(effects for _, effects in MEASUREMENTS))
-    blind = [e for e in EFFECTS if e not in shown and block_of(e) not in shown]
-    assert blind == []

@@ -25,7 +25,6 @@ from simbench.gap.report.view import (
     TUNED,
     compared,
     draw_sheet,
-    end_of,
     write_page,
 )
 from simbench.loop.effects import EFFECTS
@@ -75,42 +74,6 @@ def text_of(page: Path) -> str:
 @pytest.mark.parametrize("name", ["sticky", "clean"])
 def test_it_is_one_file_without_a_link_to_anywhere(name, pages):
     chromium.assert_alone(pages / f"{name}.html")
-
-
-@pytest.mark.parametrize("name", ["sticky", "clean"])
-def test_it_reads_as_the_report_does(name, pages, sticky, clean):
-    report, text = {"sticky": sticky, "clean": clean}[name], text_of(pages / f"{name}.html")
-    sizes = [f"{size:.2f}" for size in (report.gap.before, report.gap.floor)]
-    effects = [r.effect.replace("_", " ") for r in report.ranking]
-    notes = [" ".join(note.split()) for note in report.notes]
-    next_test = [] if report.next_test is None else [report.next_test]
-    for words in (report.sentence(), COMMAND[0], *notes, *next_test, *sizes, *effects):
-        assert words in text
-    if name == "sticky":
-        # names from a record cannot become HTML
-        html = (pages / "sticky.html").read_text(encoding="utf-8")
-        assert "FIC <101>" not in html
-        assert "FIC &lt;101&gt; &amp; co" in html
-    else:
-        assert ("no reduction is claimed" in text) == (not clean.gap.resolvable)
-
-
-def test_pictures_show_the_record_and_three_simulations_of_its_length(sticky, clean):
-    runs = compared(sticky)
-    assert list(runs) == [RECORD, BASELINE, TUNED, FIXED]
-    record = runs[RECORD]
-    assert record.pv.shape == (1500,)
-    assert all(t.op.shape == t.pv.shape == t.sp.shape == (1500,) for t in runs.values())
-    assert all(np.array_equal(t.sp, record.sp) for t in runs.values())
-    # between two set-point changes
-    far = {
-        name: abs(np.log(np.std(t.op[800:1100]) / np.std(record.op[800:1100])))
-        for name, t in runs.items()
-    }
-    assert far[FIXED] < 0.5 < far[BASELINE]
-    assert end_of(sticky.behind.found.situation, 400) == slice(1100, 1500)
-    assert end_of(sticky.behind.found.situation) == slice(975, 1500)
-    assert FIXED not in compared(clean)
 
 
 def test_for_an_unknown_effect_the_nearest_known_one_is_drawn_under_its_name(sticky, tmp_path):

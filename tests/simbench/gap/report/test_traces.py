@@ -3,13 +3,12 @@
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop import level
 from simbench.gap.report.ranked import Ranked
-from simbench.gap.report.view import FIXED, RECORD, compared, end_of
+from simbench.gap.report.view import FIXED, RECORD, compared
 from simbench.scenarios.spec import Loop
 
 X = np.arange(100.0)
@@ -65,11 +64,3 @@ def test_a_loop_that_cannot_be_simulated_or_runs_away_is_left_out(monkeypatch):
 
     monkeypatch.setattr(level, "simulate", fails)
     assert list(compared(report())) == [RECORD, FIXED]
-
-
-@pytest.mark.parametrize(
-    ("n", "most", "first"), [(1000, 1200, 650), (1000, 300, 700), (10_000, 1200, 8800)]
-)
-def test_the_end_of_the_part_on_which_nothing_was_fitted_is_drawn(n, most, first):
-    assert end_of(report(n=n).behind.found.situation, most) == slice(first, n)
-    assert end_of(report(n=10_000).behind.found.situation) == slice(8800, 10_000)

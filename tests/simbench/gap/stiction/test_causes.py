@@ -3,7 +3,6 @@ what is open stays open.
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from simbench.gap.stiction import causes
 from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.gap.stiction.causes import find_causes
 from simbench.gap.stiction.conclusion import judged
-from simbench.gap.stiction.margins import Margins, margins, margins_among
+from simbench.gap.stiction.margins import margins
 from simbench.loop.effects import BLOCKS
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -73,16 +72,6 @@ def test_a_loop_that_rings_after_steps_of_its_set_point_is_tuned_too_tightly():
     assert rest.confidence == 0.0
 
 
-def test_a_loop_that_is_damped_is_not():
-    assert concluded(2.4)[0].cause == causes.NO_CAUSE
-
-
-@pytest.mark.parametrize(("gain", "sp"), [(1.35, [50.0, 52.0]), (1.1, [50.0, 50.0])])
-def test_ringing_asks_for_a_small_margin_and_a_set_point_that_moves(gain, sp):
-    prepared = SimpleNamespace(record=SimpleNamespace(sp=np.array(sp)))
-    assert causes._ringing(Margins(gain, 8.0, 20.0), prepared) is None
-
-
 def test_a_loop_at_rest_has_no_cause():
     assert causes_of().named.name == causes.NO_CAUSE
 
@@ -102,16 +91,6 @@ def test_margins_are_those_of_the_frequency_response():
     assert known is not None
     assert known.gain == pytest.approx(1 / abs(response[k]), rel=0.02)
     assert known.sensitivity == pytest.approx(1 / np.abs(1 + response).min(), rel=0.02)
-
-
-def test_margins_have_the_range_of_all_loops_that_may_have_made_the_record():
-    loop, other = (Loop.from_table(LOOP | {"controller": {"type": "P", "Kc": k}}) for k in (2, 4))
-    known = margins_among(loop, [other])
-    assert known.gains == (margins(other).gain, margins(loop).gain)
-    assert known.most == margins(other).sensitivity
-    assert f"({known.gains[0]:.2g} to {known.gains[1]:.2g})" in known.sentence()
-    # a loop whose record does not run away is no unstable one
-    assert margins(loop.with_("controller.Kc", 100.0)).gain == 1.0
 
 
 @pytest.mark.parametrize(
@@ -136,33 +115,6 @@ def test_every_verb_gives_the_band_in_the_unit_that_its_table_names(
     assert reason.endswith(unit)
     assert verdict.S == pytest.approx(size * S, rel=1e-3)
     assert verdict.S_unit == unit
-
-
-def test_what_swings_with_its_set_point_is_moved_from_outside():
-    t = np.arange(0.0, 3000.0, 2.0)
-    steps = [[float(a), float(b)] for a, b in zip(t, 50.0 + 3.0 * np.sin(2 * np.pi * t / 150.0))]
-    named = causes_of(setpoint={"value": 50.0, "steps": steps}).named
-    assert named.name == causes.FROM_OUTSIDE
-
-
-def test_tuning_is_weighed_only_at_the_period_of_the_largest_sensitivity():
-    loop = LOOP | {"controller": {"type": "PI", "Kc": 6.4, "Ti": 30.0}}
-    record = simulate(Loop.from_table(loop), 3).record.without_mv()
-    loops = candidate_loops(record)
-    assert find_causes(Prepared(record), loops).named.name == causes.TIGHT
-    slow = margins(loops.healthy[0])
-    assert slow is not None
-    swing = replace(Prepared(record).oscillation, period_s=3.0 * slow.period)
-    assert causes._tuning(slow, swing, False, 0.5).confidence < 0.1
-
-
-@pytest.mark.parametrize(("gain", "side"), [(52.0, "speaks_for"), (-3.0, "against")])
-def test_a_better_fit_with_friction_is_no_evidence_against_it(gain, side):
-    loops = SimpleNamespace(probability=0.3, gain=gain, sizes=None)
-    cause = causes._stiction(loops, "% of travel")
-    (said,) = getattr(cause, side)
-    assert ("better" in said) == (gain > 0)
-    assert len(cause.speaks_for) + len(cause.against) == 1
 
 
 def test_a_cause_lies_in_a_block_of_the_loop():

@@ -7,8 +7,6 @@ import io
 import json
 import os
 import re
-from dataclasses import replace
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,18 +14,15 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from random_case import random_case
 
 from results.studies.withheld.files import write_item
 from results.studies.worlds import NAMES as WORLD_NAMES
 from results.studies.worlds import load_world
 from simbench.cli import main
-from simbench.detectors.prepared import Prepared
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.gap import conclude, diagnose
 from simbench.gap.decide.posterior import Posterior
-from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
-from simbench.gap.stiction.conclusion import WORDS, from_posterior, from_record
+from simbench.gap.stiction.conclusion import WORDS, from_posterior
 from simbench.gap.stiction.deniable import Deniable
 from simbench.loop.effects import BLOCKS, EFFECTS, NONE, UNKNOWN
 from simbench.loop.simulate import simulate
@@ -198,30 +193,6 @@ def test_friction_of_the_loop_file_is_not_claimed_beside_another_effect():
         # a valve whose friction is stated is not said to be sound
         assert report.probability_of_stiction >= 0.2 - 1e-9
         assert report.conclusion.verdict != NO_STICTION
-
-
-@cache
-def weighed(effects):
-    """Return a record and the loops that may have made it, identified once for all tests."""
-    record = random_case(7, effects).record
-    return record, candidate_loops(record)
-
-
-@pytest.mark.parametrize(
-    ("p", "verdict"), [(0.9, STICTION), (0.6, NO_DECISION), (0.1, NO_STICTION)]
-)
-@pytest.mark.parametrize("effects", [(), ("stiction",)])
-def test_the_probability_decides_whether_the_loop_oscillates_or_not(
-    monkeypatch, p, verdict, effects
-):
-    record, loops = weighed(effects)
-    monkeypatch.setattr(CandidateLoops, "probability", p)
-    shown = Deniable(2.0) if verdict == NO_STICTION else None
-    c, _ = from_record(Prepared(record), replace(loops, shown=shown))
-    assert c.verdict == verdict
-    assert contradictions(c.as_json()) == []
-    smaller = "friction smaller than S = 2 % of travel cannot be excluded"
-    assert (smaller in c.reason) == (verdict == NO_STICTION)
 
 
 def test_with_a_loop_file_a_record_in_which_no_friction_would_show_denies_none(monkeypatch):

@@ -10,18 +10,13 @@ from random_case import random_case
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.judge import judge
-from simbench.detectors.record import PROCESSES, LoopRecord
-from simbench.detectors.verdict import NO_DECISION, STICTION
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.verdict import STICTION
 from simbench.gap import diagnose
 from simbench.gap.likelihood.kernels import SKIP
-from simbench.gap.likelihood.model import size_penalty
-from simbench.gap.likelihood.valves import Regressed
-from simbench.gap.stiction import any_spectrum as spectrum
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.conclusion import judged
 from simbench.gap.stiction.friction import FRICTION, friction, without_last_bits
-from simbench.gap.stiction.probability import verdict
-from simbench.gap.thresholds import CLAIMED_FROM
 
 
 @pytest.mark.slow
@@ -63,40 +58,6 @@ def view(base, sticky, integrating=False, price=4.0, n=400):
 NOTHING = np.full(400 - SKIP, -1.0)
 
 
-@pytest.fixture
-def as_made_up(monkeypatch):
-    """Leave the likelihood of made-up views as it is: no spectrum, no regression."""
-    silent = Regressed(0.0, np.empty((0, 3)), 10.0, 0.0)
-    monkeypatch.setattr(module, "friction_regressed", lambda op, pv: silent)
-    monkeypatch.setattr(spectrum, "any_spectrum", lambda left: -0.5 * left**2)
-
-
-@pytest.mark.usefixtures("as_made_up")
-def test_friction_counts_what_it_explains_sample_by_sample_less_its_price():
-    better = NOTHING + 0.1
-    weighed = module._likeliest_view([view(NOTHING, better)])
-    assert weighed.evidence.gain == pytest.approx(0.1 * NOTHING.size - 4.0)
-    assert weighed.evidence.share == pytest.approx(4.0 / 19.6, rel=0.01)
-
-
-@pytest.mark.usefixtures("as_made_up")
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_no_sample_is_worth_more_than_a_nat(sign):
-    one = NOTHING.copy()
-    one[100:103] += sign * 50.0
-    weighed = module._likeliest_view([view(NOTHING, one, price=0.0)])
-    assert weighed.evidence.gain == pytest.approx(3.0 * sign)
-
-
-@pytest.mark.usefixtures("as_made_up")
-def test_friction_must_explain_more_than_the_better_kind_of_plant_without_it():
-    levelled, bent = view(NOTHING, NOTHING + 0.1, integrating=True), view(NOTHING + 0.08, NOTHING)
-    weighed = module._likeliest_view([levelled, bent])
-    price = size_penalty(400, 1.0)
-    assert weighed.evidence.gain == pytest.approx(0.02 * NOTHING.size - 4.0 + price)
-    assert weighed.assessment is levelled
-
-
 def drifting(rise, digits=6):
     """Return OP (400,) that rises by so much and falls back by 4 %, and an assessment with a band
     of 4 %.
@@ -113,23 +74,6 @@ def drifting(rise, digits=6):
 @pytest.mark.parametrize(("rise", "digits"), [(20, 6), (3.9, 6), (20, 0)])
 def test_a_band_that_op_never_passed_both_ways_is_not_claimed(rise, digits):
     assert "never passed both ways" in drifting(rise, digits)
-
-
-def test_a_band_that_op_passed_both_ways_is():
-    op = 50.0 + 4.0 * np.sin(np.arange(400) / 9.0)
-    one = view(NOTHING, NOTHING + 0.5)
-    one.situation.op = op
-    assert module._why_unclaimed(one, 100.0) == ""
-    assert "no model of the loop" in module._why_unclaimed(one, 0.0)
-
-
-@pytest.mark.usefixtures("as_made_up")
-def test_what_a_regression_alone_finds_is_not_claimed(monkeypatch):
-    loud = Regressed(500.0, np.empty((0, 3)), 10.0, 0.0)
-    monkeypatch.setattr(module, "friction_regressed", lambda op, pv: loud)
-    weighed = module._likeliest_view([view(NOTHING, NOTHING - 0.001)])
-    assert 0.5 < weighed.probability <= CLAIMED_FROM
-    assert verdict(weighed.probability) == NO_DECISION
 
 
 def rings_at_low_load(Ti, late, sticks=False):
@@ -163,27 +107,6 @@ def test_a_gain_that_changes_with_load_is_not_called_stiction(Ti, late):
 
 def test_the_same_loop_with_a_sticking_valve_is():
     assert judged(rings_at_low_load(20.0, 1, sticks=True))[0].verdict == STICTION
-
-
-def test_what_the_past_explains_needs_no_friction():
-    rng, n = np.random.default_rng(3), 600
-    white = rng.standard_normal(n)
-    swing = np.convolve(white, 0.9 ** np.arange(60) * np.cos(np.arange(60) / 3.0))[:n]
-    assert spectrum.any_spectrum(white).sum() == pytest.approx(-0.5 * n, abs=25.0)
-    told = spectrum.any_spectrum(swing).sum() + 0.5 * float(swing @ swing)
-    # an innovation's variance is 1, and the spectrum is all that made it larger
-    assert told == pytest.approx(0.5 * float(swing @ swing) - 0.5 * n, rel=0.05)
-
-
-def test_a_plant_is_fitted_as_both_kinds_and_shown_as_the_known_one():
-    record = replace(random_case(5, (FRICTION,)).record, process=None).window(0, 300)
-    kinds = [v.situation.integrating for v in module._assess_both_kinds(record)]
-    assert kinds == [False, True]
-    both = friction(record)
-    assert both.evidence == friction(replace(record, process="integrating")).evidence
-    for process in PROCESSES:
-        known = friction(replace(record, process=process)).assessment.situation
-        assert known.integrating == (process == "integrating")
 
 
 @pytest.fixture

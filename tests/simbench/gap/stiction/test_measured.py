@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.stiction.measured import HELD, measured_samples, unheld
+from simbench.gap.stiction.measured import HELD, unheld
 
 
 @pytest.mark.parametrize(("k", "phase"), [(2, 0), (4, 3)])
@@ -23,16 +23,3 @@ def test_a_pv_that_moves_or_rests_at_random_is_left_as_it_is():
     assert unheld(moving) is moving
     resting = LoopRecord(op=moving.op, pv=np.round(np.cumsum(moving.pv) / 4), Ts=1.0)
     assert unheld(resting) is resting
-
-
-@pytest.mark.parametrize(("change", "share"), [
-    (lambda x: x, 1.0),
-    (lambda x: np.repeat(x[::5], 5), 0.2),
-    (lambda x: np.interp(np.arange(x.size), np.arange(0, x.size, 5), x[::5]), 0.2),
-])  # fmt: skip
-def test_samples_that_an_archive_repeats_or_draws_are_not_measured(change, share):
-    t, rng = np.arange(1000), np.random.default_rng(0)
-    pv = np.sin(t / 60.0) + 0.1 * rng.standard_normal(1000)
-    record = LoopRecord(op=50 + np.cos(t / 60.0), pv=pv, Ts=2.0)
-    record = LoopRecord(op=record.op, pv=change(record.pv), Ts=record.Ts)
-    assert measured_samples(record) == pytest.approx(share * record.n, abs=10)

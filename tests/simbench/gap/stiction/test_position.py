@@ -7,7 +7,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnose
 from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.stiction.conclusion import judged
-from simbench.gap.stiction.position import Scale, repeats, scale_of, standing
+from simbench.gap.stiction.position import Scale, scale_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -150,29 +150,6 @@ def test_what_cannot_be_weighed_is_not_called_seized(n):
     op = 50.0 + 5.0 * np.sin(t / 5.0) if n == 50 else 50.0 + 5.0 * (t > 100)
     record = LoopRecord(op, 50.0 + 0.9 * (op - 50.0), 1.0, mv=np.full(n, 50.0))
     assert judged(record)[0].verdict != "stiction"
-
-
-@pytest.mark.parametrize("what", ["moves", "at its end", "behind a limit", "OP rests too"])
-def test_a_valve_that_moves_or_stands_with_reason_is_not_seized(what):
-    op = 50.0 + 8.0 * np.sin(np.arange(1000) / 30.0)
-    mv = {
-        "moves": op,
-        "at its end": np.zeros(1000),
-        "behind a limit": np.minimum(np.where(np.arange(1000) < 500, op, op + 20.0), 60.0),
-        "OP rests too": np.full(1000, 50.0),
-    }[what]
-    if what == "OP rests too":
-        op = np.full(1000, 50.0)
-    if what == "behind a limit":
-        op = np.where(np.arange(1000) < 500, op, op + 20.0)
-    assert standing(op, mv) is None
-
-
-def test_a_copy_repeats_to_the_last_digit_and_a_position_does_not():
-    op = np.round(50.0 + np.cumsum(np.random.default_rng(5).normal(size=500)), 2)
-    assert repeats(op, np.round(op, 1))
-    assert repeats(op[2:], op[:-2])
-    assert not repeats(op, op + 0.1 * np.random.default_rng(6).normal(size=500))
 
 
 def test_the_diagnosis_with_a_loop_file_does_not_believe_an_echo():

@@ -44,15 +44,6 @@ def test_what_explains_nothing_has_an_interval_down_to_none():
     assert jump.lo < 0.1 < 2.0 < jump.hi
 
 
-def test_a_sharp_peak_has_a_narrow_interval():
-    def sharp(points):
-        return -1e6 * np.abs(np.log(points[:, 0] / 2.0)).clip(0.0, 1.0)
-
-    size, _ = _spread(sharp, 2.0, 1.0)
-    assert 1.4 < size.lo < 2.0 < size.hi < 2.6
-    assert Size(2.0, 1.0, 3.0).scaled(2.0) == Size(value=4.0, lo=2.0, hi=6.0)
-
-
 def test_a_band_that_op_never_passed_both_ways_is_a_bound():
     loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 2.0}})
     record = simulate(loop, 3).record.without_mv()
