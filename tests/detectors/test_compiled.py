@@ -3,7 +3,6 @@ changes.
 """
 
 import os
-import pickle
 import shutil
 import subprocess
 import sys
@@ -110,19 +109,6 @@ def test_lanes_give_the_plain_functions_bits():
     assert fast.ctypes.data % 64 == 0
 
 
-class Trap:
-    def __reduce__(self):
-        return os.system, ("echo caught > trap",)
-
-
-@pytest.mark.parametrize("suffix", [pytest.param("nbi", marks=pytest.mark.slow), "nbc"])
-def test_a_trap_in_place_of_a_compiled_kernel_is_not_sprung(copied, suffix):
-    for file in (copied / "cache").rglob(f"*.{suffix}"):
-        file.write_bytes(pickle.dumps(Trap()))
-    assert run(copied) == (7.0, 0)
-    assert not (copied / "trap").exists()
-
-
 @pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="needs a file of another user")
 def test_compiled_kernels_in_another_users_folder_are_left_alone(copied):
     (cache,) = (copied / "cache").iterdir()
@@ -162,15 +148,6 @@ def test_light_kernels_give_the_same_bits_plain_and_compiled():
         assert _reversals(x, 0.5, turns[0]) == compiled(_reversals)(x, 0.5, turns[1])
 
 
-IMPORTS = """
-import contextlib, io, sys
-import simbench.detectors.signal.stiction_map
-from simbench.cli import main
-for words in {commands!r}:
-    with contextlib.redirect_stdout(io.StringIO()):
-        code = main(words)
-    print(code, *(m for m in {heavy!r} if m in sys.modules))
-"""
 SLOW = ("pandas", "matplotlib", "control", "scipy.stats", "scipy.signal", "scipy.optimize")
 
 
@@ -178,17 +155,6 @@ def printed(code):
     """Return the lines that a new process prints."""
     words = [sys.executable, "-c", code]
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
-
-
-def test_help_lists_and_three_detectors_on_one_record_import_nothing_heavy(tmp_path):
-    t = np.arange(800)
-    rows = np.column_stack([t, 50 + np.sin(t / 8), 20 + np.cos(t / 8)])
-    file = tmp_path / "rec.csv"
-    np.savetxt(file, rows, delimiter=",", header="t_s,op,pv", comments="")
-    lists = [["list", *kind] for kind in ([], ["detectors"], ["valves"], ["effects"])]
-    commands = [["--help"], *lists, ["detect", str(file), "--method", "horch,he,choudhury"]]
-    code = IMPORTS.format(commands=commands, heavy=(*SLOW, "numba", "joblib"))
-    assert printed(code) == ["0"] * len(commands)
 
 
 def test_diagnosis_loads_no_package_that_they_may_not_need():

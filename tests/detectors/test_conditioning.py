@@ -32,33 +32,11 @@ def test_drift_copes_with_records_shorter_than_the_period(n):
     assert np.isfinite(c.drift(RNG.standard_normal(n), 60.0)).all()
 
 
-def test_smooth_passes_the_slow_and_stops_the_fast():
-    slow, fast = np.sin(2 * np.pi * T / 50), np.sin(2 * np.pi * T / 5)
-    inside = slice(50, -50)
-    assert np.abs(c.smooth(slow + fast, 20.0) - slow)[inside].max() < 0.02
-    assert c.smooth(slow, 1.5) is slow
-
-
 def test_band_does_not_shift_the_oscillation_in_time():
     x = np.sin(2 * np.pi * T / 50 + 1.0)
     clean = c.band(x + 0.01 * T + 0.2 * RNG.standard_normal(1000), 50.0, 3.0)
     lags = [clean[100 + k : 900 + k] @ x[100:900] for k in range(-5, 6)]
     assert np.argmax(lags) == 5
-
-
-@pytest.mark.parametrize("std", [0.01, 0.1, 0.5])
-def test_noise_variance_is_that_of_the_noise_even_next_to_jumps(std):
-    signal = np.where(np.arange(5000) % 100 < 50, 1.0, -1.0)
-    noise = std * np.random.default_rng(1).standard_normal(5000)
-    assert c.noise_variance(signal + noise) == pytest.approx(std**2, rel=0.25)
-
-
-def test_more_noise_leaves_fewer_clear_harmonics():
-    x = np.arcsin(np.sin(T / 10))
-    noise = np.random.default_rng(2).standard_normal(1000)
-    counts = [c.clear_harmonics(x + s * noise, 20 * np.pi) for s in (0.0, 0.02, 0.2, 1.0)]
-    assert counts == sorted(counts, reverse=True)
-    assert counts[-1] == 5.0
 
 
 def test_direction_of_pv_is_that_of_the_process_in_a_noisy_sticky_loop(loop):

@@ -61,28 +61,6 @@ def cycle(phase, harmonic=0.0, n=6000, noise=0.02):
     return LoopRecord(50 + op, pv, 1.0, process="self-regulating")
 
 
-def test_round_plot_is_an_ellipse_and_a_thin_one_is_a_line():
-    assert judge(cycle(np.pi / 2), ["ellipse"])[0].verdict == "stiction"
-    thin = judge(cycle(np.pi, noise=0.001), ["ellipse"])[0]
-    assert thin.verdict == "no_stiction"
-    assert judge(cycle(np.pi / 2), ["ellipse"])[0].indices["S_apparent"] == pytest.approx(
-        2.0, rel=0.05
-    )
-
-
-def test_choudhury_needs_both_nonlinearity_and_ellipse():
-    linear = judge(cycle(np.pi / 2), ["choudhury"])[0]
-    assert linear.verdict == "no_stiction"
-    assert "no nonlinearity" in linear.reason
-    both = judge(cycle(np.pi / 2, harmonic=0.06), ["choudhury"])[0]
-    assert both.verdict == "stiction"
-    assert both.S == pytest.approx(2.0, rel=0.3)
-    assert {"ngi", "nli", "fitness", "S_apparent"} <= set(both.indices)
-    neither = judge(cycle(np.pi, harmonic=0.5), ["choudhury"])[0]
-    assert neither.verdict == "no_stiction"
-    assert "no ellipse" in neither.reason
-
-
 def test_choudhury_warns_when_op_moves_over_a_quarter_of_its_span():
     record = cycle(np.pi / 2, harmonic=0.06)
     wide = judge(replace(record, op=20 * (record.op - 50) + 50), ["choudhury"])[0]

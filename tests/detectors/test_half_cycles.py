@@ -73,21 +73,6 @@ def test_two_line_misfit_equals_two_straight_fits():
     assert np.allclose(h.two_line_misfit(data), [naive_two_lines(x) for x in data], rtol=1e-6)
 
 
-def test_relay_shapes_are_what_a_lag_makes_of_a_square_wave():
-    tau = np.geomspace(0.02, 200.0, 80)
-    for k in (10, 30, 50):
-        fine = 4000
-        y, wave = 0.0, []
-        for i in range(int(60 * fine)):  # half periods of length 1
-            u = 1.0 if (i // fine) % 2 == 0 else -1.0
-            y += (u - y) / (tau[k] * fine)
-            wave.append(y)
-        tail = np.array(wave[-3 * fine :])
-        crossing = int(np.flatnonzero((tail[:-1] < 0) & (tail[1:] >= 0))[0])
-        hump = np.interp(POINT, np.arange(fine) / fine, tail[crossing : crossing + fine])
-        assert h.misfit(hump[None], h.relays()[k : k + 1])[0] < 1e-4 * (hump**2).mean()
-
-
 def test_flipped_signal_has_the_same_half_cycles():
     x = np.sin(np.arange(500) / 9) + 0.1 * RNG.standard_normal(500)
     assert np.array_equal(h.split(x, 56.5), h.split(-x, 56.5))

@@ -16,8 +16,6 @@ from simbench.detectors.signal.fits import hammerstein_kernels as kernels
 from simbench.detectors.signal.fits.hammerstein import (
     fit_hammerstein,
     moving_mean,
-    strongest_segment,
-    swing,
 )
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.signal.stiction_map import valve_position
@@ -302,24 +300,6 @@ def test_op_that_rests_in_most_cycles_is_no_decision(loop):
     op = np.where(np.arange(3000) < 300, record.op, 50.0)
     verdict = judge(replace(record, op=op), ["hammerstein"], raw=True)[0]
     assert verdict.verdict == "no_decision"
-
-
-def test_strongest_segment_prefers_large_regular_swings():
-    t = np.arange(1000)
-    x = np.sin(t / 5) * np.where(t < 500, 0.2, 1.0)
-    assert strongest_segment(x, 10 * np.pi, 300)[0] >= 450
-    assert strongest_segment(x, 10 * np.pi, 2000) == (0, 1000)
-    assert swing(np.tile([0.0, 1.0, 2.0, 1.0], 30), 4.0) == 2.0
-
-
-def test_a_valve_at_rest_before_a_slow_lag_explains_nothing_by_rounding():
-    # the lag's answer is then a constant and rounding, whose variance once came out as anything,
-    # below zero too
-    rng, n, half = np.random.default_rng(0), 300, 20
-    op = np.append(50.0 + 10.0 * rng.random(20), np.full(n - 20, 50.0))
-    given = (op, np.sin(np.arange(n) / 9.0), 1, half, 45, n - half, 1.0, 0.0, 100.0, False)
-    fits = errors(given, [0.0] * 2, [0.0] * 2, [0.0] * 2, [1.0 - 1e-9, 1.0 - 1e-7], range(1, 4))
-    assert np.all(fits[:, 0] == 1.0)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from plain_loops import DELAYED, LEVEL
 
 from simbench.detectors.judge import judge
 from simbench.detectors.methods.he import triangle_indices
@@ -25,22 +24,6 @@ def test_indices_of_the_three_waves(hump, eta, two_line):
     indices = triangle_indices(np.repeat(hump[None], 4, axis=0))
     assert indices[0] == pytest.approx(eta, abs=0.006)
     assert indices[1] == pytest.approx(two_line, abs=0.01)
-
-
-@pytest.mark.parametrize(("noise", "least"), [(0.0, 0.95), (0.08, 0.9), (0.16, 0.8)])
-def test_op_of_a_sticky_self_regulating_loop_is_a_triangle(loop, noise, least):
-    record = loop(**DELAYED, Ts=0.5, n=4000, noise=noise, seed=2)
-    verdict = judge(record, ["he"])[0]
-    assert verdict.verdict == "stiction"
-    assert verdict.indices["eta"] > least
-
-
-@pytest.mark.parametrize("J", [0.0, 2.0, 5.0])
-def test_pv_of_a_sticky_integrating_loop_is_a_triangle(loop, J):
-    record = loop(**LEVEL, n=4000, J=J, noise=0.02, kick=6.0)
-    verdict = judge(record, ["he"])[0]
-    assert verdict.verdict == "stiction"
-    assert verdict.reason.startswith("PV")
 
 
 def test_score_is_eta_and_orders_sine_mixture_triangle():

@@ -50,18 +50,6 @@ def test_crossings_equal_those_counted_sample_by_sample(band):
         assert np.allclose(a.zero_crossings(x, band), naive_crossings(x, band))
 
 
-def test_the_line_taken_off_is_that_of_least_squares_and_a_constant_leaves_nothing():
-    x = RNG.standard_normal(301).cumsum()
-    k = np.arange(301)
-    flat = x - np.polyval(np.polyfit(k, x, 1), k)
-    assert np.allclose(
-        a.detrended(np.array([x, 3.0 + 0.1 * k])), [flat / flat.std(), np.zeros(301)]
-    )
-    off, std = a.centred(x)
-    assert np.allclose(off, x - x.mean())
-    assert std == pytest.approx(x.std(), rel=1e-14)
-
-
 @pytest.mark.parametrize("period", [10.0, 42.3, 150.0])
 def test_sine_is_sustained_with_its_period(period):
     oscillation = o.oscillation_of(np.sin(2 * np.pi * T / period + 0.4), 2.0)
@@ -164,25 +152,3 @@ def test_segment_equals_the_slow_search():
 
     best = max(range(300 - length + 1), key=likeness)
     assert o.regular_segment(x, 10 * np.pi, length)[0] == best
-
-
-def wandering_cycle(seed=0, swings=60):
-    """Triangles of one height whose half periods lie between 8 and 160 samples."""
-    lengths = np.exp(np.random.default_rng(seed).uniform(np.log(8), np.log(160), swings)).astype(
-        int
-    )
-    ends = np.where(np.arange(swings + 1) % 2 == 0, 48.0, 52.0)
-    return (
-        np.interp(np.arange(lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]), ends),
-        lengths,
-    )
-
-
-def test_a_cycle_of_one_swing_is_sustained_though_its_period_wanders():
-    op, lengths = wandering_cycle()
-    noisy = op + 0.1 * np.random.default_rng(1).standard_normal(op.size)
-    oscillation = o.find_oscillation(noisy, np.zeros(op.size), 2.0)
-    assert oscillation.sustained
-    assert oscillation.swings >= 55
-    assert oscillation.period_s == pytest.approx(2 * 2.0 * lengths.mean(), rel=0.05)
-    assert "swings of OP" in oscillation.evidence

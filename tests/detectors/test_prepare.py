@@ -69,21 +69,6 @@ def test_a_half_that_would_change_the_unit_of_s_is_left_alone():
     assert prepare(LoopRecord(op=np.clip(op, 0.0, 100.0), pv=swing.pv, Ts=2.0)).part is None
 
 
-def test_a_dense_record_is_judged_as_every_second_or_fourth_sample_of_it():
-    """Of 600 samples per period 150 are left, whichever of these the record came with."""
-    k = np.arange(12_000.0)
-    op, pv = np.arcsin(np.sin(2 * np.pi * k / 600)), np.sign(np.cos(2 * np.pi * k / 600))
-    dense = LoopRecord(op=op, pv=pv, Ts=0.5, process="self-regulating", sp=np.zeros(k.size))
-    prepared = [prepare(thin_record(dense, step)) for step in (1, 2, 4)]
-    assert [p.step for p in prepared] == [4, 2, 1]
-    for p in prepared:
-        assert (p.record.Ts, p.record.n) == (2.0, 3000)
-        assert p.record.op.tolist() == op[::4].tolist()
-    sighted = prepared[0].with_mv(LoopRecord(op=op, pv=pv, mv=op, Ts=0.5))
-    assert sighted.record.mv is not None
-    assert sighted.record.mv.tolist() == op[::4].tolist()
-
-
 @pytest.mark.parametrize(
     ("seen", "sustained"), [({8.0}, False), ({16.0}, True), ({8.0, 16.0}, True), ({32.0}, True)]
 )

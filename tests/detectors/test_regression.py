@@ -88,30 +88,6 @@ def test_an_error_is_the_same_to_the_bit_wherever_the_valve_stands_among_others(
 
 
 @pytest.mark.parametrize("beside", [False, True])
-def test_a_position_that_the_past_knows_explains_nothing(swinging, beside):
-    """OP of a proportional controller is a sum of PV's past: what is left of it is rounding."""
-    _, pv, _ = swinging
-    op = 50.0 - 2.0 * np.append(pv[:1], pv[:-1])
-    data = module._prepare_averages(op, pv, 1, beside)
-    follows_op = np.zeros((1, 3))
-    assert data.errors(follows_op)[0] == float(data.rest @ data.rest)
-    assert np.array_equal(data.left(follows_op)[0], data.rest)
-
-
-@pytest.mark.parametrize("beside", [False, True])
-def test_products_with_the_past_are_those_of_the_stacked_columns(swinging, beside):
-    op, _, pv = swinging
-    data = module._prepare_averages(op, pv, 1, beside)
-    v, n = data._move_valves(np.array([[4.0, 1.5, 0.0]]))[0], data.rest.size
-    first = op.size - n
-    back = np.arange(module._LATE + 1)
-    came, went = (v[:, end - 1 - back] for end in (first, op.size))
-    products = data._products(data.shifted @ v, came, went)[0, :, :, 0]
-    late = [v[0, first - 1 - d : op.size - 1 - d, 0] for d in range(module._LATE)]
-    assert products == pytest.approx(np.array(late) @ data.rows.T, abs=1e-8)
-
-
-@pytest.mark.parametrize("beside", [False, True])
 def test_friction_is_found_where_a_valve_sticks_and_only_there(swinging, beside):
     op, sound, sticky = swinging
     assert regression(op, sound, 40.0, beside).gain < 3.0
@@ -126,15 +102,6 @@ def test_scale_and_offset_change_nothing(swinging):
     op, _, pv = swinging
     one, other = regression(op, pv, 40.0), regression(op, 1e6 - 1e3 * pv, 40.0)
     assert one.gain == pytest.approx(other.gain, abs=1e-3)
-
-
-@pytest.mark.parametrize("which", ["op", "pv"])
-def test_a_signal_that_rests_gains_nothing(swinging, which):
-    op, _, pv = swinging
-    rests = {"op": op, "pv": pv} | {which: np.full(op.size, 50.0)}
-    found = regression(rests["op"], rests["pv"], 40.0)
-    assert found.gain == 0.0
-    assert found.valves.shape == (0, 3)
 
 
 def test_a_short_record_gains_nothing():

@@ -48,19 +48,6 @@ def test_wild_samples_leave_no_word_about_their_unit():
     assert [note.split(":")[0] for note in repair_record(given).notes] == ["gaps", "outliers"]
 
 
-def test_the_top_of_a_wave_is_no_wild_sample():
-    """What a step of the load does to PV goes out and comes back, sample by sample."""
-    t = np.arange(N)
-
-    def change(op, pv):
-        pv += 14.0 * np.exp(-0.5 * ((t - 300.0) / 2.2) ** 2)
-
-    peak = record(change)
-    far = peak.pv > np.quantile(peak.pv, 0.95) + 3.0 * np.ptp(np.quantile(peak.pv, [0.05, 0.95]))
-    assert 0 < far.sum() <= 5, "it is as short and as far out as wild samples are"
-    assert repair_record(peak) is peak
-
-
 @pytest.mark.parametrize("share", [0.06, 0.25, 0.4])
 def test_a_frozen_tail_is_left_out(share):
     begin = round(N * (1 - share))

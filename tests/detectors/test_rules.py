@@ -3,11 +3,9 @@ falls.
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
-from simbench.detectors.methods import hammerstein
 from simbench.detectors.plugins.registry import methods
 from simbench.detectors.prepared import Prepared
 
@@ -96,45 +94,3 @@ def test_between_two_bounds_nothing_is_decided_and_below_the_lower_one_it_is_no_
 ):
     verdicts = around(sticky, name, index, threshold, others)
     assert verdicts == ["no_decision", "no_stiction", "no_stiction"]
-
-
-def fit(**more):
-    """A fit of the Hammerstein model as `detect` reads it."""
-    fields = {
-        "S": 4.0,
-        "J": 1.5,
-        "S_range": (3.5, 4.5),
-        "J_range": (1.4, 1.6),
-        "error": 0.1,
-        "error_linear": 0.2,
-    }
-    return SimpleNamespace(**{**fields, "T_s": 1.0, "Td_s": 0.0, **more})
-
-
-@pytest.mark.parametrize(
-    ("changes", "verdict", "score"),
-    [
-        ({}, "stiction", None),
-        (
-            {"S": 400.0, "J": 300.0},
-            "stiction",
-            0.5,
-        ),  # a band beyond OP's swing counts as the whole swing
-        ({"error": 0.51, "error_linear": 2.0}, "no_decision", None),
-        ({"error": 0.5, "error_linear": 2.0}, "stiction", None),
-        ({"S": 0.49}, "no_stiction", None),
-        ({"error": 0.2}, "no_stiction", 0.0),
-        ({"error": 0.3, "error_linear": 0.2}, "no_stiction", 0.0),
-        ({"error": 1e-9, "error_linear": 1e-7}, "no_stiction", 0.0),  # both explain everything
-    ],
-)
-def test_what_a_hammerstein_fit_reports(sticky, monkeypatch, changes, verdict, score):
-    monkeypatch.setattr(hammerstein, "fit_hammerstein", lambda *a: fit(**changes))
-    answer = hammerstein.detect(Prepared(sticky.record), **hammerstein.METHOD.defaults())
-    assert answer.verdict == verdict
-    assert 0.0 <= answer.score <= 1.0
-    if score is not None:
-        assert answer.score == pytest.approx(score)
-    if verdict == "stiction":
-        assert answer.S[0] < 3.5
-        assert answer.S[1] > 4.5

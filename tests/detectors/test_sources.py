@@ -6,19 +6,12 @@ import pytest
 
 import simbench as sb
 from simbench.detectors.errors import AnswerError, ParameterError, RecordError
-from simbench.detectors.plugins.registry import methods as registry
-from simbench.detectors.record import LoopRecord
 from simbench.detectors.sources import as_record
 from simbench.detectors.verdict import Verdict
 
 t = np.arange(600.0)
 OP, PV = 50.0 + np.sin(t / 8), 20.0 - np.sin(t / 8)
 FRAME = pd.DataFrame({"t": 2.0 * t, "OP": OP, "PV": PV})
-
-
-def mean_op(record):
-    """Says stiction where OP is below 60 % on average."""
-    return record.op.mean() < 60.0, 0.25
 
 
 class Level:
@@ -50,14 +43,6 @@ def test_a_detector_keeps_no_state_between_records(detector):
     for _ in range(2):
         assert sb.detect(FRAME, detector)[type(detector).__name__.lower()].score == 1.0
     assert detector.seen == 0
-
-
-def test_a_function_is_judged_with_the_methods_and_is_gone_afterwards():
-    frame = sb.detect(FRAME, [mean_op, "horch", Level(9.0)]).to_frame()
-    assert frame.method.tolist() == ["mean_op", "horch", "level"]
-    assert frame.verdict.tolist() == ["stiction", "no_stiction", "no_stiction"]
-    assert frame.score[0] == 0.25
-    assert "mean_op" not in registry.names()
 
 
 def test_what_a_function_does_wrong_is_its_answer():
@@ -183,16 +168,3 @@ def test_files_frames_and_arrays_are_read_alike(tmp_path):
     assert as_record(stamped).Ts == 1.0
     with pytest.raises(RecordError, match="one length"):
         as_record({"op": [1.0, 2.0], "pv": [1.0], "t": [0.0, 1.0]})
-
-
-def test_the_words_of_the_screen_are_understood_as_those_of_data():
-    t = np.arange(600.0)
-    record = LoopRecord(50 + np.sin(t / 8), -np.sin(t / 8), 1.0)
-
-    def sound(record):
-        return "no stiction"
-
-    report = sb.detect(record, [sound])
-    assert report["sound"].verdict == "no_stiction"
-    assert Verdict("m", "no decision", reason="so").verdict == "no_decision"
-    assert "JSON and CSV have no_stiction and no_decision" in report.as_text()

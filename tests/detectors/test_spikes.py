@@ -21,15 +21,6 @@ def test_spikes_are_counted_with_their_heights_and_steps_are_not():
     assert heights == pytest.approx([2.0, -2.0, 3.0], abs=0.4)
 
 
-def test_spikes_on_a_slope_and_in_pairs_are_detected_and_corners_are_not():
-    rng = np.random.default_rng(3)
-    pv = CORNERS + 0.02 * rng.standard_normal(T.size)
-    assert find_spikes(pv)[0].size == 0
-    places = np.array([100, 320, 350, 351, 600, 602, 815, 1000])
-    pv[places] += 2.0 * rng.choice([-1.0, 1.0], places.size)
-    assert find_spikes(pv)[0].tolist() == places.tolist()
-
-
 def test_one_step_of_a_coarse_signal_is_no_spike():
     pv = np.round(np.random.default_rng(0).normal(0.0, 0.2, 2000))
     assert 5 < np.count_nonzero(pv) < 40

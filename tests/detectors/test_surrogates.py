@@ -76,16 +76,3 @@ def test_a_noisy_sine_is_not_called_nonlinear():
     for seed in range(5):
         x = np.sin(2 * np.pi * t / 37.3) + 0.2 * np.random.default_rng(seed).standard_normal(t.size)
         assert nonlinearity_index(x, 37.3).npi < 1
-
-
-def test_a_chaotic_map_is_called_nonlinear():
-    x = np.empty(700)
-    x[0] = 0.3
-    for k in range(699):
-        x[k + 1] = 3.9 * x[k] * (1 - x[k])
-    error = prediction_error((x - x.mean()) / x.std(), 3, 1)
-    others = [
-        prediction_error((y - y.mean()) / y.std(), 3, 1)
-        for y in iaaft(x, 10, np.random.default_rng(0))
-    ]
-    assert error < 0.2 * min(others)

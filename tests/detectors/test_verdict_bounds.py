@@ -10,7 +10,6 @@ import pytest
 
 from simbench.detectors.judge import judge_one
 from simbench.detectors.methods import (
-    hammerstein,
     he,
     rossi_scali,
     singhal_salsbury,
@@ -74,17 +73,6 @@ def test_samples_per_cycle_that_are_just_enough(sticky, name, least):
     assert f"at least {least} are needed" in answers[0].reason
     assert math.isnan(answers[0].score)
     assert "are needed" not in answers[1].reason or "samples per cycle" not in answers[1].reason
-
-
-def test_the_share_of_a_sticky_band_is_that_of_the_swing_of_op(sticky):
-    answer = hammerstein.detect(sticky, **hammerstein.METHOD.defaults())
-    swing = hammerstein.swing(sticky.searchable("travel"), sticky.period)
-    assert answer.indices["share"] == pytest.approx(
-        (answer.indices["S_hat"] + answer.indices["J_hat"]) / swing
-    )
-    assert answer.score == pytest.approx(answer.indices["gain"] * min(answer.indices["share"], 1.0))
-    assert answer.S[0] <= answer.indices["S_hat"] <= answer.S[1]
-    assert np.min(answer.J) <= answer.indices["J_hat"] <= np.max(answer.J)
 
 
 T = np.arange(0, 400, 0.5)

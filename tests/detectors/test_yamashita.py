@@ -47,16 +47,6 @@ def test_step_finds_stiction_that_fast_sampling_hides(loop):
     assert coarse > fine + 0.1
 
 
-def test_pv_of_a_level_or_of_an_integrating_process_is_no_valve_position():
-    op, pv = np.sin(np.arange(1000) / 8), np.cos(np.arange(1000) / 8)
-    for about in ({"kind": "level"}, {"kind": "flow", "process": "integrating"}):
-        verdict = judge(LoopRecord(op, pv, 1.0, **about), ["yamashita"])[0]
-        assert (verdict.verdict, verdict.applicable) == ("no_decision", False)
-    unknown = judge(LoopRecord(op, pv, 1.0), ["yamashita"])[0]
-    assert unknown.applicable is None
-    assert "kind of loop unknown" in unknown.reason
-
-
 def test_recorded_valve_position_is_used_even_behind_an_integrating_process(loop):
     record = loop(**LEVEL, n=2500, kind="level")
     verdict = judge(record, ["yamashita"])[0]

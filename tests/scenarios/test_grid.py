@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from simbench.scenarios.cell import SETTINGS, loop_axes
 from simbench.scenarios.errors import SpecError
 from simbench.scenarios.grid import (
     SMALLEST_BLOCK,
@@ -18,7 +17,6 @@ from simbench.scenarios.grid import (
 )
 from simbench.scenarios.grid_file import GridFile
 from simbench.scenarios.packaged import grid_names
-from simbench.scenarios.spec import Loop
 
 PLAIN = {
     "title": "one loop",
@@ -73,15 +71,6 @@ def test_table_11_3_has_all_eight_cells():
     blocks = load_grid("table-11-3").content.block
     cells = {(b.process, b.controller, math.inf in b.axes["S_over_2J"]) for b in blocks}
     assert len(cells) == 8
-
-
-def test_groups_are_the_product_of_the_axes_with_the_last_axis_running_fastest():
-    grid = make_grid(ruled())
-    tags = [g.drafts[0].tags for g in grid.groups()]
-    seen = [(t["Td_over_T"], t["S_over_2J"], t["disturbance"]) for t in tags]
-    assert seen == [
-        (r, s, d) for r in (0.2, 1.0) for s in (0.5, math.inf) for d in ("none", "sine")
-    ]
 
 
 def test_siblings_share_plant_sampling_set_point_and_seed():
@@ -151,13 +140,6 @@ def test_infinity_means_dead_band_and_zero_none():
     assert [d.tags["S_over_2J"] for d in group.drafts] == [math.inf, 0.0]
 
 
-def test_an_axis_that_only_some_blocks_have_is_changed_there_alone():
-    grid = load_grid("own-ground", axes={"w_Ti": [1.0]})
-    assert [b.name for b in grid.content.block if "w_Ti" in b.axes] == ["horch"]
-    everywhere = load_grid("smoke", {"w_Ti": 1.0})
-    assert all("w_Ti" in b.axes for b in everywhere.content.block)
-
-
 def test_a_dotted_key_is_set_in_every_loop_that_has_it():
     grid = make_grid(ruled(), sets={"valve.S": 3.0, "controller.Kc": 0.5})
     for group in grid.groups():
@@ -223,22 +205,6 @@ def test_an_unknown_grid_names_the_nearest():
     }
 
 
-def test_axes_of_a_whole_loop():
-    loop = Loop.from_table({**PLAIN["loop"], "plant": {"type": "integrating", "K": 0.1, "Td": 2}})
-    assert loop_axes(loop)["Td_over_Ti"] == 0.2
-    assert loop_axes(loop)["Td_over_T"] is None
-    fixed = {
-        "Td_over_T",
-        "Td_over_Ti",
-        "S_over_2J",
-        "noise_ratio",
-        "disturbance",
-        "tuning",
-        "samples_per_period",
-    }
-    assert set(SETTINGS) >= fixed
-
-
 @pytest.mark.parametrize("text", [SMALLEST_LOOP, SMALLEST_BLOCK])
 def test_the_smallest_grid_that_a_refusal_shows_works(tmp_path, text):
     (tmp_path / "mine.toml").write_text(text)
@@ -259,36 +225,6 @@ def test_a_file_without_loops_is_shown_the_smallest_grids(tmp_path, text, shown)
         load_grid(tmp_path / "mine.toml")
     for smallest in (SMALLEST_LOOP, SMALLEST_BLOCK):
         assert (smallest in str(refused.value)) == shown
-
-
-def test_a_section_is_an_axis_whose_parameters_differ_by_value(tmp_path):
-    axes = (
-        'axes = { valve = [{ model = "choudhury", S = 5, J = 2 }, { model = "stenman", d = 3 }],'
-        ' "controller.Kc" = [1, 2] }'
-    )
-    (tmp_path / "mine.toml").write_text(f"{SMALLEST_LOOP}\n{axes}")
-    grid = load_grid(tmp_path / "mine.toml")
-    drafts = [group.drafts[0] for group in grid.groups()]
-    assert [(d.loop.valve.name, d.loop.controller.Kc) for d in drafts] == [
-        ("choudhury", 1), ("choudhury", 2), ("stenman", 1), ("stenman", 2)
-    ]  # fmt: skip
-    assert drafts[0].tags["valve"] == 'choudhury {"S":5,"J":2}'
-
-
-def test_a_key_of_the_loop_file_is_an_axis_of_a_block_and_shifts_no_draw(tmp_path):
-    text_of = SMALLEST_BLOCK.replace("T = 10", "T = [5, 50]")
-    text_of = text_of.replace("Td_over_T = [0.2]", 'Td_over_T = [0.2], "setpoint.value" = [40]')
-    for name, text in (
-        ("changed", text_of),
-        ("plain", text_of.replace(', "setpoint.value" = [40]', "")),
-    ):
-        (tmp_path / f"{name}.toml").write_text(text)
-    changed, plain = (
-        load_grid(tmp_path / f"{name}.toml").group(0).drafts[0].loop
-        for name in ("changed", "plain")
-    )
-    assert changed.setpoint.value == 40.0
-    assert changed.with_("setpoint.value", 50.0).plant == plain.plant
 
 
 @pytest.mark.parametrize("name", grid_names())

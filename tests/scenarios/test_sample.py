@@ -10,7 +10,6 @@ from collections import Counter
 import pytest
 
 from simbench.scenarios.errors import SpecError
-from simbench.scenarios.expansion import chunks
 from simbench.scenarios.grid import load_grid, make_grid
 from simbench.scenarios.grid_check import MOST_CELLS
 from simbench.scenarios.sample import Sample
@@ -40,17 +39,6 @@ def test_a_sample_has_so_many_scenarios_of_the_grid_each_once(points):
     drawn = [(group, name) for group, names in sample.drawn.items() for name in names]
     assert len(drawn) == len(set(drawn)) == len(sample) == points
     assert set(drawn) <= listed(grid)
-
-
-def test_a_drawn_group_is_that_of_the_whole_grid_with_the_members_drawn():
-    grid = load_grid("chapter")
-    sample = Sample.of(grid, 40)
-    for place, (number, names) in enumerate(sample.drawn.items()):
-        mine, whole = sample.group(place), grid.group(number)
-        assert sample.size(place) == len(mine.drafts) == len(names)
-        assert (mine.twin, mine.rules) == (whole.twin, whole.rules)
-        assert [d for d in whole.drafts if d.tags["member"] in names] == list(mine.drafts)
-    assert sum(stop - start for start, stop in chunks(sample)) == sample.group_count
 
 
 def test_a_sample_is_a_function_of_grid_seed_and_size():

@@ -16,24 +16,6 @@ from simbench.scenarios.settled import settled_grid, table_file
 FROZEN = "recorded"  # the grid whose scenarios are nowhere but in its table
 
 
-@pytest.mark.parametrize("name", [n for n in grid_names() if n != FROZEN])
-def test_a_table_has_what_its_grid_asks_for_but_echoes_of_what_does_not_cycle(name):
-    asked = {
-        draft.id: (group.index, draft.tags, draft.echo is not None)
-        for group in load_grid(name).groups()
-        for draft in group.drafts
-    }
-    table = settled_grid(name)
-    there = {d.id: g.index for g in table.groups() for d in g.drafts}
-    assert len(table) == len(asked)
-    assert table.group_count == load_grid(name).group_count
-    assert sum(map(table.size, range(table.group_count))) == len(there)
-    assert there.items() <= {ident: index for ident, (index, *_) in asked.items()}.items()
-    lacking = [asked[ident] for ident in asked.keys() - there]
-    assert all(is_echo for *_, is_echo in lacking)
-    assert len(lacking) < 0.1 * len(asked)
-
-
 def stored(name):
     return table_file(name).read_bytes()
 

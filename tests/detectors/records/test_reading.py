@@ -78,22 +78,6 @@ def test_the_name_of_a_column_says_the_signal_and_the_loop(name, found):
     assert words_of(name) == words_of(name.upper())
 
 
-@pytest.mark.parametrize("name", ["sp", "mv"])
-@pytest.mark.parametrize(
-    ("hole", "n", "known"),
-    [(slice(80, 83), 300, True), (slice(80, 84), 216, True), (slice(100, 220), 300, False)],
-)
-def test_holes_of_sp_and_mv_split_unless_that_costs_half_of_the_record(
-    tmp_path, name, hole, n, known
-):
-    x = (K % 9).astype(object)
-    x[hole] = ""
-    record = read_record(written(tmp_path, wide(f"t,op,pv,{name}", K, OP, PV, x), "csv"))
-    assert (record.n, getattr(record, name) is not None) == (n, known)
-    assert np.array_equal(record.pv, PV[N - n :])
-    assert all(note.startswith("gaps") for note in record.notes)
-
-
 def test_a_set_point_holds_its_value_and_an_empty_one_is_unknown(tmp_path):
     sp = np.where(K < 20, "10", np.where(K < 22, "", "12"))
     record = read_record(written(tmp_path, wide("t,op,pv,sp", K, OP, PV, sp), "csv"))
@@ -124,18 +108,6 @@ def test_samples_at_uneven_times_are_resampled_where_that_is_asked_for():
     assert np.array_equal(held.pv, table["pv"][last])
     with pytest.raises(ParameterError, match="did you mean 'linear'"):
         read_columns(table, resample="linea")
-
-
-def test_of_rows_with_equal_times_the_last_holds():
-    t = np.sort(np.random.default_rng(2).choice([*range(0, 900, 3), *range(200)], 420))
-    values = np.arange(420.0) % 17
-    table = {"t": t, "op": values, "pv": 2 * values}
-    with pytest.raises(RecordError, match="does not rise") as refused:
-        read_columns(table)
-    assert refused.value.cure == "--resample held"
-    record = read_columns(table, resample="held")
-    last = np.searchsorted(t, t[0] + record.t, side="right") - 1
-    assert np.array_equal(record.op, values[last])
 
 
 @pytest.mark.parametrize(
@@ -191,13 +163,6 @@ def test_what_a_matlab_file_states_of_its_loops_is_read(tmp_path):
     assert np.all(one.sp == 1210)
     assert (two.kind, two.process) == ("flow", None)
     assert "no OP column" in refused["mining.loop1"]
-
-
-def test_the_range_of_a_record_is_never_proposed_as_that_of_its_valve():
-    for op, words in ((OP / 10 - 9, "--op-span LO HI"), (4 + 0.16 * OP, "--op-span 4 20")):
-        record = read_columns({"op": op, "pv": PV}, Ts=1.0)
-        assert words in record.notes[-1]
-    assert read_columns({"op": 40.95 * OP, "pv": PV}, Ts=1.0).S_unit == "OP units"
 
 
 def test_a_table_of_loops_states_what_the_file_does_not(tmp_path):

@@ -4,15 +4,13 @@ codes.
 
 import json
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from simbench.cli import main
 from simbench.detectors.errors import ParameterError, UnknownName
-from simbench.detectors.record import LoopRecord
-from simbench.detectors.report.report import Report, choose_methods, score_units
+from simbench.detectors.report.report import choose_methods, score_units
 from simbench.detectors.report.summary import own_reason, sentence
 from simbench.detectors.verdict import Verdict
 from simbench.verbs import judge_files
@@ -46,27 +44,6 @@ def test_folder_adds_the_record_and_names_what_it_left_out(folder):
     assert all(d["event"] is None for d in answers)
     assert report.loops().conclusion.tolist()[-2:] == ["no record"] * 2
     assert report.scores == []
-
-
-def test_labels_pick_the_records_give_their_kind_and_score(folder):
-    report = judge_files(folder, ["he", "hammerstein"], labels=folder / "labels.csv")
-    by_method = {row["method"]: row for row in report.scores}
-    assert by_method["hammerstein"] == {
-        "method": "hammerstein",
-        "n": 2,
-        "applicable": 2,
-        "positives": 1,
-        "cost": 0.0,
-        "cost_lo": 0.0,
-        "cost_hi": pytest.approx(0.6, abs=0.01),
-        "accuracy": 1.0,
-        "sensitivity": 1.0,
-        "false_positives": 0.0,
-        "no_decision": 0.0,
-        "auc": 1.0,
-    }
-    assert all("unknown" not in v.reason for _, v in report.verdicts)
-    assert "positives" in report.as_text()
 
 
 def test_sets_of_methods():
@@ -171,30 +148,3 @@ def test_what_the_methods_say_together_counts_each():
 def test_what_is_noted_of_the_whole_record_is_not_repeated():
     verdict = Verdict("he", "stiction", reason="OP is triangular; OP taken as 0..100 %")
     assert own_reason(verdict, ["OP taken as 0..100 %"]) == "OP is triangular"
-
-
-@dataclass
-class Concluded:
-    """A conclusion of which the ranking shows verdict and probability."""
-
-    probability: float
-
-    def as_lines(self):
-        return ["so", "Reason: so.", "Next: nothing."]
-
-    def as_json(self):
-        return {"verdict": "stiction", "probability": self.probability, "cause": "stiction"}
-
-
-def test_a_large_folder_fits_a_screen_and_says_how_many_loops_it_leaves_out():
-    names = [f"loop{k}" for k in range(40)]
-    record = LoopRecord(np.sin(np.arange(50.0)), np.cos(np.arange(50.0)), 1.0)
-    report = Report(
-        [(name, Verdict("m", "stiction", reason="so")) for name in names],
-        records=dict.fromkeys(names, record),
-        conclusions={name: Concluded(k / 40) for k, name in enumerate(names)},
-    )
-    lines = report.as_text().splitlines()
-    assert len(lines) <= 30
-    assert "and 20 more loops: --csv FILE" in lines
-    assert lines[1].startswith("loop39 ")  # the most probable first

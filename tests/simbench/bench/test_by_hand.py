@@ -4,23 +4,16 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from simbench.bench import statistics as of
-from simbench.bench.check.check_result import Check
 from simbench.bench.execute import compute_piece as piece
 from simbench.bench.execute.failures import Failures
 from simbench.bench.scenario import truth
-from simbench.bench.score.pairing import pair
 from simbench.bench.store import manifest
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.report.summary import level_ends
-from simbench.detectors.verdict import Verdict
 from simbench.loop.motion import Motion, largest_sine, motion
 from simbench.scenarios.spec import Loop
-
-SHOWN = 20  # flipped scenarios that a check shows
 
 
 def test_statistics_of_the_fewest_cases():
@@ -32,16 +25,6 @@ def test_statistics_of_the_fewest_cases():
     assert of.auc_drop(up, down, one) == 1.0  # one case has no variance
     assert math.isnan(of.area(np.array([0, 1]), np.array([True, True])))
     assert of.auc([1, 1], [True, False]).value == 0.5
-
-
-def test_loops_are_paired_by_id(book):
-    names = [b"a", b"b", b"c"]
-    now = book([0, 0, 0], [1, 1, 1], ids=names, hashes=names)
-    other = book([0, 0, 0], [1, 1, 1], ids=[b"c", b"x", b"b"], hashes=[b"c", b"b", b"y"])
-    pairs = pair(now, other)
-    assert pairs.now.tolist() == [1, 2]
-    assert pairs.before.tolist() == [2, 0]
-    assert pairs.same.tolist() == [False, True]
 
 
 def test_a_motion_with_few_reversals_has_what_can_be_computed():
@@ -134,73 +117,6 @@ def test_failures_are_counted_and_those_of_plug_ins_as_well():
     assert not Failures(0, 0).above(0.0)
 
 
-def checked(flips, **row):
-    about = {
-        "method": "he",
-        "truth": "cycled",
-        "population": "all",
-        "what": "detection",
-        "before": 0.9,
-        "now": 0.8,
-        "lost": 12,
-        "won": 2,
-        "p": 0.001,
-        "seen": 0.02,
-        "explained": 0,
-    }
-    same = {**about, "method": "horch", "now": 0.9, "p": 1.0, "worse": False}
-    tests = pd.DataFrame([{**about, "worse": True, **row}, same])
-    ids = [f"{i:03d}" for i in range(flips)]
-    changed = pd.DataFrame(
-        {
-            "scenario_id": ids,
-            "method": ["horch", "he"] * (flips // 2),
-            "was": "stiction",
-            "now": "no_stiction",
-        }
-    )
-    bits = {"equal": 100 - flips, "other_bits": 0, "other_verdict": flips}
-    return Check("basis", (), tests, changed, bits, "there")
-
-
-def test_a_check_shows_what_moved_and_the_worst_flips_first():
-    text = checked(2 * SHOWN).as_text()
-    assert text.startswith(
-        "worse: he detects stiction in 80.0 % of the loops with a limit cycle, before 90.0 %: 12"
-        " answers lost, 2 won (truth cycled, population all).\nCompared: basis.\n"
-        "60 loops have equal bits, 0 other bits and the same verdicts, 40 another verdict.\n"
-    )
-    row = next(line.split() for line in text.splitlines() if line.startswith("he "))
-    assert row[:5] == ["he", "cycled", "all", "detection", "0.9"]
-    assert f"{2 * SHOWN} verdicts changed, the first 10:" in text
-    # the first of the method that became worse
-    assert "simbench simulate --from there --id 001 -o record.csv" in text
-    assert text.count("no_stiction") == 10
-    whole = checked(10).as_text()
-    assert "10 verdicts changed:" in whole
-    assert "horch" not in whole.partition("verdicts changed")[0]  # its rates stand still
-    assert "<summary>20 verdicts changed:</summary>" in checked(SHOWN).as_markdown()
-    passed = checked(0, worse=False)
-    assert not passed.failed
-    assert passed.as_text().startswith("same: no detector became worse.\nCompared: basis.")
-
-
-def test_a_level_has_two_ends_or_none():
-    assert level_ends((1.0, 2.0)) == (1.0, 2.0)
-    assert level_ends(3) == (3.0, 3.0)
-    assert all(math.isnan(x) for x in level_ends(None))
-    verdict = Verdict("he", "stiction", 0.7, {"eta": 0.7}, S=(1.0, 2.0), J=0.5, reason="why")
-    row = piece.verdict_row("id", piece.Answer(verdict, None, 0.25))
-    assert [row[k] for k in ("S_lo", "S_hi", "J_lo", "J_hi", "score", "runtime_s")] == [
-        1.0,
-        2.0,
-        0.5,
-        0.5,
-        0.7,
-        0.25,
-    ]
-
-
 def test_a_record_is_known_by_every_bit_of_every_signal():
     x = np.arange(8.0)
     seen = set()
@@ -237,13 +153,3 @@ def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked
     (linked / "HEAD").write_text("ref: refs/heads/one\n")
     assert commit(tmp_path / "other") == "1111"
     assert commit(tmp_path / "nowhere") is None
-
-
-def test_a_piece_adds_up_its_seconds(small, monkeypatch):
-    """Every look at the clock is a second later than the last: settling with truth takes 1 s."""
-    seconds = iter(range(10**6))
-    monkeypatch.setattr(piece.time, "perf_counter", lambda: float(next(seconds)))
-    receipt = piece.compute_piece(small, 0, [0], piece.PieceSettings(("he",))).receipt
-    assert receipt.scenarios == 2
-    assert receipt.simulating == 1.0
-    assert 0 < receipt.judging < receipt.working

@@ -10,11 +10,8 @@ from scipy import stats
 from sklearn.metrics import roc_auc_score
 
 from simbench.bench.statistics import (
-    area,
     auc,
     auc_drop,
-    class_counts,
-    dense_ranks,
     holm,
     mcnemar,
     wilson,
@@ -95,11 +92,3 @@ def test_a_paired_fall_by_pairs():
     falls = [a - b for a, b in zip(placements(before, positive), placements(now, positive))]
     z = falls[0].mean() / math.sqrt(sum(f.var(ddof=1) / f.size for f in falls))
     assert auc_drop(before, now, positive) == pytest.approx(stats.norm.sf(z))
-
-
-def test_dense_ranks_count_from_the_lowest_and_leave_out_what_is_unknown():
-    assert dense_ranks(np.array([0.5, -np.inf, np.nan, 0.5])).tolist() == [1, 0, -1, 1]
-    assert [
-        c.tolist() for c in class_counts(np.array([7, 2, 7]), np.array([True, False, False]))
-    ] == [[0, 1], [1, 1]]
-    assert area(np.array([0, 1, 2, 3]), np.array([False, True, False, True])) == 0.75

@@ -15,7 +15,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.simbench.boundary.conftest import asked
-from tests.simbench.boundary.test_grids import HEAD as GRID
 from tests.simbench.boundary.test_loops import text as loop_text
 from tests.simbench.boundary.test_records import csv
 
@@ -120,19 +119,6 @@ def test_loop_files(tmp_path, lines, cuts):
         assert "loop.toml" in message
     else:
         assert np.isfinite(np.genfromtxt(out, delimiter=",", skip_header=1)).all()
-
-
-@MANY
-@given(lines=LINES, cuts=st.one_of(st.just([]), CUTS))
-def test_grids(tmp_path, stopped, lines, cuts):
-    file = tmp_path / "grid.toml"
-    file.write_text(spoilt(GRID, lines, cuts), encoding="utf-8", errors="surrogatepass")
-    code, _, message = asked(
-        ["run", file, "-o", tmp_path / "run", "--method", "horch_histogram", "-j", "1"]
-    )
-    assert code in (2, 130), message
-    if code == 2:
-        assert "grid" in message
 
 
 @MANY

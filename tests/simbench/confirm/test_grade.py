@@ -20,13 +20,6 @@ def test_the_process_gain_is_the_plants(loop, K, ok):
     assert row.acceptable == ok
 
 
-@pytest.mark.parametrize(("std", "ok"), [(0.0, True), (0.1, True), (0.15, False)])
-def test_the_noise_band_is_four_standard_deviations(loop, std, ok):
-    row = by_name(loop(noise=std))["noise band"]
-    assert row.value == pytest.approx(4 * std, rel=0.3, abs=1e-12)
-    assert row.acceptable == ok
-
-
 @pytest.mark.parametrize(
     ("S", "J", "ok"), [(3.0, 0.5, True), (3.0, 0.8, True), (3.0, 1.1, False), (8.0, 4.0, False)]
 )
@@ -34,15 +27,6 @@ def test_stiction_is_the_slip_jump_up_to_a_step(loop, S, J, ok):
     row = by_name(loop(S=S, J=J))["stiction"]
     assert J - 1e-9 <= row.value <= J + 0.2 + 1e-9
     assert row.acceptable == ok
-
-
-def test_hysteresis_is_what_is_left_without_the_dead_band(loop):
-    valves = [({"model": "hysteresis", "S": 0.5, "H": H}, H, 0.3) for H in (1.0, 2.5, 4.0)]
-    valves += [({"model": "deadband", "S": S}, 0.0, 0.15) for S in (1.0, 10.0)]
-    for valve, H, off in valves:
-        row = by_name(loop(valve=valve))["hysteresis"]
-        assert row.value == pytest.approx(H, abs=off)
-        assert row.acceptable == (H <= 3.0)
 
 
 def test_what_a_loop_does_not_show_is_not_graded(loop):

@@ -43,20 +43,6 @@ def test_a_valve_without_friction_follows(loop):
     assert read_again(travel_test(loop(S=0.0, J=0.0))).sticky is False
 
 
-def test_the_band_counts_from_the_valves_last_move_however_op_wandered_before_it_turned():
-    """Four more steps up that the valve did not follow are no part of S."""
-    ends = [50.0, 58.0, *(58 + 0.2 * np.arange(1, 16)), *(61 - 0.2 * np.arange(1, 41))]
-    op = np.repeat(ends, 40)
-    valve = valve_response("choudhury", op, {"S": 5.0, "J": 2.0})
-    pv = valve + 0.001 * np.sin(np.arange(op.size))
-    test = travel_recorded(LoopRecord(op, pv, 1.0, process="self-regulating"))
-    assert (test.J, test.S) == pytest.approx((2.1, 5.1), abs=0.11)
-    answer = test.as_json()
-    assert answer["verdict"] == "stiction"
-    assert answer["S_interval"][0] <= 5.0 <= answer["S_interval"][1]
-    assert answer["J_interval"][0] <= 2.0 + 1e-9 <= answer["J_interval"][1]
-
-
 def test_pulses_on_one_level_are_no_travel_test():
     op = np.tile(np.append(np.full(40, 50.0), np.full(3, 51.0)), 8)
     with pytest.raises(ParameterError, match="OP rests at 50 % alone"):

@@ -6,11 +6,8 @@ import pytest
 
 from simbench.detectors.judge import judge
 from simbench.detectors.signal.half_cycles import split
-from simbench.figures._correlation import marks
-from simbench.figures._fits import eta, half_cycle_fits
 from simbench.figures._folder import FIGURES
 from simbench.loop.simulate import simulate
-from simbench.theory.predict import predict
 
 
 def wave_likeness(x: np.ndarray, period: float) -> dict[str, float]:
@@ -105,33 +102,6 @@ def test_example_11_3_has_the_phase_shifts_of_the_text():
         assert measured == pytest.approx(shift, abs=0.12)
 
 
-@pytest.mark.parametrize("name", ["fig_11_13", "fig_11_14", "fig_11_16"])
-def test_indices_read_off_the_drawn_correlation_are_the_detectors(drawn, name):
-    d = drawn(name)
-    for column in ("panel", "w_Ti"):
-        if column in d:
-            parts = [part.dropna(subset=["Phi (-)"]) for _, part in d.groupby(column)]
-            break
-    else:
-        parts = [d]
-    for part in parts:
-        points = marks(part)
-        assert points.dtau == pytest.approx(part["dtau (-)"].iloc[0], abs=1e-6)
-        assert points.drho == pytest.approx(part["drho (-)"].iloc[0], abs=1e-6)
-
-
-@pytest.mark.parametrize("panel", ["(a) self-regulating", "(b) integrating"])
-@pytest.mark.parametrize("J", [5.0, 2.0, 0.0])
-def test_marked_intersections_are_what_predict_says(drawn, panel, J):
-    figure, d = FIGURES.load("fig_11_8"), drawn("fig_11_8")
-    marked = d[(d.panel == panel) & (d.curve == "intersection") & (d["J (%)"] == J)]
-    balances = predict(figure.loop(panel, J))["describing_function"]
-    assert len(marked) == len(balances)
-    for mark, one in zip(marked.to_dict("records"), balances):
-        assert mark["period (s)"] == pytest.approx(one["period"], rel=1e-6)
-        assert mark["A (%)"] == pytest.approx(one["amplitude"], rel=1e-6)
-
-
 def test_a_dead_band_meets_the_integrating_loop_only(drawn):
     marks_ = drawn("fig_11_8").query("curve == 'intersection' and `J (%)` == 0")
     assert marks_.panel.tolist() == ["(b) integrating"]
@@ -141,14 +111,6 @@ def test_rho3_sees_the_first_two_shapes_and_misses_the_third(drawn):
     rho = drawn("fig_11_11").groupby("panel")[["rho1 (-)", "rho3 (-)"]].first()
     assert (rho["rho1 (-)"] > 0.25).all()
     assert (rho["rho3 (-)"] > 0.25).tolist() == [True, True, False]
-
-
-@pytest.mark.parametrize(
-    ("wave", "expected"), [(np.sin, 0.0), (lambda x: np.arcsin(np.sin(x)), 1.0)]
-)
-def test_drawn_fits_give_the_detectors_eta_on_pure_waves(wave, expected):
-    x = wave(2 * np.pi * (np.arange(2000) + 0.3) / 80)
-    assert eta(half_cycle_fits(x, 80.0)) == pytest.approx(expected, abs=0.02)
 
 
 def test_table_11_3_holds_but_for_the_two_cells_it_is_too_coarse_for(drawn):
@@ -180,17 +142,6 @@ def test_the_path_of_a_diagnosis_is_drawn(drawn, tmp_path):
     assert (tmp_path / "path.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
     with pytest.raises(ParameterError, match=r"\.svg, \.png or \.pdf"):
         draw_path(diagnosis, tmp_path / "path.docx")
-
-
-def test_travel_test_finds_J_in_the_same_direction_and_S_reversed(drawn):
-    d = drawn("fig_11_26")
-    valve = FIGURES.load("fig_11_26").loop().valve.parameters
-    assert valve["J"] <= d["J measured (%)"].iloc[0] <= valve["J"] + 0.2
-    assert valve["S"] <= d["S measured (%)"].iloc[0] + 1e-9 <= valve["S"] + 0.2
-    # the sums are those of the drawn steps
-    for phase, name in ((1, "J"), (2, "S")):
-        op = d["OP (%)"][(d.phase == phase) | (d.phase.shift(-1) == phase)]
-        assert abs(op.iloc[-1] - op.iloc[0]) == pytest.approx(d[f"{name} measured (%)"].iloc[0])
 
 
 def test_table_11_1_marks_what_is_wrong_with_each_valve(drawn):

@@ -116,19 +116,6 @@ def test_without_a_plant_the_tuning_is_still_judged_and_what_is_left_open_is_not
     assert "[controller]" not in notes
 
 
-@pytest.mark.slow
-def test_without_a_controller_the_plant_is_still_compared(place):
-    steps = [[150.0, 56.0], [350.0, 47.0], [550.0, 55.0], [750.0, 46.0]]
-    weaker = HEALTHY | {"plant": HEALTHY["plant"] | {"K": 0.6}}
-    weaker["setpoint"] = {"value": 50.0, "steps": steps}
-    answer = with_part(place, weaker, "plant", "sampling", "noise")
-    assert answer["effect"] == "gain_mismatch"
-    assert answer["effects"][0]["parameters"]["factor"] == pytest.approx(0.5, rel=0.1)
-    notes = " ".join(answer["notes"])
-    assert "no [controller] given, identified from the record: PI, Kc = 1.5, Ti = 20" in notes
-    assert "detuning cannot be judged" in notes
-
-
 @pytest.mark.parametrize(
     ("window", "length"), [(None, 200), ((0, 200), 200), ((0, 3), 3), ((50, 60), 10)]
 )

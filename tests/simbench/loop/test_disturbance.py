@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from simbench.loop import disturbance
 from simbench.loop.disturbance import DISTURBANCES, disturbance_signal
 from simbench.scenarios.parts import Part
 
@@ -48,19 +47,3 @@ def test_a_longer_signal_begins_with_the_same_bits(kind):
     assert np.array_equal(short, long[:400])
     assert np.ptp(short) > 0.0
     assert disturbance_signal(load, 400, 1.0, (5, 100))[1] is short
-
-
-@pytest.mark.parametrize(("period", "fine"), [(40.0, 1), (20.0, 1), (19.0, 2), (10.0, 2), (5.0, 4)])
-def test_the_other_loop_has_at_least_twenty_samples_a_period(monkeypatch, period, fine):
-    asked = []
-
-    def other(S, J, noise, period, Ts, n, seed):
-        asked.append((S, J, Ts))
-        return np.sin(2.0 * np.pi * Ts * np.arange(n) / period)
-
-    monkeypatch.setattr(disturbance, "_other_loop", other)
-    load = Part(name="propagated", parameters={"amplitude": 3.0, "period": period, "lag": 0.0})
-    wave = disturbance_signal(load, 200, 1.0, (8,))[1]
-    # S = 5 and J = 2 unless stated
-    assert asked == [(5.0, 2.0, 1.0 / fine)]
-    assert np.ptp(wave) / 2 == pytest.approx(3.0, rel=0.06)

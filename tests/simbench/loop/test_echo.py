@@ -5,7 +5,7 @@ import pytest
 
 from simbench.bench.scenario.truth import NO, simulate_with_truth
 from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop, load_loop
+from simbench.scenarios.spec import Loop
 
 PLANTS = {
     "self-regulating": (
@@ -91,15 +91,6 @@ def test_what_is_taken_off_is_above_the_cut():
     assert share_above(smooth, period, 2.5) < 1e-3
     shares = [share_above(load_of(cut=c)[1], period, 1.7) for c in (1.7, 2.5, 4.0, 6.0, ALL)]
     assert shares == sorted(shares)
-
-
-def test_an_echo_is_a_function_of_loop_and_seed(tmp_path):
-    a, b = (simulate(echo(kind="harmonics"), 3).record for _ in range(2))
-    assert np.array_equal(a.pv, b.pv)
-    assert not np.array_equal(a.pv, simulate(echo(kind="harmonics"), 4).record.pv)
-    (tmp_path / "loop.toml").write_text(echo(kind="harmonics").to_toml())
-    again = load_loop(tmp_path / "loop.toml")
-    assert np.array_equal(a.pv, simulate(again, 3).record.pv)
 
 
 def test_the_load_does_not_hang_on_where_the_record_begins():

@@ -64,15 +64,6 @@ def test_matrix_exponential_is_that_of_scipy(order):
         assert matrix_exponential(A) == pytest.approx(expm(A), rel=1e-11, abs=1e-13)
 
 
-def test_matrix_exponential_of_a_chain_of_lags_is_known():
-    # e^(N t) of a nilpotent matrix ends after its order; that of a diagonal one is e of each
-    N = np.diag([1.0, 1.0, 1.0], k=1) * 0.7
-    assert matrix_exponential(N)[0] == pytest.approx([1.0, 0.7, 0.245, 0.7**3 / 6], rel=1e-15)
-    assert np.diag(matrix_exponential(np.diag([-800.0, -3.0, 0.0]))) == pytest.approx(
-        [0.0, math.exp(-3.0), 1.0], rel=1e-12, abs=1e-300
-    )
-
-
 def test_complex_expm1_keeps_small_numbers():
     z = complex(1e-12, 2e-12)
     assert complex_expm1(z) == pytest.approx(z + z * z / 2.0, rel=1e-15)

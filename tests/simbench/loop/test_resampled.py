@@ -40,37 +40,11 @@ def signals(total=100, Ts=2.0, seed=1, **parameters):
     return dict(drawn(Part(name="resampled", parameters=kept), total, Ts, (seed, 100)))
 
 
-def test_pieces_of_the_residuals_follow_each_other_and_the_columns_stay_together():
-    both = signals()
-    assert set(both) == {"op", "output"}
-    at = [PV.index(y) for y in both["output"]]
-    for k in range(0, 99, 3):
-        assert at[k : k + 3] == list(range(at[k], at[k] + 3))[: len(at[k : k + 3])]
-    assert [OP[i] for i in at] == both["op"].tolist()
-    assert len({at[k] for k in range(0, 99, 3)}) == 5, "every place where a piece fits is drawn"
-    longer = signals(total=140)
-    assert np.array_equal(longer["output"][:100], both["output"]), "a longer run begins the same"
-    assert not np.array_equal(signals(seed=2)["output"], both["output"])
-
-
 def test_compiled_and_plain_give_the_same_bits():
     fast, slow = (run_setup(resolve_loop(loop(LOAD), 3), plain=p) for p in (False, True))
     assert np.array_equal(fast.record.op, slow.record.op)
     assert np.array_equal(fast.record.pv, slow.record.pv)
     assert np.array_equal(simulate(loop(LOAD), 3).record.pv, fast.record.pv)
-
-
-def test_an_archive_writes_in_steps_and_repeats_what_it_held():
-    plain = simulate(loop(LOAD), 3)
-    held = [0, 1, 1, 0, 0]
-    kept = simulate(loop(LOAD, archive={"pv_step": 0.5, "pv_held": held, "op_step": 0.1}), 3)
-    expected = 0.5 * np.round(plain.record.pv / 0.5)
-    for k in range(200):
-        if held[k % 5]:
-            expected[k] = expected[k - 1]
-    assert np.array_equal(kept.record.pv, expected)
-    np.testing.assert_allclose(kept.record.op, plain.record.op, atol=0.05 + 1e-9)
-    assert np.array_equal(kept.mv, plain.mv), "the loop itself knows nothing of it"
 
 
 def test_the_columns_may_stand_in_a_file_beside_the_loop_file(tmp_path, monkeypatch):

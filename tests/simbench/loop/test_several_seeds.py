@@ -8,7 +8,6 @@ import pytest
 from simbench.cli import main
 from simbench.detectors.record import LoopRecord
 from simbench.loop.several_seeds import measure, simulate_seeds
-from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
 LOOP = Loop.from_table(
@@ -31,19 +30,6 @@ def test_a_triangle_has_the_numbers_of_a_triangle():
     assert numbers["pv_std"] == pytest.approx(np.sqrt(0.5), rel=0.01)
     assert numbers["period_s"] == pytest.approx(100, rel=0.02)
     assert numbers["op_travel_per_hour"] == pytest.approx(16 * 36, rel=0.01)
-
-
-def test_the_interval_is_that_of_single_runs():
-    spread = simulate_seeds(LOOP, 20, first=3)
-    records = [simulate(LOOP, 3 + i).record for i in range(20)]
-    stds = [record.pv.std() for record in records]
-    got = (spread.pv_std.lo, spread.pv_std.value, spread.pv_std.hi)
-    assert got == pytest.approx(np.quantile(stds, [0.05, 0.5, 0.95]))
-    periods = [measure(record)["period_s"] for record in records]
-    known = [period for period in periods if np.isfinite(period)]
-    assert (spread.oscillates, spread.seeds) == (len(known) / 20, 20)
-    assert spread.period_s is not None
-    assert spread.period_s.value == pytest.approx(np.median(known))
 
 
 def test_a_loop_that_does_not_oscillate_has_no_period():

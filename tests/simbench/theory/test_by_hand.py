@@ -128,14 +128,6 @@ def test_the_residual_of_a_half_cycle_is_that_of_the_whole_arrays(loop, q):
     assert residual == pytest.approx(_solve(head, T, powers, made.fs, np.array([q]))[0][0])
 
 
-def test_half_cycles_that_are_kept_are_sorted_and_stable_where_deviations_die(loop):
-    halves = half_cycles(sampled_loop(loop(Ts=0.1)))
-    assert halves
-    assert [h.samples for h in halves] == sorted(h.samples for h in halves)
-    assert all(h.samples == h.n + h.m and h.stable == (h.multiplier < 1.0) for h in halves)
-    assert all(abs(h.op) <= h.amplitude + 1e-9 for h in halves)
-
-
 def test_the_first_harmonic_of_valves_whose_answer_is_known():
     A = np.array([2.0, 10.0, 40.0])
     np.testing.assert_allclose(first_harmonic("ideal", {}, A), 1.0, atol=1e-12)

@@ -5,7 +5,6 @@ import pytest
 from theory_check import simulated_cycle
 
 from simbench.detectors.errors import ParameterError
-from simbench.loop.simulate import simulate
 from simbench.theory.cycle import cycle_start, exact_cycle, on_half_cycle
 from simbench.theory.half_cycle import half_cycles
 from simbench.theory.march import reversals
@@ -64,19 +63,6 @@ def test_loops_that_do_not_cycle_have_no_cycle(loop, settings):
     assert exact_cycle(sampled_loop(loop(**settings, Ts=0.2))) is None
 
 
-@pytest.mark.parametrize("Ts", [0.1, 0.5, 1.0])
-@pytest.mark.parametrize("J", [2, 5, 7])
-def test_sampling_shortens_the_period_and_widens_op_as_predicted(loop, Ts, J):
-    asked = loop(J=J, Ts=Ts)
-    cycle = exact_cycle(sampled_loop(asked))
-    period, amplitude = simulated_cycle(asked, start=cycle_start(asked))
-    assert cycle.period == pytest.approx(period, rel=5e-3)
-    assert cycle.amplitude == pytest.approx(amplitude, rel=1e-2)
-    slow = closed_form(0.1, 2, 5, J)
-    assert cycle.period < slow[0] * (1 - 0.02 * Ts)
-    assert cycle.amplitude > slow[1] * (1 + 0.01 * Ts)
-
-
 def test_multiplier_predicts_how_fast_a_deviation_dies(loop):
     # integrating PI, J = 0: no jump, hence regular; swings approach the cycle by the multiplier per
     # half cycle
@@ -128,20 +114,6 @@ def test_amplitude_scales_with_the_valve_and_the_period_does_not(loop):
     one, other = (exact_cycle(sampled_loop(loop(S=2.0 * f, J=1.0 * f, Ts=0.5))) for f in (1, 4))
     assert one.period == other.period
     assert 4 * one.amplitude == pytest.approx(other.amplitude)
-
-
-@pytest.mark.parametrize(
-    "valve",
-    [
-        {"model": "choudhury", "S": 5, "J": 2},
-        {"model": "kano", "S": 5, "J": 2},
-        {"model": "stenman", "d": 4},
-    ],
-)
-def test_a_run_that_starts_on_the_cycle_cycles_at_once(loop, valve):
-    asked = loop(Ts=0.5, n=4000, valve=valve, setpoint={"value": 30}, operating_point={"op0": 40})
-    record = simulate(asked, start=cycle_start(asked)).record
-    assert np.ptp(record.mv[:400]) == pytest.approx(np.ptp(record.mv[-400:]), rel=0.1)
 
 
 @pytest.mark.parametrize(

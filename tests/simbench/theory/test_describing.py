@@ -57,14 +57,6 @@ def test_measured_first_harmonic_of_the_valve_equals_the_formula(J):
         )
 
 
-def test_curve_of_minus_one_over_N_runs_from_the_negative_imaginary_axis_to_minus_one():
-    valve = stiction(5.0, 2.0)
-    assert valve.critical(valve.low) == pytest.approx(-1j * np.pi * 5 / (4 * 2))
-    assert valve.critical(1e6) == pytest.approx(-1, abs=1e-4)
-    assert abs(stiction(5.0, 0.0).critical(2.5 * 1.000001)) > 1e3
-    assert (stiction(5.0, 2.0).N(np.geomspace(2.51, 1e3, 50)).imag < 0).all()
-
-
 @pytest.mark.parametrize(
     ("settings", "expected"),
     [
@@ -108,20 +100,6 @@ def test_deadzone_makes_an_unstable_loop_jump_but_no_stable_loop_cycle(loop):
     [balances] = intersections(sampled_loop(loop(Ti=None, Kc=12)), deadzone(4.0))
     assert not balances.stable
     assert intersections(sampled_loop(loop(Ti=None, Kc=4)), deadzone(4.0)) == []
-
-
-def test_sampled_frequency_response_is_that_of_the_stepped_loop(loop):
-    sampled = sampled_loop(loop(Td=2.3, Ts=0.7))
-    k, w = np.arange(4000), 0.4
-    v, y, x, integral = np.exp(1j * w * 0.7 * k), [], np.zeros(1, complex), 0.0
-    for i in k:
-        y.append((sampled.C @ x)[()])
-        new, old = (v[i - d] if i >= d else 0 for d in (sampled.delay, sampled.delay + 1))
-        x = sampled.A @ x + sampled.B_new * new + sampled.B_old * old
-    integral = sampled.beta / (1 - np.exp(-1j * w * 0.7))
-    assert y[-1] * (1 + integral) / v[-1] == pytest.approx(
-        complex(sampled.sampled_response(w)), rel=1e-6
-    )
 
 
 def test_describing_function_of_a_valve_that_stops_at_every_sample_follows_its_stop():

@@ -64,32 +64,6 @@ def test_what_theory_does_not_describe_is_said(loop, effect):
     assert theory["reason"].startswith("theory:")
 
 
-@pytest.mark.parametrize(
-    "valve",
-    [
-        {"model": "deadzone", "D": 1.0},
-        {"model": "lag", "T": 0.5},
-        {"model": "gain_ratio", "R": 2.0},
-    ],
-)
-@pytest.mark.parametrize(
-    "effect",
-    [{"name": "sensor_lag", "tau": 2.0}, {"name": "quantisation", "step": 0.1, "at": "loop"}],
-)
-def test_a_valve_and_an_effect_that_theory_does_not_describe_are_both_said(loop, valve, effect):
-    predicted, holds, theory = truth_columns(loop(valve=valve, effect=[effect], Ts=0.5))
-    assert (predicted, holds, theory["exists"], theory["describing_function"]) == (
-        None,
-        None,
-        None,
-        [],
-    )
-    assert valve["model"] in theory["reason"]
-    assert theory["reason"].endswith(
-        "; the sensor has a lag or rounds PV; the cycle is known for a plain sensor only"
-    )
-
-
 def test_disturbances_and_noise_do_not_change_the_prediction(loop):
     more = {"noise": {"std": 1.0}, "disturbance": [{"type": "sine", "amplitude": 3, "period": 20}]}
     assert predict(loop(Ts=0.5)) == predict(loop(Ts=0.5, **more))

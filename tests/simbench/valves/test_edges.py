@@ -97,27 +97,6 @@ def test_eight_plays_of_a_hysteresis_open_one_after_the_other():
         )
 
 
-@pytest.mark.parametrize(
-    ("name", "table", "SJ"),
-    [
-        ("asymmetric", {"S_up": 6.0, "J_up": 1.0, "S_down": 2.0, "J_down": 3.0}, (4.0, 2.0)),
-        ("hysteresis", {"S": 2.0, "H": 3.0}, (5.0, 0.0)),
-        ("stenman", {"d": 3.0}, (3.0, 3.0)),
-        ("kano", {"S": 5.0, "J": 1.0}, (5.0, 1.0)),
-        ("intermittent", {"S": 5.0, "J": 1.0, "period": 9.0, "on": 2.0, "S_off": 3.0}, (5.0, 1.0)),
-        (
-            "time_varying",
-            {"S": 5.0, "J": 1.0, "S_end": 7.0, "J_end": 2.0, "t_end": 9.0},
-            (7.0, 2.0),
-        ),
-        ("he", {"fs": 3.0, "fd": 1.0}, (4.0, 2.0)),
-    ],
-)
-def test_band_and_jump_that_a_valve_says_it_has(name, table, SJ):
-    module = VALVES.load(name)
-    assert module.mapped_SJ(valve_parameters(module, table, 1.0)) == pytest.approx(SJ)
-
-
 def with_for_SJ():
     return [name for name in VALVES.names() if hasattr(VALVES.load(name), "for_SJ")]
 
@@ -155,10 +134,3 @@ def test_a_gain_ratio_is_the_ratio_of_the_slopes_at_either_end():
         mv = valve_response("gain_ratio", [0.0, 0.001, 99.999, 100.0], {"R": R})
         assert mv[[0, 3]].tolist() == pytest.approx([0.0, 100.0])
         assert (mv[3] - mv[2]) / (mv[1] - mv[0]) == pytest.approx(R, rel=1e-3)
-
-
-def test_a_spell_is_counted_in_seconds_whatever_the_sampling():
-    table = {"S": 4.0, "J": 2.0, "period": 5.0, "on": 2.0, "delay": 1.0}
-    op = 20.0 + np.arange(24) * 1.0  # 2 % per s at two samples a second
-    lag = op - valve_response("intermittent", op, table, 0.5)
-    assert (lag > 0.0).tolist() == [t in (1, 2, 6, 7, 11) for t in range(12) for _ in "ab"]

@@ -10,7 +10,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from simbench.loop.parameters import VALVES, valve_parameters
-from simbench.loop.physical.actuator import overshoot
 from simbench.loop.response import valve_response
 
 SJ = {"S": 5.0, "J": 2.0}
@@ -118,19 +117,6 @@ def test_exact_valve_is_the_limit_of_substeps_and_halving_the_step_halves_the_er
     assert error[1] / error[2] == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    "table", [SJ, {"S": 5, "J": 0}, {"S": 0.5, "J": 0.2}, {"S": 5, "J": 5}, PUBLISHED]
-)
-def test_with_op_held_for_a_second_exact_and_substeps_end_in_the_same_place(table):
-    for op in (held_op(), sine(200.0, 1.0)):
-        exact = valve_response("coulomb", op, table, 1.0)
-        steps = valve_response("coulomb", op, {**table, "substep": 1e-4}, 1.0)
-        assert np.ptp(exact) > 3.0
-        assert np.abs(exact - steps).max() <= 1e-5
-        naive = friction_in_steps(op, parameters("coulomb", table, 1.0), 1e-4)
-        assert np.abs(exact - naive).max() <= 1e-5
-
-
 @pytest.mark.parametrize("table", [SJ, {"S": 3, "J": 1}, {"S": 8, "J": 0}, PUBLISHED])
 def test_smoothly_driven_valve_is_the_stiction_map(table):
     op = sine(200.0)
@@ -146,21 +132,6 @@ def test_valve_that_comes_to_rest_in_every_sample_is_hes_map():
         np.testing.assert_allclose(
             valve_response("coulomb", op, table, 1.0), valve_response("he", op, table), atol=1e-7
         )
-
-
-def test_overshooting_actuator_is_hes_map_with_the_gain_of_its_overshoot():
-    table = {"S": 6, "J": 2, "Fv": 120}
-    over = overshoot(parameters("coulomb", table, 1.0))
-    assert 0.3 < over < 0.7
-    triangle = np.concatenate([np.arange(20, 80, 0.25), np.arange(80, 20, -0.25)])
-    op = np.concatenate([triangle, triangle])
-    # OP overshoots break-away by a step's fraction, which the gain multiplies in both
-    valve = valve_response("coulomb", op, table, 1.0)
-    np.testing.assert_allclose(
-        valve, valve_response("he", op, {"S": 6, "J": 2, "K": 1 + over}), atol=1e-6
-    )
-    S, J = VALVES.load("coulomb").mapped_SJ(parameters("coulomb", table, 1.0))
-    assert pytest.approx((6 - 2 * over, 2 + 2 * over)) == (S, J)
 
 
 @pytest.mark.parametrize(

@@ -15,15 +15,6 @@ def test_rate_limit_without_a_lag_is_a_ramp_that_arrives_exactly():
     np.testing.assert_allclose(mv, np.minimum(20 + 8 * 0.5 * np.arange(11), 50))
 
 
-def test_lag_and_rate_do_not_depend_on_the_sampling_period():
-    coarse = valve_response("lag", [0.0, *[90.0] * 10, *[10.0] * 10], {"T": 2, "rate": 7}, Ts=2.0)
-    fine = valve_response(
-        "lag", np.repeat([0.0, *[90.0] * 10, *[10.0] * 10], 400), {"T": 2, "rate": 7}, Ts=0.005
-    )
-    np.testing.assert_allclose(coarse, fine[399::400], atol=1e-9)
-    assert np.abs(np.diff(fine)).max() <= 7 * 0.005 + 1e-12
-
-
 @pytest.mark.parametrize("kind", ["linear", "equal_percentage", "quick_opening"])
 @pytest.mark.parametrize("authority", [1.0, 0.3])
 def test_characteristics_rise_to_full_flow(kind, authority):

@@ -82,16 +82,6 @@ def test_a_score_that_lost_its_sense_fails_though_verdicts_stand(base, with_answ
     assert worse(check_books(now, base)) == {("m2", "AUC")}
 
 
-def test_narrowing_the_grey_zone_fails_when_it_buys_false_alarms(book, with_answers):
-    # no decision becomes stiction: no answer that was right is lost
-    undecided = np.where(np.arange(N) % 10 < 3, 2, TRUTH)
-    base = book([undecided], TRUTH)
-    now = with_answers(base, "m0", np.where(undecided == 2, 1, undecided))
-    check = check_books(now, base)
-    assert ("m0", "no false alarm") in worse(check)
-    assert not check.tests["what"].isin(["detection", "rejection"])[check.tests["worse"]].any()
-
-
 def with_verdicts(run, verdict):
     return replace(run, verdict=verdict[None].astype(np.int8))
 
@@ -325,14 +315,6 @@ def test_a_failure_fits_a_screen_and_begins_with_what_fell(base, with_answers, b
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 100
     assert "more, which --json lists" in text
-
-
-def test_the_first_check_names_what_makes_a_baseline(run, tmp_path):
-    result = CliRunner().invoke(app, ["check", str(run), "--against", str(tmp_path / "none")])
-    assert isinstance(result.exception, RunError)
-    command = str(result.exception).rpartition("with `simbench ")[2].rstrip("`")
-    assert command == f"check {run} --against {tmp_path / 'none'} --update"
-    assert CliRunner().invoke(app, command.split()).exit_code == 0
 
 
 def checked(*words):

@@ -112,18 +112,6 @@ def test_beside_shipped_verdicts_too(place, tmp_path):
     assert_same_run(at_once, later)
 
 
-def test_answers_of_a_file_have_the_row_of_the_method_that_gave_them(place, run, tmp_path):
-    write_answers(run, tmp_path / "mine.csv", "he", "mine")
-    told = add_to_run(run, add=False, answers=[tmp_path / "mine.csv"]).told
-    assert told == f"answered by {tmp_path / 'mine.csv'}: mine"
-    table = rows(run).set_index(["method", "truth", "process", "population"])
-    assert table.loc["mine"].answered.eq("file").all()
-    assert table.loc["he"].answered.eq("package").all()
-    about = ["answered", "name", "own", "division", "home"]
-    one, other = (table.loc[name].drop(columns=about) for name in ("he", "mine"))
-    pd.testing.assert_frame_equal(one, other)
-
-
 def test_a_missing_answer_is_no_decision_and_counted(place, run, tmp_path):
     write_answers(run, tmp_path / "mine.csv", "he", "mine", slice(3, None))
     told = add_to_run(run, add=False, answers=[tmp_path / "mine.csv"]).told

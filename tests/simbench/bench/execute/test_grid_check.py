@@ -10,22 +10,6 @@ from simbench.bench.store.manifest import RunError
 from simbench.scenarios.grid import make_grid
 
 
-def test_a_single_loop_states_its_length():
-    table = {
-        "title": "one",
-        "seed": 1,
-        "repeats": 3,
-        "loop": {
-            "plant": {"type": "foptd", "K": 1.0, "T": 5.0, "Td": 1.0},
-            "controller": {"type": "PI", "Kc": 0.5, "Ti": 5.0},
-            "sampling": {"Ts": 0.5, "n": 700},
-        },
-    }
-    assert size_of(make_grid(table, "one"), 1, 0).samples == 3 * 700
-    del table["loop"]["sampling"]["n"]
-    assert size_of(make_grid(table, "one"), 1, 0).samples == 3 * 4000
-
-
 def test_the_estimated_time_is_that_of_a_run_within_a_factor(small):
     # the chapter with the fast methods takes about two minutes of one core, and some ten MB
     from simbench.scenarios.grid import load_grid

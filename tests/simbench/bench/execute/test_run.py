@@ -383,24 +383,6 @@ def test_a_theory_that_fails_leaves_its_columns_empty_and_the_record_judged(
     assert list(scenarios.cycled) == list(sound.cycled)
 
 
-@pytest.mark.usefixtures("unscored")
-def test_what_theory_does_not_describe_is_simulated_judged_and_has_its_reason(tmp_path):
-    """As the healthy loops of grid families whose sensor lags."""
-    table = SMALL | {"draw": SMALL["draw"] | {"effect": "sensor_lag"}}
-    table["effects"] = {
-        "sensor_lag": {"parameters": {"tau": [0.01, 0.05]}, "scale": {"tau": "period"}}
-    }
-    table["valves"] = {"lag": {"parameters": {"T": [0.01, 0.05]}, "scale": {"T": "period"}}}
-    table["block"] = [SMALL["block"][0] | {"member": [{"name": "healthy", "valve": "lag"}]}]
-    verdicts, scenarios = tables(run_grid(make_grid(table, "lagging"), tmp_path / "run", ["he"], 1))
-    assert scenarios.error.isna().all()
-    assert scenarios.theory.isna().all()
-    assert scenarios.theory_reason.str.contains(
-        r"valve 'lag' has no \(S, J\).*; the sensor has a lag"
-    ).all()
-    assert not verdicts.reason.fillna("").str.startswith("failed").any()
-
-
 def test_the_manifest_states_what_set_and_axis_change_and_its_command_repeats_the_run(tmp_path):
     changes = {"sets": {"noise_ratio": 0.1}, "axes": {"S_over_2J": [0.5, 2.0]}}
     folder = run_grid("smoke", tmp_path / "run", ["he"], n=4, **changes)
@@ -467,11 +449,3 @@ def test_fresh_seeds_are_drawn_and_stated(tmp_path):
     )
     with pytest.raises(RunError, match="draws the grid's seed"):
         run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, fresh_seeds=True)
-
-
-def test_a_seed_that_a_float_cannot_hold_is_taken_as_it_is_written(tmp_path):
-    seed, folder = 2**62 - 1, str(tmp_path / "run")
-    words = ["run", "smoke", "--n", "2", "--method", "he", "--set", f"seed={seed}", "-o", folder]
-    assert main(words) == 0
-    assert read_manifest(folder)["seed"] == seed
-    assert main([*words, "--resume"]) == 0

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from simbench.bench.execute.run import run_grid
 from simbench.bench.scenario import oracle as oracle_room
 from simbench.bench.scenario.oracle import judge_oracle
-from simbench.bench.store.reading import RunArrays
 from simbench.detectors.compiled import compiled
 from simbench.detectors.signal.fits.hammerstein_kernels import Stretch, Valves
 from simbench.detectors.signal.stiction_map import valve_position
@@ -106,13 +104,3 @@ def test_false_alarms_under_noise_are_rare():
         for seed in range(40)
     ]
     assert sum(wrong) <= 2
-
-
-def test_a_run_has_an_oracle_row_when_asked_and_no_detector_is_better(tmp_path):
-    book = RunArrays.read(
-        run_grid("smoke", tmp_path / "run", ["he", "oracle", "yamashita"], progress=False)
-    )
-    assert book.methods == ("he", "yamashita", "oracle")
-    right = (book.verdict == book.truth["sticky"]).mean(axis=1)
-    assert right[2] >= 0.98
-    assert right[2] >= right.max()

@@ -11,7 +11,7 @@ from simbench.bench.scenario.resolve import band, resolve, valve_table
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.detectors.errors import ParameterError
 from simbench.loop.parameters import VALVES
-from simbench.scenarios.grid import load_grid, make_grid
+from simbench.scenarios.grid import make_grid
 
 DEAD_BANDS = ("deadband", "coulomb_viscous", "hysteresis")
 MORE = {
@@ -90,38 +90,3 @@ def test_siblings_share_everything_but_the_valve():
     assert [e.name for e in sticky.loop.effect] == ["compression"]
     assert sticky.loop.noise.mv_std == 0.08
     assert np.std([value for _, value in sticky.loop.setpoint.steps[1:]]) > 0
-
-
-def test_the_grid_keeps_its_promises():
-    grid = load_grid("plant")
-    drafts = [d for i in range(0, grid.group_count, 3) for d in grid.group(i).drafts]
-    sticky = [d for d in drafts if d.tags["S"]]
-    assert len({d.tags["valve"] for d in sticky}) >= 14
-    S = [d.tags["S"] for d in sticky]
-    assert min(S) < 0.4
-    assert max(S) > 7.0
-    per = [d.tags["samples_per_period"] for d in drafts]
-    assert (min(per), max(per)) == (10.0, 200.0)
-    assert {e.name for d in drafts for e in d.effects} == set(grid.content.effects)
-    assert all(d.mv_noise > 0 for d in drafts)
-    moving = [len(d.moves) > 1 for group in grid.groups() for d in group.drafts]
-    assert 0.3 < np.mean(moving) < 0.7
-    buried = [d for d in sticky if d.tags["disturbance"] == "buried"]
-    assert buried
-    chosen = dict.fromkeys(d.tags["cell"] for d in buried[::12])
-    scenarios = [s for cell in chosen for s in resolve(grid.group(cell)) if s.tags["S"]]
-    assert all((s.loop.noise.mv_std or 0.0) > 0 for s in scenarios)
-    assert all(
-        s.loop.disturbance[-1].parameters["amplitude"] >= 0.99 * band(s.loop)[1] for s in scenarios
-    )
-    whole = {
-        name for name in VALVES.names() if name in grid.content.valves or VALVES.load(name).FRICTION
-    } | {"ideal"}
-    whole.remove("choudhury_literal")  # for published simulations, no real valve
-    used = {
-        v
-        for b in grid.content.block
-        for m in b.member
-        for v in ([m.valve] if isinstance(m.valve, str) else m.valve)
-    }
-    assert used == whole == set(VALVES.names()) - {"choudhury_literal"}

@@ -140,10 +140,3 @@ def test_the_answer_does_not_hang_on_the_expected_period():
         simulate_with_truth(chosen, 1, period=p)[1].answer for p in (20.0, 50.0, 94.0, 200.0)
     }
     assert answers == {"yes"}
-
-
-def test_reversals_of_a_square_wave_are_where_it_turns():
-    wave = np.repeat([0.0, 1.0] * 4, 10)
-    reversals = motion(wave, 0.5)
-    assert reversals.at.tolist() == [19, 29, 39, 49, 59, 69]
-    assert (reversals.swing, reversals.period, reversals.lasting) == (1.0, 20.0, 1.0)

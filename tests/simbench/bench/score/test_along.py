@@ -20,19 +20,6 @@ def counted(finished):
     return score_run(finished), he[he.cycled.isin(["yes", "no"])]
 
 
-def test_two_axes_are_counted_together(counted):
-    scores, he = counted
-    rows = scores.along(["disturbance", "tuning"])
-    assert list(rows.columns[:4]) == ["method", "disturbance", "tuning", "n"]
-    for row in rows[rows.method == "he"].to_dict("records"):
-        use = he[(he.disturbance == row["disturbance"]) & (he.tuning == row["tuning"])]
-        sticks = use.cycled == "yes"
-        right = (use.verdict == "stiction") & sticks | (use.verdict == "no_stiction") & ~sticks
-        assert row["n"] == len(use)
-        assert row["accuracy"] == pytest.approx(right.mean())
-    assert rows[rows.method == "he"].n.sum() == len(he)
-
-
 def test_two_axes_as_text_json_and_csv(finished, tmp_path, capsys):
     command = ["score", str(finished), "--by", "disturbance", "--by", "tuning"]
     assert main([*command, "--to", str(tmp_path / "two.csv")]) == 0

@@ -59,16 +59,6 @@ def test_features_are_what_they_are_called():
     assert values["op_max"] - values["op_min"] == pytest.approx(4 * 2**0.5, rel=0.01)
 
 
-def test_a_triangle_and_a_sine_of_one_size_are_alike_but_for_their_extremes():
-    noise = 0.05 * np.random.default_rng(1).standard_normal((2, 2000))
-    sine, triangle = (
-        features(50 + wave(s) + noise[0], 50 + wave(s) + noise[1]) for s in ("sine", "triangle")
-    )
-    for name in set(FEATURES) - {"op_first", "pv_first", "op_values", "pv_values"}:
-        assert sine[name] == pytest.approx(triangle[name], rel=0.1, abs=0.01), name
-    assert triangle["op_max"] - 50 > 1.1 * (sine["op_max"] - 50)
-
-
 def test_the_classifier_learns_from_other_groups_and_only_about_loops_that_oscillate(book):
     rng = np.random.default_rng(2)
     truth = rng.integers(0, 2, 600)

@@ -5,15 +5,13 @@ sort.
 import re
 
 import chromium
-import numpy as np
 import pytest
 from bench_fixtures import BROKEN
 from chromium import needs_browser
-from sklearn.metrics import roc_auc_score
 
 from simbench.bench.execute.failures import read_failures
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.page import roc_curve, write_page
+from simbench.bench.score.page import write_page
 from simbench.bench.score.scoring import score_run
 from simbench.detectors.plugins.registry import methods
 
@@ -63,19 +61,6 @@ def test_numbers_in_the_summary_are_those_of_score(run, report):
             f"{row.accuracy:.2f}",
         )
         assert re.search(rf'<td class="name">{row.method}</td>.*?data-v="{value}">{shown}', text)
-
-
-def test_roc_curve_is_that_of_every_threshold_and_its_area_the_auc():
-    rng = np.random.default_rng(0)
-    positive = rng.random(300) < 0.4
-    score = np.round(rng.normal(positive, 1.0), 1)  # ties
-    score[:5] = -np.inf
-    alarms, hits = roc_curve(score, positive)
-    finite = np.where(np.isinf(score), -1e9, score)
-    passed = [finite >= cut for cut in [np.inf, *sorted(set(finite), reverse=True)]]
-    assert np.allclose(alarms, [over[~positive].mean() for over in passed])
-    assert np.allclose(hits, [over[positive].mean() for over in passed])
-    assert np.trapezoid(hits, alarms) == pytest.approx(roc_auc_score(positive, finite))
 
 
 @needs_browser

@@ -20,21 +20,6 @@ def scores(book, noisy):
     return score_book(book(parts, truth, methods=("good", "fair_one", "fair_two")))
 
 
-def test_the_numbers_are_the_rankings_and_shared_ranks_are_marked(scores):
-    numbers, ranking = paper.ranking_numbers(scores), scores.ranking()
-    assert numbers.method.tolist() == ranking.method.tolist()
-    assert numbers.cost.tolist() == pytest.approx(ranking.cost.tolist())
-    assert numbers.set_index("method").shared[["good", "fair_one", "fair_two"]].tolist() == [
-        False,
-        True,
-        True,
-    ]
-    text = paper.ranking_text(scores).set_index("Method")
-    assert text.Rank[["good", "fair_one", "fair_two"]].tolist() == ["1", "2=", "2="]
-    good = numbers.set_index("method").loc["good"]
-    assert text.Cost["good"] == f"{good.cost:.2f} [{good.cost_lo:.2f}, {good.cost_hi:.2f}]"
-
-
 def version_of(run):
     """Name and hash of the benchmark that a run states."""
     stated = json.loads((run / "manifest.json").read_text(encoding="utf-8"))["benchmark"]

@@ -5,7 +5,7 @@ that the tool proposes.
 import numpy as np
 import pytest
 
-from simbench.bench.score.ranks import loops_needed, rank_methods
+from simbench.bench.score.ranks import rank_methods
 from simbench.bench.score.scoring import score_book
 
 RUNS = 100
@@ -32,18 +32,6 @@ def test_two_equal_methods_share_a_rank(book, accuracy):
     assert shared >= 0.95 * RUNS
     block = score_book(book([verdict, other], truth)).rows().set_index("method")
     assert block["rank"][["m0", "m1"]].tolist() == [1, 1]
-
-
-@pytest.mark.parametrize("overlap", [0.0, 0.8], ids=["unrelated errors", "errors mostly shared"])
-def test_three_points_are_separated_at_the_number_of_loops_proposed(overlap):
-    rng, separated = np.random.default_rng(7), 0
-    pilot = np.array([rng.random(3500) < p for p in (0.72, 0.69)])
-    n = loops_needed(0.03, rank_methods(pilot).spread)
-    for _ in range(RUNS):
-        common = rng.random(n) < overlap
-        draws = np.where(common, rng.random(n), [rng.random(n), rng.random(n)])
-        separated += rank_methods(draws < np.array([[0.72], [0.69]])).rank.tolist() == [1, 2]
-    assert separated >= 0.80 * RUNS
 
 
 def test_unrelated_equal_methods_are_separated_in_one_run_of_twenty():

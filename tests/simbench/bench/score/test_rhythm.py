@@ -42,13 +42,6 @@ def test_what_wanders_is_seen_where_it_wanders():
     assert drifting["op_mean_next"] > 0.5
 
 
-def test_the_same_wandering_reads_the_same_in_another_shape():
-    phase = walk(5, 0.05)
-    one, other = (features(wave, phase=phase) for wave in (sine, corners))
-    for name in [n for n in RHYTHM if n.endswith("spread")]:
-        assert one[name] == pytest.approx(other[name], abs=0.02), name
-
-
 def test_without_a_period_there_is_nothing_to_see():
     record = LoopRecord(op=np.full(50, 1.0), pv=np.arange(50.0), Ts=1.0)
     assert not rhythm_features(record, float("nan")).any()

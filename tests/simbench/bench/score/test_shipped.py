@@ -85,16 +85,6 @@ def test_only_loops_of_the_grid_of_the_package_have_shipped_verdicts(place, tmp_
     assert not (tmp_path / "run").exists()
 
 
-def test_verdicts_are_joined_to_a_sample_and_to_the_loops_of_a_baseline(place, tmp_path):
-    whole = RunArrays.read(place / "theirs")
-    for name, grid, more in (("sample", "smoke", {"n": 9}), ("stored", place / "mine", {})):
-        run = run_grid(grid, tmp_path / name, ["yamashita"], with_reference=True, **more)
-        book = shipped.with_shipped(RunArrays.read(run))
-        assert book.methods == ("yamashita", *SHIPPED)
-        at = [whole.ids.tolist().index(ident) for ident in book.ids.tolist()]
-        assert np.array_equal(book.verdict[1:], whole.verdict[:, at])
-
-
 def test_a_grid_without_shipped_verdicts_is_refused_before_anything_is_simulated(
     place, tmp_path, capsys
 ):

@@ -1,8 +1,5 @@
 """What `run` and `score` print by default: one table on one screen."""
 
-import json
-
-from bench_fixtures import BROKEN
 from typer.testing import CliRunner
 
 from simbench.bench.execute.run import run_grid
@@ -37,29 +34,6 @@ def test_run_and_score_of_smoke_print_one_table_on_one_screen(tmp_path):
     text = (tmp_path / "report.html").read_text()
     assert "no_waveform" in text
     assert "Table 11.3 predicts a limit cycle" in text
-
-
-def test_a_plug_in_that_fails_more_often_than_allowed_is_not_ranked_and_ends_with_1(tmp_path):
-    (tmp_path / "broken.py").write_text(BROKEN)
-    asked = ("run", "smoke", "--method", "he,broken", "--plugin", tmp_path / "broken.py")
-    result = called(*asked, "-o", tmp_path / "run")
-    assert result.exit_code == 1
-    assert "Not ranked, too many errors: broken failed on" in result.stdout
-    (row,) = [
-        line
-        for line in result.stdout.splitlines()
-        if " broken " in line and line[0] in "-0123456789"
-    ]
-    assert row.startswith("- ")
-    rows = json.loads(called("score", tmp_path / "run", "--json", "--allow-failed", "0.9").stdout)[
-        "rows"
-    ]
-    ranks = {
-        r["rank"]
-        for r in rows
-        if (r["method"], r["population"], r["process"]) == ("broken", "oscillating", "all")
-    }
-    assert ranks <= {1, 2}
 
 
 def test_a_run_of_few_loops_prints_why_there_is_no_ranking(tmp_path):

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.bench.score.answers import Answers
-from simbench.bench.score.pairing import Paired
-from simbench.bench.score.tally import counted, long_table, tallied
-from simbench.bench.statistics import mcnemar
+from simbench.bench.score.tally import counted, long_table
 
 N = 400
 
@@ -40,20 +38,3 @@ def test_every_combination_is_counted(answers, loops):
     )
     found = {tuple(row[:-1]): row[-1] for row in counts.itertuples(index=False, name=None)}
     assert found == expected
-
-
-def test_without_loops_there_is_nothing_to_count(answers):
-    columns = ("said", "applies", "failed")
-    none = [a._replace(**{name: getattr(a, name)[:0] for name in columns}) for a in answers]
-    counts = counted(long_table(none), label=np.empty(0, dtype=int))
-    assert len(tallied(counts, ["method"])) == 0
-
-
-def test_wins_ties_and_losses_of_two_sets_of_answers():
-    first = np.array([1, 1, 1, 0, 0, 1], dtype=bool)
-    second = np.array([1, 0, 0, 1, 0, 0], dtype=bool)
-    paired = Paired.of(first, second)
-    assert paired == (6, 3, 2, 1)
-    assert paired.p == mcnemar(1, 3)
-    assert paired.p_worse == mcnemar(3, 1, worse=True)
-    assert Paired.of(second, first) == (6, 1, 2, 3)

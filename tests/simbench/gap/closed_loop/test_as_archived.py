@@ -66,12 +66,3 @@ def test_a_simulated_record_repeats_its_samples_where_the_real_one_does(record):
     assert np.diff(op)[np.diff(wanted.op) == 0.0] == pytest.approx(0.0, abs=0.0)
     assert np.abs(op - wanted.op).max() < 1e-3 * np.std(other.op)
     assert np.abs(pv - wanted.pv).max() < 1e-3 * np.std(other.pv)
-
-
-def test_what_an_effect_explains_is_left_to_the_effect(record):
-    stuck = record.op.copy()
-    stuck[stuck > np.quantile(stuck, 0.7)] = np.quantile(stuck, 0.7)
-    s = check(replace(record, op=stuck), LOOP)
-    assert "saturation" in s.facts
-    other = recorded(SHORT, seed=9)
-    assert np.array_equal(as_archived(s, other.op, other.pv)[0], other.op)

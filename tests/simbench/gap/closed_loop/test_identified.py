@@ -1,7 +1,5 @@
 """A loop that is identified from its record: what copies it, what is chosen, what is written."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,10 +9,9 @@ from simbench.cli import main
 from simbench.detectors.records.io import read_record
 from simbench.files import write_record
 from simbench.gap import diagnose
-from simbench.gap.closed_loop.copies import archived, copies
+from simbench.gap.closed_loop.copies import copies
 from simbench.gap.closed_loop.described import described, gain_margin
 from simbench.gap.closed_loop.gap import held_out
-from simbench.gap.intake.check import check
 from simbench.gap.intake.identify import identify
 from simbench.gap.report.view import write_page
 from simbench.loop.simulate import simulate
@@ -78,14 +75,6 @@ def test_nothing_of_the_last_third_is_in_the_load(report, healthy):
 
 def identified_loop(record):
     return identify(record)
-
-
-def test_a_lattice_of_the_record_is_the_archive_s(healthy):
-    coarse = replace(healthy, pv=0.25 * np.round(healthy.pv / 0.25))
-    s = check(coarse, identified_loop(coarse), trusted=False)
-    assert archived(identified_loop(coarse), s, held=False).archive.pv_step == 0.25
-    kept = archived(identified_loop(coarse), s, held=True).archive
-    assert np.mean(kept.pv_held) == pytest.approx(np.mean(np.diff(coarse.pv) == 0.0), abs=1e-3)
 
 
 def test_an_op_of_unknown_unit_is_simulated_about_the_middle_of_its_travel(healthy):

@@ -2,14 +2,12 @@
 fitted.
 """
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop, load_parts
-from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.loop.disturbance import disturbance_signal
 from simbench.scenarios.parts import Part
@@ -50,23 +48,6 @@ def test_a_smooth_load_keeps_its_size_and_memory(times):
     for step in (1, 5, 20):
         change = np.std(want[step:] - want[:-step])
         assert np.std(got[step:] - got[:-step]) == pytest.approx(change, rel=0.03)
-
-
-def test_a_load_of_power_one_over_f_is_three_equal_parts_that_add_to_its_std():
-    parts = load_parts({"load": 2.0, "load_time": 50.0})
-    assert [(round(period, 9), lag) for _, period, lag in parts] == [
-        (50.0, 0.0),
-        (10.0, 0.0),
-        (2.0, 0.0),
-    ]
-    assert np.hypot.reduce([std for std, _, _ in parts]) == pytest.approx(2.0)
-    signal = simulated(parts, 200_000, 2)
-    assert np.std(signal) == pytest.approx(2.0, rel=0.03)
-    # the filter that whitens such a load in the engine whitens this one
-    model = kernels.NoiseModel(1e-2, 0.0, 50.0, kernels.PINK_LOAD, 2.0, 1e-3, 0.0, 5.0)
-    white = kernels.whiten(signal[None, :], model, kernels.NO_JUMPS)[0][0, 100:]
-    assert np.var(white) == pytest.approx(1.0, abs=0.02)
-    assert abs(np.mean(white[1:] * white[:-1])) < 0.01
 
 
 N = 1000
@@ -138,31 +119,6 @@ def test_the_fitted_plant_is_written_in_seconds():
     assert plant_of(built(fitted_as(-1.5))) == plant_of(built(fitted_as(0.0))) == (2.0, 60.0, 10.0)
 
 
-def test_a_mismatch_scales_the_stated_number_and_comes_after_what_the_baseline_has():
-    released = fitted_as(spec=Spec(free=frozenset({"K"})))
-    had = [{"name": "noise", "factor": 2.0}]
-    loop = built(released, effects={"gain_mismatch": {"factor": 0.75}}, had=had)
-    assert plant_of(loop) == (2.0, 60.0, 10.0)
-    assert [e.name for e in loop.effect] == ["noise", "gain_mismatch"]
-    assert (loop.sampling.Ts, loop.sampling.n) == (2.02, N)
-
-
-@pytest.mark.parametrize(
-    ("colour", "free", "coloured"),
-    [(0.14, (), False), (0.16, (), True), (0.16, ("noise_std",), False)],
-)
-def test_noise_that_remembers_is_a_load_on_pv(colour, free, coloured):
-    loop = built(fitted_as(spec=Spec(free=frozenset(free)), colour=colour))
-    # an effect of the noise multiplies what is stated
-    assert loop.noise.std == (0.0 if coloured else 0.1 if free else 0.2)
-    extra = [d.parameters for d in loop.disturbance[1:]]
-    assert extra == (
-        [{"amplitude": 0.2, "period": pytest.approx(-2.0 / np.log(colour)), "at": "output"}]
-        if coloured
-        else []
-    )
-
-
 def test_the_noise_is_the_fitted_one_and_the_stated_one_in_the_baseline_itself():
     assert (built().noise.std, built(plant="baseline").noise.std) == (0.2, 0.1)
     assert built(trusted=False, plant="baseline").noise.std == 0.2
@@ -179,19 +135,3 @@ def test_a_loop_file_that_states_its_loads_is_simulated_with_them():
     assert [d.name for d in given.disturbance] == ["sine"]
     assert [d.name for d in fitted.disturbance] == ["coloured"]
     assert given.noise.std == 0.1
-
-
-def test_jumps_of_the_load_are_load_steps_of_the_loop_unless_they_are_in_question():
-    fit = fitted_as(spec=Spec(jumps=(100, 200, 350)), load_jump=3.0)
-    (steps,) = built(fit).effect
-    # levels spread by as much as either of a jump's two parts, at the plant's input
-    assert steps.name == "load_steps"
-    assert steps.parameters == pytest.approx({"rate": 3 / (2.0 * N), "size": 3.0 / 1.5})
-    assert built(fit, jumps=False).effect == ()
-    # kicks that fade are part of a load that moves by more
-    kicks = replace(fit, spec=replace(fit.spec, fade=True))
-    assert built(kicks).effect == ()
-    amplitude = [x.disturbance[0].parameters["amplitude"] for x in (built(kicks), built(fit))]
-    period = fit.theta["load_time"]
-    more = 3.0 / 1.5 * np.sqrt(0.5 * period * 3 / N)
-    assert amplitude[0] == pytest.approx(np.hypot(amplitude[1], more))

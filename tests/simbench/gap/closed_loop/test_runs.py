@@ -58,38 +58,6 @@ def made(monkeypatch):
 BARE, TUNED = ("base", (), "baseline"), ("base", (), "fitted")
 
 
-def test_of_no_effect_the_loop_as_given_is_the_last_where_it_is_the_nearer(made):
-    loops, seen = made
-    seen.first = 0.5
-    assert loops.shrink([]).number == 2
-    assert seen.compared[1] == ((*BARE, "base"), (*TUNED, "base"), (*BARE, "base"), 7)
-    seen.compared.clear()
-    loops.shrink(["stiction"])
-    assert len(seen.compared) == 1
-
-
-def test_effects_share_the_fit_in_which_they_were_chosen_or_the_first_ones(made):
-    loops, _ = made
-    assert loops.loop(["stiction", "gain_mismatch"])[0] == "both"
-    assert loops.loop(["gain_mismatch", "stiction"])[0] == "both"
-    # what the engine does not see stands on the base
-    assert loops.loop(["quantisation"]) == ("base", ("quantisation",), "fitted", "base")
-    assert loops.loop(["quantisation", "gain_mismatch"])[0] == "slack"
-    assert loops.loop(["drift"]) == ("base", (), "fitted", "base")
-
-
-def test_a_rival_is_run_under_the_load_of_the_answer(made):
-    loops, seen = made
-    assert loops.rival(["gain_mismatch"], ["stiction"]).number == len(seen.compared)
-    assert seen.simulated[-1] == ("slack", ("gain_mismatch",), "fitted", "stuck", 0.0)
-    assert seen.compared[-1] == (
-        (*BARE, "stuck"),
-        (*TUNED, "stuck"),
-        ("slack", ("gain_mismatch",), "fitted", "stuck"),
-        7,
-    )
-
-
 def test_a_loop_that_runs_away_is_replaced_by_the_one_before_it(made):
     loops, seen = made
     seen.away |= {(*TUNED, "stuck"), ("stuck", ("stiction",), "fitted", "stuck")}

@@ -4,13 +4,10 @@ known.
 
 import json
 
-import control
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from simbench.gap import diagnose
-from simbench.gap.closed_loop.arx import in_samples
 from simbench.gap.closed_loop.copies import AS_SHOWN, shown
 from simbench.gap.closed_loop.described import shown_words
 from simbench.gap.report.view import SHOWN, compared
@@ -98,24 +95,3 @@ def test_a_stated_sensor_leaves_the_load_as_it_is(bursts):
     # but for one that rounds, as every card does
     rounding = STATED | {"effect": [{"name": "quantisation", "step": 0.05}]}
     assert list(shown(found, Loop.from_table(rounding), "disturbance"))
-
-
-@pytest.mark.parametrize(
-    "plant",
-    [
-        {"type": "foptd", "K": 2.0, "T": 30.0, "Td": 6.5},
-        {"type": "tf", "num": [-4.0, 2.0], "den": [300.0, 40.0, 1.0], "Td": 3.2},
-        {"type": "tf", "num": [1.0], "den": [900.0, 60.0, 1.0, 0.0]},
-        {"type": "tf", "num": [1.0], "den": [27000.0, 2700.0, 90.0, 1.0], "Td": 2.0},
-    ],
-)
-def test_a_plant_of_any_order_in_powers_of_z_answers_a_step_as_it_is_sampled(plant):
-    table = STATED | {"plant": plant, "disturbance": [], "noise": {"std": 0.0}}
-    num, den = in_samples(Loop.from_table(table).plant, 1.0)
-    system = control.tf(plant.get("num", [plant.get("K")]), plant.get("den", [plant.get("T"), 1]))
-    late = plant.get("Td", 0.0)
-    times = np.arange(200.0)
-    fine = control.step_response(system, np.linspace(0.0, 200.0, 20001)).outputs
-    expected = np.interp(times - late, np.linspace(0.0, 200.0, 20001), fine, left=0.0)
-    answered = lfilter(num, den, np.ones(times.size))
-    np.testing.assert_allclose(answered, expected, atol=1e-4 * np.abs(expected).max())

@@ -39,18 +39,6 @@ def test_an_unstable_loop_gets_the_gain_at_which_it_just_swings():
     assert sizes == pytest.approx([0.3 / margin, 0.2])
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"plant": PLANT | {"K": 0.5}},
-        {"effect": [{"name": "deadband", "S": 1.0}], "plant": PLANT | {"K": 0.5}},
-    ],
-)
-def test_other_loops_are_left_as_they_are(changes):
-    one = loop(**changes)
-    assert stable(one) is one
-
-
 def test_an_effect_does_not_hide_that_the_loop_is_unstable():
     one = loop(effect=[{"name": "deadband", "S": 1.0}])
     assert stable(one).plant.K < one.plant.K

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.gap.closed_loop.summary_features import (
-    chance_of,
     features,
-    floor_of,
 )
 
 N = 1024
@@ -82,19 +80,3 @@ def test_the_power_of_a_sine_lies_in_its_band(band):
     assert power[band] == pytest.approx(N / 16 * 1.25, rel=0.02)
     assert power.get(band - 1, power[band] / 5) == pytest.approx(power[band] / 5, rel=0.03)
     assert sum(power.values()) == pytest.approx(N / 16 * (1.5 if band > 1 else 1.25), rel=0.02)
-
-
-def test_several_runs_at_once_are_each_by_itself():
-    pv, op = W[:3000].reshape(3, 1000), W[3000:6000].reshape(3, 1000)
-    together = np.array(list(of(pv, op).values())).T
-    assert together == pytest.approx(np.array([list(of(p, o).values()) for p, o in zip(pv, op)]))
-
-
-SIMS = np.array([[0.0, 0.0], [1.0, 4.0], [2.0, 8.0]])
-
-
-def test_the_floor_is_how_far_each_seed_lies_from_the_others():
-    # the outer two lie 1.5 spreads from the mean of their others, the middle one on it
-    assert floor_of(SIMS, np.array([1.0, 4.0])) == pytest.approx(1.0)
-    assert chance_of(SIMS, np.array([1.0, 4.0])) == pytest.approx([0.5, -1.0, 0.5])
-    assert floor_of(100.0 * SIMS, np.array([1.0, 4.0])) == pytest.approx(8.0)

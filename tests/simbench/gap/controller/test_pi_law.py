@@ -65,17 +65,6 @@ def test_a_late_archive_is_no_new_tuning():
     assert not between(late)
 
 
-def test_the_pv_before_a_compressed_archive_is_recovered():
-    raw, archived = record(), record(("compression", {"band": 0.3}))
-    recovered_pv = law(archived).recovered_pv
-    assert recovered_pv is not None
-    inner = slice(100, None)
-    assert (
-        np.abs(recovered_pv - raw.pv)[inner].max()
-        < 0.05 * np.abs(archived.pv - raw.pv)[inner].max()
-    )
-
-
 def test_a_set_point_logged_a_sample_off_is_no_other_controller():
     r = record()
     for sp in (np.append(r.sp[0], r.sp[:-1]), np.append(r.sp[1:], r.sp[-1])):
@@ -134,33 +123,10 @@ def of_means(r):
     return replace(r, pv=0.5 * (r.pv + np.append(r.pv[0], r.pv[:-1])))
 
 
-@pytest.mark.parametrize(
-    "tuning", [{"Kc_factor": 1.7, "Ti_factor": 0.6}, {"Kc_factor": 0.5, "Ti_factor": 1.0}]
-)
-def test_a_detuned_controller_is_measured_through_an_archive_that_takes_means(tuning):
-    result = law(of_means(record(("detuning", tuning))))
-    assert result.averaged
-    assert result.tuning == pytest.approx(tuple(tuning.values()), rel=0.06)
-
-
 def test_a_dead_band_of_the_error_is_seen_through_an_archive_that_takes_means():
     result = law(of_means(record(("error_deadband", {"width": 0.3}))))
     assert result.gap == pytest.approx(0.3, abs=0.1)
     assert law(of_means(record())).gap == 0.0
-
-
-def test_an_integral_held_at_a_limit_is_no_other_controller():
-    # positional form: the integral rests while OP is at its limit, and leaves it by a step
-    # that no error explains
-    rng, n, Kc, Ti = np.random.default_rng(2), 1500, 0.6, 18.0
-    pv = 50 + np.cumsum(rng.normal(0, 0.4, n)) * 0.3
-    e, total, op = 50 - pv, 0.0, np.empty(n)
-    for k in range(n):
-        total += Kc / Ti * e[k]
-        op[k] = np.clip(50 + Kc * e[k] + total, 48.0, 52.0)
-        total = np.clip(total, -1.5, 1.5)
-    result = examine_law(op, pv, np.full(n, 50.0), Stated(Kc, Ti, 1.0))
-    assert not result.foreign, result.foreign
 
 
 @pytest.mark.parametrize(
@@ -190,16 +156,3 @@ def test_an_output_card_hides_nothing_of_the_law_whatever_the_archive_wrote_of_i
     assert result.known
     assert not result.averaged
     assert result.tuning is None
-
-
-@pytest.mark.parametrize(("share", "known"), [(0.015, True), (0.06, False)])
-def test_a_law_is_known_up_to_three_hundredths_of_what_op_does(share, known):
-    r = record()
-    du = np.diff(r.op)
-    wander = np.cumsum(
-        share * 1.4826 * np.median(np.abs(du)) * np.random.default_rng(3).standard_normal(r.n)
-    )
-    result = law(replace(r, op=r.op + wander))
-    # beyond that only a mean taken by the archive could explain it
-    assert (result.known and not result.averaged) == known
-    assert result.residual == pytest.approx(share, rel=0.15)

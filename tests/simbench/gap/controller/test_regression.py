@@ -6,7 +6,6 @@ import pytest
 from simbench.gap.controller.regression import (
     about_zero,
     by_steps,
-    by_sums,
     spread,
 )
 
@@ -42,13 +41,3 @@ def test_an_exact_law_and_another_tuning_are_distinguished():
 def test_every_way_to_integrate_is_the_baselines(form, share):
     du = KC * np.diff(E) + KI * (share * E[1:] + (1.0 - share) * E[:-1])
     assert by_steps(du, E, ROWS, KC, KI, spread(du), False).base < 1e-9
-
-
-def test_after_each_stay_at_a_limit_the_sum_begins_anew():
-    op = 50.0 + KC * E + KI * np.cumsum(E)
-    inside = np.ones(N, dtype=bool)
-    inside[[600, 1200]] = False
-    op[601:] += 7.0
-    op[1201:] -= 3.0
-    fit = by_sums(op, E, inside, KC, KI, 0.01)
-    assert (fit.a, fit.b, fit.residual) == pytest.approx((KC + KI, -KC, 0.0))

@@ -9,9 +9,9 @@ import pytest
 
 from simbench.detectors.signal.filters import lfilter
 from simbench.gap.decide.assess import assess
-from simbench.gap.decide.left_over import _chance, _probability, left_over
+from simbench.gap.decide.left_over import _chance, left_over
 from simbench.gap.intake.check import check
-from simbench.gap.thresholds import LIKELIER, UNKNOWN_BEFORE
+from simbench.gap.thresholds import LIKELIER
 from simbench.loop.simulate import simulate
 from simbench.scenarios.parts import Part
 from simbench.scenarios.spec import Loop
@@ -57,13 +57,3 @@ def test_the_farther_beyond_the_simulations_the_smaller_is_the_chance():
     assert 0.0 < chances[3] < chances[2] < 0.15
     # simulations without noise are all the same: a nat is the least by which a test scatters
     assert _chance(1.0, np.zeros(24)) > 0.1
-
-
-def test_a_test_only_raises_the_probability_and_less_so_where_much_is_explained():
-    assert _probability(1.0, 3.0, 7.0) == pytest.approx(UNKNOWN_BEFORE)
-    assert _probability(1e-9, -3.0, 7.0) == pytest.approx(UNKNOWN_BEFORE)
-    alone, beside = (_probability(1e-3, 16.0, explained) for explained in (7.0, 1000.0))
-    assert alone > LIKELIER
-    assert beside == pytest.approx(UNKNOWN_BEFORE)
-    # 1 / (-e p ln p) of p = .001, at even odds of a tenth
-    assert alone == pytest.approx(1.0 / (1.0 + 9.0 * np.e * 1e-3 * np.log(1e3)))

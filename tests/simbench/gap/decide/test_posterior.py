@@ -83,27 +83,6 @@ def test_what_is_known_takes_the_place_of_none():
     assert much["drift"] == pytest.approx(OF_TWO, rel=0.02)
 
 
-def test_friction_beside_what_is_known_keeps_its_own_probability():
-    w = weighed(known=("quantisation",), stiction=80.0, deadband=60.0)
-    assert w.first == "stiction"
-    assert w.friction > 0.97
-    assert w.probability["stiction"] / w.probability["deadband"] > 100
-    weak = weighed(known=("quantisation",), stiction=float(SECOND_NATS))
-    assert weak.friction == pytest.approx(0.5, abs=0.02)
-    # what another effect explains better is no friction
-    other = weighed(known=("quantisation",), stiction=40.0, load_steps=73.0)
-    assert other.friction < 0.02
-
-
-def test_friction_on_top_of_the_first_effect_is_probable_by_what_it_brings():
-    little, even, much = (
-        weighed({"stiction": nats}, drift=90.0).friction for nats in (3.0, float(SECOND_NATS), 40.0)
-    )
-    assert little < 0.06
-    assert even == pytest.approx(0.5, abs=0.01)
-    assert much == pytest.approx(0.99, abs=0.01)
-
-
 def test_friction_has_the_probability_that_it_is_given_and_nats_divide_it():
     w = weighed(friction=0.97, stiction=8.0, deadband=12.0, drift=90.0)
     assert w.friction == pytest.approx(0.97)

@@ -85,31 +85,6 @@ def fit(effect, engine, start=None):
     return best, price
 
 
-def near(name, value):
-    """Return a likelihood that falls off in the logarithm of a parameter."""
-    return lambda spec, theta: (
-        -abs(np.log(max(theta[name], 1e-9) / value)) if name in theta else -99.0
-    )
-
-
-@pytest.mark.parametrize(("effect", "name", "values", "on", "price"), [
-    ("time_constant_mismatch", "T", (8.0, 14.0, 70.0), {"free": {"T"}}, 1.0),
-    ("dead_time_mismatch", "Td", (1.0, 3.0, 10.0, 45.0), {"free": {"Td"}}, 1.0),
-    ("valve_lag", "tau", (0.4, 5.0, 80.0), {"pole": "valve"}, 1.0),
-    ("extra_lag", "tau", (0.4, 5.0, 80.0), {"pole": "extra"}, 1.0),
-    ("sensor_lag", "tau", (0.4, 5.0, 80.0), {"pole": "sensor"}, 1.0),
-    ("drift", "walk", (0.001, 0.05, 0.2), {"walk": True}, 3.0),
-    ("valve_characteristic", "R", (0.03, 0.4, 3.0, 40.0), {"valve": kernels.CURVE}, 1.0),
-])  # fmt: skip
-def test_a_number_is_sought_over_all_that_a_record_could_show(effect, name, values, on, price):
-    for value in values:
-        best, paid = fit(effect, Engine(near(name, value)))
-        # the stub refines nothing: the best of the values that are tried
-        assert abs(np.log(best.theta[name] / value)) < np.log(3.2), value
-        assert {key: getattr(best.spec, key) for key in on} == on
-        assert paid == price
-
-
 @pytest.mark.parametrize("fade", [True, False])
 def test_kicks_of_the_load_are_told_from_steps(fade):
     n, T, rng = 2000, 8.0, np.random.default_rng(11)

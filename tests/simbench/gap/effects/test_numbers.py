@@ -7,8 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from simbench.gap.closed_loop.level import kick_of
-from simbench.gap.closed_loop.loop_from_fit import shift_by_ramps
 from simbench.gap.effects import (
     Recogniser,
     oscillation,
@@ -87,19 +85,6 @@ def test_what_a_file_does_not_say_of_an_effect_adds_nothing():
     assert bare.proven(None) is None
     assert not bare.ordinary(None, None)
     assert bare.needs == frozenset()
-
-
-def test_only_a_ramp_moves_the_mean_of_op_and_only_a_jump_needs_a_kick():
-    ramps = {"load_drift": {"rate": 0.02, "walk": 3.0}, "drift": {"rate": 0.04, "walk": 3.0}}
-    assert shift_by_ramps({"load_drift": ramps["load_drift"]}, 100.0, 2.0) == pytest.approx(2.0)
-    # the controller moves OP against a ramp that it takes for PV
-    assert shift_by_ramps({"drift": ramps["drift"]}, 100.0, 2.0) == pytest.approx(2.0)
-    assert shift_by_ramps({"drift": ramps["drift"]}, 100.0, np.inf) == 0.0
-    assert (
-        shift_by_ramps({"load_steps": {"rate": 1.0, "size": 2.0}, "noise": {}}, 100.0, 2.0) == 0.0
-    )
-    assert kick_of({"S": 3.0, "J": 1.0}) == 3.0
-    assert kick_of({"S": 3.0}) == kick_of({"rate": 1.0}) == 0.0
 
 
 @pytest.mark.parametrize(

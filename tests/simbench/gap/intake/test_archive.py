@@ -11,13 +11,10 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.law import Law
-from simbench.gap.intake.archive import _spikes, find_archive, why_no_law
-from simbench.gap.intake.check import check
+from simbench.gap.intake.archive import _spikes, find_archive
 from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
-from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop
 
 N = 1000
 RNG = np.random.default_rng(0)
@@ -88,21 +85,6 @@ def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
     assert blind == Archive(None, pytest.approx(0.5 * np.std(np.diff(PV))))
     assert plant_pv is not None
     assert np.array_equal(plant_pv, PV)
-
-
-@pytest.mark.parametrize(("archive", "gap", "mismatch", "foreign", "reason"), [
-    (Archive(), 0.0, "", "", "no law"), (Archive(), 0.0, "", "skips scans", "skips scans"),
-    (Archive(), 0.0, "moves", "skips scans", "moves"),
-    # with a known archive or dead-band a law need not be exact
-    (Archive(band=0.1), 0.0, "", "skips scans", ""), (Archive(), 0.1, "", "skips scans", ""),
-    (Archive(band=0.1), 0.0, "moves", "", "moves"),
-])  # fmt: skip
-def test_why_no_law_holds_is_given_unless_what_lies_between_is_known(
-    archive, gap, mismatch, foreign, reason
-):
-    law = replace(LAW, reason="no law", gap=gap, foreign=foreign)
-    s = SimpleNamespace(law=law, baseline=controlled())
-    assert why_no_law(s, archive, mismatch) == reason
 
 
 @pytest.mark.parametrize(
@@ -180,38 +162,3 @@ def test_op_that_sees_spikes_which_pv_does_not_show_is_a_mismatch_unless_they_ar
     spikes, plant_pv, mismatch = _spikes(seen_in(replace(LAW, recovered_pv=seen), PLAIN), PV, False)
     assert (spikes, mismatch) == (None, reason)
     assert np.array_equal(plant_pv, PV if reason else seen)
-
-
-@pytest.mark.parametrize(("answers", "place"), [(True, "loop"), (False, "record")])
-def test_where_no_pv_is_recovered_ops_jumps_tell_who_saw_the_spikes(answers, place):
-    pv, op = hit(), OP * 0.0 + 50.0
-    if answers:
-        op[PLACES] -= HEIGHTS
-    spikes, plant_pv, _ = _spikes(seen_in(LAW, spiky(), pv, op=op), pv, False)
-    assert spikes == (4 / N, pytest.approx(3.25), place)
-    assert np.abs(plant_pv - PV).max() < 0.5
-
-
-def test_a_bridged_sample_excuses_op_until_the_derivative_has_forgotten_it():
-    loop = Loop.from_table(
-        {
-            "plant": {"type": "foptd", "K": 1.2, "T": 40.0, "Td": 8.0},
-            "controller": {"type": "PID", "Kc": 2.0, "Ti": 40.0, "Td": 12.0, "N": 4},
-            "sampling": {"Ts": 1.0, "n": 1500},
-            "noise": {"std": 0.1},
-        }
-    )
-    record = simulate(loop, 3).record.without_mv()
-    assert check(record, loop).unexplained_law == ""
-    lost = np.arange(100, 1500, 150)
-
-    def bridged(x):
-        x = np.array(x)
-        x[lost] = 0.5 * (x[lost - 1] + x[lost + 1])
-        return x
-
-    assert check(record.with_signals(bridged), loop).unexplained_law == ""
-    # what nobody lost is something else
-    kicked = record.op.copy()
-    kicked[lost] += 3.0
-    assert check(replace(record, op=kicked), loop).unexplained_law != ""

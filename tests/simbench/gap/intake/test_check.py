@@ -134,16 +134,6 @@ def test_lines_whose_error_nothing_tells_are_no_light_ones():
     assert set(situation.proven) == {"compression"}
 
 
-@pytest.mark.parametrize("valve", [
-    {"model": "deadband", "S": 2.0}, {"model": "choudhury", "S": 6.0, "J": 2.0},
-    {"model": "deadband", "S": 2.0, "behind": [{"model": "lag", "T": 3.0}]},
-], ids=["play", "sticky", "play and lag"])  # fmt: skip
-def test_what_the_baselines_valve_does_to_op_is_no_gap(valve):
-    r = run(valve=valve)
-    situation = check(replace(r, mv=None), loop(valve=valve))
-    assert np.abs(situation.data.u - r.mv)[100:].max() < 0.05
-
-
 def test_a_stated_sine_is_as_large_on_pv_as_the_plant_lets_it_through():
     # at 2 pi T a pole takes a factor of the root of 2; K = 1.2
     sine = {"type": "sine", "amplitude": 2.0, "period": 40.0 * np.pi}

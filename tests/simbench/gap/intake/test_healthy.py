@@ -100,14 +100,6 @@ def test_the_controller_may_be_unknown(healthy):
     )
 
 
-def test_with_healthy_records_or_nothing_to_tell_no_answer_is_left_open(healthy):
-    for given in ([], healthy):
-        record = recorded(3) if not given else recorded(3, {"name": "noise", "factor": 1.05})
-        ranking = diagnose(record, loop, healthy=given).as_json()["ranking"]
-        assert all(("none" in line["group"]) == (line["effect"] == "none") for line in ranking)
-        assert all(line["effect"] in line["group"] for line in ranking)
-
-
 def test_coloured_noise_that_the_loop_file_states_on_pv_is_part_of_it(healthy):
     coloured = {"type": "coloured", "amplitude": 0.06, "period": 1.0, "at": "output"}
     other = Loop.from_table({**BASELINE, "disturbance": [coloured]})

@@ -21,10 +21,6 @@ TABLE = {
     "noise": {"std": 0.1},
     "setpoint": {"value": 50.0, "steps": STEPS},
 }
-VESSEL = TABLE | {
-    "plant": {"type": "integrating", "K": 0.02, "Td": 8.0},
-    "controller": {"type": "PI", "Kc": 2.0, "Ti": 90.0},
-}
 
 
 def run(table, **more):
@@ -48,32 +44,6 @@ def test_a_record_gives_its_loop_back_in_seconds(first):
     )  # fmt: skip
     assert loop.noise.std == pytest.approx(0.1, rel=0.15)
     assert (loop.sampling.Ts, loop.sampling.n) == (2.0, 1200)
-
-
-def test_the_tuning_is_read_from_the_law(first):
-    record, K = first
-    given = Plant(type="foptd", K=K, T=30.0, Td=8.0)
-    loop = identify(record, plant=given)
-    assert loop.plant == given
-    assert loop.noise.std == 0.0
-    assert (loop.controller.type, loop.controller.direction) == (
-        "PI",
-        "reverse" if K > 0 else "direct",
-    )
-    assert (loop.controller.Kc, loop.controller.Ti) == (
-        pytest.approx(0.8, rel=1e-3),
-        pytest.approx(25.0, rel=1e-3),
-    )
-
-
-@pytest.mark.parametrize("process", ["integrating", None])
-def test_a_vessel_is_known_or_the_likelier(process):
-    loop = identify(replace(run(VESSEL), process=process))
-    assert (loop.plant.type, loop.plant.T) == ("integrating", None)
-    # a gain in percent and seconds
-    assert loop.plant.K == pytest.approx(0.02, rel=0.05)
-    assert loop.controller.Kc == pytest.approx(2.0, rel=1e-3)
-    assert loop.controller.Ti == pytest.approx(90.0, rel=1e-3)
 
 
 def test_a_settling_plant_is_no_vessel_even_with_a_sticky_valve():

@@ -11,7 +11,6 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.law import Law
 from simbench.gap.intake import other_loop
 from simbench.gap.intake.archive import stands_out
-from simbench.gap.intake.observed import moves_of
 from simbench.gap.intake.refuse import (
     refuse_op_units,
     refuse_other_pace,
@@ -150,14 +149,6 @@ def test_another_plant_is_asked_for_by_the_tuning_and_must_be_proven(
 )
 def test_the_sampling_periods_agree_within_a_hundredth_or_one_is_a_few_times_the_other(Ts, refused):
     assert bool(refusal(refuse_other_pace, Ts, 1.0, "record")) == refused
-
-
-@pytest.mark.parametrize(("moves", "steps"), [(0, False), (1, True), (90, True), (110, False)])
-def test_a_set_point_that_moves_all_the_time_makes_no_steps(moves, steps):
-    sp = np.zeros(1000)
-    sp[1 : moves + 1] = np.arange(moves) % 2 + 1.0
-    sp[moves + 1 :] = sp[moves]
-    assert bool(moves_of(sp)) == steps
 
 
 @pytest.mark.parametrize(

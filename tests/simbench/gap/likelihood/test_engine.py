@@ -159,18 +159,6 @@ def test_plant_load_and_noise_are_identified():
     assert np.var(fit.residual[kernels.SKIP :]) == pytest.approx(1.0, abs=0.04)
 
 
-def test_a_load_of_power_one_over_f_is_taken_for_one():
-    parts = [
-        {"type": "coloured", "amplitude": LOAD / K / np.sqrt(3), "period": 60.0 / 5**i}
-        for i in range(3)
-    ]
-    op, pv = recorded(n=6000, disturbance=parts)
-    fit = Engine(Data(op, pv, K, T, TD, NOISE), 80.0).base()
-    assert fit.spec.pink
-    assert "load_lag" not in fit.theta
-    assert fit.theta["load"] == pytest.approx(LOAD, rel=0.3)
-
-
 @pytest.mark.parametrize(
     ("kind", "names", "points"),
     [
@@ -218,19 +206,3 @@ def test_a_fit_has_no_unit_of_pv(spec):
         assert b.theta[name] == pytest.approx(
             value * (64.0 if name in ("load", "noise_std") else 1.0), rel=1e-3, abs=1e-6
         ), name
-
-
-@pytest.mark.parametrize("tau", [0.6, 4.0])
-def test_a_sensors_pole_is_taken_off_pv(tau):
-    a = np.exp(-1.0 / tau)
-    rng = np.random.default_rng(0)
-    seen = 50.0 + np.cumsum(rng.standard_normal(500))
-    shown = np.empty(500)
-    shown[0] = seen[0]
-    for k in range(1, 500):
-        shown[k] = a * shown[k - 1] + (1.0 - a) * seen[k]
-    e = Engine(Data(np.full(500, 50.0), shown, K, T, TD, NOISE), 60.0)
-    assert e._channels(Spec(pole="sensor"), {**THETA, "tau": tau})[0] == pytest.approx(
-        seen - seen[0], abs=1e-6
-    )
-    assert e._channels(Spec(), THETA)[0] == pytest.approx(shown - shown[0])

@@ -35,60 +35,6 @@ def test_a_valve_map_is_the_simulators(kind, numbers, model, parameters):
     assert np.allclose(kernels.valve(OP, kind, *numbers), through(model, parameters, OP), atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("kind", "numbers", "u", "mv"),
-    [
-        # a band of 2, begun 0.5 above OP
-        (
-            kernels.PLAY,
-            (2.0, 0.5, 0.0),
-            [10.0, 10.8, 12.0, 9.0, 10.0],
-            [10.5, 10.5, 11.0, 10.0, 10.0],
-        ),
-        (
-            kernels.ZONE,
-            (2.0, 10.0, 0.0),
-            [10.5, 11.0, 11.5, 9.5, 8.0],
-            [10.0, 10.0, 10.5, 10.0, 9.0],
-        ),
-        # S = 3, J = 1: it breaks loose 2 off and slides 1 behind; a turn or a rest stops it
-        (
-            kernels.STICK,
-            (3.0, 1.0, 0.5),
-            [10.0, 12.0, 12.6, 13.0, 12.9, 10.1, 9.8, 9.0, 9.0, 8.5],
-            [10.5, 10.5, 11.6, 12.0, 12.0, 12.0, 10.8, 10.0, 10.0, 10.0],
-        ),
-        (
-            kernels.CREEP,
-            (3.0, 1.0, 0.5),
-            [10.0, 12.0, 12.6, 13.0, 15.0, 9.8, 11.0],
-            [10.5, 10.5, 11.6, 11.6, 14.0, 10.8, 10.8],
-        ),
-        (
-            kernels.CURVE,
-            (4.0, 0.0, 0.0),
-            [-5.0, 0.0, 50.0, 100.0, 110.0],
-            [0.0, 0.0, 100.0 / 3.0, 100.0, 100.0],
-        ),
-        (kernels.CURVE, (1.0 - 1e-7, 0.0, 0.0), [-5.0, 50.0, 110.0], [-5.0, 50.0, 110.0]),
-        (kernels.CURVE, (1.0 + 2e-6, 0.0, 0.0), [-5.0, 50.0, 110.0], [0.0, 50.0, 100.0]),
-    ],
-)
-def test_a_valve_map_by_hand(kind, numbers, u, mv):
-    assert kernels.valve(np.array(u), kind, *numbers) == pytest.approx(mv, abs=1e-4)
-
-
-@pytest.mark.parametrize("near", [0.9995, 1.0, 1.0005])
-def test_two_equal_poles_answer_as_the_limit(near):
-    t = np.arange(200.0)
-    u = np.append(0.0, np.ones(199))
-    # the step comes a sample after the record's start, and shows one later
-    late = np.maximum(t - 1.0, 0.0) / 12.0
-    assert kernels.plant(u, 12.0, 0.0, 12.0 * near) == pytest.approx(
-        1.0 - (1.0 + late) * np.exp(-late), abs=1e-3
-    )
-
-
 def test_a_pole_of_no_length_is_none():
     assert np.array_equal(kernels.plant(OP, 12.0, 3.4, 1e-3), kernels.plant(OP, 12.0, 3.4, 0.0))
     assert not np.array_equal(kernels.plant(OP, 12.0, 3.4, 2e-3), kernels.plant(OP, 12.0, 3.4, 0.0))

@@ -8,28 +8,11 @@ import pytest
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import (
     BAND,
-    Data,
     Moves,
     Spec,
     lag_of,
     valve_of,
 )  # fmt: skip
-
-U = np.linspace(40.0, 60.0, 1000)
-Y = np.resize([3.0, -3.0], 1000)
-DATA = Data(U, Y, 2.0, 10.0, 4.0, 0.1)
-
-
-def test_a_record_is_as_large_as_it_moves_and_never_of_no_size():
-    assert (DATA.n, DATA.span) == (1000, pytest.approx(20.0))
-    assert DATA.floor == pytest.approx(6e-6)
-    assert DATA.size == pytest.approx(3.0 + 6e-6, rel=1e-9)
-    written = Data(U, Y, 2.0, 10.0, 4.0, 0.1, resolution=0.5)
-    # rounding by a step leaves a twelfth of its square
-    assert written.floor == pytest.approx(0.5 / np.sqrt(12.0))
-    still = Data(np.full(9, 50.0), np.zeros(9), 2.0, 10.0, 4.0, 0.1)
-    assert (still.floor, still.size, still.span) == (1e-9, 1e-9, 1e-3)
-
 
 MOVES = Moves(lambda u, theta: u + theta["own"], (BAND,))
 

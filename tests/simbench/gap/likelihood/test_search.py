@@ -1,8 +1,5 @@
 """The search for a valve's numbers on likelihoods whose peak is known, and what it begins from."""
 
-from dataclasses import replace
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -11,11 +8,7 @@ from simbench.gap.likelihood.model import Data, Fit, Spec
 from simbench.gap.likelihood.search import (
     fit_with_map,
     narrow,
-    plants,
-    promising,
     scan_map,
-    screen_starts,
-    search_map,
 )  # fmt: skip
 
 THETA = {
@@ -77,9 +70,6 @@ class Peaks:
         return self.at(spec, theta)
 
 
-BASE = Fit(Spec(), 0.0, THETA, np.ones(3), np.zeros(3))
-
-
 @pytest.mark.parametrize(
     ("kind", "peak"),
     [
@@ -131,44 +121,3 @@ def test_a_narrow_peak_wins_though_wider_hills_are_higher_on_the_coarse_set(kind
     best = scan_map(engine, Spec(), THETA, kind, points)
     assert best.theta["S"] == pytest.approx(5.2, rel=0.02)
     assert best.theta["J"] == pytest.approx(3.12, rel=0.1)
-
-
-def loads(engine):
-    """Return T and load of every scan of the coarse points."""
-    return [
-        (round(theta["T"], 6), round(theta["load"], 6))
-        for _, theta, points in engine.scans
-        if len(points) == 4
-    ]
-
-
-def test_a_search_begins_from_loads_of_two_sizes():
-    engine = Peaks(kernels.PLAY, (50.0, 5.0))
-    coarse = np.array([(s, 0.0, 0.0) for s in (2.0, 3.3, 5.1, 9.0)])
-    best = search_map(engine, BASE, kernels.PLAY, coarse)
-    assert best.theta["S"] == pytest.approx(5.0, rel=1e-3)
-    assert loads(engine) == [(20.0, 2.0), (20.0, 0.6)]
-
-
-@pytest.mark.parametrize(("high", "refined"), [(-3.0, True), (-5.0, False)])
-def test_a_peak_far_below_no_effect_is_not_worth_refining(high, refined):
-    engine = Peaks(kernels.PLAY, (high, 5.0))
-    best = search_map(engine, BASE, kernels.PLAY, np.array([(5.0, 0.0, 0.0)]))
-    assert promising(best, BASE) == refined
-    narrowest = min(float(np.ptp(p[:, 0])) for _, _, p in engine.scans if len(p) == 15)
-    assert (narrowest < 0.05) == refined
-
-
-def test_effects_are_looked_for_from_the_fitted_and_from_the_stated_plant():
-    fitted, stated = {"T": 20.0, "Td": 4.0}, {"T": 25.0, "Td": 5.0}
-    assert plants(SimpleNamespace(data=data()), BASE) == [fitted, stated]
-    assert plants(SimpleNamespace(data=data(trusted=False)), BASE) == [
-        fitted, stated, {"T": 12.5, "Td": 2.5}, {"T": 25.0 / 6, "Td": 5.0 / 6},
-    ]  # fmt: skip
-
-
-def test_an_integrating_plant_is_looked_for_among_integrating_ones():
-    engine = Peaks(kernels.STICK, (50.0, 5.0, 3.0), d=data(T=0.0, trusted=False))
-    base = replace(BASE, theta={**THETA, "T": 0.0})
-    every = screen_starts(engine, base, kernels.STICK, np.array([(5.0, 3.0, 0.0)]), [])
-    assert {theta["T"] for theta in every} == {0.0}

@@ -4,10 +4,10 @@ be the cause; a first-order lag and a valve that sticks are no such thing.
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete, lfilter, lsim
+from scipy.signal import lfilter, lsim
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.likelihood.second_order import held, lag_second_order
+from simbench.gap.likelihood.second_order import lag_second_order
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.conclusion import judged
 
@@ -22,15 +22,6 @@ def test_the_response_is_that_of_the_differential_equation():
     _, exact, _ = lsim(([1.0], [4.0, 0.8, 1.0]), (fine >= 5.0) * 1.0, fine)
     ends = exact[99::100]
     assert lag_second_order(step, 2.0, 0.2, 0.0)[: ends.size] == pytest.approx(ends, abs=0.01)
-
-
-@pytest.mark.parametrize("tau", [0.05, 0.8, 30.0, 400.0])
-@pytest.mark.parametrize("damping", [0.02, 0.5, 1.0 - 1e-12, 1.0, 20.0])
-def test_the_samples_are_those_of_the_matrix_exponential(tau, damping):
-    b, a, _ = cont2discrete(([1.0], [tau * tau, 2.0 * damping * tau, 1.0]), 1.0, method="zoh")
-    found = held(tau, damping)
-    assert np.ravel(b)[1:] == pytest.approx(found[0], abs=1e-12)
-    assert a == pytest.approx(found[1], abs=1e-12)
 
 
 def test_a_positioner_that_overshoots_is_the_cause_and_not_stiction():

@@ -9,8 +9,6 @@ from simbench.detectors.compiled import compiled
 from simbench.gap.effects import recogniser
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.valve_map import MapSearch, lag_signal, squares_within
-from simbench.loop.simulate import simulate
-from simbench.scenarios.spec import Loop
 
 N, TS = 500, 2.0
 OP = 50.0 + 4.0 * np.sin(np.arange(N) / 17.0) + 2.5 * np.sin(np.arange(N) / 6.1)
@@ -70,36 +68,3 @@ def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
     assert lag_signal(np.full(60, 50.0), tau, 54.0) == pytest.approx(
         50.0 + 4.0 * np.exp(-np.arange(60) / tau)
     )
-
-
-@pytest.mark.parametrize(
-    ("model", "n"),
-    [
-        ("kano", 1000),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in (("choudhury", 4000), ("he", 1000), ("he", 4000), ("kano", 4000))
-        ),
-    ],
-)
-def test_friction_of_a_cycling_loop_is_read_from_mv_however_long_the_record(model, n):
-    rng, right = np.random.default_rng(7), 0
-    for seed in range(8):
-        S = float(np.exp(rng.uniform(np.log(0.5), np.log(10.0))))
-        J = float(S * rng.uniform(0.1, 1.0))
-        run = simulate(
-            Loop.from_table(
-                {
-                    "plant": {"type": "foptd", "K": 1.0, "T": 10.0, "Td": 2.0},
-                    "controller": {"type": "PI", "Kc": 1.0, "Ti": 10.0},
-                    "valve": {"model": model, "S": S, "J": J},
-                    "noise": {"std": 0.1},
-                    "sampling": {"Ts": 1.0, "n": n},
-                    "setpoint": {"steps": [[10, 55]]},
-                }
-            ),
-            seed,
-        ).record
-        identified = recogniser("stiction").by_mv(MapSearch(run.op, run.mv, 1.0, run.op))[1]
-        right += abs(identified["S"] / S - 1.0) < 0.05 and abs(identified["J"] - J) < 0.1 * S
-    assert right >= 7

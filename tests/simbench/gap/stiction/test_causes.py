@@ -15,7 +15,6 @@ from simbench.gap.stiction.candidate_loops import candidate_loops
 from simbench.gap.stiction.causes import find_causes
 from simbench.gap.stiction.conclusion import judged
 from simbench.gap.stiction.margins import margins
-from simbench.loop.effects import BLOCKS
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 from simbench.verbs import detect
@@ -115,11 +114,3 @@ def test_every_verb_gives_the_band_in_the_unit_that_its_table_names(
     assert reason.endswith(unit)
     assert verdict.S == pytest.approx(size * S, rel=1e-3)
     assert verdict.S_unit == unit
-
-
-def test_a_cause_lies_in_a_block_of_the_loop():
-    names = {causes.STICKING: "valve", causes.TIGHT: "controller", causes.SENSOR: "sensor"}
-    names |= {causes.FROM_OUTSIDE: "disturbance", causes.NO_CAUSE: "none", causes.NOT_TOLD: "none"}
-    assert {name: causes.Cause(name, 0.5).block for name in names} == names
-    assert {causes.Cause(n, 0.5).block for n in causes._BLOCK} < set(BLOCKS)
-    assert causes.Cause(causes.TIGHT, 0.5).as_json()["block"] == "controller"

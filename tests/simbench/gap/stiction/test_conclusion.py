@@ -207,26 +207,6 @@ def test_with_a_loop_file_a_record_in_which_no_friction_would_show_denies_none(m
     assert why in c.reason
 
 
-@pytest.mark.slow
-def test_a_healthy_valve_with_noise_and_a_sensor_lag_is_not_claimed_with_the_lag():
-    table = load_loop(EXAMPLE).to_table() | {
-        "noise": {"std": 0.3},
-        "effect": [{"name": "sensor_lag", "tau": 6.0}],
-    }
-    record = simulate(Loop.from_table(table), 1).record.without_mv()
-    alone, report = conclude(record), diagnose(record, load_loop(EXAMPLE))
-    informed = report.conclusion
-    assert alone.verdict != STICTION
-    assert informed.verdict == NO_STICTION
-    # behind the filter three times the stated noise is as large as the stated one: of which lag it
-    # is, MV must tell
-    assert informed.cause.endswith(" lag")
-    assert informed.next.startswith("the valve position (MV) recorded with OP would tell")
-    p = {r.effect: r.probability for r in report.ranking}
-    friction = sum(p.get(effect, 0.0) for effect in FRICTION)
-    assert informed.probability == pytest.approx(friction)
-
-
 def test_what_cannot_be_judged_has_no_probability_and_a_reason():
     c = conclude(op=np.full(300, 50.0), pv=np.sin(np.arange(300.0)), Ts=1.0)
     assert (c.verdict, c.probability) == (NO_DECISION, None)

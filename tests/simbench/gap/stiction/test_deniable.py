@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from recorded import LOADED_FAST
 
@@ -11,7 +10,6 @@ from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import NO_STICTION, STICTION
 from simbench.gap.diagnosis import conclude
 from simbench.gap.stiction.conclusion import judged
-from simbench.gap.stiction.deniable import largest_asked
 from simbench.gap.stiction.friction import friction
 from simbench.gap.stiction.measured import op_range
 from simbench.loop.simulate import simulate
@@ -62,16 +60,6 @@ def test_a_loop_file_denies_nothing_where_a_valve_that_stands_explains_pv_as_wel
     found = conclude(record, Loop.from_table(quiet))
     assert (found.verdict == NO_STICTION) == (told and not valve)
     assert ("a valve that stands still" in found.reason) == (not told and not valve)
-
-
-def test_a_valve_is_asked_for_the_size_by_which_op_turns_six_times():
-    t = np.arange(700.0)
-    wave = 50.0 + 2.0 * np.sin(t / 10.0)
-    assert largest_asked(wave) == pytest.approx(4.0, abs=0.05)
-    assert largest_asked(wave[:100]) == 0.0
-    large = wave.copy()
-    large[300:310] += 20.0
-    assert largest_asked(large) == pytest.approx(4.0, abs=0.05)
 
 
 def test_the_same_size_is_said_by_every_verb(denied):

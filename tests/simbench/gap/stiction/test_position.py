@@ -5,9 +5,7 @@ import pytest
 
 from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnose
-from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.stiction.conclusion import judged
-from simbench.gap.stiction.position import Scale, scale_of
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -49,16 +47,6 @@ def test_a_sticking_valve_is_found_whatever_the_scale_of_mv(gain, offset):
 @pytest.mark.parametrize(("gain", "offset"), SCALES.values(), ids=SCALES)
 def test_a_sound_valve_is_sound_whatever_the_scale_of_mv(gain, offset):
     assert judged(with_mv(SOUND, offset + gain * SOUND.mv))[0].verdict != "stiction"
-
-
-def test_a_scale_is_found_by_the_valve_behind_it():
-    search = MapSearch(STICKY.op, 3.0 + 0.9 * STICKY.mv, 1.0, STICKY.op)
-    scale, nats = scale_of(search, (S, J))
-    assert (scale.gain, scale.offset) == pytest.approx((0.9, 3.0), abs=0.05)
-    assert nats > 100.0
-    plain, _ = scale_of(MapSearch(STICKY.op, STICKY.mv, 1.0, STICKY.op), (S, J))
-    assert plain == Scale()
-    assert plain.sentence() == ""
 
 
 @pytest.mark.parametrize("late", [0, 2])

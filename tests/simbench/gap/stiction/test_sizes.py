@@ -2,14 +2,11 @@
 says little.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from recorded import LOADED_FAST
 
 from simbench.gap.stiction.candidate_loops import candidate_loops
-from simbench.gap.stiction.friction import largest_reversal
-from simbench.gap.stiction.sizes import Size, _spread, describe_sizes, sizes_of
+from simbench.gap.stiction.sizes import Size, _spread, describe_sizes
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -42,19 +39,6 @@ def test_what_explains_nothing_has_an_interval_down_to_none():
     assert size.lo == 0.0
     assert size.hi > 5.0
     assert jump.lo < 0.1 < 2.0 < jump.hi
-
-
-def test_a_band_that_op_never_passed_both_ways_is_a_bound():
-    loop = Loop.from_table(LOOP | {"valve": {"model": "choudhury", "S": 6.0, "J": 2.0}})
-    record = simulate(loop, 3).record.without_mv()
-    S, J = Size(2.0, 1.5, np.inf), Size(1.0, 0.5, 1.5)
-    assert describe_sizes(S, J, "%") == "S is at least 1.5, J = 1 (0.5 to 1.5) %"
-    view = candidate_loops(record).closed.fitted
-    turned = largest_reversal(view.situation.op)
-    wide = replace(view, parameters=view.parameters | {"stiction": {"S": 1.1 * turned, "J": 0.1}})
-    narrow = replace(view, parameters=view.parameters | {"stiction": {"S": 0.5 * turned, "J": 0.1}})
-    assert sizes_of(wide, "stiction")[0].hi == np.inf
-    assert sizes_of(narrow, "stiction")[0].hi < np.inf
 
 
 def test_a_j_that_may_be_nearly_anything_is_not_identifiable():

@@ -10,7 +10,7 @@ import pytest
 from simbench import diagnose
 from simbench.detectors.record import LoopRecord
 from simbench.gap.likelihood.kernels import limit_rate
-from simbench.gap.likelihood.valve_map import MapSearch, lag_signal
+from simbench.gap.likelihood.valve_map import MapSearch
 from simbench.gap.stiction.slow import slow_valve
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
@@ -44,24 +44,6 @@ def test_both_speeds_are_found_with_how_far_the_valve_is_off(seed):
     assert (slow.opening, slow.closing) == pytest.approx((up / TS, down / TS), rel=0.1)
     assert slow.far == pytest.approx(np.abs(op - mv).max(), rel=0.05)
     assert slow.share == pytest.approx(np.mean(op != mv), abs=0.03)
-
-
-@pytest.mark.parametrize(
-    "valve",
-    [
-        lambda op: op,
-        lambda op: lag_signal(op, 8.0),
-        lambda op: np.full(op.size, op[0]),
-        lambda op: 20.0 + 0.5 * op,
-        lambda op: np.where(np.arange(op.size) < 1000, op, op[1000]),
-        lambda op: follow(op, 0.002, 0.002),
-    ],
-    ids=["follows", "lags", "stands", "other scale", "seizes", "hardly moves"],
-)
-def test_what_is_no_limit_of_speed_is_not_called_so(valve):
-    op = moving(3)
-    mv = valve(op) + np.random.default_rng(4).normal(0.0, 0.05, op.size)
-    assert slow_valve(MapSearch(op, mv, TS, op)) is None
 
 
 @pytest.mark.parametrize("slowness", [3.0, 0.0])
