@@ -112,14 +112,14 @@ def detect(
 
     Examples
     --------
-    >>> from random_case import random_case
-    >>> record = random_case(5, ("stiction",)).record
+    >>> from simbench.detectors.example_loop import example_loop
+    >>> record = example_loop(noise=0.1)
     >>> detect(record, ["likelihood", "he"]).conclusion.verdict
     'stiction'
     >>> detect(record, "he").conclusion is None
     True
     >>> def half(record):
-    ...     return record.op.mean() < 50.0
+    ...     return record.op.std() < 0.1
     >>> report = detect(op=record.op, pv=record.pv, Ts=1.0, methods=[half, "horch"])
     >>> report["half"].verdict, len(report), report.to_frame().method.tolist()
     ('no_stiction', 2, ['half', 'horch'])

@@ -82,11 +82,17 @@ def diagnose_files(
     Examples
     --------
     >>> import tempfile, pathlib
+    >>> import simbench as sb
     >>> from simbench.files import write_record
-    >>> from random_case import random_case
-    >>> case, place = random_case(3, ("detuning",)), pathlib.Path(tempfile.mkdtemp())
-    >>> write_record(case.record, place / "FIC101.csv")
-    >>> _ = (place / "loop.toml").write_text(case.baseline.to_toml())
+    >>> place = pathlib.Path(tempfile.mkdtemp())
+    >>> loop = sb.Loop(
+    ...     plant={"type": "foptd", "K": 1.5, "T": 20.0, "Td": 3.5},
+    ...     controller={"type": "PI", "Kc": 0.6, "Ti": 18.0},
+    ...     noise={"std": 0.1}, setpoint={"value": 50.0, "steps": [[60.0, 53.0]]},
+    ...     sampling={"Ts": 1.0, "n": 600},
+    ... )
+    >>> write_record(loop.with_("controller.Kc", 1.6).simulate(1).record, place / "FIC101.csv")
+    >>> _ = (place / "loop.toml").write_text(loop.to_toml())
     >>> diagnose_files([place / "FIC101.csv"], place / "loop.toml").block
     'controller'
     """

@@ -173,8 +173,8 @@ def conclude(
 
     Examples
     --------
-    >>> from random_case import random_case
-    >>> conclude(random_case(5, ("stiction",)).record).verdict
+    >>> from simbench.detectors.example_loop import example_loop
+    >>> conclude(example_loop(noise=0.1)).verdict
     'stiction'
     """
     records = _records(record, signals)

@@ -5,17 +5,14 @@ shows every figure.
 from __future__ import annotations
 
 import functools
-import importlib
 import re
 from pathlib import Path
 
 import pytest
 
 from results.studies.chapter import confirmation, methods, page, rows
-from results.studies.gallery import main as write_gallery
 from simbench.figures._make import figure_ids
 
-write_chapter = importlib.import_module("results.studies.chapter.__main__").main
 ROOT = Path(__file__).parents[3]
 REAL = ROOT.parent / "shared" / "data" / "real"
 
@@ -23,23 +20,11 @@ REAL = ROOT.parent / "shared" / "data" / "real"
 EVERY = functools.cache(rows)
 WHOLE = pytest.param(EVERY, marks=pytest.mark.slow, id="every row")
 QUICK = pytest.param(lambda: [*methods.rows(None), *confirmation.rows(None)], id="quick rows")
-PRINTED = ["0.48", "0.41", "0.73, 0.40", "0.13, 0.00", "0.83", "0.70", "0.03, 0.58", "0.04, 0.57"]
 
 
 @pytest.fixture(scope="module", params=[QUICK, WHOLE])
 def without_records(request):
     return request.param()
-
-
-def test_numbers_of_real_loops_are_printed_and_their_rows_stay_empty_without_records(
-    without_records,
-):
-    text = page(without_records)
-    for number in PRINTED:
-        assert f"| {number} |" in text, number
-    empty = [row for row in without_records if row.ours == ""]
-    assert len(empty) > 5
-    assert all(row.agrees is None and "not among the records" in row.why for row in empty)
 
 
 def test_a_row_that_does_not_reproduce_has_a_reason_and_the_committed_page_is_current(
@@ -96,14 +81,3 @@ def test_every_link_of_the_committed_gallery_hits():
     assert sum(link.endswith(".svg") for link in links) > 20
     for link in links:
         assert (ROOT / "docs" / link).is_file(), link
-
-
-@pytest.mark.slow  # every row of the chapter is computed again
-def test_pages_are_written_by_command_and_wrong_places_are_one_sentence(tmp_path, capsys):
-    assert write_gallery(["-o", str(tmp_path / "gallery.md")]) == 0
-    assert (tmp_path / "gallery.md").read_text(encoding="utf-8").startswith("# Gallery")
-    assert write_gallery(["-o", str(tmp_path / "absent" / "gallery.md")]) == 2
-    assert write_chapter(["-o", str(tmp_path / "absent" / "page.md")]) == 2
-    complaints = capsys.readouterr().err.strip().splitlines()
-    assert len(complaints) == 2
-    assert all(c.startswith("error: ") for c in complaints)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
-from results.studies.recorded_grid import held_like, like, one_a_unit, without_columns
+from results.studies.recorded_grid import like, one_a_unit, without_columns
 from simbench.gap.benchmark.near_loop import NearLoop
 from simbench.scenarios.columns import RESIDUALS
 from simbench.scenarios.settled import settled_grid
@@ -35,16 +35,6 @@ def test_a_drawn_column_has_the_distribution_and_the_memory_of_the_given_one():
         # it is another draw
         assert abs(np.corrcoef(was, now)[0, 1]) < 0.2
     assert np.corrcoef(drawn.T)[0, 1] == pytest.approx(np.corrcoef(given.T)[0, 1], abs=0.1)
-
-
-def test_a_drawn_mask_has_the_share_and_the_runs_of_the_given_one():
-    given = np.repeat(DRAWS.random(400) < 0.3, 5).astype(int).tolist()
-    drawn = np.array(held_like(given, np.random.default_rng(3)))
-    assert drawn.size == len(given)
-    assert drawn.mean() == pytest.approx(np.mean(given), abs=0.07)
-    changes = [np.count_nonzero(np.diff(x)) for x in (given, drawn)]
-    assert changes[1] == pytest.approx(changes[0], rel=0.2)
-    assert held_like([0] * 50, np.random.default_rng(0)) == [0] * 50
 
 
 def near(digest, **load):

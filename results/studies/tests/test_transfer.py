@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from results.studies import transfer
-from results.studies.transfer import LENGTH, Home, kept, methods, order, slow
+from results.studies.transfer import LENGTH, Home, order
 
 QUALITY = {"he": 0.95, "horch": 0.8, "ellipse": 0.65, "stenman": 0.5}
 
@@ -45,41 +45,3 @@ def test_the_same_order_correlates_and_the_reverse_does_not():
     assert correlations["a", "c"]["spearman"] == pytest.approx(-1.0)
     assert correlations["a", "b"]["lo"] > 0.5
     assert correlations["a", "a"]["spearman"] > 0.7
-
-
-def test_the_interval_of_a_correlation_holds_its_value_and_narrows_with_more_loops():
-    def width(n):
-        homes = {"a": home(1, n=n), "b": home(2, n=n)}
-        row = next(row for row in order(homes, list(QUALITY)) if row["first"] != row["second"])
-        assert -1.0 < row["lo"] <= row["spearman"] <= row["hi"] <= 1.0
-        return row["hi"] - row["lo"]
-
-    assert width(800) <= width(60)
-
-
-def test_slow_methods_are_asked_about_the_first_loops_alone(tmp_path, monkeypatch):
-    assert "likelihood" in slow(methods())
-    assert not {"he", "horch", "procedure"} & set(slow(methods()))
-    asked = []
-
-    def answer(name, number, names):
-        asked.append((name, number, tuple(names)))
-        about = {
-            "sticky": number % 2 == 1,
-            "group": number,
-            "features": [0.0],
-            "trace": np.zeros((2, LENGTH)).tolist(),
-        }
-        return {**about, "said": dict.fromkeys(names, number % 2)}
-
-    monkeypatch.setattr(transfer, "asked", answer)
-    homes = kept(tmp_path / "kept", 6, 2, tmp_path / "no real records")
-    dear = tuple(slow(methods()))
-    assert sum(names == dear for *_, names in asked) == 2 * len(homes)
-    chapter = homes["chapter"]
-    assert np.isnan(chapter.costs["likelihood"]).sum() == 4
-    assert not np.isnan(chapter.costs["he"]).any()
-    assert chapter.mean(["likelihood", "he"]).tolist() == [0.0, 0.0]
-    asked.clear()
-    kept(tmp_path / "kept", 6, 2, tmp_path / "no real records")
-    assert not asked

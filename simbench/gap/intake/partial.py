@@ -64,11 +64,11 @@ def complete_baseline(
 ) -> tuple[Loop, frozenset[str], list[str]]:
     """Return a whole baseline: what is known of it, and from the record what is not.
 
-    >>> from random_case import random_case
-    >>> case = random_case(3, ("detuning",))
-    >>> sorted(complete_baseline(case.record, case.baseline)[1])
+    >>> from simbench.detectors.example_loop import example_loop
+    >>> record = example_loop(noise=0.1)
+    >>> sorted(complete_baseline(record, Loop.from_table(identify(record).to_table()))[1])
     ['controller', 'plant']
-    >>> sorted(complete_baseline(case.record, None)[1])
+    >>> sorted(complete_baseline(record, None)[1])
     []
     """
     both = frozenset({"plant", "controller"})

@@ -1,13 +1,10 @@
 """The blind check's scoring, on answers made by hand."""
 
-import json
-
 import pandas as pd
 import pytest
 
 from results.studies.withheld.claims import true_shrinkages
 from results.studies.withheld.levels import calibration, levels
-from results.studies.withheld.opening import open_
 from results.studies.withheld.score import claimed_shrinkage, judge_record
 from results.studies.worlds import own
 from simbench.loop.effects import EFFECTS
@@ -157,23 +154,6 @@ def test_claimed_shrinkage_needs_a_resolvable_gap():
     assert claimed_shrinkage({"gap_before": 3.0}, {"gap": GAP}) is None
 
 
-@pytest.mark.parametrize(
-    ("effect", "true", "claimed", "error"),
-    [
-        ("stiction", {"S": 4.0, "J": 1.0}, {"S": 5.0, "J": 3.0}, 0.25),  # J is excepted
-        ("gain_mismatch", {"factor": 2.0}, {"factor": 1.8}, 0.1),
-        ("valve_characteristic", {"R": 0.1}, {"R": 0.01}, 1.0),  # twice the logarithm
-        ("saturation", {"lo": 0.0, "hi": 60.0}, {"hi": 57.0}, 0.05),
-        ("quantisation", {"step": 2.0, "at": "loop"}, {"step": 2.0, "at": "record"}, 0.0),
-        ("drift", {"rate": 0.0, "walk": 0.4}, {}, 1.0),  # not claimed = at its identity
-    ],
-)
-def test_parameter_error_is_relative_to_the_truth(effect, true, claimed, error):
-    truth = {"id": "a", "block": "", "effect": effect, "parameters": true}
-    row = judge_record(truth, answering(effect, parameters=claimed), FACTS)
-    assert row["parameter_error"] == pytest.approx(error)
-
-
 @pytest.mark.parametrize(("probability", "error"), [(0.7, 0.0), (1.0, 0.3)])
 def test_calibration_error_is_the_distance_of_confidence_and_success(probability, error):
     answer = answering("stiction", probability=probability)
@@ -181,25 +161,6 @@ def test_calibration_error_is_the_distance_of_confidence_and_success(probability
     rows = [{"id": i, "block": "valve", "effect": e} for i, e in enumerate(effects)]
     table = pd.DataFrame([judge_record(r, answer, FACTS) for r in rows])
     assert calibration(table).value == pytest.approx(error, abs=1e-12)
-
-
-def test_someone_elses_folder_is_scored_with_what_it_has(theirs):
-    (theirs / "answers").mkdir()
-    for name, effect in (("a", "stiction"), ("b", "none")):
-        (theirs / "answers" / f"{name}.json").write_text(json.dumps(answering(effect)))
-    score = open_(theirs, out=theirs / "out")
-    by_name = {f["name"]: f for f in score["figures"]}
-    assert score["records"] == 3
-    assert score["answered"] == 2
-    assert score["kinds"] == {"single": 1, "none": 1, "foreign": 1}
-    assert (by_name["first answer right"]["k"], by_name["first answer right"]["n"]) == (1, 1)
-    assert by_name["foreign: unknown or the library's name, of the resolvable"]["k"] == 0
-    assert "foreign: broken_spring" in score["markdown"]
-    tables = ["answers.csv", "by_effect.csv", "confusion.svg", "records.csv"]
-    made = sorted(p.name for p in (theirs / "out").iterdir())
-    assert made == [*tables, "score.csv", "score.json"]
-    stored = json.loads((theirs / "out" / "score.json").read_text())
-    assert stored["figures"] == json.loads(json.dumps(score["figures"]))
 
 
 def test_a_true_claim_closes_the_gap_when_simulated_again_and_a_false_one_does_not():

@@ -8,12 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from results.studies.withheld.distance import cloud, features
-from results.studies.withheld.making import Plan
 from results.studies.withheld.world import WORLD_EFFECTS
 from results.studies.worlds.own import drawing, faults, items, loops, oracle, sizes
 from results.studies.worlds.own import simulator as sim
-from simbench.detectors.errors import ParameterError
 
 RNG = np.random.default_rng
 
@@ -117,29 +114,6 @@ def test_coloured_noise_has_unit_variance_and_its_colour(colour):
         assert r1 > (0.05 if colour == "flicker" else 0.5)
 
 
-def test_features_do_not_see_the_operating_point_or_the_unit_of_pv():
-    case = drawing.draw(RNG(2), plant="foptd", sp_moves=True)
-    run = loops.simulate(case, 1)
-    values, _ = features(run, case.scale)
-    moved = loops.Signals(run.sp + 7.0 * case.unit, run.op + 3.0, run.pv + 7.0 * case.unit, run.mv)
-    np.testing.assert_allclose(features(moved, case.scale)[0], values, atol=1e-6)
-    scaled = replace(case, unit=10 * case.unit, noise_std=10 * case.noise_std, K=10 * case.K)
-    tenfold = loops.Signals(10 * run.sp, run.op, 10 * run.pv, run.mv)
-    np.testing.assert_allclose(features(tenfold, scaled.scale)[0], values, atol=1e-6)
-
-
-def test_a_run_of_the_same_loop_is_as_far_as_the_floor_and_a_changed_one_farther():
-    case = drawing.draw(RNG(2), plant="foptd", sp_moves=True)
-    usual = cloud([loops.simulate(case, 100 + i) for i in range(16)], case.scale)
-
-    def distance(seed, *acts):
-        return usual.distance(features(loops.simulate(case, seed, acts), case.scale)[0])
-
-    same = np.mean([distance(i) for i in range(12)])
-    assert same == pytest.approx(usual.floor, rel=0.35)
-    assert distance(0, faults.fault("gain_mismatch", {"factor": 2.0})) > 2 * same
-
-
 @pytest.mark.parametrize(
     ("effect", "strength"), [("noise", "medium"), ("noise", "strong"), ("deadband", "weak")]
 )
@@ -166,16 +140,3 @@ def test_the_nominal_plant_is_within_ten_percent_and_a_mismatch_counts_from_it_e
     exact = items._named(case, ("gain_mismatch",))
     assert exact.nominal[0] == case.K
     assert exact.nominal[1:] == case.nominal[1:]
-
-
-def test_the_usual_plan_holds_what_the_levels_need():
-    entries = Plan.of(600).entries(list(faults.FOREIGN))
-    single = [e for e in entries if e["kind"] == "single"]
-    assert len(entries) == 600
-    assert len(single) >= 300
-    assert len({(e["effect"], e["strength"]) for e in single}) == 66
-    assert sum(e["kind"] == "none" for e in entries) >= 100
-    assert 0.4 < np.mean([e["mv"] for e in entries]) < 0.6
-    assert {e["plant"] for e in single} == {"foptd", "integrating"}
-    with pytest.raises(ParameterError, match="at least 1 is needed"):
-        Plan.of(0)

@@ -177,55 +177,7 @@ def test_every_part_of_the_plant_agrees_with_the_slow_twin(parts):
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-8)
 
 
-def open_loop(step, n=120, **parts):
-    """PV's deviation at the scans after OP goes up by `step` % at scan 10, the controller in manual
-    gain (Kc tiny).
-    """
-    sp = np.where(np.arange(n) < 10, PV0, PV0 + step / 1e-9)
-    return loop(signals(n, sp=sp), controller=Controller(Kc=1e-9, Ti=0.0, Ts=TS, bias=M0), **parts)
-
-
-def test_recycle_swell_and_an_asymmetric_plant_keep_the_gain_and_change_the_way_there():
-    recycled = Plant(False, 2.0, 10.0, 5.0, recycle=0.6, recycle_delay=12.0)
-    swelling = Plant(False, 2.0, 10.0, 0.0, swell=1.5, swell_time=3.0)
-    for plant, least in ((recycled, 0.0), (swelling, -6.0)):
-        pv = open_loop(5.0, n=400, plant=plant)[0] - PV0
-        assert pv[-1] == pytest.approx(10.0, rel=1e-3)
-        assert least <= pv.min() <= least / 12.0
-    p = Plant(False, 2.0, 10.0, 0.0, slower=3.0)
-    up, down = (open_loop(step, plant=p)[0] - PV0 for step in (5.0, -5.0))
-    assert up[15] == pytest.approx(10 * (1 - math.exp(-10 / 10)), rel=1e-3)
-    assert down[15] == pytest.approx(-10 * (1 - math.exp(-10 / 30)), rel=1e-3)
-    lost = open_loop(5.0, plant=Plant(False, 2.0, 5.0, 0.0), sensor=Sensor(float_play=3.0))[0]
-    assert lost[-1] - PV0 == pytest.approx(10.0 - 1.5, abs=1e-3)
-
-
-def test_manual_holds_op_and_returns_without_a_bump():
-    manual = np.zeros(300, dtype=bool)
-    manual[100:150] = True
-    for velocity in (False, True):
-        c = Controller(Kc=0.5, Ti=30.0, Ts=TS, bias=M0, velocity=velocity)
-        op = loop(signals(300, load=2.0, manual=manual), controller=c)[1]
-        assert np.all(op[100:150] == op[99])
-        usual = np.abs(np.diff(op[:100])).max()
-        assert abs(op[150] - op[149]) < 2 * usual
-
-
 def test_external_reset_is_a_pi_of_the_forward_rule_between_its_limits():
     x, c = signals(300, load=2.0, noise=0.3), Controller(Kc=0.5, Ti=30.0, Ts=TS, bias=M0, rule=1)
     plain, reset = (loop(x, controller=c._replace(windup=w))[1] for w in (0, 3))
     np.testing.assert_allclose(np.diff(reset)[5:], np.diff(plain)[5:], atol=1e-9)
-
-
-@pytest.mark.parametrize("tracks", [False, True])
-def test_missed_scans_hold_op_and_the_controller_goes_on_from_what_it_knows(tracks):
-    missed = np.zeros(300, dtype=int)
-    missed[100:108] = 1 + tracks
-    # a positional law goes on from where it stopped either way
-    c = Controller(Kc=0.5, Ti=30.0, Ts=TS, bias=M0, velocity=True)
-    pv, op = loop(signals(300, load=2.0, missed=missed), controller=c)[:2]
-    assert np.all(op[99:108] == op[99])
-    e = PV0 - pv
-    before = e[107] if tracks else e[99]
-    asked = c.Kc * (e[108] - before) + c.Kc * TS / c.Ti * e[108]
-    assert op[108] - op[107] == pytest.approx(asked, abs=1e-9)

@@ -55,19 +55,6 @@ def test_an_op_that_is_archived_late_hides_a_sample_of_the_dead_time():
     assert numbers == {"extra": pytest.approx(8.0)}
 
 
-def test_a_sine_on_pv_is_as_large_at_the_input_as_the_plant_makes_it_small():
-    # 3-4-5: amplitude 5; at a period of 2 pi T the pole takes a factor of the root of 2
-    sine = recogniser("oscillation").numbers(
-        fit(K=2.0, linear=(3.0, 4.0), period=20 * np.pi, T=10.0), SITUATION
-    )
-    assert sine == pytest.approx({"amplitude": 2.5 * np.sqrt(2.0), "period": 40 * np.pi})
-    vessel = SimpleNamespace(data=SimpleNamespace(T=0.0, K=2.0), record=SITUATION.record)
-    sine = recogniser("oscillation").numbers(
-        fit(K=2.0, linear=(3.0, 4.0), period=20 * np.pi), vessel
-    )
-    assert sine["amplitude"] == pytest.approx(0.25)
-
-
 def beside(data, trusted=True):
     """Return a situation with a record of 1000 samples."""
     record = SimpleNamespace(n=1000, Ts=1.0, duration=1000.0)

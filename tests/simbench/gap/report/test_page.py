@@ -13,7 +13,6 @@ import chromium
 import numpy as np
 import pytest
 from chromium import needs_browser
-from random_case import random_case
 
 from simbench.gap.closed_loop.remaining import Remaining
 from simbench.gap.diagnosis import diagnose
@@ -53,8 +52,8 @@ def sticky():
 @pytest.fixture(scope="module")
 def clean():
     """Report on a record to which nothing is missing."""
-    case = random_case(4, ())
-    return diagnose(case.record, case.baseline)
+    loop = Loop.from_table(HEALTHY)
+    return diagnose(simulate(loop, seed=4).record, loop)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from left_out import left_out
-from random_case import random_case
+from recorded import LOADED, RESTING, STICKY, recorded
 
 from simbench.detectors.errors import RecordError
 from simbench.detectors.judge import judge
@@ -17,13 +17,13 @@ from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.conclusion import judged
 from simbench.gap.stiction.friction import FRICTION, friction, without_last_bits
+from simbench.scenarios.spec import Loop
 
 
 @pytest.mark.slow
 def test_friction_that_was_taken_out_of_the_library_is_no_fault():
-    case = random_case(2, ("load_steps",))
     with left_out(FRICTION):
-        report = diagnose(case.record.window(0, 300), case.baseline)
+        report = diagnose(recorded(LOADED).window(0, 300), Loop.from_table(LOADED))
     assert report.probability_of_stiction < 0.5
     assert FRICTION not in report.behind.found.candidates
 
@@ -136,7 +136,7 @@ def test_nor_does_it_in_any_other_verb(archived):
 
 
 def test_what_another_unit_rounds_differently_decides_nothing():
-    case = random_case(5, ("stiction",)).record
+    case = recorded(RESTING | STICKY)
     rng = np.random.default_rng(0)
     plain = replace(case, pv=np.round(case.pv, 3), op=np.round(case.op, 3), mv=None)
     moved = replace(

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from random_case import random_case
+from recorded import LOADED, STICKY, recorded
 
 from simbench.cli import main
 from simbench.files import write_record
@@ -50,8 +50,8 @@ def test_records_of_one_loop_count_together_but_not_as_often_as_they_were_taken(
 def folder(tmp_path_factory):
     """Return two records of 400 samples, one of a sticky loop."""
     place = tmp_path_factory.mktemp("records")
-    for name, effects in (("sticky", ("stiction",)), ("sound", ())):
-        write_record(random_case(7, effects).record.window(0, 400), place / f"{name}.csv")
+    for name, valve in (("sticky", STICKY), ("sound", {})):
+        write_record(recorded(LOADED | valve).window(0, 400), place / f"{name}.csv")
     return place
 
 
