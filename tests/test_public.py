@@ -121,3 +121,12 @@ def test_python_concludes_what_the_command_line_concludes(tmp_path, run, capsys)
     diagnosed = json.loads(capsys.readouterr().out)
     assert json.loads(json.dumps(sb.diagnose(path).as_json())) == diagnosed
     assert sb.diagnose(path).conclusion.as_json() == diagnosed["conclusion"]
+
+
+def test_results_show_themselves_in_one_line(run):
+    detected, diagnosed = sb.detect(run, "horch"), sb.diagnose(run)
+    assert repr(detected) == "Report: 1 verdict on 1 record"
+    for thing in (detected, diagnosed, diagnosed.conclusion, diagnosed.procedure):
+        assert "\n" not in repr(thing)
+        assert len(repr(thing)) < 300
+        assert thing._repr_html_()

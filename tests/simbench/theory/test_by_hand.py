@@ -227,3 +227,15 @@ def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
         assert sum(check.disagreements.values()) == (1 if check.table else 3)
     every_other = table_check.check_table_11_3(load_steps=2, every=2)[0]
     assert (every_other.loops, every_other.exist) == (2, 1)
+
+
+def test_the_checked_loops_have_the_integral_times_they_promise():
+    for process, times in (
+        ("integrating", {10.0, 20.0, 40.0}),
+        ("self-regulating", {5.0, 10.0, 20.0}),
+    ):
+        made = list(table_check._loops(process, "PI", "dead-band"))
+        assert {round(loop.Ts / loop.beta, 9) for loop in made} == times
+        assert {round(loop.Td, 9) for loop in made} == (
+            {0.0, 1.0, 4.0} if process == "integrating" else {0.0, 2.0, 10.0}
+        )

@@ -12,6 +12,7 @@ from simbench.bench.score import folds
 from simbench.bench.score.answers import home_of
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.scoring import score_book, score_run
+from simbench.bench.store.benchmark import FROM_RECORDS
 from simbench.cli import main
 from simbench.detectors.verdict import NO_DECISION, STICTION
 from simbench.scenarios.grid import make_grid
@@ -296,3 +297,44 @@ def test_a_grid_that_draws_copies_is_told_when_it_is_loaded_and_ranks_nothing(tm
     assert "There is no ranking" in text
     run_grid(make_grid(content, sets={"noise.std": 0.1}), tmp_path / "noisy", ["he"])
     assert "same record" not in capsys.readouterr().err
+
+
+def test_where_no_ranking_is_possible_the_reason_is_printed(book):
+    few = np.tile([1, 0], 9)
+    text = score_book(book([few, few], few)).as_text()
+    assert (
+        "There is no ranking: 18 oscillating loops have a clear label, and 30 are needed." in text
+    )
+    assert score_book(book([few, few], few)).rows()["rank"].isna().all()
+    unclear = score_book(book(np.ones(40), np.full(40, -1)))
+    assert "There is no ranking: 0 oscillating loops have a clear label" in unclear.as_text()
+    whole = " ".join(unclear.as_text(full=True).split())
+    assert "0 yes, 0 no, 0 entrained, 40 unclear" in whole
+    truth = np.tile([1, 0], 30)
+    partly = book([truth, truth], truth)
+    partly.applicable[:, 20:] = 0
+    partial = score_book(partly).as_text()
+    assert "There is no ranking: no method answers 90 % of the 60 loops; m0 answers 20." in partial
+    alone = score_book(book(truth, truth)).as_text()
+    assert "Only one method covers these loops" in alone
+
+
+def advised(book, said, source=FROM_RECORDS):
+    """Return the first sentence of the ranking of a run whose grid has this source."""
+    told = book(said, np.tile([1, 0], 60))
+    told = replace(told, manifest={**told.manifest, "grid_content": {"source": source}})
+    return " ".join(score_book(told).as_text().split("\n\n")[0].split())
+
+
+def test_a_run_made_from_records_begins_with_the_method_to_rely_on(book):
+    truth = np.tile([1, 0], 60)
+    silent = np.full(120, 2)
+    assert advised(book, [truth, silent]) == (
+        "Rely on m0 for such loops: on 120 simulations of loops like these m0 is right in 100% and"
+        " wrong in 0%."
+    )
+    two = advised(book, [truth, truth, silent])
+    assert two.endswith("wrong in 0%; these loops do not tell it from m1.")
+    wrong = advised(book, [np.roll(truth, 1), silent])
+    assert wrong.startswith("No method is known to be worth more here than no answer: on 120")
+    assert advised(book, [truth, silent], "own").startswith("grid ")

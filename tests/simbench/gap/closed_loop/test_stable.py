@@ -43,3 +43,15 @@ def test_an_effect_does_not_hide_that_the_loop_is_unstable():
     one = loop(effect=[{"name": "deadband", "S": 1.0}])
     assert stable(one).plant.K < one.plant.K
     assert stable(one).effect == one.effect
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"plant": PLANT | {"K": 0.5}},
+        {"effect": [{"name": "deadband", "S": 1.0}], "plant": PLANT | {"K": 0.5}},
+    ],
+)
+def test_other_loops_are_left_as_they_are(changes):
+    one = loop(**changes)
+    assert stable(one) is one

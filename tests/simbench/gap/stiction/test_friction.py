@@ -14,6 +14,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import STICTION
 from simbench.gap import diagnose
 from simbench.gap.likelihood.kernels import SKIP
+from simbench.gap.likelihood.valves import Regressed
+from simbench.gap.stiction import any_spectrum as spectrum
 from simbench.gap.stiction import friction as module
 from simbench.gap.stiction.conclusion import judged
 from simbench.gap.stiction.friction import FRICTION, friction, without_last_bits
@@ -149,3 +151,20 @@ def test_what_another_unit_rounds_differently_decides_nothing():
     assert np.array_equal(a.pv, b.pv)
     assert np.array_equal(a.op, b.op)
     assert np.abs(a.pv - plain.pv).max() < 1e-7 * np.ptp(plain.pv)
+
+
+@pytest.fixture
+def as_made_up(monkeypatch):
+    """Leave the likelihood of made-up views as it is: no spectrum, no regression."""
+    silent = Regressed(0.0, np.empty((0, 3)), 10.0, 0.0)
+    monkeypatch.setattr(module, "friction_regressed", lambda op, pv: silent)
+    monkeypatch.setattr(spectrum, "any_spectrum", lambda left: -0.5 * left**2)
+
+
+@pytest.mark.usefixtures("as_made_up")
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_no_sample_is_worth_more_than_a_nat(sign):
+    one = NOTHING.copy()
+    one[100:103] += sign * 50.0
+    weighed = module._likeliest_view([view(NOTHING, one, price=0.0)])
+    assert weighed.evidence.gain == pytest.approx(3.0 * sign)
