@@ -16,6 +16,7 @@ import simbench.detectors as detectors
 import simbench.scenarios as scenarios
 from simbench.cli import main
 from simbench.detectors.errors import RecordError, UnknownName
+from simbench.detectors.methods import horch
 
 PACKAGES = [sb, sb.gap, detectors, scenarios]
 PIPED = {"capture_output": True, "text": True, "check": True}
@@ -130,3 +131,10 @@ def test_results_show_themselves_in_one_line(run):
         assert "\n" not in repr(thing)
         assert len(repr(thing)) < 300
         assert thing._repr_html_()
+
+
+def test_the_verbs_of_a_check_are_functions(tmp_path):
+    folder = sb.run("smoke", "horch", out=tmp_path / "run", sets={"disturbance": "none"})
+    assert sb.check(folder, folder).result == "same"
+    assert repr(sb.check(folder, folder)).endswith(": same")
+    assert sb.contract(horch.__file__).kept

@@ -29,6 +29,7 @@ from simbench.scenarios.grid import load_grid
 from simbench.scenarios.sample import Sample
 from simbench.scenarios.spec import Loop
 from simbench.theory.describing import deadzone, stiction
+from simbench.theory.tables import truth_columns
 from tests.simbench.boundary.conftest import here, refused, sampled
 from tests.simbench.boundary.test_loops import text
 
@@ -237,6 +238,9 @@ WRONG_COMMANDS = [
     ("list figures --jsn", "--json"),
     ("list effekte", "effects"),
     ("valve LABELS --model ideal -o OUT", "op"),
+    ("valve HOT --model ideal -o OUT", "line 3: op is 'hot'"),
+    ("valve BARE --model ideal -o OUT", "line 3: op is empty"),
+    ("valve UNEVEN --model ideal -o OUT", "line 5: a time step of 3 s among steps of 1 s"),
     ("score DIR --truth cycle", "cycled"),
     ("run smoke -o OUT --backend dask", "--address"),
     ("figure fig-11-12 -o OUT", "--isdb"),
@@ -245,7 +249,7 @@ WRONG_COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize(("line", "part"), sampled(WRONG_COMMANDS, 12))
+@pytest.mark.parametrize(("line", "part"), sampled(WRONG_COMMANDS, 8, WRONG_COMMANDS[-11:]))
 def test_a_wrong_command(here, line, part):
     share = "".join(f"{k},{0.5 + k % 7 / 100},{50 + k % 5}\n" for k in range(300))
     files = {
@@ -256,6 +260,9 @@ def test_a_wrong_command(here, line, part):
         "FAST": ("fast.toml", text("sampling", "Ts", "1e-6")),
         "PART": ("part.toml", "[noise]\nstd = 0.1\n"),
         "SHARE": ("share.csv", f"t,op,pv\n{share}"),
+        "HOT": ("hot.csv", "t,op\n0,50\n1,hot\n"),
+        "BARE": ("bare.csv", "t,op\n0,50\n1,\n"),
+        "UNEVEN": ("uneven.csv", "t,op\n0,50\n1,51\n2,52\n5,53\n"),
         "TAGS": ("tags.csv", RECORD.replace("sp,op,pv", "LIC7.SP,LIC7.OP,LIC7.PV", 1)),
         "RECS/one.csv": ("records/one.csv", RECORD),
     }
@@ -433,6 +440,7 @@ WRONG_VALVES = [
     ("choudhury", BAND | {"S": True}, "S = True is no number"),
     ("choudhury", BAND | {"S": [1.0]}, "S = [1.0] is no number"),
     ("choudhury", BAND | {"S": 10**400}, "is not finite"),
+    ("choudhury", BAND | {"S": 10**5000}, "a number of thousands of digits"),
     ("characteristic", {"type": "linaer"}, "did you mean 'linear'"),
     ("hysteresis", {"S": 50, "H": 30}, "exceeds the travel"),
     ("limits", {"low": 60, "high": 40}, "must be below"),
@@ -446,7 +454,10 @@ WRONG_VALVES = [
     ("he", {"fs": 1, "fd": -2}, "is negative"),
     ("lugre", {"S": 5, "J": 5}, "needs Fc > 0"),
     ("coulomb_viscous", {"S": 5, "Fc": 5}, "give S or Fc"),
-    *((model, {"substep": 5e-3}, "substep = 0.005 s is too large") for model in FRICTION[:3]),
+    *(
+        (model, {"substep": 5e-3}, "substep = 0.005 s is too large")
+        for model in ("coulomb_viscous", *FRICTION[:3])
+    ),
     *((model, {"S": 5, "J": 7}, "friction alone cannot overshoot") for model in FRICTION),
     *((model, {"Fs": 1, "Fc": 2}, "a valve at rest holds at least as hard") for model in FRICTION),
     *((model, {"k": 0}, "k = 0 is out of range, it must be > 0") for model in FRICTION),
@@ -463,6 +474,7 @@ def test_a_valve_that_cannot_be_is_one_sentence(model, parameters, words):
 
 
 WAVE = LoopRecord(op=np.sin(np.arange(300.0)), pv=np.cos(np.arange(300.0)), Ts=1.0)
+MISSPELT = {"valve": {"model": "choudury"}}
 WRONG_CALLS = [
     (lambda: judge(WAVE, ["horhc"]), "did you mean 'horch'"),
     (lambda: judge(WAVE, ["horch"], thresholds={"horch": {"dtau_hihg": 0.5}}), "'dtau_high'"),
@@ -475,7 +487,17 @@ WRONG_CALLS = [
     (lambda: Sample.of(load_grid("smoke"), 49), "smoke: 49 points; 1 to 48 are allowed"),
     (lambda: stiction(5.0, -1.0), "describing function"),
     (lambda: deadzone(0.0), "describing function"),
-    (lambda: simulate(Loop.from_table(GOOD_LOOP), plant=control.tf([1], [1, 1], 0.1)), "discrete"),
+    *(
+        (lambda given=given: simulate(Loop.from_table(GOOD_LOOP), plant=control.tf(*given)), words)
+        for given, words in (
+            (([1], [1, 1], 0.1), "discrete"),
+            (([1], [1, -1]), "unstable"),
+            (([1, 1], [1, 2]), "strictly proper"),
+            (([-1], [1, 1]), "positive feedback"),
+        )
+    ),
+    (lambda: truth_columns(Loop.from_table(GOOD_LOOP | MISSPELT)), "did you mean 'choudhury'"),
+    (lambda: sb.figure("fig-11-8", S="x"), "above 0 is needed"),
     (lambda: sb.figure("fig-11-25", S=3.0), "shows no loop with S"),
     (lambda: sb.figure("fig-11-2", S=3.0), "shows no simulated loop"),
     (lambda: travel_test(Loop.from_table(GOOD_LOOP), 0.2, 60), "increment"),

@@ -449,3 +449,12 @@ def test_fresh_seeds_are_drawn_and_stated(tmp_path):
     )
     with pytest.raises(RunError, match="draws the grid's seed"):
         run_grid(file, tmp_path / "c", ["he"], sets={"seed": 4}, fresh_seeds=True)
+
+
+@pytest.mark.usefixtures("unscored")
+def test_the_bar_shows_rate_remaining_time_and_failures_when_asked(small, tmp_path, capfd):
+    run_grid(small, tmp_path / "run", ["yamashita"], progress=True)
+    err = capfd.readouterr().err
+    assert "32/32" in err
+    assert "scenarios/s" in err
+    assert "failures=0" in err

@@ -338,3 +338,23 @@ def test_a_run_made_from_records_begins_with_the_method_to_rely_on(book):
     wrong = advised(book, [np.roll(truth, 1), silent])
     assert wrong.startswith("No method is known to be worth more here than no answer: on 120")
     assert advised(book, [truth, silent], "own").startswith("grid ")
+
+
+def test_loops_that_do_not_oscillate_have_another_table(book):
+    rng = np.random.default_rng(6)
+    going = np.arange(200) < 100
+    truth = np.where(going, rng.integers(0, 2, 200), 0)
+    run = replace(
+        book(np.where(going, truth, 1), truth),
+        oscillating=going,
+    )
+    assert "loops that do not oscillate (" in score_book(run).as_text(full=True)
+    still = score_book(run).rows(population=OF_NOT_OSCILLATING).set_index("method").loc["m0"]
+    assert (still.n, still.false_positives, still.no_decision) == (100, 1.0, 0.0)
+    lines = score_book(run).as_text(full=True).splitlines()
+    at = next(
+        k
+        for k, line in enumerate(lines)
+        if line.startswith("loops that do not oscillate (100, 0 positive)")
+    )
+    assert lines[at + 2].split() == ["m0", "100", "1.00", ".00"]

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from simbench.gap.report.ranked import Gap, Ranked
+from simbench.gap.report.ranked import Gap, Ranked, numbers
 from simbench.gap.report.result import GapReport
 from simbench.gap.stiction.conclusion import Conclusion
 from simbench.scenarios import spec
@@ -114,3 +114,29 @@ def test_a_table_and_a_picture_hold_the_ranking():
     shown = report()._repr_html_()
     assert "The simulation lacks stiction" in shown
     assert "effect_4" in shown
+
+
+def test_a_terminal_shows_what_cannot_be_distinguished_and_when_nothing_can_be_claimed():
+    ranking = (*RANKING[:1], Ranked("deadband", "valve", 0.03, None, None, {}), *RANKING[1:])
+    text = report(
+        group=("deadband", "stiction"),
+        gap=(1.0, 1.0, 1.0, 0.8, False, 0.8),
+        value=None,
+        blocks=dict.fromkeys(SHARES, 0.0),
+        ranking=ranking,
+    )
+    told = text.as_text()
+    assert "Not told apart by this record: deadband, stiction (0.94 together)." in told
+    assert "The gap does not stand out of the floor, so no reduction is claimed." in told
+    assert "by block" not in told
+    assert "Of the gap" not in told
+    assert report(group=("stiction",)).as_text().count("Not told apart") == 0
+    wider = report(value=-0.25).gap_lines()[-1]
+    assert wider.endswith("the effect does not remove any (90 % interval -35 to -20 %).")
+
+
+def test_units_of_op_are_those_of_the_record():
+    assert numbers("stiction", {"S": 2.0, "J": 1.0}, "") == "S = 2, J = 1 % of travel"
+    assert numbers("stiction", {"S": 2.0}, "", "OP units") == "S = 2 OP units"
+    assert numbers("load_drift", {"rate": 2.0}, "", "OP units") == "rate = 2 OP units/s"
+    assert numbers("sensor_lag", {"tau": 2.0}, "", "OP units").endswith(" s")
