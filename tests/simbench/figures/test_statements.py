@@ -26,12 +26,6 @@ def wave_likeness(x: np.ndarray, period: float) -> dict[str, float]:
     }
 
 
-def harmonics(x: np.ndarray, periods: int) -> np.ndarray:
-    """Power of harmonics 1, 2, ... of a series of whole periods."""
-    power = np.abs(np.fft.rfft(x - x.mean())) ** 2
-    return power[periods : 20 * periods : periods]
-
-
 PANELS = {name: FIGURES.load(name).PANELS for name in ("fig_11_9", "fig_11_9_integrating")}
 COLUMNS = {"fig_11_9": "Td_over_T", "fig_11_9_integrating": "Td_over_Ti"}
 
@@ -74,32 +68,9 @@ def test_pv_of_an_integrating_loop_is_most_like_a_triangle(drawn, i):
     assert max(alike, key=alike.__getitem__) == "triangle"
 
 
-@pytest.mark.parametrize("name", PANELS)
-@pytest.mark.parametrize("i", range(6))
-@pytest.mark.parametrize("signal", ["OP (%)", "PV - SP"])
-def test_a_symmetric_cycle_has_odd_harmonics_only(drawn, name, i, signal):
-    power = harmonics(cycle(drawn, name, i)[signal].to_numpy(), periods=3)
-    even, odd = power[1::2].sum(), power[0::2].sum()
-    assert even / odd < 0.01
-
-
 def test_example_11_3_verdicts_follow_w_Ti_though_no_valve_sticks(drawn):
     verdicts = drawn("fig_11_16").groupby("w_Ti").verdict.first()
     assert verdicts.to_dict() == {10.0: "no_stiction", 1.0: "no_decision", 0.1: "stiction"}
-
-
-def test_example_11_3_has_the_phase_shifts_of_the_text():
-    figure = FIGURES.load("fig_11_16")
-    for (w_Ti, (_, Kc)), shift in zip(figure.CASES.items(), (np.pi, 3 * np.pi / 4, np.pi / 2)):
-        record = simulate(figure.loop(w_Ti, Kc)).record.window(6000, 12000)
-        wave = np.exp(-2j * np.pi * record.t / figure.PERIOD)
-        measured = abs(
-            np.angle(
-                ((record.op - record.op.mean()) @ wave) / ((record.pv - record.pv.mean()) @ wave)
-            )
-        )
-        assert measured == pytest.approx(np.pi - np.arctan(1 / w_Ti), abs=0.02)
-        assert measured == pytest.approx(shift, abs=0.12)
 
 
 def test_a_dead_band_meets_the_integrating_loop_only(drawn):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from results.studies.worlds import nuisances, recipes
@@ -35,15 +34,3 @@ def test_a_stated_filter_is_in_the_file_and_not_in_its_plant():
         nominal = build(case, nominal=True)
         assert nominal.sensor.lag == case["filter"]
         assert nominal.noise_std == pytest.approx(wanted)
-
-
-def test_noise_that_is_coloured_in_part_is_as_large_as_drawn():
-    noises = (0.0, 1.0, 0.0, 0.0)
-    habits = REFINERY._replace(noises=noises, share=0.2, phi=(0.9, 0.9), late=0.0)
-    answer = drawing.draw(5, 1, ENTRY, habits).answer
-    answer["case"]["load"]["scale"] = 0.0
-    without = [{"effect": "noise", "parameters": {"factor": 1e-6, "std": 0.0}}]
-    seen, still = (nuisances.simulate(answer, e, 3)["pv"] for e in ([], without))
-    # four fifths are white
-    expected = answer["case"]["noise"]["std"] * np.sqrt(2 * (0.8 + 0.2 * 0.1))
-    assert np.std(np.diff(seen - still)) == pytest.approx(expected, rel=0.15)

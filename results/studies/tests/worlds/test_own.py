@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from results.studies.withheld.world import WORLD_EFFECTS
-from results.studies.worlds.own import drawing, faults, items, loops, oracle, sizes
+from results.studies.worlds.own import drawing, faults, items, loops, sizes
 from results.studies.worlds.own import simulator as sim
 
 RNG = np.random.default_rng
@@ -100,34 +100,6 @@ def test_every_fault_shows_at_full_strength_and_can_be_tested_in_a_slow_loop(nam
     assert max(np.abs(a.op - b.op).max(), np.abs(a.pv - b.pv).max() / case.unit) > 0.05
     slow = replace(case, speed=400.0 * case.Ts, n=100)
     assert np.isfinite(loops.simulate(slow, 3, (fault,)).pv).all()
-
-
-@pytest.mark.parametrize("colour", ["white", "ou", "ar2", "pink", "flicker", "bluish", "heavy"])
-def test_coloured_noise_has_unit_variance_and_its_colour(colour):
-    x = np.concatenate([loops.coloured(colour, 4000, 10.0, RNG(i)) for i in range(30)])
-    assert x.var() == pytest.approx(1.0, rel=0.08)
-    r1 = np.mean(x[1:] * x[:-1])
-    expected = {"white": 0.0, "heavy": 0.0, "bluish": -0.2 / 1.04, "ou": math.exp(-0.1)}
-    if colour in expected:
-        assert r1 == pytest.approx(expected[colour], abs=0.03)
-    else:
-        assert r1 > (0.05 if colour == "flicker" else 0.5)
-
-
-@pytest.mark.parametrize(
-    ("effect", "strength"), [("noise", "medium"), ("noise", "strong"), ("deadband", "weak")]
-)
-def test_the_drawn_record_lies_in_its_band_and_the_oracle_can_be_asked_again(effect, strength):
-    item = items.draw_item(
-        3, 0, {"kind": "single", "effect": effect, "strength": strength, "mv": True}
-    )
-    lo, hi = oracle.STRENGTHS[strength]
-    assert lo <= item.answer["ratio"] <= hi
-    case, seed = loops.TrueLoop.from_dict(item.answer["case"]), item.answer["seed"]
-    acts = (faults.fault(effect, item.answer["parameters"]),)
-    again = oracle.ratio(case, seed, acts, oracle.reference(case, seed).cloud)
-    assert again.expected == pytest.approx(item.answer["ratio"], abs=1e-3)
-    np.testing.assert_array_equal(loops.simulate(case, seed, acts).pv, item.signals.pv)
 
 
 def test_the_nominal_plant_is_within_ten_percent_and_a_mismatch_counts_from_it_exactly():

@@ -8,7 +8,6 @@ import pytest
 from results.studies.worlds import recipes
 from results.studies.worlds.refinery import drawing
 from results.studies.worlds.refinery.loops import REFINERY
-from results.studies.worlds.refinery.simulation import build
 from simbench.scenarios.spec import Loop
 
 ENTRY = {"kind": "none", "mv": True}
@@ -56,25 +55,6 @@ def test_a_step_test_shows_the_lags_of_sound_instruments_in_the_plant():
         assert 0.0 < small < 0.6 * case["time"]
         late = sum(model.get(k, 0.0) - (case["plant"][k] or 0.0) for k in ("T", "Td"))
         assert late == pytest.approx(small, rel=0.1)
-
-
-@pytest.mark.parametrize("kind", [0, 1])
-def test_noise_is_as_large_as_it_is_seen_behind_a_filter(kind):
-    quiet = tuple(float(k == 0) for k in range(6))
-    noises = tuple(float(k == kind) for k in range(4))
-    for item in drawn_with(filter=0.3, noises=noises, loads=quiet, phi=(0.5, 0.5)):
-        answer = item.answer
-        answer["case"]["load"]["scale"] = 0.0
-        without = [{"effect": "noise", "parameters": {"factor": 1e-6, "std": 0.0}}]
-        seen, still = (recipes.simulate(answer, e, 3)["pv"] for e in ([], without))
-        high = np.std(np.diff(seen - still))
-        # what passes both the filter and the loop is nearly all of the quick part
-        keep = np.exp(-answer["case"]["Ts"] / answer["case"]["filter"])
-        phi = 0.5 * (kind == 1)
-        step = np.sqrt(2.0 * (1.0 - (keep + phi) / (1.0 + keep * phi)))
-        assert high == pytest.approx(answer["case"]["noise"]["std"] * step, rel=0.2)
-        # the baseline's plant has no filter, and its noise is as large as it is stated
-        assert build(answer["case"], nominal=True).noise_std == answer["case"]["noise"]["std"]
 
 
 def test_a_clock_is_early_or_late_and_rows_are_lost_in_the_archive_alone():

@@ -5,10 +5,8 @@ definition.
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from results.studies.worlds.refinery import archive, baseline, loads
-from results.studies.worlds.refinery.setpoint import pattern
+from results.studies.worlds.refinery import archive, baseline
 
 
 def series(n=2000, seed=0):
@@ -32,47 +30,6 @@ def test_exception_reports_keep_jumps_sudden_and_small_moves_out():
     np.testing.assert_allclose(
         archive.exceptions(x, 0.2), [0.0, 0.05 / 3, 0.1 / 3, 0.05, 5.0, 5.05, 5.1, 5.0]
     )
-
-
-@pytest.mark.parametrize("kind", loads.NOISES)
-def test_noise_has_variance_one(kind):
-    x = loads.noise(np.random.default_rng(3), 100_000, {"kind": kind, "phi": 0.6})
-    assert x.std() == pytest.approx(1.0, rel=0.03)
-    assert np.corrcoef(x[1:], x[:-1])[0, 1] == pytest.approx(
-        0.6 if kind == "ar1" else 0.0, abs=0.02
-    )
-    assert np.abs(x).max() < 5.5
-
-
-@pytest.mark.parametrize(
-    ("draw", "settings"),
-    [
-        (loads.ornstein_uhlenbeck, (5.0,)),
-        (loads.pink, (0.3,)),
-        (loads.jumps, (0.1,)),
-        (loads.telegraph, (0.1,)),
-        (loads.shot, (0.2, 5.0)),
-    ],
-)
-def test_unit_loads_have_mean_zero_and_variance_one(draw, settings):
-    x = draw(np.random.default_rng(1), 200_000, 0.1, *settings)
-    assert abs(x.mean()) < 0.2
-    assert x.std() == pytest.approx(1.0, rel=0.15)
-    if draw is loads.jumps:
-        assert np.mean(np.diff(x) != 0.0) == pytest.approx(0.01, rel=0.1)
-
-
-def test_set_point_patterns():
-    knots = [[3, 2.0], [6, 4.0]]
-    assert pattern({"kind": "constant", "value": 1.0}, 2, 3, 1.0).tolist() == [1.0] * 5
-    steps = pattern({"kind": "steps", "value": 1.0, "knots": knots}, 0, 8, 1.0)
-    assert steps.tolist() == [1.0] * 3 + [2.0] * 3 + [4.0] * 2
-    ramp = pattern({"kind": "ramps", "value": 1.0, "knots": knots}, 0, 8, 1.0)
-    np.testing.assert_allclose(ramp[3:7], [2, 2 + 2 / 3, 2 + 4 / 3, 4])
-    wander = {"kind": "cascade", "value": 9.0, "size": 2.0, "time": 30.0, "seed": 5}
-    x = pattern(wander, 0, 50_000, 1.0)
-    assert x.std() == pytest.approx(2.0, rel=0.25)
-    assert np.array_equal(x, pattern(wander, 0, 50_000, 1.0))
 
 
 def test_baseline_of_a_plant_with_small_lags_is_the_closest_first_order_response():

@@ -79,44 +79,6 @@ def test_valve_effects_stand_between_op_and_mv(answer):
     )
 
 
-def test_loads_enter_in_per_cent_at_the_input(answer):
-    case = answer["case"]
-    plain = simulation._signals(prepared(case, []), case, 1).load
-    sine = simulation._signals(
-        prepared(
-            case, [{"effect": "oscillation", "parameters": {"amplitude": 4.0, "period": 60.0}}]
-        ),
-        case,
-        1,
-    )
-    extra = sine.load - plain
-    assert np.ptp(extra) / 2 == pytest.approx(4.0, rel=1e-3)
-    h = case["Ts"] / simulation.SUBSTEPS
-    spectrum = np.abs(np.fft.rfft(extra))
-    assert np.fft.rfftfreq(extra.size, h)[np.argmax(spectrum)] == pytest.approx(1 / 60.0, rel=0.02)
-    ramp = (
-        simulation._signals(
-            prepared(case, [{"effect": "load_drift", "parameters": {"rate": 0.002}}]), case, 1
-        ).load
-        - plain
-    )
-    assert ramp[-1] - ramp[0] == pytest.approx(0.002 * h * (ramp.size - 1))
-
-
-def test_saturation_and_error_deadband_bind(answer):
-    width = 3 * answer["case"]["scales"]["e"]
-    lo, hi = np.round(np.quantile(record(answer)["op"], [0.2, 0.7]), 1)
-    op = record(answer, "saturation", lo=float(lo), hi=float(hi))["op"]
-    assert op.min() == lo
-    assert op.max() == hi
-    dead = record(answer, "error_deadband", width=width)
-    e = dead["sp"] - dead["pv"]
-    inside = np.abs(e) < 0.499 * width
-    both = inside[1:] & inside[:-1] & (np.arange(1, e.size) > 1)
-    assert np.all(np.diff(dead["op"])[both] == 0)
-    assert np.any(np.diff(dead["op"])[~both] != 0)
-
-
 def test_plant_mismatches_change_one_number(answer):
     case = answer["case"]
     p = simulation.build(case).plant

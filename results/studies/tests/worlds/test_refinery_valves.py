@@ -10,22 +10,7 @@ import pytest
 from results.studies.worlds.refinery import valves
 from results.studies.worlds.refinery.valves import Valve
 
-MODELS = [valves.CHOUDHURY, valves.HE, valves.KARNOPP, valves.STRIBECK, valves.LUGRE]
-NAMES = [valves.FRICTION[m] for m in MODELS]
 H, SUB = 1 / 24, 24
-
-
-def rubbing(model, S, J):
-    time, share = 0.05, 0.005 if model == valves.LUGRE else 0.05
-    return Valve(
-        friction=model,
-        fs=(S + J) / 2,
-        fd=(S - J) / 2,
-        travel_time=time,
-        stribeck_speed=share * J / time,
-        slip_end=0.01 * S,
-        bristle=0.002 * S,
-    )
 
 
 def stroke(valve, op):
@@ -62,22 +47,6 @@ def test_laws_by_hand():
         state = valves.rest(50.0)
         v = Valve(friction=friction, fs=3.0, fd=1.0)
         assert [valves.scan(u, state, v) for u in op] == pytest.approx(stem)
-
-
-@pytest.mark.parametrize("model", MODELS, ids=NAMES)
-@pytest.mark.parametrize(("S", "J"), [(6.0, 2.0), (4.0, 3.0)])
-def test_slow_stroke_shows_the_mapped_band_and_jump(model, S, J):
-    up = np.arange(40.0, 60.0, 0.02)
-    op = np.concatenate([up, up[::-1]])
-    mv = stroke(rubbing(model, S, J), op)[SUB - 1 :: SUB]
-    top = up.size
-    fall = top + int(np.argmax(mv[top:] < mv[top] - 0.3 * J))
-    # from the end of the upward stroke the stem lags by at least (S-J)/2, at most (S+J)/2; it gives
-    # way at (S+J)/2 below
-    assert op[fall] - mv[fall - 1] == pytest.approx(-(S + J) / 2, rel=0.12)
-    jump = mv[fall - 2] - mv[min(fall + 3, mv.size - 1)]
-    assert jump == pytest.approx(J, rel=0.25)
-    assert mv[top - 1] <= op[top - 1] - (S - J) / 2 + 0.05 * S
 
 
 def test_stroking_speed_and_stops():

@@ -107,19 +107,6 @@ def test_an_item_is_drawn_alike_whatever_was_drawn_before(world):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_loop_of_an_answer_runs_again_with_any_effect_in_place_of_the_true_one(name):
-    simulate = load_world(name).simulate
-    answer = item_of(name, list(WORLD_EFFECTS).index("gain_mismatch")).answer
-    plain = simulate(answer, [], 9)
-    noisy = simulate(answer, [{"effect": "noise", "parameters": {"factor": 30.0, "std": 0.0}}], 9)
-    assert np.std(np.diff(noisy["pv"])) > np.std(np.diff(plain["pv"]))
-    assert not np.array_equal(simulate(answer, [], 9, nominal=True)["pv"], plain["pv"])
-    other = simulate(answer, [], 10)
-    assert np.array_equal(other["sp"], plain["sp"])
-    assert not np.array_equal(other["pv"], plain["pv"])
-
-
-@pytest.mark.parametrize("name", NAMES)
 def test_at_identity_an_effect_changes_no_bit(name):
     world = load_world(name)
     answer = world.draw(4, 1, {"kind": "none", "mv": True, "plant": "foptd"}).answer

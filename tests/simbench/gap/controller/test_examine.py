@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.detectors.signal.filters import lfilter
 from simbench.gap.controller.examine import examine_controller
-from simbench.loop.controller import pid_numbers, pid_start, pid_step
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -62,22 +60,6 @@ def test_an_archive_that_stores_op_late_or_by_exception_hides_no_settings():
     other = loop.with_("controller.Kc", 6.0)
     retuned = examine_controller(r.op[:-1], r.pv[1:], r.sp[1:], r.Ts, other)
     assert retuned.tuning == pytest.approx((0.2, 1.0))
-
-
-@pytest.mark.parametrize("settings", [{}, {"b": 0.4, "c": 0.3, "N": 5.0}, {"form": "velocity"}])
-def test_a_pid_that_misses_scans_obeys_its_settings_from_run_to_run(settings):
-    loop = Loop.from_table({**TABLE, "controller": TABLE["controller"] | settings})
-    c, rng, n = loop.controller, np.random.default_rng(4), 800
-    p = pid_numbers(c, c.Kc, c.Ti, 1.0, loop.pv0, -np.inf, np.inf)
-    sp = np.where(np.arange(n) < 400, 50.0, 51.0)
-    pv = sp + lfilter([0.3], [1.0, -0.9], rng.standard_normal(n))
-    op, state = np.full(n, 50.0), pid_start(50.0, 0.0)
-    for k in range(1, n):
-        op[k] = op[k - 1]
-        if rng.random() > 0.15:
-            op[k], *rest = pid_step(sp[k] - pv[k], sp[k], state, p)
-            state = (op[k], *rest)
-    assert "skips scans" in examine_controller(op, pv, sp, 1.0, loop).foreign
 
 
 def test_the_pv_behind_a_pid_is_recovered_from_op():

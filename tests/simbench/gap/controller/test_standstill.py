@@ -73,17 +73,3 @@ def test_a_controller_that_misses_a_few_scans_obeys_its_law_from_move_to_move(mi
 def test_a_law_from_move_to_move_wants_thirty_moves(n, skips):
     op, e, size = scans(10, n=n)
     assert skips_scans(op, e, e.take, np.ones(n - 1, dtype=bool), size, 0.0) == skips
-
-
-@pytest.mark.parametrize(("noise", "skips"), [(0.01, True), (0.08, False)])
-def test_moves_that_obey_no_law_are_no_missed_scans(noise, skips):
-    op, e, size = scans(300, noise=noise)
-    assert skips_scans(op, e, e.take, np.ones(op.size - 1, dtype=bool), size, 0.0) == skips
-
-
-@pytest.mark.parametrize(("unit", "skips"), [(0.0, True), (0.05, True), (0.5, False)])
-def test_standstills_that_rounding_brings_by_chance_are_no_missed_scans(unit, skips):
-    # a unit of 2.5 sizes repeats itself all the time; three times as many as chance brings are
-    # wanted
-    op, e, size = scans(300)
-    assert skips_scans(op, e, e.take, np.ones(op.size - 1, dtype=bool), size, unit * size) == skips

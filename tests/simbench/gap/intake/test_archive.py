@@ -70,23 +70,6 @@ def test_a_lattice_counts_where_it_hides_something_and_is_the_archives_where_op_
     assert np.array_equal(plant_pv, PV + 1.0 if law is HIDDEN else PV)
 
 
-def test_a_thinned_archive_is_as_thin_as_its_lines_are_off_what_op_saw():
-    seen = PV + np.where(np.arange(N) < 50, 0.4, 0.01)
-    result, _, _ = find_archive(
-        seen_in(replace(LAW, reason="no law", recovered_pv=seen), replace(PLAIN, straight=0.18))
-    )
-    # 0.98 of the samples lie as near as the largest of the lines
-    assert result.band == pytest.approx(0.4)
-    few = PV + np.where(np.arange(N) < 15, 0.4, 0.01)
-    barely = replace(LAW, reason="no law", recovered_pv=few)
-    assert find_archive(seen_in(barely, replace(PLAIN, straight=0.18)))[0].band < 0.02
-    # where nothing tells, half of what PV moves
-    blind, plant_pv, _ = find_archive(seen_in(LAW, replace(PLAIN, straight=0.18)))
-    assert blind == Archive(None, pytest.approx(0.5 * np.std(np.diff(PV))))
-    assert plant_pv is not None
-    assert np.array_equal(plant_pv, PV)
-
-
 @pytest.mark.parametrize(
     ("law", "apart"),
     [
@@ -118,29 +101,6 @@ def hit(pv=PV, places=PLACES, heights=HEIGHTS):
     out = pv.copy()
     out[places] += heights
     return out
-
-
-def spiky(count=4):
-    return replace(PLAIN, spikes=PLACES[:count], heights=HEIGHTS[:count])
-
-
-def test_spikes_that_op_did_not_see_are_the_records_and_the_plants_pv_is_what_op_saw():
-    pv = hit()
-    for samples in (spiky(), PLAIN):
-        spikes, plant_pv, mismatch = _spikes(
-            seen_in(replace(LAW, recovered_pv=PV), samples, pv), pv, False
-        )
-        assert spikes == (4 / N, pytest.approx(3.25), "record")
-        assert np.array_equal(plant_pv, PV)
-        assert mismatch == ""
-    # below a few times what digits leave uncertain nothing is one
-    assert (
-        _spikes(seen_in(replace(LAW, recovered_pv=PV, blur=0.9), PLAIN, pv), pv, False)[0] is None
-    )
-    assert (
-        _spikes(seen_in(replace(LAW, recovered_pv=PV, blur=0.5), PLAIN, pv), pv, False)[0]
-        is not None
-    )
 
 
 def test_samples_that_were_lost_and_bridged_are_no_spikes_of_op_or_pv():

@@ -99,25 +99,3 @@ def test_the_higher_of_two_peaks_wins_though_a_coarse_scan_puts_it_second():
     near = engine.scans[1][2][:, 0]
     assert (near.min(), near.max()) == pytest.approx((4.08 * 0.96, 9.27 * 1.04))
     assert not np.any((near > 4.5) & (near < 8.8))
-
-
-class Hills(Peaks):
-    """An engine whose log-likelihood has a cone of 400 nats, 6 % wide in S, among three wider hills
-    of 250.
-    """
-
-    def height(self, numbers):
-        S, J = numbers
-        cone = 400.0 - 100.0 * max(abs(np.log(S / 5.2)) / 0.015, abs(J / S - 0.6) / 0.05)
-        return max(cone, *(250.0 - 900.0 * abs(np.log(S / hill)) for hill in (1.0, 2.0, 12.0)))
-
-
-@pytest.mark.parametrize("kind", [kernels.STICK, kernels.CREEP])
-def test_a_narrow_peak_wins_though_wider_hills_are_higher_on_the_coarse_set(kind):
-    engine = Hills(kind)
-    points = np.array([(s, 0.67 * s, 0.0) for s in np.geomspace(0.5, 20.0, 60)])
-    values = engine.scan(Spec(), THETA, kind, points)
-    assert not 4.7 < points[np.argmax(values), 0] < 5.7
-    best = scan_map(engine, Spec(), THETA, kind, points)
-    assert best.theta["S"] == pytest.approx(5.2, rel=0.02)
-    assert best.theta["J"] == pytest.approx(3.12, rel=0.1)

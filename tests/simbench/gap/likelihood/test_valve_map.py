@@ -56,15 +56,3 @@ def test_the_squares_within_a_sample_are_those_of_a_regression(side):
     expected = np.sum((mv - v - share * way) ** 2)
     assert squares_within(mv, v, side) == pytest.approx(expected, rel=1e-12)
     assert compiled(squares_within)(mv, v, side) == squares_within(mv, v, side)
-
-
-@pytest.mark.parametrize("tau", [0.5, 7.0])
-def test_a_lag_answers_a_step_by_its_time_constant_and_begins_at_rest(tau):
-    step = np.where(np.arange(60) >= 10, 53.0, 50.0)
-    k = np.arange(60) - 9
-    assert lag_signal(step, tau) == pytest.approx(
-        50.0 + 3.0 * np.where(k > 0, 1.0 - np.exp(-k / tau), 0.0)
-    )
-    assert lag_signal(np.full(60, 50.0), tau, 54.0) == pytest.approx(
-        50.0 + 4.0 * np.exp(-np.arange(60) / tau)
-    )
