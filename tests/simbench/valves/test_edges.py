@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from simbench.detectors.errors import ParameterError
-from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.loop.response import valve_response
 
 STICKY = {
@@ -29,14 +28,6 @@ STICKY = {
     },
     "lugre": {"S": 4.0, "J": 2.0},
 }
-
-
-@pytest.mark.parametrize("name", STICKY)
-@pytest.mark.parametrize(
-    ("op", "rest"), [(-7.0, 0.0), (0.0, 0.0), (37.0, 37.0), (100.0, 100.0), (108.0, 100.0)]
-)
-def test_a_sticky_valve_begins_where_op_is_within_its_travel_and_stays(name, op, rest):
-    np.testing.assert_allclose(valve_response(name, [op] * 4, STICKY[name]), rest, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -95,19 +86,6 @@ def test_eight_plays_of_a_hysteresis_open_one_after_the_other():
         assert valve_response("hysteresis", [40.0, 40.0 + rise], table)[1] == pytest.approx(
             40.0 + moved
         )
-
-
-def with_for_SJ():
-    return [name for name in VALVES.names() if hasattr(VALVES.load(name), "for_SJ")]
-
-
-@pytest.mark.parametrize("name", with_for_SJ())
-@pytest.mark.parametrize(("S", "J"), [(4.0, 1.5), (0.3, 0.3)])
-def test_a_valve_asked_for_a_band_has_it(name, S, J):
-    module = VALVES.load(name)
-    band = module.mapped_SJ(valve_parameters(module, module.for_SJ(S, J, 20.0), 1.0))
-    assert band[0] == pytest.approx(S)
-    assert band[1] == pytest.approx({"stenman": S, "hysteresis": 0.0, "deadband": 0.0}.get(name, J))
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,10 @@ import pytest
 from scipy.integrate import RK45
 from scipy.linalg import expm
 
-from simbench.loop.parameters import VALVES
 from simbench.loop.physical.bristles import slide_bristles
 from simbench.loop.physical.motion import fall_time, free, slide, stop_time
 from simbench.loop.physical.substeps import slide_in_substeps
 from simbench.loop.physical.tail import TOLERANCE_R, TOLERANCE_X, runge_kutta, slide_stribeck
-from simbench.loop.response import valve_response
 
 W2 = 400.0  # natural frequency 20 rad/s
 DAMPING = [0.0, 3.0, 19.99, 20.0, 20.01, 60.0]
@@ -174,43 +172,3 @@ def test_bristles_at_rest_under_what_they_carry_stay():
     )
     pushed = slide_bristles(52.0, 0.0, 50.0, 0.0, z, 1e-6, *BRISTLES.values(), 0.5)
     assert pushed[0] > 50.3
-
-
-EVEN = [
-    "choudhury",
-    "kano",
-    "he",
-    "stenman",
-    "coulomb",
-    "karnopp",
-    "stribeck",
-    "lugre",
-    "deadband",
-    "ideal",
-]
-
-
-def op_about(middle):
-    rng = np.random.default_rng(4)
-    return middle + np.clip(np.cumsum(rng.normal(0, 1.0, 150)), -8.0, 8.0)
-
-
-def table(name):
-    return {"stenman": {"d": 3.0}, "deadband": {"S": 4.0}, "ideal": {}}.get(
-        name, {"S": 4.0, "J": 1.5}
-    )
-
-
-@pytest.mark.parametrize("name", EVEN)
-@pytest.mark.parametrize("Ts", [0.02, 1.0])
-def test_friction_is_the_same_everywhere_and_both_ways(name, Ts):
-    """Up to the ends of travel, which act at the ends alone."""
-    assert name in VALVES.names()
-    middle = valve_response(name, op_about(50.0), table(name), Ts)
-    for place in (8.3, 91.7):
-        assert valve_response(name, op_about(place), table(name), Ts) - place == pytest.approx(
-            middle - 50.0, abs=2e-3
-        )
-    assert 100.0 - valve_response(name, 100.0 - op_about(50.0), table(name), Ts) == pytest.approx(
-        middle, abs=2e-3
-    )
