@@ -1,6 +1,4 @@
-"""The page on the architecture is true: its functions exist, no part is left out, and the picture
-shows the import rules of today.
-"""
+"""The page on the architecture is true: its functions exist, its picture shows the import rules."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The site builds without a warning, its tutorials run; every public name, key and method is there;
-it asks nothing outside.
-"""
+"""The site builds, its tutorials run, every public name has a page, and it asks nothing outside."""
 
 from __future__ import annotations
 

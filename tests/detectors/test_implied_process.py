@@ -1,4 +1,4 @@
-"""What the kind of a loop says of its process is used, and said."""
+"""A process that is stated is not replaced by what the kind of loop implies."""
 
 import numpy as np
 

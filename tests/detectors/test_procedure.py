@@ -1,6 +1,4 @@
-"""The diagnosis procedure: the flow chart is the program, every branch is reached, and each answer
-has its reason.
-"""
+"""The diagnosis procedure: each answer on a record that deserves it, real loops among them."""
 
 from dataclasses import replace
 from pathlib import Path

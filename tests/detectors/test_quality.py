@@ -1,6 +1,4 @@
-"""Data-quality flags: each fires on its fault, and none on a healthy or a noise-free sticky
-loop.
-"""
+"""Data-quality flags: each fires on its fault, and none on a sound record."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,4 @@
-"""The (S, J) automaton: golden sequences, the published x_ss reading as slow twin, and what must
-hold for every OP.
-"""
+"""The (S, J) automaton: golden sequences, and the published x_ss reading as slow twin."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,4 @@
-"""How little a method just accepts, what lies outside its numbers, and scores and levels that
-are known beforehand.
-"""
+"""How little a method just accepts, and what it answers to less."""
 
 import math
 from dataclasses import replace

@@ -10,7 +10,7 @@ from simbench.safe_path import VARIABLE, safe_path
 
 TRAP = "open('executed', 'a').write('x')\nraise SystemExit(3)\n"
 COMMANDS = {
-    "run": ["run", "smoke", "-o", "run", "-j", "2", "--method", "horch_histogram"],
+    "run": ["run", "smoke", "-o", "run", "-j", "2", "--method", "horch_histogram", "--n", "4"],
     "simulate": ["simulate", "smoke", "-o", "records", "--n", "2"],
 }
 

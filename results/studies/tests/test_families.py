@@ -1,6 +1,4 @@
-"""Valve families: rates by family, weights fitted without one, and the grid in which all stand in
-the same cells.
-"""
+"""Valve families: the grid in which all stand in the same cells."""
 
 from simbench.scenarios.grid import load_grid
 

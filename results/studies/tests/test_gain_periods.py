@@ -1,4 +1,4 @@
-"""The study of periods after a change of gain: what is simulated and what is printed."""
+"""Periods after a change of gain: a sticky loop cycles far from its limit, a sound one does not."""
 
 import pytest
 

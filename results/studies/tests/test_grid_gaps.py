@@ -1,4 +1,4 @@
-"""The study of what grids lack: units stay whole, and every number of `list grids` is printed."""
+"""What grids lack: units stay whole, and a known difference is told."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What nuisances cost: the figures by hand, and that each nuisance is taken out."""
+"""What nuisances cost: each is drawn and taken out of the same seed."""
 
 from __future__ import annotations
 

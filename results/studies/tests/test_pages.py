@@ -1,6 +1,4 @@
-"""The pages written from the code: every published number is there with ours, and the gallery
-shows every figure.
-"""
+"""The pages written from the code: every number that does not reproduce has its reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Weights of the procedure: the loops they come from, and the fit."""
+"""Weights of the procedure point the way the indices do."""
 
 import numpy as np
 

@@ -1,6 +1,4 @@
-"""Results are what listed commands print: every file has a row, every command exists, and a failing
-one is named.
-"""
+"""Results are what listed commands print: every file has a row, and a failing command is named."""
 
 from __future__ import annotations
 

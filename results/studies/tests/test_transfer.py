@@ -1,6 +1,4 @@
-"""The order of methods from home to home, and yardsticks trained on one and judged on the
-others.
-"""
+"""The order of methods from home to home: the same one correlates, the reverse does not."""
 
 import numpy as np
 import pytest

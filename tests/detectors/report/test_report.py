@@ -1,6 +1,4 @@
-"""Files in, verdicts out: one record, a folder, labels, plug-ins, and the command line's exit
-codes.
-"""
+"""Files in, verdicts out: a folder, its labels and units, and what a command prints."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The tutorial holds what it promises, block by block."""
+"""Every block of the tutorial on pictures runs."""
 
 import re
 from pathlib import Path

@@ -1,6 +1,4 @@
-"""All effects on one record: what looks alike agrees with the judge, and what could be seen is as
-large as is said.
-"""
+"""Which effects are candidates, and in which order their proofs count."""
 
 from dataclasses import replace
 

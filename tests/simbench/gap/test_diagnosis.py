@@ -1,6 +1,4 @@
-"""From scores and probabilities to the answer: what is named, refuted, compared, advised and noted,
-on stand-ins.
-"""
+"""Several records of one loop: their evidence adds up, and their pace must agree."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Residuals drawn again in pieces, moves of OP, and what an archive does to the samples."""
+"""Residuals drawn again: compiled as plain, and only from a file beside the loop file."""
 
 import os
 import re

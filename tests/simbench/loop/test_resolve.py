@@ -6,7 +6,7 @@ from simbench.loop import resolve
 from simbench.loop.effects import EFFECTS
 from simbench.loop.several_seeds import simulate_seeds
 from simbench.loop.simulate import simulate
-from tests.simbench.loop.test_effects import STRONG, same, with_effects
+from tests.simbench.loop.test_every_effect import STRONG, same, with_effects
 
 
 @pytest.fixture

@@ -1,6 +1,4 @@
-"""Where a valve begins, when its friction changes, and which numbers it just allows; all by
-hand.
-"""
+"""Where a valve begins to move, when its friction changes, and which numbers it just allows."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The study of loads with corners: what the loads are, and what is counted."""
+"""Loads with corners: their period, size and shape."""
 
 import numpy as np
 import pytest

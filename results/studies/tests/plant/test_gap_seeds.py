@@ -1,6 +1,4 @@
-"""What the seed of the simulations changes of a diagnosis is counted, and a folder without records
-is refused.
-"""
+"""A plain case has one answer with every seed of the simulations."""
 
 from recorded import STICKY, resting
 

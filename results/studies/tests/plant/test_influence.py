@@ -1,4 +1,4 @@
-"""What is changed in a record, and what counts as staying."""
+"""What is changed in a record keeps what it should, and the same seed draws the same changes."""
 
 import numpy as np
 import pandas as pd

@@ -1,6 +1,4 @@
-"""What the probability of stiction is learned on: records as plants write them, and every simulator
-counted the same.
-"""
+"""A rule is scored on a simulator that it was not learned on."""
 
 import numpy as np
 

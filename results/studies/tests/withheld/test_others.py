@@ -1,4 +1,4 @@
-"""Diagnoses of other people: their files, their scores side by side, and the example in awk."""
+"""Diagnoses of other people: their scores side by side, and the example in awk."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""Sites with the nuisances of another author: what they draw, and that it runs again."""
+"""Sites with the nuisances of another author: what they draw."""
 
 from __future__ import annotations
 

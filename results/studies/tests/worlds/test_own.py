@@ -1,6 +1,4 @@
-"""The generator: its loop is right, its faults vanish at strength zero, and its strengths are what
-they are called.
-"""
+"""The generator: its loop is right, and its faults show at full strength."""
 
 import math
 from dataclasses import replace

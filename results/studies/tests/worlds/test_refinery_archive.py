@@ -1,6 +1,4 @@
-"""The refinery's historian, loads, noise, set points and baseline fit: each against its
-definition.
-"""
+"""The refinery's historian and baseline fit: each against its definition."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the refinery draws: the effect as visible as stated, and nothing else that reveals it."""
+"""What the refinery draws: the plant of the baseline, and cascades under another load."""
 
 from __future__ import annotations
 

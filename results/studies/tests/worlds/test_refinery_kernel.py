@@ -1,6 +1,4 @@
-"""The compiled loop of the refinery against a slow twin in plain Python, and against cases worked
-out by hand.
-"""
+"""The compiled loop of the refinery against a slow twin in plain Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Before a run: the estimated size is the size it gets, and what nobody means by mistake is
+"""Before a run: the estimated time is that of the run, and what nobody means by mistake is
 refused.
 """
 

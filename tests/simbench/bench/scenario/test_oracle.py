@@ -1,4 +1,4 @@
-"""The oracle: right where anybody could know, unsure where nobody can."""
+"""The oracle is right about any load, and seldom alarms under noise alone."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,4 @@
-"""Grid plant: what it promises, every valve as a member of a grid, and the page that gives the
-source of its ranges.
-"""
+"""Grid plant: every valve is a member of it with the band that its cell asks for."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Rates over one axis or two are counts of the run's tables, in text, tables and pictures."""
+"""Rates over two axes as text, JSON and CSV."""
 
 import json
 

@@ -1,6 +1,4 @@
-"""The report of a run: one file that asks for nothing, whose pictures are seen and whose tables
-sort.
-"""
+"""The report of a run: one file that asks for nothing, and whose pictures are seen."""
 
 import re
 

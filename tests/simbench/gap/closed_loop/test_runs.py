@@ -1,6 +1,4 @@
-"""Each loop of a diagnosis is run once: before, recalibrated and with the effects, all under one
-load.
-"""
+"""A simulated loop that runs away is replaced by the one before it, or refused."""
 
 from types import SimpleNamespace
 

@@ -1,6 +1,4 @@
-"""Every feature by signals whose value is known: sines, staircases, noise that follows noise, and
-nothing at all.
-"""
+"""Features of signals whose values are known: white noise, sines, a level."""
 
 import numpy as np
 import pytest

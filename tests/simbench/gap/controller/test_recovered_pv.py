@@ -1,6 +1,4 @@
-"""What OP shows of the PV before an archive: laws over the whole range of integral times, means and
-what is none.
-"""
+"""What OP shows of the PV before an archive, over the range of integral times."""
 
 import numpy as np
 import pytest

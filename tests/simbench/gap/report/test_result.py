@@ -1,4 +1,4 @@
-"""The answer in words: one sentence, and what a terminal shows below it."""
+"""The set of answers, the corrected loop, and what is said where nothing can be claimed."""
 
 from types import SimpleNamespace
 

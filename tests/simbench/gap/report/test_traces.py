@@ -1,4 +1,4 @@
-"""Which loops are drawn with a record, and over which samples."""
+"""A loop that cannot be simulated is not drawn."""
 
 from types import SimpleNamespace
 

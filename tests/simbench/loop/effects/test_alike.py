@@ -1,4 +1,4 @@
-"""Groups that cannot be distinguished follow from the configuration, and from nothing else."""
+"""Groups that cannot be distinguished are mutual, and follow from record and baseline."""
 
 from dataclasses import replace
 
