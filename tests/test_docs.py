@@ -39,16 +39,3 @@ def test_the_reference_pages_are_what_the_code_says():
     for name, text in written.items():
         kept = (SITE / "reference" / name).read_text(encoding="utf-8")
         assert kept == text, f"{name}: run `python docs/site/written/reference.py`"
-
-
-def test_the_first_page_shows_a_picture_the_ranking_and_three_doors():
-    page = (SITE / "index.md").read_text(encoding="utf-8")
-    kept = (ROOT / "results" / "chapter_fresh_seeds.txt").read_text(encoding="utf-8").splitlines()
-    (ranking,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
-    assert [line for line in ranking.splitlines() if line not in kept] == []
-    links = page.index("| you have |")
-    doors = ("Benchmark a detector", "Judge a record", "Explain a gap")
-    order = [page.index("ranking.svg"), page.index("```text"), *map(page.index, doors)]
-    assert order == sorted(order)
-    assert order[-1] < links
-    assert page.index("chapter_against_code.md") < links

@@ -33,11 +33,6 @@ def test_importing_detectors_loads_nothing_heavy():
     assert not {*heavy.split(), "simbench.loop", "simbench.scenarios"} & set(loaded)
 
 
-def test_modules_have_a_docstring():
-    for name, tree in trees().items():
-        assert len((ast.get_docstring(tree) or "").split("\n")[0]) > 10, name
-
-
 def documented() -> Iterator[str]:
     """Yield the dotted name of what a package exports, with what its classes offer, and of all
     else whose docstring lists parameters.

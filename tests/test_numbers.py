@@ -90,14 +90,6 @@ def test_the_page_on_trust_has_the_numbers_of_the_program():
     ) in page
 
 
-def test_the_source_of_a_threshold_has_the_count_of_its_file():
-    known = numbers.known_numbers()
-    denied = int(known["denied.k"])
-    narrower = denied - int(known["denied.as_denied"])
-    said = f"{narrower} of {denied} sticky valves that are denied have a narrower one"
-    assert said in thresholds.NARROWEST.source
-
-
 # levels of intervals, tables of the chapter, ends of a span, a coin's worth, and a least number
 HELP = {"90", "95", "11.1", "11.3", "100", "0.5", "10"}
 

@@ -51,8 +51,8 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
 
     Examples
     --------
-    >>> from random_case import random_case
-    >>> detect(Prepared(random_case(5, ("stiction",)).record), **METHOD.defaults()).verdict
+    >>> from simbench.detectors.example_loop import example_loop
+    >>> detect(Prepared(example_loop(noise=0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
     # its models take a second to load, and a list of methods needs none

@@ -15,7 +15,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("verb", COMMANDS)
+@pytest.mark.parametrize("verb", ["run", pytest.param("simulate", marks=pytest.mark.slow)])
 def test_workers_import_nothing_from_the_folder_in_which_the_command_runs(tmp_path, verb):
     for name in ("joblib", "numpy", "detectors", "multiprocessing"):
         (tmp_path / f"{name}.py").write_text(TRAP)

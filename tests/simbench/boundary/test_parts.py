@@ -135,7 +135,7 @@ disturbance = ["none"]
 LATE = (STEP, "if p.S > 6.0:\n        raise ValueError('on purpose')")
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_loop_that_a_part_fails_in_is_a_row_and_the_others_are_as_without_it(here, jobs):
     hostile(here, PLAY, *LATE)
     for name, valve in (("a", "deadband"), ("b", "mine")):

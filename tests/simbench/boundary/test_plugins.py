@@ -127,7 +127,13 @@ def test_hostile_plug_ins_are_named_and_the_others_do_not_notice(here, alone):
         assert parts[name][1] in offender.reason
 
 
-@pytest.mark.parametrize("words", ["detect rec.csv", "run smoke -o run -j 2"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        "detect rec.csv",
+        pytest.param("run smoke -o run -j 2", marks=pytest.mark.slow),
+    ],
+)
 def test_an_interrupt_names_the_detector_and_the_record(here, words):
     """A detector that never ends holds the command, and Ctrl-C says which it is."""
     number = here / "began"

@@ -21,6 +21,7 @@ from simbench.figures._loops import pi_loop
 from simbench.figures._make import figure_ids
 from simbench.figures._records import NeedsRecord
 from simbench.theory.sampled import sampled_loop, ultimate_gain
+from tests.simbench.boundary.conftest import sampled
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "real"
 ISDB = REAL.parent / "isdb"
@@ -188,7 +189,7 @@ def test_a_folder_that_lacks_a_record_is_answered_in_a_sentence(tmp_path, capsys
     assert "needs ISDB loop" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if "loops" in parameters(n)])
+@pytest.mark.parametrize("name", sampled([n for n in NAMES if "loops" in parameters(n)], 5))
 def test_every_simulated_figure_says_its_numbers_and_is_redrawn(name):
     picture = sb.figure(name)
     _check_texts(picture)

@@ -83,17 +83,6 @@ def test_intersections_give_the_golden_cycles(loop, settings, expected):
         assert f.amplitude == pytest.approx(amplitude, abs=1e-3)
 
 
-def test_every_intersection_solves_the_harmonic_balance(loop):
-    sampled = sampled_loop(loop(kind="integrating", K=0.1, Td=2, Kc=2, Ti=15, J=0.5, Ts=0.5))
-    valve = stiction(5.0, 0.5)
-    balances = intersections(sampled, valve)
-    assert balances
-    for f in balances:
-        assert sampled.response(2 * np.pi / f.period) * valve.N(f.amplitude) == pytest.approx(
-            -1, abs=1e-6
-        )
-
-
 def test_deadzone_makes_an_unstable_loop_jump_but_no_stable_loop_cycle(loop):
     # K Kc = 12 is beyond the ultimate gain 8.5: the zone lowers the gain at small amplitudes, so
     # the cycle repels

@@ -103,14 +103,6 @@ def test_of_every_valve(name, problem, wandering_op):
     problem(name, wandering_op)
 
 
-@pytest.mark.parametrize("name", VALVES.names())
-def test_a_valve_says_when_to_choose_it_and_when_not(name):
-    module = VALVES.load(name)
-    assert "When to choose it:" in module.__doc__
-    assert "When not:" in module.__doc__
-    assert len(module.SOURCE) > 15
-
-
 @pytest.mark.parametrize(
     ("name", "table"), [("stiction", {"S": 4.0, "J": 1.5}), ("deadband", {"S": 4.0})]
 )

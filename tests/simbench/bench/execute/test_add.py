@@ -32,6 +32,13 @@ def place(tmp_path_factory):
     return place
 
 
+@pytest.fixture(scope="module")
+def at_once(tmp_path_factory):
+    """The run of which all methods were asked at once, never to be changed."""
+    folder = tmp_path_factory.mktemp("at_once") / "run"
+    return run_grid("smoke", folder, ["he", "horch", "oracle"], n=12)
+
+
 @pytest.fixture
 def run(place, tmp_path):
     return shutil.copytree(place / "run", tmp_path / "run")
@@ -104,9 +111,9 @@ def test_a_function_is_added_from_python(run):
 
 def test_beside_shipped_verdicts_too(place, tmp_path):
     never, plugins = ["never"], [place / "never.py"]
-    settings = {"n": 30, "with_reference": True}
+    settings = {"n": 12, "with_reference": True}
     at_once = run_grid("ci", tmp_path / "once", ["horch", *never], plugins=plugins, **settings)
-    later = run_grid("ci", tmp_path / "later", ["horch"], n=30)
+    later = run_grid("ci", tmp_path / "later", ["horch"], n=12)
     add_to_run(later, never, plugins=plugins, with_reference=True)
     assert "hammerstein" in set(rows(later).method)
     assert_same_run(at_once, later)
@@ -220,7 +227,7 @@ def test_a_call_that_fails_leaves_the_run_as_it_was_and_goes_on_with_resume(run,
 
 @pytest.mark.parametrize("renamed", range(5))
 def test_a_kill_at_any_change_of_a_name_leaves_the_run_or_the_run_with_the_method(
-    run, tmp_path, monkeypatch, renamed
+    run, at_once, monkeypatch, renamed
 ):
     names = sorted(file.name for file in run.iterdir())
     number, rename = run.stat().st_ino, Path.replace
@@ -239,7 +246,7 @@ def test_a_kill_at_any_change_of_a_name_leaves_the_run_or_the_run_with_the_metho
     assert ("horch" in set(rows(run).method)) == (renamed > 0)
     if not renamed:
         add_to_run(run, ["horch"], resume=True)
-    assert_same_run(run, run_grid("smoke", tmp_path / "once", ["he", "horch", "oracle"], n=12))
+    assert_same_run(run, at_once)
     # a folder that is a mount point cannot change its name
     assert (run.stat().st_ino, sorted(file.name for file in run.iterdir())) == (number, names)
 

@@ -98,7 +98,9 @@ def test_a_copy_that_dies_is_replaced(tmp_path, undisturbed):
     assert_same(tmp_path / "run", undisturbed)
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_an_interrupt_ends_the_copies_at_once(tmp_path, how):
     process = begun(tmp_path, "if apart: mark.write_text('x'); time.sleep(200)")
     until = time.monotonic() + 120.0

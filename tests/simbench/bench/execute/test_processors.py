@@ -40,7 +40,7 @@ echo = "harmonics"
 """
 
 
-@pytest.fixture(scope="module", params=["smoke", "own.toml"])
+@pytest.fixture(scope="module", params=["smoke", pytest.param("own.toml", marks=pytest.mark.slow)])
 def runs(request, tmp_path_factory):
     """One run of a grid for each processor: one of the package, and a user's own, which is settled
     anew by each.
@@ -76,6 +76,7 @@ def test_ids_loops_records_and_verdicts_are_the_same(runs):
         assert answers.equals(said)
 
 
+@pytest.mark.parametrize("runs", ["smoke"], indirect=True)
 def test_a_baseline_of_one_passes_a_run_of_another(runs):
     one, other = PROCESSORS["as it is"], PROCESSORS["without AVX-512"]
     baseline = runs / "baseline"

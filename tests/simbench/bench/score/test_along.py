@@ -2,9 +2,11 @@
 
 import json
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from simbench.bench.score.page import draw_maps
 from simbench.bench.score.scoring import score_run
 from simbench.cli import main
 from simbench.detectors.errors import ParameterError
@@ -46,3 +48,15 @@ def test_two_axes_as_text_json_and_csv(finished, tmp_path, capsys):
 def test_other_axes_are_refused_in_one_sentence(counted, axes, words):
     with pytest.raises(ParameterError, match=words):
         counted[0].along(axes)
+
+
+def test_cells_of_few_loops_are_marked_with_their_number():
+    cells = {"S_over_2J": ["0.5", "0.5"], "Td_over_T": ["0.1", "0.5"]}
+    rates = pd.DataFrame({"method": "m0", **cells, "accuracy": 1.0, "n": [8, 32]})
+    figure = draw_maps(rates, "Td_over_T")
+    first = figure.axes[0]
+    shown = [text.get_text() for text in first.texts]
+    assert shown == ["1.00\n8", "1.00\n32"]
+    (mesh,) = first.collections
+    pale, full = np.ravel(mesh.get_alpha())
+    assert pale < full == 1.0

@@ -5,7 +5,7 @@ that the tool proposes.
 import numpy as np
 import pytest
 
-from simbench.bench.score.ranks import rank_methods
+from simbench.bench.score.ranks import loops_needed, rank_methods
 from simbench.bench.score.scoring import score_book
 
 RUNS = 100
@@ -58,3 +58,15 @@ def test_no_rank_moves_when_a_copy_of_a_method_joins():
         assert after.rank[6] == before.rank[copied]
         assert after.resolution == before.resolution
     assert before.rank[5] > before.rank[0]
+
+
+@pytest.mark.parametrize("overlap", [0.0, 0.8], ids=["unrelated errors", "errors mostly shared"])
+def test_three_points_are_separated_at_the_number_of_loops_proposed(overlap):
+    rng, separated = np.random.default_rng(7), 0
+    pilot = np.array([rng.random(3500) < p for p in (0.72, 0.69)])
+    n = loops_needed(0.03, rank_methods(pilot).spread)
+    for _ in range(RUNS):
+        common = rng.random(n) < overlap
+        draws = np.where(common, rng.random(n), [rng.random(n), rng.random(n)])
+        separated += rank_methods(draws < np.array([[0.72], [0.69]])).rank.tolist() == [1, 2]
+    assert separated >= 0.80 * RUNS

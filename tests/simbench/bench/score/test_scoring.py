@@ -358,3 +358,17 @@ def test_loops_that_do_not_oscillate_have_another_table(book):
         if line.startswith("loops that do not oscillate (100, 0 positive)")
     )
     assert lines[at + 2].split() == ["m0", "100", "1.00", ".00"]
+
+
+def test_a_method_that_failed_more_often_than_allowed_has_no_rank(book):
+    truth = np.tile([1, 0], 50)
+    run = book([truth, truth, truth], truth)
+    run.failed[1, :20] = True
+    ranks = [
+        score_book(run, allow_failed=share).rows().set_index("method")["rank"]["m1"]
+        for share in (0.0, 0.2)
+    ]
+    assert np.isnan(float(ranks[0] if ranks[0] is not None else "nan"))
+    assert ranks[1] == 1
+    assert "Not ranked, too many errors: m1 failed on 20 records." in score_book(run).as_text()
+    assert "Not ranked" not in score_book(run, allow_failed=0.2).as_text()
