@@ -121,7 +121,8 @@ def test_a_run_on_records_resumes_and_is_checked(records, tmp_path, monkeypatch)
     (tmp_path / "ours").mkdir()
     for name, record in records.items():
         write_record(record, tmp_path / "ours" / f"{name}.csv")
-    whole = simbench.run(tmp_path / "ours", "srinivasan", out=tmp_path / "whole", sets={"seed": 4})
+    asked = {"sets": {"seed": 4}, "n": 16}
+    whole = simbench.run(tmp_path / "ours", "srinivasan", out=tmp_path / "whole", **asked)
     stop = 3
 
     def interrupted(*given):
@@ -131,7 +132,7 @@ def test_a_run_on_records_resumes_and_is_checked(records, tmp_path, monkeypatch)
             raise KeyboardInterrupt
         return compute_piece(*given)
 
-    begun = {"out": tmp_path / "begun", "sets": {"seed": 4}}
+    begun = {"out": tmp_path / "begun", **asked}
     with monkeypatch.context() as m:
         m.setattr("simbench.bench.execute.run.compute_piece", interrupted)
         with pytest.raises(KeyboardInterrupt):
@@ -139,14 +140,12 @@ def test_a_run_on_records_resumes_and_is_checked(records, tmp_path, monkeypatch)
     resumed = simbench.run(tmp_path / "ours", "srinivasan", resume=True, jobs=2, **begun)
     one, other = (read_table(f, "verdicts", ["scenario_id", "verdict"]) for f in (whole, resumed))
     assert one.equals(other)
-    assert one.num_rows > 20
+    assert one.num_rows == 16
     found = simbench.check(resumed, whole)
     assert not found.problems
     assert found.flips.empty
     with pytest.raises(ParameterError, match="is not empty; continue its run"):
         simbench.run(tmp_path / "ours", "srinivasan", out=whole)
-    few = simbench.run(tmp_path / "ours", "srinivasan", out=tmp_path / "few", n=7)
-    assert read_table(few, "verdicts", ["verdict"]).num_rows == 7
 
 
 def test_a_record_without_a_loop_is_named(records):
