@@ -2,12 +2,15 @@
 the loop as a sticky valve would, without its corners.
 """
 
+import numpy as np
 import pytest
 from plain_loops import DELAYED, LEVEL
 
 from simbench.bench.scenario.resolve import resolve
 from simbench.detectors.judge import judge
-from simbench.detectors.methods.arx_stiction import METHOD
+from simbench.detectors.methods.arx_stiction import METHOD, detect
+from simbench.detectors.prepared import Prepared
+from simbench.detectors.record import LoopRecord
 from simbench.loop.simulate import simulate
 from simbench.scenarios.grid import load_grid
 
@@ -29,3 +32,8 @@ def test_of_a_sticky_loop_and_its_echo_only_the_sticky_one_is_claimed():
     assert found.verdict == "stiction"
     assert other.verdict != "stiction"
     assert found.score > other.score + 20.0
+
+
+def test_a_signal_that_rests_is_no_decision():
+    rests = Prepared(LoopRecord(op=np.full(600, 50.0), pv=np.sin(np.arange(600.0)), Ts=1.0))
+    assert detect(rests, **METHOD.defaults()).verdict == "no_decision"
