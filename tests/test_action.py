@@ -99,8 +99,8 @@ class Job:
 @pytest.fixture(scope="module")
 def asked(baseline, tmp_path_factory):
     """A job whose run is done, never to be changed."""
-    job = Job(tmp_path_factory.mktemp("job"), baseline, baseline="kept", plugin="fuller.py")
-    job.inputs |= {"method": "fuller", "with-reference": "true"}
+    asks = {"plugin": "fuller.py", "method": "fuller", "with_reference": "true"}
+    job = Job(tmp_path_factory.mktemp("job"), baseline, baseline="kept", **asks)
     assert job.step(ASK) == 0
     return job
 

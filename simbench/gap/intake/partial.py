@@ -66,7 +66,7 @@ def complete_baseline(
 
     >>> from simbench.detectors.example_loop import example_loop
     >>> record = example_loop(noise=0.1)
-    >>> sorted(complete_baseline(record, Loop.from_table(identify(record).to_table()))[1])
+    >>> sorted(complete_baseline(record, identify(record))[1])
     ['controller', 'plant']
     >>> sorted(complete_baseline(record, None)[1])
     []

@@ -118,11 +118,14 @@ def test_it_runs_and_scores_like_any_grid(made, tmp_path):
 
 
 def test_a_run_on_records_resumes_and_is_checked(records, tmp_path, monkeypatch):
+    # a whole run on a folder of records
     (tmp_path / "ours").mkdir()
     for name, record in records.items():
         write_record(record, tmp_path / "ours" / f"{name}.csv")
     asked = {"sets": {"seed": 4}, "n": 16}
     whole = simbench.run(tmp_path / "ours", "srinivasan", out=tmp_path / "whole", **asked)
+
+    # the same one, stopped at its third piece
     stop = 3
 
     def interrupted(*given):
@@ -137,6 +140,8 @@ def test_a_run_on_records_resumes_and_is_checked(records, tmp_path, monkeypatch)
         m.setattr("simbench.bench.execute.run.compute_piece", interrupted)
         with pytest.raises(KeyboardInterrupt):
             simbench.run(tmp_path / "ours", "srinivasan", **begun)
+
+    # going on gives the same answers, and the whole run is no place for another
     resumed = simbench.run(tmp_path / "ours", "srinivasan", resume=True, jobs=2, **begun)
     one, other = (read_table(f, "verdicts", ["scenario_id", "verdict"]) for f in (whole, resumed))
     assert one.equals(other)
