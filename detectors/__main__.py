@@ -5,4 +5,4 @@ import sys
 from simbench.cli import main
 
 if __name__ == "__main__":
-    sys.exit(main(["detect", *sys.argv[1:]]))
+    sys.exit(main(["detect"] + sys.argv[1:]))

@@ -95,7 +95,10 @@ def quick(function: FunctionType, *kernels: FunctionType):
         nonlocal worked
         if worked > _PLAIN_SECONDS or ("numba" in sys.modules and _on_disk(function)):
             return compiled(function)(*arguments)
-        plain = _calling(function, kernels) if kernels else function
+        if kernels:
+            plain = _calling(function, kernels)
+        else:
+            plain = function
         began = time.perf_counter()
         with np.errstate(all="ignore"):  # a division by zero gives inf or NaN, as compiled
             answer = plain(*arguments)
@@ -108,7 +111,9 @@ def quick(function: FunctionType, *kernels: FunctionType):
 @cache
 def _calling(function: FunctionType, kernels: tuple[FunctionType, ...]) -> FunctionType:
     """Return a plain function that calls compiled kernels in place of their plain twins."""
-    names = {kernel.__name__: compiled(kernel) for kernel in kernels}
+    names = {}
+    for kernel in kernels:
+        names[kernel.__name__] = compiled(kernel)
     return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
 
 
@@ -163,7 +168,10 @@ def cached_module(
     digest = hashlib.sha256(
         f"{sys.version}{__version__}{error_model}{text}{_describe_parts(parts)}".encode()
     )
-    plain = [f for f in parts.values() if isinstance(f, FunctionType)]
+    plain = []
+    for f in parts.values():
+        if isinstance(f, FunctionType):
+            plain.append(f)
     for path in sorted({__file__, *(f.__code__.co_filename for f in reached(plain))}):
         digest.update(_source(path))
     name = f"simbench_{kind}_{digest.hexdigest()[:20]}"
@@ -280,11 +288,10 @@ def _jit(function: FunctionType, error_model: str):
         return _registers()
     if function is wide:
         return _widen()
-    called = {
-        n: _jit(g, error_model)
-        for n, g in names_used(function).items()
-        if isinstance(g, FunctionType)
-    }
+    called = {}
+    for n, g in names_used(function).items():
+        if isinstance(g, FunctionType):
+            called[n] = _jit(g, error_model)
     copy = FunctionType(
         function.__code__,
         {**function.__globals__, **called},
@@ -350,9 +357,10 @@ def _widen():
 
 def names_used(function: FunctionType) -> dict[str, Any]:
     """What a function takes from its module, by name."""
-    used = {
-        n: function.__globals__[n] for n in function.__code__.co_names if n in function.__globals__
-    }
+    used = {}
+    for n in function.__code__.co_names:
+        if n in function.__globals__:
+            used[n] = function.__globals__[n]
     return {n: v for n, v in used.items() if v is not function}
 
 
@@ -376,12 +384,11 @@ def _describe_parts(parts: dict[str, Any]) -> list[str]:
     lines = []
     for name, part in parts.items():
         if isinstance(part, FunctionType):
-            used = {
-                n: v
-                for f in reached([part])
-                for n, v in names_used(f).items()
-                if not isinstance(v, FunctionType)
-            }
+            used = {}
+            for f in reached([part]):
+                for n, v in names_used(f).items():
+                    if not isinstance(v, FunctionType):
+                        used[n] = v
             lines.append(f"{name} {part.__module__} {part.__qualname__} {_describe_parts(used)}")
         elif isinstance(part, (type, ModuleType)):
             lines.append(f"{name} {part.__name__} {getattr(part, '_fields', ())}")

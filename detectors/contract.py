@@ -40,7 +40,7 @@ class Contract:
     def as_text(self) -> str:
         """Return the findings, one line each."""
         summary = "keeps its contract" if self.kept else "breaks its contract"
-        return "\n".join([f"detector {self.name}: {summary}", *(f"  {b}" for b in self.broken)])
+        return "\n".join([f"detector {self.name}: {summary}"] + [f"  {b}" for b in self.broken])
 
 
 def check_detector(path: str | Path) -> Contract:
@@ -62,7 +62,10 @@ def check_detector(path: str | Path) -> Contract:
             return Contract(name, _list_faults(methods.load(name), path))
     except UserError as why:
         cause = why.__cause__
-        line = _line_of(path, "METHOD") if cause is None else _line_in(path, cause)
+        if cause is None:
+            line = _line_of(path, "METHOD")
+        else:
+            line = _line_in(path, cause)
         return Contract(name, (f"{line}: {why}",))
 
 
@@ -104,7 +107,10 @@ def _list_faults(module: ModuleType, path: Path) -> tuple[str, ...]:
 
 def _ask(module: ModuleType, record: LoopRecord) -> Any:
     """Return what a detector answers; ValueError where it writes into the record."""
-    seen = record if module.METHOD.needs_mv else record.without_mv()
+    if module.METHOD.needs_mv:
+        seen = record
+    else:
+        seen = record.without_mv()
     before = {s: np.array(x) for s in RECORDED_SIGNALS if (x := getattr(seen, s)) is not None}
     answer = module.detect(Prepared(seen), **module.METHOD.defaults())
     for signal, values in before.items():
@@ -124,5 +130,8 @@ def _line_in(path: Path, error: BaseException) -> str:
     if isinstance(error, SyntaxError):
         return f"line {error.lineno}"
     frames = traceback.extract_tb(error.__traceback__)
-    inside = [f.lineno for f in frames if Path(f.filename).resolve() == path.resolve()]
+    inside = []
+    for f in frames:
+        if Path(f.filename).resolve() == path.resolve():
+            inside.append(f.lineno)
     return f"line {inside[-1] if inside else 1}"

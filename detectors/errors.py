@@ -67,7 +67,10 @@ class UnknownName(UserError, LookupError):
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
-        place = f" in {where}" if where else ""
+        if where:
+            place = f" in {where}"
+        else:
+            place = ""
         super().__init__(f"unknown {kind} {name!r}{place}: {nearest(name, known)}")
 
 
@@ -127,7 +130,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
     'the nearest of 5000 known: 997, 998, 999'
     """
     names = sorted(known)
-    plain = {n.lower(): n for n in reversed(names)}
+    plain = {}
+    for n in reversed(names):
+        plain[n.lower()] = n
     close = [plain[c] for c in get_close_matches(name.lower(), plain, n=3, cutoff=0.55)]
     if close:
         return "did you mean " + " or ".join(repr(c) for c in close) + "?"

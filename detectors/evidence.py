@@ -26,8 +26,13 @@ class IndexWeight:
         """Return the index, limited to its range, less its neutral value; 0 where the method did
         not give it.
         """
-        value = verdict.score if self.index == "score" else verdict.indices.get(self.index, np.nan)
-        return min(max(value, self.low), self.high) - self.neutral if np.isfinite(value) else 0.0
+        if self.index == "score":
+            value = verdict.score
+        else:
+            value = verdict.indices.get(self.index, np.nan)
+        if np.isfinite(value):
+            return min(max(value, self.low), self.high) - self.neutral
+        return 0.0
 
 
 # Fitted to 1958 oscillating loops (grids chapter-2 and plant-2, another seed than theirs) by

@@ -44,9 +44,16 @@ def example_loop(**settings: Any) -> LoopRecord:
     """
     S, J, process, K, T, Td, Kc, Ti, Ts, n, noise, load, kick, seed, kind = ExampleLoop(**settings)
     random = np.random.default_rng(seed).standard_normal(n) * noise
-    load = np.zeros(n) if load is None else load
-    pole = math.exp(-Ts / T) if process == "self-regulating" else 1.0
-    gain = K * (1.0 - pole) if process == "self-regulating" else K * Ts
+    if load is None:
+        load = np.zeros(n)
+    if process == "self-regulating":
+        pole = math.exp(-Ts / T)
+    else:
+        pole = 1.0
+    if process == "self-regulating":
+        gain = K * (1.0 - pole)
+    else:
+        gain = K * Ts
     delay = round(Td / Ts)
     fs = (S + J) / 2.0
     fd = (S - J) / 2.0
@@ -69,7 +76,10 @@ def example_loop(**settings: Any) -> LoopRecord:
         if moving and (u - before) * way <= 0:
             moving = False
         if not moving and abs(u - valve) > fs:
-            way, moving = (1, True) if u > valve else (-1, True)
+            if u > valve:
+                way, moving = (1, True)
+            else:
+                way, moving = (-1, True)
         if moving:
             valve = u - way * fd
         before = u

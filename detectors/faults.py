@@ -71,7 +71,10 @@ def _fault(error: Exception, command: Sequence[str]) -> str:
         _drop_old_logs(Path(log).parent)
     except OSError:
         log = "no log file, as none could be written"
-    asked = f"`{shlex.join(command)}`" if command else "this record"
+    if command:
+        asked = f"`{shlex.join(command)}`"
+    else:
+        asked = "this record"
     return (
         f"{asked} met a fault of the program itself ({message}); no result of it is valid;"
         f" the traceback is in {log}"

@@ -172,8 +172,11 @@ def judge_one(
 
     def finished(verdict: Verdict) -> Verdict:
         joined = applicable if verdict.applicable is True else verdict.applicable
-        limited = verdict if name == _ASKS_OTHERS else _as_archived(verdict, prepared)
-        reason = "; ".join([limited.reason, *(n for n in notes if n not in limited.reason)])
+        if name == _ASKS_OTHERS:
+            limited = verdict
+        else:
+            limited = _as_archived(verdict, prepared)
+        reason = "; ".join([limited.reason] + [n for n in notes if n not in limited.reason])
         return limited.but(method=name, applicable=joined, reason=reason, S_unit=record.S_unit)
 
     applicable: bool | None = True
@@ -202,7 +205,7 @@ def judge_one(
             " needed"
         )
         return finished(answer(NO_DECISION, reason))
-    for flag in (*UNFIT, *method.cannot_cope) if prepared.flags else ():
+    for flag in (UNFIT + method.cannot_cope) if prepared.flags else ():
         if flag in prepared.flags:
             return finished(
                 answer(NO_DECISION, f"record unfit: {prepared.flags[flag].evidence} (flag {flag})")
@@ -250,11 +253,10 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
         return verdict
     record = prepared.record
     op, pv = prepared.share("resolution", lambda: resolution(record, prepared.flags))
-    percent = (
-        1.0
-        if record.op_percent is None or record.op_span is None
-        else 100.0 / (record.op_span[1] - record.op_span[0])
-    )
+    if record.op_percent is None or record.op_span is None:
+        percent = 1.0
+    else:
+        percent = 100.0 / (record.op_span[1] - record.op_span[0])
     lines = "compressed" in prepared.flags and isinstance(verdict.S, (int, float))
     if op == 0.0 and pv == 0.0 and not lines:
         return verdict
@@ -268,10 +270,16 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
         value = getattr(verdict, key)
         if value is None:
             continue
-        lo, hi = (value, value) if isinstance(value, (int, float)) else value
+        if isinstance(value, (int, float)):
+            lo, hi = (value, value)
+        else:
+            lo, hi = value
         band = op * percent + pv * hi
         hides = key == "S" and band > _HIDES * hi
-        changes[key] = None if hides else (max(float(lo - band), 0.0), float(hi + band))
+        if hides:
+            changes[key] = None
+        else:
+            changes[key] = (max(float(lo - band), 0.0), float(hi + band))
         if hides:
             hidden = (
                 f"the archive keeps OP to {op:.2g} and PV to {pv:.0%} of its range, which hides"
@@ -301,11 +309,10 @@ def _front_end(method: Method, prepared: Prepared, raw: bool, answer) -> Verdict
         verdict = answer(NO_STICTION, f"{NOT_OSCILLATING} ({oscillation.evidence})")
         # below every score: scales differ between methods, some go below 0
         return verdict.but(score=-np.inf)
-    periods = (
-        prepared.record.duration / oscillation.period_s
-        if np.isfinite(oscillation.period_s)
-        else 0.0
-    )
+    if np.isfinite(oscillation.period_s):
+        periods = prepared.record.duration / oscillation.period_s
+    else:
+        periods = 0.0
     if periods < method.min_periods:
         if raw and not np.isfinite(oscillation.period_s):
             return answer(NO_DECISION, "no period found in OP or PV")

@@ -80,7 +80,11 @@ class Method:
     @property
     def division(self) -> str:
         """Whose numbers it has: "published", "tuned" here to simulated loops, or "learned"."""
-        return "learned" if self.learned else "tuned" if self.fitted_on else "published"
+        if self.learned:
+            return "learned"
+        if self.fitted_on:
+            return "tuned"
+        return "published"
 
     def defaults(self) -> dict[str, float]:
         """Return the default of every threshold."""
@@ -93,7 +97,9 @@ class Method:
         source.
         """
         its = self.published | (self.chapter if chapter else {})
-        at = {k: replace(t, default=its.get(k, t.default)) for k, t in self.thresholds.items()}
+        at = {}
+        for k, t in self.thresholds.items():
+            at[k] = replace(t, default=its.get(k, t.default))
         where = "in the chapter" if chapter else "as published"
         whole = self.whole or not chapter
         title = f"{self.title}, {where}"

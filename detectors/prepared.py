@@ -115,7 +115,9 @@ class Prepared:
     def signal(self, name: str) -> np.ndarray:
         """Return "op", "pv", or "travel": OP in % where its unit is known; shape (n,)."""
         if name == "travel":
-            return self.record.op if self.record.op_percent is None else self.record.op_percent
+            if self.record.op_percent is None:
+                return self.record.op
+            return self.record.op_percent
         return getattr(self.record, name)
 
     def searchable(self, name: str) -> np.ndarray:
@@ -169,7 +171,10 @@ class Prepared:
         # a mean over one period would take part of the longer cycles away
         if self.oscillation.swings:
             at = wandering(self.record.op)
-            level = -self.record.e if name == "pv" or at is None else x - midline(x, at)
+            if name == "pv" or at is None:
+                level = -self.record.e
+            else:
+                level = x - midline(x, at)
         else:
             level = x - drift(x, self.period)
         # a signal that stood still for a period leaves rounding, whose signs hang on the unit
@@ -201,7 +206,10 @@ class Prepared:
         if not cleaned:
             x = self.signal(name)
             return self.share(f"raw half cycles {name}", lambda: split(x - x.mean(), period))
-        edge, longest = (0, np.inf) if self.oscillation.swings else (round(period / 2), 1.0)
+        if self.oscillation.swings:
+            edge, longest = (0, np.inf)
+        else:
+            edge, longest = (round(period / 2), 1.0)
         inner = slice(edge, self.record.n - edge)
         return self.share(
             f"half cycles {name}", lambda: split(self.clean(name)[inner], period, longest=longest)
@@ -226,13 +234,19 @@ class Prepared:
                 view = Prepared(record)
                 view.__dict__["oscillation"] = self.oscillation
             else:
-                view = self if record.mv is None else self.with_mv(record)
+                if record.mv is None:
+                    view = self
+                else:
+                    view = self.with_mv(record)
             self.views[key] = view
         return self.views[key]
 
     def _turned_pv(self) -> np.ndarray:
         period = self.oscillation.period_s / self.record.Ts
-        reach = max(round(period / 8), 1) if np.isfinite(period) else 1
+        if np.isfinite(period):
+            reach = max(round(period / 8), 1)
+        else:
+            reach = 1
         return self.record.pv * loop_sign(self.record.op, self.record.pv, reach)
 
     def share(self, name: str, compute):
@@ -262,7 +276,9 @@ def _pace(op: np.ndarray) -> float:
     ACF first vanishes.
     """
     flat = detrend(op)
-    return 4.0 * float(np.argmax(acf(flat) < 0.0)) if flat.any() else 0.0
+    if flat.any():
+        return 4.0 * float(np.argmax(acf(flat) < 0.0))
+    return 0.0
 
 
 def _at_density(
@@ -293,7 +309,10 @@ def _at_density(
         late = -part[0] % step
         record = record.window(late, record.n)
         part = (part[0] + late, part[1])
-    thin = dense if step == 1 else Prepared(thin_record(record, step), part=part, step=step)
+    if step == 1:
+        thin = dense
+    else:
+        thin = Prepared(thin_record(record, step), part=part, step=step)
     # else it is asked itself: a finer record may oscillate by chance, and this one is judged
     if coarse > step:
         thin.__dict__["oscillation"] = oscillation

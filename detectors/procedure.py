@@ -131,16 +131,13 @@ class Diagnosis:
     @property
     def reason(self) -> str:
         """The last answers in one sentence."""
-        decisive = [
-            s
-            for s in self.steps
-            if s.step in ("quality", "oscillation", "valve", "saturation", "stiction")
-        ]
-        return (
-            decisive[-1].evidence
-            if decisive[-1].step != "valve"
-            else f"{decisive[-2].evidence}; {decisive[-1].evidence}"
-        )
+        decisive = []
+        for s in self.steps:
+            if s.step in ("quality", "oscillation", "valve", "saturation", "stiction"):
+                decisive.append(s)
+        if decisive[-1].step != "valve":
+            return decisive[-1].evidence
+        return f"{decisive[-2].evidence}; {decisive[-1].evidence}"
 
     def __repr__(self) -> str:
         """Return one line."""
@@ -169,7 +166,7 @@ class Diagnosis:
         lines = []
         for i, s in enumerate(self.steps, 1):
             lines += [f"{i}. {s.question} {s.answer.capitalize()}.", f"   {s.evidence}. {s.reason}"]
-        return "\n".join([*lines, f"Verdict of the procedure: {self.verdict.replace('_', ' ')}."])
+        return "\n".join(lines + [f"Verdict of the procedure: {self.verdict.replace('_', ' ')}."])
 
     def to_frame(self) -> pd.DataFrame:
         """Return the path taken."""
@@ -276,7 +273,10 @@ class _Course:
                 "Look at the valve itself, where it is seen.",
             )
         part = self.prepared.part
-        where = f", in samples {part[0]} to {part[1] - 1}" if part else ""
+        if part:
+            where = f", in samples {part[0]} to {part[1] - 1}"
+        else:
+            where = ""
         return (
             "yes",
             f"period {o.period_s:.4g} s, regularity r = {o.regularity:.1f}{where}",
@@ -344,7 +344,9 @@ class _Course:
         )
 
     def stiction(self) -> tuple[str, str, str]:
-        return self._weigh() if self.rules.weighted else self._vote()
+        if self.rules.weighted:
+            return self._weigh()
+        return self._vote()
 
     def _vote(self) -> tuple[str, str, str]:
         for method in VOTERS[self.prepared.integrating]:
@@ -403,8 +405,14 @@ class _Course:
                 "S is not known in % of travel",
                 "Confirm before any work on the valve.",
             )
-        lo, hi = self.S if isinstance(self.S, tuple) else (self.S, self.S)
-        size = f"S = {lo:.2g} %" if lo == hi else f"S = {lo:.2g} to {hi:.2g} %"
+        if isinstance(self.S, tuple):
+            lo, hi = self.S
+        else:
+            lo, hi = (self.S, self.S)
+        if lo == hi:
+            size = f"S = {lo:.2g} %"
+        else:
+            size = f"S = {lo:.2g} to {hi:.2g} %"
         if hi < _S_SMALL:
             return "no", size, "Stiction of this size does little harm."
         if lo < _S_SMALL:

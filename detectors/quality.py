@@ -41,15 +41,16 @@ def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[
     Own rules; their limits stand at the head of the file. What a flag is worth depends on the
     method: `simbench.detectors.judge.UNFIT` names those under which all methods abstain.
     """
-    oscillation = (
-        find_oscillation(record.op, record.pv, record.Ts) if oscillation is None else oscillation
-    )
+    if oscillation is None:
+        oscillation = find_oscillation(record.op, record.pv, record.Ts)
     return {flag.name: flag for flag in _findings(record, oscillation)}
 
 
 def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
     n = record.n
-    alive = {name: not still(x) for name, x in (("op", record.op), ("pv", record.pv))}
+    alive = {}
+    for name, x in (("op", record.op), ("pv", record.pv)):
+        alive[name] = not still(x)
     for name in alive:
         if not alive[name]:
             yield Flag(f"dead_{name}", f"{name.upper()} never changes")
@@ -61,7 +62,10 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
             )
     for note in record.notes:
         if note.startswith("gaps"):
-            periods = record.duration / oscillation.period_s if oscillation.sustained else 0.0
+            if oscillation.sustained:
+                periods = record.duration / oscillation.period_s
+            else:
+                periods = 0.0
             yield Flag(
                 "gaps", f"{note}; {periods:.0f} periods of the loop are left" if periods else note
             )
@@ -100,7 +104,10 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
     step = steps(pv, record.op)
     yield from _steps("pv", pv, step)
     share, lines = straight(pv, step)
-    periods = record.duration / oscillation.period_s if oscillation.sustained else 0.0
+    if oscillation.sustained:
+        periods = record.duration / oscillation.period_s
+    else:
+        periods = 0.0
     # an integrating process draws two straight lines per cycle by itself
     compressed = share > _COLLINEAR and lines > max(4.0 * periods, n / 50.0)
     if compressed:
@@ -132,7 +139,10 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
                 "off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only"
             )
     # the samples that an archive kept stand off the lines it drew
-    outliers = 0 if compressed else find_spikes(pv, step)[0].size
+    if compressed:
+        outliers = 0
+    else:
+        outliers = find_spikes(pv, step)[0].size
     if outliers > _SPIKES * n and not heavy_tails(off_line(pv)[0]):
         yield Flag("spikes", f"{outliers} isolated outliers in PV")
 
@@ -168,9 +178,10 @@ def resolution(record: LoopRecord, flags: Mapping[str, Flag]) -> tuple[float, fl
             changes = np.abs(np.diff(x))
             # what is stored has moved by more than the deviation: the smallest changes come nearest
             # to it
-            hidden[name] = (
-                float(np.quantile(changes[changes > 0.0], 0.1)) if np.any(changes > 0.0) else 0.0
-            )
+            if np.any(changes > 0.0):
+                hidden[name] = float(np.quantile(changes[changes > 0.0], 0.1))
+            else:
+                hidden[name] = 0.0
         if f"quantised_{name}" in flags:
             hidden[name] = max(hidden[name], steps(x, record.pv if name == "op" else record.op))
     return hidden["op"], hidden["pv"] / (float(np.ptp(record.pv)) or 1.0)
@@ -194,8 +205,14 @@ def saturation(
         (op.max(), percent is not None and percent.max() >= 100.0 - 1e-6),
     ):
         at = value == extreme
-        elsewhere = length[~at].mean() if (~at).any() else 1.0
-        stays = length[at] if certain else length[at][length[at] >= 3]
+        if (~at).any():
+            elsewhere = length[~at].mean()
+        else:
+            elsewhere = 1.0
+        if certain:
+            stays = length[at]
+        else:
+            stays = length[at][length[at] >= 3]
         share = stays.sum() / op.size
         if share <= best[0]:
             continue

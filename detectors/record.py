@@ -102,7 +102,10 @@ class LoopRecord:
 
     def __post_init__(self) -> None:
         """Check every field once, so that no later code has to."""
-        where = f"record {self.tag!r}" if self.tag else "record"
+        if self.tag:
+            where = f"record {self.tag!r}"
+        else:
+            where = "record"
         n = np.size(self.pv)
         for name in RECORDED_SIGNALS:
             value = getattr(self, name)
@@ -318,8 +321,13 @@ class LoopRecord:
         >>> r.with_signals(lambda x: x[::-1]).op.tolist()
         [53.0, 52.0, 51.0, 50.0]
         """
-        signals = {s: getattr(self, s) for s in RECORDED_SIGNALS}
-        changed = {s: change(x) for s, x in signals.items() if x is not None}
+        signals = {}
+        for s in RECORDED_SIGNALS:
+            signals[s] = getattr(self, s)
+        changed = {}
+        for s, x in signals.items():
+            if x is not None:
+                changed[s] = change(x)
         return replace(self, **changed, **others)
 
 

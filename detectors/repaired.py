@@ -45,7 +45,7 @@ def with_implied_process(record: LoopRecord) -> LoopRecord:
     if process is None or record.process is not None:
         return record
     note = f"process: a {record.kind} loop; judged as {process}, unless --process states another"
-    return replace(record, process=process, notes=(*record.notes, note))
+    return replace(record, process=process, notes=record.notes + (note,))
 
 
 def repair_record(record: LoopRecord) -> LoopRecord:
@@ -96,7 +96,10 @@ def _without_wild(record: LoopRecord) -> LoopRecord:
         count = wild.size
         if count:
             bridged[name] = cleaned(getattr(record, name), wild)
-            what = "1 sample" if count == 1 else f"{count} samples"
+            if count == 1:
+                what = "1 sample"
+            else:
+                what = f"{count} samples"
             does = "contradicts its" if count == 1 else "contradict their"
             notes.append(
                 f"outliers: {what} of {name.upper()} {does} neighbours on both sides and"
@@ -138,12 +141,15 @@ def _cut_frozen(record: LoopRecord) -> LoopRecord:
     if stretch is None or stretch.end - stretch.begin > _MOST * record.n:
         return record
     begin, end, _ = stretch
-    part = (0, begin) if begin >= record.n - end else (end, record.n)
+    if begin >= record.n - end:
+        part = (0, begin)
+    else:
+        part = (end, record.n)
     note = (
         f"frozen: PV and OP stand still from sample {begin} to {end - 1} of {record.n};"
         f" judged samples {part[0]} to {part[1] - 1}"
     )
-    return replace(record.window(*part), notes=(*record.notes, note))
+    return replace(record.window(*part), notes=record.notes + (note,))
 
 
 def _in_ordinary_unit(record: LoopRecord) -> LoopRecord:
@@ -155,19 +161,28 @@ def _in_ordinary_unit(record: LoopRecord) -> LoopRecord:
     if not low < high:
         return record
     decade = 10.0 ** np.floor(np.log10(high - low))
-    factor = 1.0 if _ORDINARY[0] <= high - low <= _ORDINARY[1] else 1.0 / decade
+    if _ORDINARY[0] <= high - low <= _ORDINARY[1]:
+        factor = 1.0
+    else:
+        factor = 1.0 / decade
     # a whole number of decades leaves the digits where they were
     offset = decade * np.round(0.5 * (low + high) / decade)
     offset = offset if abs(offset) > _REMOTE * (high - low) else 0.0
     if factor == 1.0 and offset == 0.0:
         return record
-    less = f" less {offset:g}" if offset else ""
-    times = f" times {factor:g}" if factor != 1.0 else ""
+    if offset:
+        less = f" less {offset:g}"
+    else:
+        less = ""
+    if factor != 1.0:
+        times = f" times {factor:g}"
+    else:
+        times = ""
     span = record.pv_span
     return replace(
         record,
         pv=(record.pv - offset) * factor,
         sp=None if record.sp is None else (record.sp - offset) * factor,
         pv_span=None if span is None else tuple((x - offset) * factor for x in span),
-        notes=(*record.notes, f"unit: PV spans {high - low:.3g}; judged as PV{less}{times}"),
+        notes=record.notes + (f"unit: PV spans {high - low:.3g}; judged as PV{less}{times}",),
     )

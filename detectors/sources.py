@@ -109,7 +109,10 @@ def as_record(
     **about: Any,
 ) -> LoopRecord:
     """Return the record that arrays, a table, a run, a record or a file hold."""
-    signals = {name: s for name, s in zip(RECORDED_SIGNALS, (op, pv, sp, mv)) if s is not None}
+    signals = {}
+    for name, s in zip(RECORDED_SIGNALS, (op, pv, sp, mv)):
+        if s is not None:
+            signals[name] = s
     if source is None:
         missing = [name for name in ("op", "pv") if name not in signals] + ["Ts"] * (Ts is None)
         if missing or Ts is None:
@@ -124,14 +127,22 @@ def as_record(
         return read_record(source, **about, **({} if Ts is None else {"Ts": Ts}))
     if isinstance(source, Mapping) or (hasattr(source, "columns") and hasattr(source, "index")):
         return read_columns(source, Ts=Ts, **about)
-    record = source if isinstance(source, LoopRecord) else getattr(source, "record", None)
+    if isinstance(source, LoopRecord):
+        record = source
+    else:
+        record = getattr(source, "record", None)
     if not isinstance(record, LoopRecord):
         raise RecordError(
             f"{type(source).__name__} is no record; a LoopRecord, a simulated run or a file is"
             f" needed, {_HINT}"
         )
-    changes = about if Ts is None else {**about, "Ts": Ts}
-    return replace(record, **changes) if changes else record
+    if Ts is None:
+        changes = about
+    else:
+        changes = {**about, "Ts": Ts}
+    if changes:
+        return replace(record, **changes)
+    return record
 
 
 def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
@@ -158,7 +169,11 @@ def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
 
 def split_names(texts: Iterable[str]) -> list[str]:
     """Return the names in texts, each of which holds one, or several with commas."""
-    return [name.strip() for text in texts for name in text.split(",")]
+    names = []
+    for text in texts:
+        for name in text.split(","):
+            names.append(name.strip())
+    return names
 
 
 def _name_of(detector: Any) -> str:
@@ -185,7 +200,10 @@ def as_plugin(name: str, detector: Any) -> ModuleType:
     """Return the detector module of a function or an object of the caller."""
     title = (inspect.getdoc(detector) or name).strip().splitlines()[0]
     given = getattr(detector, "METHOD", None)
-    method = given if isinstance(given, Method) else Method(title=title, source="the caller's own")
+    if isinstance(given, Method):
+        method = given
+    else:
+        method = Method(title=title, source="the caller's own")
 
     def detect(prepared: Prepared, **thresholds: float) -> Verdict:
         return _verdict(name, _fresh(detector)(prepared.record, **thresholds))
@@ -210,13 +228,16 @@ def _fresh(detector: Any) -> Callable[..., Any]:
 def _verdict(name: str, answer: Any) -> Verdict:
     if isinstance(answer, Verdict):
         return answer.but(method=name)
-    word, score = (
-        answer
-        if isinstance(answer, Sequence) and not isinstance(answer, str) and len(answer) == 2
-        else (answer, None)
-    )
-    word = bool(word) if isinstance(word, np.bool_) else word
-    verdict = _WORDS.get(word) if word is None or isinstance(word, bool) else in_data(word)
+    if isinstance(answer, Sequence) and not isinstance(answer, str) and len(answer) == 2:
+        word, score = answer
+    else:
+        word, score = (answer, None)
+    if isinstance(word, np.bool_):
+        word = bool(word)
+    if word is None or isinstance(word, bool):
+        verdict = _WORDS.get(word)
+    else:
+        verdict = in_data(word)
     if verdict not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
         form = (
             f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a"

@@ -23,7 +23,10 @@ def in_data(word: Any) -> Any:
     >>> in_data("no stiction"), in_data("perhaps")
     ('no_stiction', 'perhaps')
     """
-    other = word.strip().replace(" ", "_") if isinstance(word, str) else word
+    if isinstance(word, str):
+        other = word.strip().replace(" ", "_")
+    else:
+        other = word
     return other if other in VERDICTS else word
 
 
@@ -115,7 +118,10 @@ class Verdict:
             Every field, and the probability of stiction where the method gives one; NaN and
             infinities become null.
         """
-        probability = {k: self.indices[k] for k in (PROBABILITY,) if k in self.indices}
+        probability = {}
+        for k in (PROBABILITY,):
+            if k in self.indices:
+                probability[k] = self.indices[k]
         return _as_plain(asdict(self) | probability)
 
 
@@ -154,7 +160,10 @@ def wrong_types(v: Any) -> Iterator[str]:
         for name in (k for k, x in v.indices.items() if math.isinf(x)):
             yield f"gives the index {name} = {float(v.indices[name])!r}, a finite number is needed"
     for key, level in (("S", v.S), ("J", v.J)):
-        ends = level if isinstance(level, tuple) else (level,)
+        if isinstance(level, tuple):
+            ends = level
+        else:
+            ends = (level,)
         if level is not None and (
             len(ends) > 2 or not all(_number(x) and math.isfinite(x) for x in ends)
         ):

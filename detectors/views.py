@@ -32,7 +32,11 @@ def columns(lines: Sequence[Sequence[str]], right: Collection[str] = ()) -> list
     """
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
     sides = [str.rjust if head in right else str.ljust for head in lines[0]]
-    return [
-        "  ".join(side(cell, w) for side, cell, w in zip(sides, line, widths, strict=True)).rstrip()
-        for line in lines
-    ]
+    padded = []
+    for line in lines:
+        padded.append(
+            "  ".join(
+                side(cell, w) for side, cell, w in zip(sides, line, widths, strict=True)
+            ).rstrip()
+        )
+    return padded

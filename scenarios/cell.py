@@ -150,7 +150,10 @@ def cell_group(
     )
     drafts = []
     for name, own, loads in members:
-        tuning = settings["tuning"] if own.get("tuning", SAME) == SAME else own["tuning"]
+        if own.get("tuning", SAME) == SAME:
+            tuning = settings["tuning"]
+        else:
+            tuning = own["tuning"]
         if tuning not in (*FOPTD_LAG, *ULTIMATE):
             raise SpecError(
                 f"{where}: tuning {tuning!r} is unknown,"
@@ -166,7 +169,9 @@ def cell_group(
         loop = overridden(
             Loop.from_table({**_loop_table(mine, where), "valve": valve}, where), overrides
         )
-        found = {key: own.get(key) for key in names}
+        found = {}
+        for key in names:
+            found[key] = own.get(key)
         found.update(
             member=name,
             process=settings["process"],
@@ -228,7 +233,10 @@ def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
     if loop.valve.name == "ideal":
         ratio = 0.0
     elif isinstance(S, (int, float)) and S > 0:
-        ratio = S / (2 * J) if isinstance(J, (int, float)) and J > 0 else math.inf
+        if isinstance(J, (int, float)) and J > 0:
+            ratio = S / (2 * J)
+        else:
+            ratio = math.inf
     return {
         "Td_over_T": plant.Td / plant.T if plant.T else None,
         "Td_over_Ti": plant.Td / Ti if plant.integrating and Ti else None,
@@ -287,7 +295,10 @@ def ultimate_gain(Td_over_T: float) -> float:
     hi = math.pi / Td_over_T
     for _ in range(60):
         w = 0.5 * (lo + hi)
-        lo, hi = (w, hi) if w * Td_over_T + math.atan(w) < math.pi else (lo, w)
+        if w * Td_over_T + math.atan(w) < math.pi:
+            lo, hi = (w, hi)
+        else:
+            lo, hi = (lo, w)
     return math.sqrt(1.0 + lo * lo)
 
 
@@ -349,7 +360,10 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
         table["operating_point"] = {"op0": float(s["op_rest"])}
     if s["excitation"] != "load" and s["step"] != 0.0:
         # against the load the set point goes the other way: more loops reach their cycle
-        step = s["step"] if s["excitation"] == "setpoint" else -abs(s["step"])
+        if s["excitation"] == "setpoint":
+            step = s["step"]
+        else:
+            step = -abs(s["step"])
         table["setpoint"]["steps"] = [[0.0, rest + step * size]]
     if s["excitation"] != "setpoint":
         # a load that is there from the first sample on: a ramp that takes no time
@@ -374,11 +388,9 @@ def _valve(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
             f"{where}: S_over_2J = {ratio}; the sticky twin needs a number above 0, or inf"
         )
     if math.isinf(ratio):
-        return (
-            {"model": "deadband", "S": S}
-            if model == "choudhury"
-            else {"model": model, "S": S, "J": 0.0}
-        )
+        if model == "choudhury":
+            return {"model": "deadband", "S": S}
+        return {"model": model, "S": S, "J": 0.0}
     return {"model": model, "S": S, "J": S / (2.0 * ratio)}
 
 

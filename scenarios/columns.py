@@ -66,7 +66,10 @@ def _fill_columns(part: Any, names: tuple[str, ...], folder: Path, where: str) -
     if beside:
         raise SpecError(f"{where}: file and {beside[0]} are given; one of both is needed")
     columns = read_columns(folder / file)
-    found = {name: columns[name] for name in names if name in columns}
+    found = {}
+    for name in names:
+        if name in columns:
+            found[name] = columns[name]
     if not found:
         raise SpecError(
             f"{where}: {file} has the columns {', '.join(columns)}; at least one of"
@@ -130,15 +133,21 @@ def in_a_file(table: Mapping[str, Any], file: str) -> tuple[dict[str, Any], str]
     if len(setpoint.get("steps", ())) > _MOST_IN_A_LINE:
         setpoint |= dict(zip(_MOVES, zip(*setpoint.pop("steps"))))
     for part, names in ((load, RESIDUALS), (archive, _HELD), (setpoint, _MOVES)):
-        found = {name: part.pop(name) for name in names if part.get(name)}
+        found = {}
+        for name in names:
+            if part.get(name):
+                found[name] = part.pop(name)
         columns |= found
-        part |= {"file": file} if found else {}
+        if found:
+            part |= {"file": file}
+        else:
+            part |= {}
     if not columns:
         return dict(table), ""
 
     # the text, and the table in its order
     rows = zip_longest(*columns.values(), fillvalue="")
-    text = [",".join(columns), *(",".join(map(str, row)) for row in rows)]
+    text = [",".join(columns)] + [",".join(map(str, row)) for row in rows]
     moved = {"disturbance": loads, "archive": archive, "setpoint": setpoint}
     moved = {name: part for name, part in moved.items() if name in table and part}
     return {**table, **moved}, "\n".join(text) + "\n"

@@ -17,6 +17,6 @@ def suggestion(word: str, known: Iterable[str]) -> str:
         word.lower(), [k.lower() for k in names], 1
     )
     close = [k for k in names if k in close or k.lower() in close]
-    return (
-        f"did you mean {' or '.join(map(repr, close))}?" if close else f"known: {', '.join(names)}"
-    )
+    if close:
+        return f"did you mean {' or '.join(map(repr, close))}?"
+    return f"known: {', '.join(names)}"

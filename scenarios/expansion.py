@@ -75,14 +75,20 @@ class Grid:
     @property
     def hash(self) -> str:
         """16 hex digits that change with anything that changes the list of scenarios."""
-        kept = {k: v for k, v in self.content.model_dump().items() if k not in UNHASHED}
+        kept = {}
+        for k, v in self.content.model_dump().items():
+            if k not in UNHASHED:
+                kept[k] = v
         return content_hash({"content": kept, "overrides": self.overrides})
 
     @property
     def cells_hash(self) -> str:
         """16 hex digits of what the grid asks, whatever its seed, repeats and name."""
-        without = (*UNHASHED, *GRID_KEYS)
-        kept = {k: v for k, v in self.content.model_dump().items() if k not in without}
+        without = UNHASHED + GRID_KEYS
+        kept = {}
+        for k, v in self.content.model_dump().items():
+            if k not in without:
+                kept[k] = v
         return content_hash({"content": kept, "overrides": self.overrides})
 
     @property
@@ -103,7 +109,9 @@ class Grid:
     def benchmark(self) -> str:
         """Name and version; of a grid that is not one of the package, with a hash of its cells."""
         named = f"{self.name}-{self.content.version}"
-        return named if self.of_package else f"{named} {self.cells_hash}"
+        if self.of_package:
+            return named
+        return f"{named} {self.cells_hash}"
 
     @cached_property
     def _cells(self) -> list[tuple[int, int]]:
@@ -113,7 +121,9 @@ class Grid:
 
     @property
     def _axes(self) -> list[dict[str, tuple[Value, ...]]]:
-        return [b.axes for b in self.content.block] if self.content.block else [self.content.axes]
+        if self.content.block:
+            return [b.axes for b in self.content.block]
+        return [self.content.axes]
 
     @property
     def cells(self) -> int:
@@ -154,11 +164,9 @@ class Grid:
         """Return a few groups that show every kind of cell: the first of each block, or most cells
         of a single loop.
         """
-        return (
-            [first for first, _ in self._cells]
-            if self.content.block
-            else list(range(min(self.cells, most)))
-        )
+        if self.content.block:
+            return [first for first, _ in self._cells]
+        return list(range(min(self.cells, most)))
 
     def groups(self, start: int = 0, stop: int | None = None) -> Iterator[Group]:
         """Yield groups start..stop-1; repeats come last, so more of them only append."""
@@ -174,7 +182,10 @@ class Grid:
         building it.
         """
         block, values = self._place(number)
-        name = self.content.block[block].name if self.content.block else "loop"
+        if self.content.block:
+            name = self.content.block[block].name
+        else:
+            name = "loop"
         return name, values, tuple(m.name for m in self._present(block, values))
 
     def group(self, index: int) -> Group:
@@ -186,7 +197,7 @@ class Grid:
         members = self._present(number, values)
         without = "" if any(m.echo is not None for m in members) else "disturbance"
         shared = np.random.default_rng(
-            [self.content.seed, repeat, number, *self._without(number, values, without)]
+            [self.content.seed, repeat, number] + self._without(number, values, without)
         )
         rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
         tags: dict[str, float | int | str | None] = {
@@ -238,7 +249,10 @@ class Grid:
         tags.update(block=block.name, ranked=float(block.ranked))
         # keys of the loop file, as axis or draw: they have the last word, but for what was set from
         # outside
-        keys = {key: settings.pop(key) for key in list(settings) if is_of_loop(key)}
+        keys = {}
+        for key in list(settings):
+            if is_of_loop(key):
+                keys[key] = settings.pop(key)
         overrides = {**keys, **self.overrides}
         tags.update({key: _tag_of(value) for key, value in keys.items()})
         twin, rules, drafts = cell_group(
@@ -255,14 +269,22 @@ class Grid:
         settings = {**values, **self.overrides}
         for key in [key for key in settings if key in Rules.FIELDS]:
             rules[key] = settings.pop(key)
-        ratios = {key: settings.pop(key) for key in RATIOS if key in settings}
+        ratios = {}
+        for key in RATIOS:
+            if key in settings:
+                ratios[key] = settings.pop(key)
         loop = loop.with_all(settings)
         # a healthy valve is sampled as its sticky twin
-        moving = {key: value for key, value in ratios.items() if (key, value) != ("S_over_2J", 0)}
+        moving = {}
+        for key, value in ratios.items():
+            if (key, value) != ("S_over_2J", 0):
+                moving[key] = value
         sticky = with_ratios(loop, moving, self.name)
         loop = with_ratios(loop, ratios, self.name)
         seed = int(rng.integers(2**63))
-        told = {key: _tag_of(value) for key, value in values.items()}
+        told = {}
+        for key, value in values.items():
+            told[key] = _tag_of(value)
         tags = {**tags, "block": "loop", "member": "loop", **loop_axes(loop), **told}
         twin = sticky.model_copy(update={"noise": type(loop.noise)(), "disturbance": ()})
         draft = Draft(loop, tags, Rules(**rules), seed, scenario_id(tags, seed))
@@ -272,7 +294,9 @@ class Grid:
         if name == "none":
             return ()
         d = self._part_named("disturbance", self.content.disturbances, name)
-        more = {key: draw(value, rng) for key, value in sorted(d.parameters.items())}
+        more = {}
+        for key, value in sorted(d.parameters.items()):
+            more[key] = draw(value, rng)
         return (
             {
                 "type": d.type,
@@ -284,11 +308,9 @@ class Grid:
         )
 
     def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
-        return (
-            ()
-            if name == "none"
-            else (self._part_named("effect", self.content.effects, name).drawn(str(name), rng),)
-        )
+        if name == "none":
+            return ()
+        return (self._part_named("effect", self.content.effects, name).drawn(str(name), rng),)
 
     def _part_named(self, kind: str, parts: Mapping[str, Any], name: Value) -> Any:
         if name not in parts:
@@ -309,20 +331,21 @@ class Grid:
 
     def _without(self, number: int, values: Mapping[str, Value], left_out: str) -> list[int]:
         # a key of the loop file that has one value is no choice: it shifts no draw
-        axes = {
-            key: choices
-            for key, choices in self._axes[number].items()
-            if not is_of_loop(key) or len(choices) > 1
-        }
+        axes = {}
+        for key, choices in self._axes[number].items():
+            if not is_of_loop(key) or len(choices) > 1:
+                axes[key] = choices
         return [choices.index(values[key]) for key, choices in axes.items() if key != left_out]
 
     def _present(self, number: int, values: Mapping[str, Value]) -> Sequence[Member]:
         if not self.content.block:
             return [Member(name="loop", valve="")]
         members = self.content.block[number].member
-        return [
-            m for m in members if all(values[key] in allowed for key, allowed in m.where.items())
-        ]
+        present = []
+        for m in members:
+            if all(values[key] in allowed for key, allowed in m.where.items()):
+                present.append(m)
+        return present
 
 
 def _tag_of(value: Any) -> float | int | str:
@@ -331,14 +354,19 @@ def _tag_of(value: Any) -> float | int | str:
     """
     if not isinstance(value, (dict, list, tuple)):
         return value
-    names = [
-        str(value[k]) for k in ("model", "type", "name") if isinstance(value, dict) and k in value
-    ]
-    more = (
-        {k: v for k, v in value.items() if k not in ("model", "type", "name")} if names else value
-    )
+    names = []
+    for k in ("model", "type", "name"):
+        if isinstance(value, dict) and k in value:
+            names.append(str(value[k]))
+    if names:
+        more = {}
+        for k, v in value.items():
+            if k not in ("model", "type", "name"):
+                more[k] = v
+    else:
+        more = value
     return " ".join(
-        [*names, json.dumps(more, separators=(",", ":"))] if more or not names else names
+        (names + [json.dumps(more, separators=(",", ":"))]) if more or not names else names
     )
 
 
@@ -367,7 +395,10 @@ def chunks(grid: Grid) -> Iterator[tuple[int, int]]:
     """
     # a small grid is cut finer, so that several workers find work; a large one coarser: every piece
     # costs whoever hands it out
-    most = min(80, max(len(grid) // 16, 4)) if len(grid) <= 20_000 else min(len(grid) // 125, 1000)
+    if len(grid) <= 20_000:
+        most = min(80, max(len(grid) // 16, 4))
+    else:
+        most = min(len(grid) // 125, 1000)
     start = 0
     held = 0
     for index in range(grid.group_count):

@@ -108,12 +108,15 @@ def make_grid(
     """
     table = dict(table)
     overrides: dict[str, Value] = {}
-    changed: dict[str, tuple[Value, ...]] = {
-        key: tuple(values) for key, values in (axes or {}).items()
-    }
+    changed: dict[str, tuple[Value, ...]] = {}
+    for key, values in (axes or {}).items():
+        changed[key] = tuple(values)
     for key, value in (sets or {}).items():
         if key in GRID_KEYS:
-            table[key] = int(value) if isinstance(value, float) and value.is_integer() else value
+            if isinstance(value, float) and value.is_integer():
+                table[key] = int(value)
+            else:
+                table[key] = value
         elif key in SETTINGS and "block" in table:
             changed[key] = (value,)
         elif "." in key or "loop" in table:
@@ -122,7 +125,10 @@ def make_grid(
             raise SpecError(
                 f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}"
             )
-    blocks = table["block"] if isinstance(table.get("block"), list) else []
+    if isinstance(table.get("block"), list):
+        blocks = table["block"]
+    else:
+        blocks = []
     for axes_of in [part.get("axes") for part in (table, *blocks) if isinstance(part, dict)]:
         for key, values in axes_of.items() if isinstance(axes_of, dict) else ():
             if isinstance(values, list) and len(values) > _MOST_VALUES:
@@ -142,7 +148,7 @@ def make_grid(
     if changed:
         content = _with_axes(content, changed, name)
     for key in overrides:
-        if key not in (*Rules.FIELDS, *RATIOS) and (
+        if key not in (Rules.FIELDS + RATIOS) and (
             key.partition(".")[0] not in Loop.model_fields or "." not in key
         ):
             raise SpecError(
@@ -178,15 +184,19 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
         # Td/T has no meaning on an integrating block, nor Td/Ti on the other; another process needs
         # its own of the two
         processes = axes.get("process", block.axes.get("process", (block.process,)))
-        needed = {
-            "Td_over_Ti" if process == "integrating" else "Td_over_T" for process in processes
-        }
+        needed = set()
+        for process in processes:
+            needed.add("Td_over_Ti" if process == "integrating" else "Td_over_T")
         alien = {"Td_over_T", "Td_over_Ti"} - needed
         own = {*block.axes, *block.draw, *content.draw, *needed}
-        fitting = {k: v for k, v in axes.items() if k not in alien and (k in own or k not in known)}
-        members = tuple(
-            m.model_copy(update={"where": _narrow_axes(m.where, fitting)}) for m in block.member
-        )
+        fitting = {}
+        for k, v in axes.items():
+            if k not in alien and (k in own or k not in known):
+                fitting[k] = v
+        members = []
+        for m in block.member:
+            members.append(m.model_copy(update={"where": _narrow_axes(m.where, fitting)}))
+        members = tuple(members)
         blocks.append(
             block.model_copy(update={"axes": {**block.axes, **fitting}, "member": members})
         )
@@ -197,7 +207,7 @@ def _narrow_axes(
     where: dict[str, tuple[Value, ...]], axes: Mapping[str, tuple[Value, ...]]
 ) -> dict[str, tuple[Value, ...]]:
     # a member kept to a few values of an axis stays with those that the new axis still has
-    return {
-        key: tuple(v for v in allowed if key not in axes or v in axes[key])
-        for key, allowed in where.items()
-    }
+    narrowed = {}
+    for key, allowed in where.items():
+        narrowed[key] = tuple(v for v in allowed if key not in axes or v in axes[key])
+    return narrowed

@@ -67,12 +67,14 @@ def say(name: str, mistakes: list[str]) -> None:
     places: dict[str, list[str]] = {}
     for mistake in mistakes:
         places.setdefault(_PLACE.sub("", mistake), []).append(mistake)
-    told = [
-        f"{many[0]} (the same in {len(many) - 1} more)" if many[1:] else many[0]
-        for many in places.values()
-    ]
+    told = []
+    for many in places.values():
+        told.append(f"{many[0]} (the same in {len(many) - 1} more)" if many[1:] else many[0])
     if told:
-        more = f"; and {len(told) - _SHOWN} more" if len(told) > _SHOWN else ""
+        if len(told) > _SHOWN:
+            more = f"; and {len(told) - _SHOWN} more"
+        else:
+            more = ""
         raise SpecError(f"{name}: {'; '.join(told[:_SHOWN])}{more}")
 
 

@@ -59,7 +59,9 @@ class More(TomlTable):
 
     def drawn(self, name: str, rng: np.random.Generator) -> Scaled:
         """Return the part with its parameters drawn; `name` is that of the table."""
-        values = {key: draw(value, rng) for key, value in sorted(self.parameters.items())}
+        values = {}
+        for key, value in sorted(self.parameters.items()):
+            values[key] = draw(value, rng)
         return Scaled(self.name or name, values, dict(self.scale))
 
 
@@ -169,7 +171,9 @@ def draw(allowed: Range | Names, rng: np.random.Generator) -> float | str:
 
 def pick(names: Names, rng: np.random.Generator) -> str:
     """Return one of several names, each as likely."""
-    return names if isinstance(names, str) else names[int(rng.integers(len(names)))]
+    if isinstance(names, str):
+        return names
+    return names[int(rng.integers(len(names)))]
 
 
 def is_of_loop(key: str) -> bool:

@@ -39,7 +39,9 @@ class Plant(TomlTable):
         if not isinstance(table, dict) or not isinstance(table.get("type"), str):
             return table
         if table["type"] == "tf":
-            return _read_tf(table) if table.get("dt") is None else _read_sampled(table)
+            if table.get("dt") is None:
+                return _read_tf(table)
+            return _read_sampled(table)
         if table["type"] not in PLANT_TYPES:
             _refuse_misspelt(table["type"], PLANT_TYPES)
             return _read_plugin(table, ("type", "Td"), {"K": 1.0})
@@ -80,7 +82,9 @@ class Plant(TomlTable):
         """Whether the plant integrates; a plug-in's own file says so, not its loop."""
         if self.den is None:
             return self.type == "integrating"
-        return self.den[-1] == 0.0 if self.dt is None else integrates(self.den)
+        if self.dt is None:
+            return self.den[-1] == 0.0
+        return integrates(self.den)
 
     def with_gain(self, factor: float) -> Plant:
         """Return the plant behind which PV moves by `factor` times as much; a plug-in without a K
@@ -189,7 +193,10 @@ def _refuse_misspelt(word: str, known: tuple[str, ...]) -> None:
     """Refuse the letters of a built-in type in another order or case: no plug-in's name, but a
     slip.
     """
-    near = [k for k in known if sorted(k.lower()) == sorted(word.lower())]
+    near = []
+    for k in known:
+        if sorted(k.lower()) == sorted(word.lower()):
+            near.append(k)
     if near:
         raise ValueError(f"type = {word!r} is unknown; did you mean {near[0]!r}?")
 
@@ -198,7 +205,10 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
     """Return a table of num and den with the K, and of a first-order plant the T, that follow from
     them.
     """
-    given = [name for name in ("K", "T") if table.get(name) is not None]
+    given = []
+    for name in ("K", "T"):
+        if table.get(name) is not None:
+            given.append(name)
     if given:
         raise ValueError(
             f"{given[0]} = {table[given[0]]}; a plant of type 'tf' has num, den and Td"
@@ -208,7 +218,10 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
     order = den.size - 1
     integrating = den[-1] == 0.0
     K = float(num[-1] / den[-2 if integrating else -1])
-    T = {"T": float(den[0] / den[1])} if order == 1 and not integrating else {}
+    if order == 1 and not integrating:
+        T = {"T": float(den[0] / den[1])}
+    else:
+        T = {}
     return {**table, "num": num.tolist(), "den": den.tolist(), "K": K, **T}
 
 
@@ -219,9 +232,15 @@ def _read_sampled(table: dict[str, Any]) -> dict[str, Any]:
     _refuse_missing(table, "plant", "z")
     num, den = checked_sampled(table["num"], table["den"], 1)
     # without its pole at z = 1, an integrating plant's gain is that of the slope
-    rest = np.cumsum(den)[:-1] * float(table["dt"]) if integrates(den.tolist()) else den
+    if integrates(den.tolist()):
+        rest = np.cumsum(den)[:-1] * float(table["dt"])
+    else:
+        rest = den
     K = float(num.sum() / rest.sum())
-    T = {"T": float(-table["dt"] / math.log(-den[1]))} if den.size == 2 and 0 < -den[1] < 1 else {}
+    if den.size == 2 and 0 < -den[1] < 1:
+        T = {"T": float(-table["dt"] / math.log(-den[1]))}
+    else:
+        T = {}
     return {**table, "num": num.tolist(), "den": den.tolist(), "K": K, **T}
 
 
@@ -254,14 +273,19 @@ def _read_plugin(
     """Return the table of a plug-in with its own parameters apart; what they share with the
     built-in parts counts as theirs.
     """
-    own = {k: v for k, v in table.items() if k not in (*common, "parameters")}
+    own = {}
+    for k, v in table.items():
+        if k not in (common + ("parameters",)):
+            own[k] = v
     own.update(table.get("parameters") or {})
-    wanted = ("K", "T") if "K" in default else ("Kc", "Ti")
-    known = {
-        k: own[k]
-        for k in wanted
-        if isinstance(own.get(k), (int, float)) and not isinstance(own[k], bool) and own[k]
-    }
+    if "K" in default:
+        wanted = ("K", "T")
+    else:
+        wanted = ("Kc", "Ti")
+    known = {}
+    for k in wanted:
+        if isinstance(own.get(k), (int, float)) and not isinstance(own[k], bool) and own[k]:
+            known[k] = own[k]
     return {**{k: table[k] for k in common if k in table}, **default, **known, "parameters": own}
 
 

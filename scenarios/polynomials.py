@@ -41,7 +41,10 @@ def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
     at_zero = np.abs(poles) < 1e-9 * max(1.0, float(np.abs(poles).max()))
     unstable = poles[~at_zero & (poles.real >= 0)]
     if unstable.size or at_zero.sum() > 1:
-        worst = unstable[np.argmax(unstable.real)] if unstable.size else 0.0
+        if unstable.size:
+            worst = unstable[np.argmax(unstable.real)]
+        else:
+            worst = 0.0
         raise ValueError(
             f"unstable: pole at {worst:.4g}; only stable plants, or with one integrator, are"
             " simulated"
@@ -91,7 +94,10 @@ def _refuse_order(den: np.ndarray) -> None:
 
 
 def _numbers(name: str, values: Any, power: str) -> np.ndarray:
-    listed = values.tolist() if isinstance(values, np.ndarray) else values
+    if isinstance(values, np.ndarray):
+        listed = values.tolist()
+    else:
+        listed = values
     if (
         not isinstance(listed, Sequence)
         or isinstance(listed, str)

@@ -140,10 +140,12 @@ class Sample(Grid):
         blocks: Sequence[Any] = self.content.block or (None,)
         for (first, _), axes, block in zip(self._cells, self._axes, blocks, strict=True):
             for member in every if block is None else block.member:
-                allowed = tuple(
-                    tuple(i for i, v in enumerate(values) if v in member.where.get(key, values))
-                    for key, values in axes.items()
-                )
+                allowed = []
+                for key, values in axes.items():
+                    allowed.append(
+                        tuple(i for i, v in enumerate(values) if v in member.where.get(key, values))
+                    )
+                allowed = tuple(allowed)
                 sizes = tuple(map(len, axes.values()))
                 yield _Stratum(member, first, sizes, allowed, self.content.repeats)
 

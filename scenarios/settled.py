@@ -71,7 +71,10 @@ class SettledGrid(Grid):
         """Return the grid of `points` of these scenarios, each as likely as any other; SpecError
         where there are fewer.
         """
-        rows = [row for index in sorted(self._rows) for row in self._rows[index]]
+        rows = []
+        for index in sorted(self._rows):
+            for row in self._rows[index]:
+                rows.append(row)
         if not 1 <= points <= len(rows):
             raise SpecError(
                 f"{self.name}: {points} points; 1 to {len(rows)} are allowed, as it has so many"
@@ -83,18 +86,23 @@ class SettledGrid(Grid):
 
     def group(self, index: int) -> Group:
         """Return a group with nothing left to settle."""
-        drafts = tuple(
-            Draft(
-                Loop.from_table(json.loads(row["loop"])),
-                json.loads(row["tags"]),
-                Rules(),
-                row["seed"],
-                row["scenario_id"],
+        drafts = []
+        for row in self._rows.get(index, ()):
+            drafts.append(
+                Draft(
+                    Loop.from_table(json.loads(row["loop"])),
+                    json.loads(row["tags"]),
+                    Rules(),
+                    row["seed"],
+                    row["scenario_id"],
+                )
             )
-            for row in self._rows.get(index, ())
-        )
+        drafts = tuple(drafts)
         first = next(iter(self._rows.values()))[0]
-        twin = drafts[0].loop if drafts else Loop.from_table(json.loads(first["loop"]))
+        if drafts:
+            twin = drafts[0].loop
+        else:
+            twin = Loop.from_table(json.loads(first["loop"]))
         return Group(index, twin, Rules(), drafts)
 
 

@@ -141,7 +141,9 @@ class Loop(TomlTable):
     def pv0(self) -> float:
         """PV at rest, in its units."""
         pv0 = self.operating_point.pv0
-        return self.setpoint.value if pv0 is None else pv0
+        if pv0 is None:
+            return self.setpoint.value
+        return pv0
 
     @classmethod
     def from_table(cls, table: dict[str, Any], where: str = "loop") -> Self:
@@ -168,11 +170,17 @@ class Loop(TomlTable):
         for section, key in NAME_KEY.items():
             if section in table:
                 many = section != "valve"
-                parts = table[section] if many else [table[section]]
+                if many:
+                    parts = table[section]
+                else:
+                    parts = [table[section]]
                 if not isinstance(parts, (list, tuple)):
                     raise SpecError(f"{where}: [{section}] must be written [[{section}]]")
                 named = [_part(p, section, key, where) for p in parts]
-                table[section] = named if many else named[0]
+                if many:
+                    table[section] = named
+                else:
+                    table[section] = named[0]
         return checked(cls, table, where)
 
     def to_table(self) -> dict[str, Any]:
@@ -186,7 +194,10 @@ class Loop(TomlTable):
         table = self.model_dump(exclude_none=True)
         for section, key in NAME_KEY.items():
             parts = [{key: p.name, **p.parameters} for p in _parts(getattr(self, section))]
-            table[section] = parts[0] if section == "valve" else parts
+            if section == "valve":
+                table[section] = parts[0]
+            else:
+                table[section] = parts
         return table
 
     def to_toml(self) -> str:
@@ -335,15 +346,26 @@ def load_loop(path: str | Path) -> Loop:
 
 
 def _parts(value: Part | tuple[Part, ...]) -> tuple[Part, ...]:
-    return (value,) if isinstance(value, Part) else value
+    if isinstance(value, Part):
+        return (value,)
+    return value
 
 
 def _part(table: Any, section: str, key: str, where: str) -> dict[str, Any]:
     if isinstance(table, Part):
         return table.model_dump()
     if not isinstance(table, dict) or key not in table:
-        have = sorted(table) if isinstance(table, dict) else []
-        wrong = f" (found {', '.join(have)})" if have else ""
+        if isinstance(table, dict):
+            have = sorted(table)
+        else:
+            have = []
+        if have:
+            wrong = f" (found {', '.join(have)})"
+        else:
+            wrong = ""
         raise SpecError(f"{where}: [{section}] lacks the key {key!r}, which is needed{wrong}")
-    parameters = {k: v for k, v in table.items() if k != key}
+    parameters = {}
+    for k, v in table.items():
+        if k != key:
+            parameters[k] = v
     return {"name": table[key], "parameters": parameters}

@@ -106,13 +106,18 @@ def _key(loc: tuple, table: Any, missing: bool) -> tuple:
             table = table[step]
         except (KeyError, IndexError, TypeError):
             # a key that is missing is a place of its own
-            return (*key, step) if missing and isinstance(table, dict) else tuple(key)
+            if missing and isinstance(table, dict):
+                return (*key, step)
+            return tuple(key)
         key.append(step)
     return tuple(key)
 
 
 def _sentence(model: type[BaseModel], error: Any) -> str:
-    path = [p for p in error["loc"] if isinstance(p, (str, int))]
+    path = []
+    for p in error["loc"]:
+        if isinstance(p, (str, int)):
+            path.append(p)
     if path[1:] and path[-1] == "name":  # the file's own word for it
         path[-1] = NAME_KEY.get(str(path[0]), "name")
     place = ".".join(str(p) for p in path)
@@ -126,11 +131,13 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
     if kind == "value_error" and message == "a number is needed":
         return f"{place} = {shorten(value)}; {message}"
     if kind == "value_error":
-        return f"[{place}] {message}" if place else message
+        if place:
+            return f"[{place}] {message}"
+        return message
     if kind == "literal_error":
-        allowed = [
-            w.strip(" '") for w in str(error["ctx"]["expected"]).replace(" or ", ",").split(",")
-        ]
+        allowed = []
+        for w in str(error["ctx"]["expected"]).replace(" or ", ",").split(","):
+            allowed.append(w.strip(" '"))
         return f"{place} = {shorten(value)} is unknown; {suggestion(str(value), allowed)}"
     return f"{place} = {shorten(value)}; {message[0].lower()}{message[1:]}"
 
@@ -138,10 +145,15 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
 def shorten(value: Any) -> str:
     """Return a value as a sentence quotes it, at most 60 characters."""
     try:
-        text = value.isoformat() if isinstance(value, (date, time)) else repr(value)
+        if isinstance(value, (date, time)):
+            text = value.isoformat()
+        else:
+            text = repr(value)
     except (ValueError, RecursionError):  # more digits than Python writes, tables within tables
         return "a value too long to show"
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    if len(text) <= 60:
+        return text
+    return f"{text[:57]}..."
 
 
 def _fields(model: type[BaseModel], path: list[Any]) -> list[str]:

@@ -69,8 +69,14 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     """Open a file for writing that appears under its name only when all of it is on disk."""
     path = local_path(path)
     special = path.exists() and not path.is_file()
-    name = path.name if len(os.fsencode(path.name)) < _LONG_NAME else f"{crc32(os.fsencode(path))}"
-    temporary = path if special else path.with_name(f".{name}.{HOST}.{os.getpid()}")
+    if len(os.fsencode(path.name)) < _LONG_NAME:
+        name = path.name
+    else:
+        name = f"{crc32(os.fsencode(path))}"
+    if special:
+        temporary = path
+    else:
+        temporary = path.with_name(f".{name}.{HOST}.{os.getpid()}")
     try:
         if path.is_dir():
             raise IsADirectoryError(21, "it is a folder")
@@ -153,9 +159,13 @@ def refuse_own_input(
         return
     read: set[Path] = set()
     for path in (Path(p) for p in inputs if p is not None):
-        inside = (
-            [f for f in path.rglob("*") if f.suffix.lower() in _READ] if path.is_dir() else [path]
-        )
+        if path.is_dir():
+            inside = []
+            for f in path.rglob("*"):
+                if f.suffix.lower() in _READ:
+                    inside.append(f)
+        else:
+            inside = [path]
         read |= {_real(f) for f in inside}
     for path in map(local_path, wanted):
         if _real(path) in read:
@@ -229,13 +239,21 @@ def plain_cell(value: Any) -> Any:
     """Return a cell of a table so that no spreadsheet computes it: text that begins like a formula
     gets an apostrophe.
     """
-    text = value.replace("\r", " ") if isinstance(value, str) else value  # which would end a line
-    return _FORMULA.sub(lambda m: f"{m[1]}'{m[2]}", text) if isinstance(text, str) else text
+    # which would end a line
+    if isinstance(value, str):
+        text = value.replace("\r", " ")
+    else:
+        text = value
+    if isinstance(text, str):
+        return _FORMULA.sub(lambda m: f"{m[1]}'{m[2]}", text)
+    return text
 
 
 def csv_text(table: DataFrame, **how: Any) -> str:
     """Return a table as CSV without its index, its texts and names by `plain_cell`."""
-    texts = {name: table[name].map(plain_cell) for name in table.select_dtypes(exclude="number")}
+    texts = {}
+    for name in table.select_dtypes(exclude="number"):
+        texts[name] = table[name].map(plain_cell)
     return (
         table.assign(**texts)
         .rename(columns=plain_cell)
@@ -252,7 +270,10 @@ def write_table(table: DataFrame, path: str | Path, **how: Any) -> None:
 def record_text(record: LoopRecord) -> str:
     """Return a record as the text of its CSV file; see `write_record`."""
     columns = {"t_s": record.t, "sp": record.sp, "op": record.op, "pv": record.pv, "mv": record.mv}
-    there = {name: signal.tolist() for name, signal in columns.items() if signal is not None}
+    there = {}
+    for name, signal in columns.items():
+        if signal is not None:
+            there[name] = signal.tolist()
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(there)

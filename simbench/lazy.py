@@ -21,13 +21,12 @@ def attach(
     """
     # A wrong name raises AttributeError with the nearest right one.
     lines = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8")).body
-    homes = {
-        a.name: str(line.module)
-        for line in lines
-        if isinstance(line, ast.ImportFrom)
-        for a in line.names
-        if a.asname
-    }
+    homes = {}
+    for line in lines:
+        if isinstance(line, ast.ImportFrom):
+            for a in line.names:
+                if a.asname:
+                    homes[a.name] = str(line.module)
     names = sorted(homes)
 
     def load(name: str) -> Any:
@@ -38,15 +37,13 @@ def attach(
         if name not in homes:
             raise AttributeError(_unknown(package, name, names))
         home = homes[name]
-        return (
-            import_module(f"{home}.{name}")
-            if home == package
-            else getattr(import_module(home), name)
-        )
+        if home == package:
+            return import_module(f"{home}.{name}")
+        return getattr(import_module(home), name)
 
     return (
         load,
-        lambda: [*names, "__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"],
+        lambda: names + ["__all__", "__doc__", "__file__", "__name__", "__path__", "__version__"],
         names,
     )
 

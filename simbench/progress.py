@@ -51,7 +51,10 @@ class Progress(tqdm):
             return
         now = self.format_dict
         pace = (self.n - self.initial) / max(now["elapsed"], 1e-9)
-        left = self.format_interval((self.total - self.n) / pace) if self.total and pace else "?"
+        if self.total and pace:
+            left = self.format_interval((self.total - self.n) / pace)
+        else:
+            left = "?"
         spent = self.format_interval(now["elapsed"])
         counted = f"{self.n} of {self.total or '?'}"
         print(f"{self.desc}: {counted} after {spent}, {left} left", file=sys.stderr, flush=True)

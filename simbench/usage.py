@@ -69,7 +69,9 @@ def _exit_code_of(work: Callable[[], int | None], command: Sequence[str]) -> int
         # click ends with 1 where its reader is gone, argparse has printed its help or its complaint
         if isinstance(stop.__context__, BrokenPipeError):
             return UNREAD
-        return int(stop.code or 0) if stop.code in (None, 0, 1, TERMINATED) else 2
+        if stop.code in (None, 0, 1, TERMINATED):
+            return int(stop.code or 0)
+        return 2
     except Exception as error:
         return complain(sentence_of(error, command))
 
@@ -127,12 +129,18 @@ def add_options(command: Sequence[str], cure: str) -> str:
             words.append(command[at])
             at += 1
             continue
-        old += [value] if equals else command[at + 1 : at + 1 + len(values)]
-        at += 1 if equals else 1 + len(values)
+        if equals:
+            old += [value]
+        else:
+            old += command[at + 1 : at + 1 + len(values)]
+        if equals:
+            at += 1
+        else:
+            at += 1 + len(values)
     if option == "--columns":
         both = (column_pairs(old) or {}) | (column_pairs(values) or {})
         values = [",".join(f"{role}={name}" for role, name in both.items())]
-    return shlex.join([*words, option, *values])
+    return shlex.join(words + [option] + values)
 
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
@@ -174,7 +182,10 @@ def plain_number(value: object) -> str:
 def complain(sentence: str) -> int:
     """Print one sentence to stderr and return the exit code of wrong usage, 2."""
     text = printable(masked(" ".join(sentence.split())))
-    short = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 300]} [...] {text[-290:]}"
+    if len(text) <= _LONGEST:
+        short = text
+    else:
+        short = f"{text[: _LONGEST - 300]} [...] {text[-290:]}"
     try:
         print(f"error: {short}", file=sys.stderr, flush=True)
     except OSError:  # nobody reads it, or its disk is full; the exit code still tells

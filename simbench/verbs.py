@@ -128,14 +128,20 @@ def detect(
     with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
-            known = {k: v for k, v in about.items() if k not in ("op", "pv", "sp", "mv")}
+            known = {}
+            for k, v in about.items():
+                if k not in ("op", "pv", "sp", "mv"):
+                    known[k] = v
             return judge_files(source, asked, plugins=plugins, **known)
         record = repair_record(as_record(source, **about))
         with registry.added(plugins) as added:
-            names = choose_methods([*asked, *added])
+            names = choose_methods(asked + added)
             refuse_wrong_forms(names)
             verdicts = judge(record, names)
-        conclusions = {None: _conclude(record)} if _weighs(asked) else {}
+        if _weighs(asked):
+            conclusions = {None: _conclude(record)}
+        else:
+            conclusions = {}
         return Report(
             [(None, v) for v in verdicts], records={None: record}, conclusions=conclusions
         )
@@ -191,12 +197,16 @@ def judge_files(
     'no_decision'
     """
     asked = list(methods)
-    concludes = _weighs(asked) if concludes is None else concludes
+    if concludes is None:
+        concludes = _weighs(asked)
     # 1. choose the methods
     with registry.added(plugins) as added:
-        names = choose_methods([*asked, *added])
+        names = choose_methods(asked + added)
         # 2. read the records
-        known = {} if labels is None else read_labels(labels)
+        if labels is None:
+            known = {}
+        else:
+            known = read_labels(labels)
         refuse_wrong_forms(names)
         records, refused, alone = _read_all(Path(path), known, labels, **about)
         # 3. weigh all evidence about each where that is asked for, and judge it by every method
@@ -205,7 +215,10 @@ def judge_files(
         for name, record in records.items():
             try:
                 record = records[name] = repair_record(record)
-                concluded = {name: _conclude(record)} if concludes else {}
+                if concludes:
+                    concluded = {name: _conclude(record)}
+                else:
+                    concluded = {}
                 if alone and at_once is not None:
                     at_once(Report([], records={name: record}, conclusions=concluded))
                 judged = judge(record, names)
@@ -219,8 +232,14 @@ def judge_files(
         records = {name: record for name, record in records.items() if name not in refused}
         # 4. score against the labels
         answers = [(name, _as_verdict(one)) for name, one in conclusions.items()]
-        scores = score_units([*answers, *verdicts], known) if known else []
-        events = {} if alone else event_numbers(records)
+        if known:
+            scores = score_units(answers + verdicts, known)
+        else:
+            scores = []
+        if alone:
+            events = {}
+        else:
+            events = event_numbers(records)
         return Report(verdicts, refused, scores, records, conclusions, events)
 
 
@@ -231,7 +250,10 @@ def _weighs(methods: Iterable[str]) -> bool:
 
 def _as_verdict(conclusion: Conclusion) -> Verdict:
     """Return a conclusion as the answer of a method of this name."""
-    p = float("nan") if conclusion.probability is None else conclusion.probability
+    if conclusion.probability is None:
+        p = float("nan")
+    else:
+        p = conclusion.probability
     return Verdict("conclusion", conclusion.verdict, p, reason=conclusion.reason)
 
 
@@ -258,7 +280,9 @@ def _read_all(
         raise ParameterError(one)
 
     # a folder's records with what the labels say of them, or those of one file
-    each = {name: {"kind": row["kind"], "process": row["process"]} for name, row in known.items()}
+    each = {}
+    for name, row in known.items():
+        each[name] = {"kind": row["kind"], "process": row["process"]}
     records, refused = read_folder(path, names=known or None, each=each, **about)
     alone = path.is_file() and len(records) + len(refused) == 1
     return {None if alone else name: record for name, record in records.items()}, refused, alone
@@ -303,16 +327,16 @@ class LoopDiagnosis:
             PROBABILITY: concluded.probability,
             "causes": self.causes.as_json(),
             "procedure": {key: whole[key] for key in told},
-            "notes": [*self.record.notes],
+            "notes": list(self.record.notes),
         }
 
     def as_text(self) -> str:
         """Return conclusion, causes and procedure for a terminal."""
         return "\n".join(
-            [
-                *self.conclusion.as_lines(),
-                "Causes with their confidence (0 to 1; several may act):",
-                *self.causes.as_lines(self.conclusion.reason),
+            self.conclusion.as_lines()
+            + ["Causes with their confidence (0 to 1; several may act):"]
+            + self.causes.as_lines(self.conclusion.reason)
+            + [
                 "The diagnosis procedure of the book chapter (one method among others):",
                 self.procedure.as_text(),
             ]
@@ -491,7 +515,10 @@ def run(
     if is_records(grid):
         from simbench.gap.benchmark.from_records import plan_of_records
 
-        out = Path("runs") / Path(str(grid)).stem if out is None else Path(out)
+        if out is None:
+            out = Path("runs") / Path(str(grid)).stem
+        else:
+            out = Path(out)
         grid = plan_of_records(str(grid), out, options, jobs=jobs).grid
         options["sets"] = None
     return run_grid(grid, out, methods, jobs, **options)

@@ -167,7 +167,10 @@ def detect(
         indices = {"ngi": higher.ngi, "nli": higher.nli}
         numbers = f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}"
     # the surrogates name no frequencies: the oscillation's is used
-    around = (1.0 / period, 1.0 / period) if surrogate > 0.5 else higher.peak
+    if surrogate > 0.5:
+        around = (1.0 / period, 1.0 / period)
+    else:
+        around = higher.peak
     op = record.op if record.op_percent is None else record.op_percent
     step = resampling_step(period)
     op, pv = (means(x, step) for x in (op, record.pv))

@@ -95,7 +95,10 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
         np.ptp(x[cut]) > _DEAD * np.ptp(prepared.signal(name))
         for name, x in (("op", op), ("pv", pv))
     )
-    ellipse = fit_ellipse(op[cut], pv[cut]) if moves else None
+    if moves:
+        ellipse = fit_ellipse(op[cut], pv[cut])
+    else:
+        ellipse = None
     if ellipse is None:
         return Verdict(
             "ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse"

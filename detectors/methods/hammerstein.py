@@ -89,13 +89,16 @@ def _one_step(
     n = op.size // q
     u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
     delays = range(max(2, round(0.5 * period / q)))
-    tried = [(0.0, 0.0), *((s * usual, s * j * usual) for s in _SHARES for j in _JUMPS)]
+    tried = [(0.0, 0.0)] + [(s * usual, s * j * usual) for s in _SHARES for j in _JUMPS]
     error, S, J = min(
         (fit_plant(valve_position(u, S, J, limits=(-np.inf, np.inf)), y, delays)[4], S, J)
         for S, J in tried
     )
     straight = fit_plant(u, y, delays)[4]
-    gain = max(1.0 - error / straight, 0.0) if straight > 0.0 else 0.0
+    if straight > 0.0:
+        gain = max(1.0 - error / straight, 0.0)
+    else:
+        gain = 0.0
     return {
         "gain": gain,
         "share": (S + J) / usual,
@@ -149,7 +152,10 @@ def detect(
         )
     op = prepared.searchable("travel")
     pv = prepared.searchable("pv")
-    limits = (-np.inf, np.inf) if record.op_percent is None else (0.0, 100.0)
+    if record.op_percent is None:
+        limits = (-np.inf, np.inf)
+    else:
+        limits = (0.0, 100.0)
     usual = swing(op, period)
     if usual <= 0.0:
         return Verdict("hammerstein", NO_DECISION, reason="OP stands still in most cycles")
@@ -170,11 +176,10 @@ def detect(
         "hammerstein",
         lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts),
     )
-    gain = (
-        max(1.0 - model.error / max(model.error_linear, 1e-12), 0.0)
-        if model.error_linear > 1e-6
-        else 0.0
-    )
+    if model.error_linear > 1e-6:
+        gain = max(1.0 - model.error / max(model.error_linear, 1e-12), 0.0)
+    else:
+        gain = 0.0
     share = (model.S + model.J) / usual
     score = gain * min(share, 1.0)
     indices = {

@@ -100,8 +100,14 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
             "horch_histogram", NO_DECISION, reason=f"{d.size} differences; at least 60 are needed"
         )
     camel, gauss = density_errors(d, least_A)
-    score = camel / (camel + gauss) if camel + gauss > 0 else 0.5
-    verdict, form = (STICTION, "a central peak") if score > bound else (NO_STICTION, "two humps")
+    if camel + gauss > 0:
+        score = camel / (camel + gauss)
+    else:
+        score = 0.5
+    if score > bound:
+        verdict, form = (STICTION, "a central peak")
+    else:
+        verdict, form = (NO_STICTION, "two humps")
     reason = f"differences of PV have {form}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
     return Verdict(
         "horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason

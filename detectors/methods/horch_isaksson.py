@@ -173,7 +173,10 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
         )
     op = prepared.searchable("travel")
     pv = prepared.searchable("pv")
-    limits = (-np.inf, np.inf) if record.op_percent is None else (0.0, 100.0)
+    if record.op_percent is None:
+        limits = (-np.inf, np.inf)
+    else:
+        limits = (0.0, 100.0)
     scale = swing(op, period)
     if scale <= 0:
         return Verdict("horch_isaksson", NO_DECISION, reason="OP stands still in most cycles")
@@ -189,7 +192,10 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     u = (u - moving_mean(u, half)) / scale
     y = y - moving_mean(y, half)
     y = y / max(float(y.std()), 1e-300)
-    a = 1.0 if np.isinf(plant.T_s) else math.exp(-q * record.Ts / max(plant.T_s, 1e-3 * record.Ts))
+    if np.isinf(plant.T_s):
+        a = 1.0
+    else:
+        a = math.exp(-q * record.Ts / max(plant.T_s, 1e-3 * record.Ts))
     # the fit gives the dead time to within a sample, and whose half it is shall not hang on the
     # unit of time
     late = round(round(plant.Td_s / record.Ts / q, 6))
@@ -206,9 +212,12 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
         f"the valve stands still {share:.0%} of the time; two models gain {evidence:.2g} per sample"
         " on a following valve"
     )
-    verdict = (
-        STICTION if share >= score_high else NO_STICTION if share <= score_low else NO_DECISION
-    )
+    if share >= score_high:
+        verdict = STICTION
+    elif share <= score_low:
+        verdict = NO_STICTION
+    else:
+        verdict = NO_DECISION
     return Verdict(
         "horch_isaksson",
         verdict,

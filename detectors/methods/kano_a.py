@@ -82,15 +82,17 @@ def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
         )
     length, moved = stuck_intervals(op, still, period, op_min * swing)
     share = float(length.sum() / record.n)
-    mean = float(moved.mean()) if moved.size else 0.0
+    if moved.size:
+        mean = float(moved.mean())
+    else:
+        mean = 0.0
     verdict = STICTION if share > share_min else NO_STICTION
     S = None
     if verdict == STICTION:
-        S = (
-            mean
-            if record.op_span is None
-            else mean * 100.0 / (record.op_span[1] - record.op_span[0])
-        )
+        if record.op_span is None:
+            S = mean
+        else:
+            S = mean * 100.0 / (record.op_span[1] - record.op_span[0])
     reason = (
         f"the valve stands still in {share:.0%} of the time while OP moves by {mean:.3g} ({note})"
     )

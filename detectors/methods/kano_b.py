@@ -56,7 +56,10 @@ def side_distance(op: np.ndarray, mv: np.ndarray, moving: np.ndarray) -> float:
     means = [(op[side].mean(), mv[side].mean()) for side in sides]
     u = np.concatenate([op[side] - mean[0] for side, mean in zip(sides, means, strict=True)])
     v = np.concatenate([mv[side] - mean[1] for side, mean in zip(sides, means, strict=True)])
-    slope = float(u.std() / v.std()) if v.std() > 0 else 0.0
+    if v.std() > 0:
+        slope = float(u.std() / v.std())
+    else:
+        slope = 0.0
     (up_u, up_v), (down_u, down_v) = means
     return float((up_u - slope * up_v) - (down_u - slope * down_v))
 
@@ -110,11 +113,10 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     if width > width_min and flat > still_min:
         verdict = STICTION
         shape = "a parallelogram"
-        S = (
-            distance
-            if record.op_span is None
-            else distance * 100.0 / (record.op_span[1] - record.op_span[0])
-        )
+        if record.op_span is None:
+            S = distance
+        else:
+            S = distance * 100.0 / (record.op_span[1] - record.op_span[0])
     elif flat > still_min:
         verdict = NO_DECISION
         shape = "flat sides that lie together (J near S, or no stiction)"

@@ -66,11 +66,10 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
     p = weighed.probability
     e = weighed.evidence
     unit = in_percent(record)[1]
-    S, J = (
-        (None, None)
-        if weighed.fitted is None or e.gain <= 0.0
-        else (x * unit for x in weighed.fitted)
-    )
+    if weighed.fitted is None or e.gain <= 0.0:
+        S, J = (None, None)
+    else:
+        S, J = (x * unit for x in weighed.fitted)
     reason = f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats"
     if e.gain > 0.0:
         reason += f"; its band spans {e.share:.0%} of OP's range"

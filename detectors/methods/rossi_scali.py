@@ -61,7 +61,9 @@ def relay_index(humps: np.ndarray, left_out: float = 0.1) -> float:
     sine, relay = typical_means(
         misfit(humps, half_sine(points)), misfit(humps, relays(points)), left_out=left_out
     )
-    return (sine - relay) / (sine + relay) if sine + relay > 0 else 0.0
+    if sine + relay > 0:
+        return (sine - relay) / (sine + relay)
+    return 0.0
 
 
 def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdict:

@@ -64,7 +64,8 @@ def cycles(x: np.ndarray, period: float) -> np.ndarray:
     way = np.where(x[np.minimum(at.astype(int) + 1, x.size - 1)] > 0, 1.0, -1.0)[:-2]
     at, length = at[:-2], at[2:] - at[:-2]
     fit = np.flatnonzero((length > 0.5 * period) & (length < 1.5 * period))
-    fit = fit[np.linspace(0, fit.size - 1, min(fit.size, _CYCLES)).astype(int)] if fit.size else fit
+    if fit.size:
+        fit = fit[np.linspace(0, fit.size - 1, min(fit.size, _CYCLES)).astype(int)]
     place = at[fit, None] + length[fit, None] * ((np.arange(CYCLE_POINTS) + 0.5) / CYCLE_POINTS)
     k = np.minimum(place.astype(int), x.size - 2)
     y = way[fit, None] * (x[k] + (place - k) * (x[k + 1] - x[k]))
@@ -180,12 +181,17 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
         }
     decisive = "PV" if prepared.integrating else "OP"
     score = 1.0 - float(shares[decisive][SHAPES.index("sine")])
-    seen = {name: SHAPES[int(np.argmax(s))] for name, s in shares.items()}
+    seen = {}
+    for name, s in shares.items():
+        seen[name] = SHAPES[int(np.argmax(s))]
     pair = tuple("triangle" if seen[n] == "sawtooth" else seen[n] for n in ("OP", "PV"))
     looks = ", ".join(
         f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV")
     )
-    pairs = _LEVEL if prepared.integrating else FAST | SLOW
+    if prepared.integrating:
+        pairs = _LEVEL
+    else:
+        pairs = FAST | SLOW
     if by_kind > 0.5 and not prepared.integrating:
         pairs = COLUMNS.get(str(prepared.record.kind), pairs)
     if pair in pairs:

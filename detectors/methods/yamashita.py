@@ -117,5 +117,8 @@ def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
 def _symbols(x: np.ndarray, step: int) -> np.ndarray:
     """0, 1, 2 for decreasing, steady, increasing."""
     off, std = centred(x[step:] - x[:-step])
-    z = off / std if std > 0 else np.zeros(off.size)
+    if std > 0:
+        z = off / std
+    else:
+        z = np.zeros(off.size)
     return 1 + (z > 1).astype(int) - (z < -1)

@@ -191,11 +191,11 @@ class PluginFolder:
     def _entry_points(self) -> dict:
         # reads the metadata of every installed distribution: once is enough; none takes a name that
         # means something already
-        return {
-            e.name: e
-            for e in entry_points(group=self.group)
-            if e.name not in self.reserved and not self.built_in(e.name)
-        }
+        points = {}
+        for e in entry_points(group=self.group):
+            if e.name not in self.reserved and not self.built_in(e.name):
+                points[e.name] = e
+        return points
 
     def _load_published(self, name: str) -> ModuleType | None:
         """Return what another distribution publishes under a name, or its replacement here."""
@@ -208,7 +208,10 @@ class PluginFolder:
             Exception,
             SystemExit,
         ) as error:  # it may fail in any way; the user needs its distribution's name
-            whose = point.dist.name if point.dist else "another distribution"
+            if point.dist:
+                whose = point.dist.name
+            else:
+                whose = "another distribution"
             where = f"{self.kind} {name!r} of {whose} ({point.value})"
             raise self._useless(where, repr(error)) from error
 
@@ -226,7 +229,10 @@ class PluginFolder:
         )
 
     def _check_module(self, module: ModuleType, name: str) -> ModuleType:
-        missing = [a for a in self.required if not hasattr(module, a)]
+        missing = []
+        for a in self.required:
+            if not hasattr(module, a):
+                missing.append(a)
         if missing:
             raise ParameterError(
                 f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it"
@@ -257,17 +263,16 @@ class _Detectors(PluginFolder):
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
         base, at, variant = name.partition("@")
         if at and variant not in (PUBLISHED, _CHAPTER):
-            raise UnknownName(self.kind, name, [*self.names(), *self.variants()])
+            raise UnknownName(self.kind, name, self.names() + self.variants())
         module = super().load(base)
         if not at:
             return module
         if variant == _CHAPTER and not module.METHOD.chapter:
-            chapters = [
-                f"{n}@{_CHAPTER}"
-                for n in self.names()
-                if super(_Detectors, self).load(n).METHOD.chapter
-            ]
-            raise UnknownName(self.kind, name, [f"{base}@{PUBLISHED}", *chapters])
+            chapters = []
+            for n in self.names():
+                if super().load(n).METHOD.chapter:
+                    chapters.append(f"{n}@{_CHAPTER}")
+            raise UnknownName(self.kind, name, [f"{base}@{PUBLISHED}"] + chapters)
         shown = ModuleType(name, module.__doc__)
         shown.__dict__.update(
             METHOD=module.METHOD.as_published(variant == _CHAPTER),

@@ -25,7 +25,7 @@ MANUAL = "MAN"
 SHORTEST = 3  # samples of a record
 NONE = "none"  # in place of a column that is not to be read
 _QUALITY = "quality"
-_ROLES = ("t", *SIGNALS, MODE, _QUALITY)
+_ROLES = ("t",) + SIGNALS + (MODE, _QUALITY)
 # small letters, spaces between the words; a row has a time, may name its loop, and a quality
 _NAMES = {
     "t": "time, timestamp, time stamp, t stamp, datetime, date time, date and time, date, elapsed,"
@@ -101,7 +101,10 @@ def parse(name: str) -> Name:
     # the words, and a unit in brackets
     text = words_of(name)
     bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", name)
-    unit = bracket[1].lower() if bracket else ""
+    if bracket:
+        unit = bracket[1].lower()
+    else:
+        unit = ""
 
     # what a row is about
     if found := _TIME.fullmatch(text):
@@ -111,12 +114,12 @@ def parse(name: str) -> Name:
 
     # a signal of a loop, or a column of something else
     if _POSITION.fullmatch(text):  # what it measures is the valve's, not the process's
-        return Name("mv", (*text.split(),))
+        return Name("mv", tuple(text.split()))
     if found := _SIGNAL.fullmatch(text):
-        loop = (*(found["loop"] or "").split(),)
+        loop = tuple((found["loop"] or "").split())
         unit = unit or (found["unit"] or "").replace(" ", "")
         return Name(_ROLE_OF[found["word"]], loop, found["word"], unit)
-    return Name(loop=(*text.split(),), unit=unit)
+    return Name(loop=tuple(text.split()), unit=unit)
 
 
 @lru_cache(4096)
@@ -141,16 +144,20 @@ def take_samples(table: Sheet, chosen: Mapping[str, str]) -> None:
     layout without a row per time and a column per signal.
     """
     # the tag of every value in a column of its own, or a time before each signal
-    roles = {name: parse(name).role for name in table.columns}
+    roles = {}
+    for name in table.columns:
+        roles[name] = parse(name).role
     among = {*roles.values(), *chosen}
     if {"t", "tag", "value"} <= among and not {"pv", "op"} <= among:
         raise RecordError(f"{table.where}: a row per time and tag; {LAYOUT} pivot_table")
-    order = [*roles.values()]
+    order = list(roles.values())
     if {"pv", "op"} <= {role for before, role in pairwise(order) if before == "t"}:
         raise RecordError(f"{table.where}: signals with times of their own; {LAYOUT} merge_asof")
 
     # a date and a clock time in two columns
-    words = {words_of(name): name for name in roles}
+    words = {}
+    for name in roles:
+        words[words_of(name)] = name
     dates, clocks = (table.columns.get(words.get(word, "")) for word in ("date", "time"))
     if isinstance(dates, list) and isinstance(clocks, list):
         both = [d if d == c else f"{d} {c}" for d, c in zip(dates, clocks, strict=True)]
@@ -158,7 +165,7 @@ def take_samples(table: Sheet, chosen: Mapping[str, str]) -> None:
         del table.columns[words["date"]]
 
     # what is said of the quality of samples is for the caller to decide
-    for name, cells in [*table.columns.items()]:
+    for name, cells in list(table.columns.items()):
         by_name = parse(name).role == _QUALITY
         if name in chosen.values() or not (by_name or isinstance(cells, list)):
             continue
@@ -175,7 +182,9 @@ def take_samples(table: Sheet, chosen: Mapping[str, str]) -> None:
 
 def split_by_tag(table: Sheet) -> dict[str, Sheet]:
     """Take a table apart by the loop that every row names; itself under "" where none does."""
-    names = {parse(name).role: name for name in table.columns}
+    names = {}
+    for name in table.columns:
+        names[parse(name).role] = name
     if "tag" not in names or not {"op", "pv"} <= names.keys() or parse(names["op"]).loop:
         return {"": table}
     tags = np.array([str(cell).strip() for cell in table.columns.pop(names["tag"])])
@@ -190,8 +199,11 @@ def _take_rows(table: Sheet, rows: np.ndarray) -> Sheet:
         name: cells[rows] if isinstance(cells, np.ndarray) else [cells[k] for k in rows]
         for name, cells in table.columns.items()
     }
-    lines = np.asarray(table.lines)[rows] if len(table.lines) else ()
-    return replace(table, columns=columns, lines=lines, notes=[*table.notes], found={})
+    if len(table.lines):
+        lines = np.asarray(table.lines)[rows]
+    else:
+        lines = ()
+    return replace(table, columns=columns, lines=lines, notes=list(table.notes), found={})
 
 
 def find_loops(table: Sheet, chosen: Mapping[str, str]) -> dict[str, Roles]:
@@ -201,7 +213,7 @@ def find_loops(table: Sheet, chosen: Mapping[str, str]) -> dict[str, Roles]:
     groups: dict[tuple[str, ...], dict[str, list[str]]] = {}
     for name in table.columns:
         role, loop, *_ = parse(name)
-        if role in (*SIGNALS, MODE) and name not in given.values():
+        if role in (SIGNALS + (MODE,)) and name not in given.values():
             groups.setdefault(loop, {}).setdefault(role, []).append(name)
 
     # several loops, each with both signals
@@ -210,13 +222,16 @@ def find_loops(table: Sheet, chosen: Mapping[str, str]) -> dict[str, Roles]:
         return {_tag_of(k, groups[k]["pv"][0]): _pick_each(table, groups[k], {}) for k in whole}
 
     # one: its own columns, then such as name no loop, or a tag of the same number
-    loop = parse(given["pv"]).loop if "pv" in given else next(iter(whole), ())
+    if "pv" in given:
+        loop = parse(given["pv"]).loop
+    else:
+        loop = next(iter(whole), ())
     mine = groups.get(loop, {})
     more: dict[str, list[str]] = {}
     for other, among in groups.items():
         if not loop or not other or _number(other) == _number(loop) != "":
             for role in among.keys() - mine.keys():
-                more[role] = [*more.get(role, []), *among[role]]
+                more[role] = more.get(role, []) + among[role]
     roles = _pick_each(table, more | mine, given)
     one, two = (parse(roles.get(r, "")).loop if r not in given else () for r in ("pv", "op"))
     if one and two and one != two and _number(one) != _number(two):
@@ -237,7 +252,10 @@ def _check_chosen(table: Sheet, chosen: Mapping[str, str]) -> Roles:
 
         # a column of its own
         if name not in table.columns or role == _QUALITY:
-            known = "none" if role == _QUALITY else nearest(name, table.columns)
+            if role == _QUALITY:
+                known = "none"
+            else:
+                known = nearest(name, table.columns)
             raise RecordError(f"{table.where}: no column {name!r} for {role}, {known}")
         if name in given.values():
             twice = f"{table.where}: column {name!r} is named for two roles"
@@ -248,8 +266,11 @@ def _check_chosen(table: Sheet, chosen: Mapping[str, str]) -> Roles:
 
 def _pick_each(table: Sheet, among: Mapping[str, list[str]], given: Roles) -> Roles:
     """Return one column for each signal of a loop: of the standard name, else the only one."""
-    roles = {role: name for role, name in given.items() if role != "t"}
-    for role in (r for r in (*SIGNALS, MODE) if r in among and r not in given):
+    roles = {}
+    for role, name in given.items():
+        if role != "t":
+            roles[role] = name
+    for role in (r for r in SIGNALS + (MODE,) if r in among and r not in given):
         names = [n for n in among[role] if words_of(n) == role] or among[role]
         names = [n for n in names if parse(n).word == role] or names
         if len(names) > 1:
@@ -268,8 +289,14 @@ def refuse_missing(table: Sheet, roles: Roles) -> None:
         return
 
     # such columns
-    free = [roles["mv"]] if missing == ["op"] and parse(roles.get("mv", "")).word == "mv" else []
-    times = [name for name in table.columns if parse(name).role == "t"]
+    if missing == ["op"] and parse(roles.get("mv", "")).word == "mv":
+        free = [roles["mv"]]
+    else:
+        free = []
+    times = []
+    for name in table.columns:
+        if parse(name).role == "t":
+            times.append(name)
     for name, cells in table.columns.items():
         if isinstance(cells, list):  # whatever the decimal sign
             cells = [str(cell).replace(",", ".") for cell in cells]
@@ -279,13 +306,16 @@ def refuse_missing(table: Sheet, roles: Roles) -> None:
             times.append(name)
         elif x.size and np.ptp(x) > 0 and name not in roles.values():
             free.append(name)
-    shown = ", ".join([*table.columns][:12])
+    shown = ", ".join(list(table.columns)[:12])
     lacks = f"{table.where}: no {missing[0].upper()} column; columns are: {shown}"
     if len(free) < len(missing):
         raise RecordError(f"{lacks}; {LAYOUT} merge of several files")
 
     # as they may be meant
-    likely = {"t": times[0]} if times else {}
+    if times:
+        likely = {"t": times[0]}
+    else:
+        likely = {}
     likely |= dict(zip(missing, free, strict=False))
     raise RecordError(lacks, _option(likely, *likely))
 
@@ -299,7 +329,10 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     # by name, of the whole table before one of a signal
     if "t" in chosen:
         return chosen["t"]
-    times = [name for name in _shows_time(table, "name") if name not in roles.values()]
+    times = []
+    for name in _shows_time(table, "name"):
+        if name not in roles.values():
+            times.append(name)
     times = [name for name in times if words_of(name).startswith("t")] or times
     if len(times) > 1:
         which = f"{table.where}: {' or '.join(times)} may be the time; one is needed"
@@ -309,10 +342,16 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     stamped = _shows_time(table, "stamp")
     stamped = times or [name for name in stamped if name not in roles.values()]
     if stamped:
-        table.notes += [] if times else [f"time: {stamped[0]!r} holds time stamps"]
+        if times:
+            table.notes += []
+        else:
+            table.notes += [f"time: {stamped[0]!r} holds time stamps"]
         return stamped[0]
     clocks = _shows_time(table, "order")
-    cure = _option({"t": clocks[0]}, "t") if clocks else "--ts 1"
+    if clocks:
+        cure = _option({"t": clocks[0]}, "t")
+    else:
+        cure = "--ts 1"
     lacks = f"{table.where}: no time column (t, time, timestamp) and no sampling period Ts given"
     if clocks and clocks[0] in roles.values():
         cure = ""
@@ -340,8 +379,13 @@ def _rises(x: np.ndarray) -> bool:
 
 def _tag_of(loop: Sequence[str], name: str) -> str:
     """Return the tag of a loop as a column writes it."""
-    at = name.casefold().rfind(loop[-1]) if loop else -1
-    return name[: at + len(loop[-1])] if at >= 0 else " ".join(loop)
+    if loop:
+        at = name.casefold().rfind(loop[-1])
+    else:
+        at = -1
+    if at >= 0:
+        return name[: at + len(loop[-1])]
+    return " ".join(loop)
 
 
 def _number(loop: Iterable[str]) -> str:
@@ -353,7 +397,9 @@ def _number(loop: Iterable[str]) -> str:
 def choose_loop(tag: str, labels: Iterable[str]) -> list[str]:
     """Return the loops of exactly a tag, else those whose path ends with it, else holds it."""
     asked = f" {words_of(tag)} "
-    among = {label: f" {words_of(label)} " for label in labels}
+    among = {}
+    for label in labels:
+        among[label] = f" {words_of(label)} "
     return (
         [label for label in among if label == tag]
         or [label for label, words in among.items() if words.endswith(asked)]
@@ -365,8 +411,15 @@ def read_numbers(table: Sheet, names: Iterable[str]) -> dict[str, np.ndarray]:
     """Return columns as numbers, NaN where they are empty, or say "Bad" or the like."""
     # by all of them together the comma is the decimal sign, or separates thousands
     columns = {name: table.columns[name] for name in names}
-    texts = [c for cells in columns.values() if isinstance(cells, list) for c in cells]
-    commas = [str(text) for text in texts if _COMMA.fullmatch(str(text).strip())]
+    texts = []
+    for cells in columns.values():
+        if isinstance(cells, list):
+            for c in cells:
+                texts.append(c)
+    commas = []
+    for text in texts:
+        if _COMMA.fullmatch(str(text).strip()):
+            commas.append(str(text))
     if commas and table.delimiter != ";" and all(map(_THOUSANDS.fullmatch, commas)):
         two = f"{commas[0].replace(',', '.')} or {commas[0].replace(',', '')}"
         raise RecordError(f"{table.where}: {commas[0]!r} may be {two}; write points")
@@ -409,7 +462,9 @@ def _as_floats(cells: Cells, comma: bool = False) -> np.ndarray:
     """Return cells as numbers, NaN where they are none."""
     if isinstance(cells, list):
         return np.array([as_float(cell, comma) for cell in cells], dtype=np.float64)
-    return np.asarray(cells, float) if cells.dtype.kind in "fiu" else np.full(len(cells), np.nan)
+    if cells.dtype.kind in "fiu":
+        return np.asarray(cells, float)
+    return np.full(len(cells), np.nan)
 
 
 def as_float(cell: object, comma: bool = False) -> float:
@@ -432,7 +487,7 @@ def read_modes(table: Sheet, name: str) -> np.ndarray | None:
     cells = table.columns[name]
     said = [f"{c:g}" if isinstance(c, float) else str(c or "").strip() for c in cells]
     modes = {}
-    for text in {*said}:
+    for text in set(said):
         words = (text.lower(), *re.findall(r"[^-.\s]+", text.lower()))
         modes[text] = next((_MODE_OF[word] for word in words if word in _MODE_OF), "")
     known = [k for k, text in enumerate(said) if modes[text]]

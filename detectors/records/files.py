@@ -50,7 +50,12 @@ def read_tables(path: Path, is_head: IsHead) -> dict[str, Sheet]:
     """Return the tables of a file: of a workbook the sheets with a header by name, else one."""
     # a file with something in it
     if not path.is_file() or path.stat().st_size == 0:
-        why = "is empty" if path.is_file() else "is no file" if path.exists() else "does not exist"
+        if path.is_file():
+            why = "is empty"
+        elif path.exists():
+            why = "is no file"
+        else:
+            why = "does not exist"
         raise RecordError(f"file {path} {why}; a header line and one line per sample are needed")
 
     # by its ending
@@ -90,15 +95,23 @@ def table_of(columns: Any, where: str, row: str = "row") -> Sheet:
     # times may stand in the index of a frame; a text that repeats is kept once
     if hasattr(columns, "reset_index"):
         named = columns.index.name or columns.index.dtype.kind == "M"
-        frame = columns.reset_index() if named else columns
+        if named:
+            frame = columns.reset_index()
+        else:
+            frame = columns
         frame = frame.astype({n: object for n in frame if frame[n].dtype.kind not in "fiuM"})
-        columns = {name: frame[name].to_numpy() for name in frame}
+        columns = {}
+        for name in frame:
+            columns[name] = frame[name].to_numpy()
 
     # numbers and times as arrays, everything else as it is
     cells: dict[str, Cells] = {}
     for name, values in columns.items():
         array = np.asarray(values)
-        cells[str(name)] = array if array.dtype.kind in "fiuM" else array.tolist()
+        if array.dtype.kind in "fiuM":
+            cells[str(name)] = array
+        else:
+            cells[str(name)] = array.tolist()
         if array.ndim != 1 or array.size != len(next(iter(cells.values()))):
             wrong = f"column {name} has shape {array.shape}"
             raise RecordError(f"{where}: {wrong}; columns of one length are needed")
@@ -137,7 +150,7 @@ def _read_workbook(path: Path, is_head: IsHead) -> dict[str, Sheet]:
     tables = {}
     for name, frame in pd.read_excel(path, header=None, dtype=object, sheet_name=None).items():
         cells = frame.fillna("").astype(str).itertuples(index=False, name=None)
-        sheets[name] = rows = [([*row], line) for line, row in enumerate(cells, 1)]
+        sheets[name] = rows = [(list(row), line) for line, row in enumerate(cells, 1)]
         start = next((k for k, (row, _) in enumerate(rows[:_PREAMBLE]) if is_head(row)), None)
         if start is not None:
             above = sum(any(row) for row, _ in rows[:start])
@@ -174,7 +187,7 @@ def _read_text(path: Path, is_head: IsHead) -> Sheet:
 
     # the table from its header on, empty lines left out
     with open(path, encoding=encoding, errors="replace", newline="") as file:
-        delimiter, start = _find_head([*islice(file, _PREAMBLE)], is_head)
+        delimiter, start = _find_head(list(islice(file, _PREAMBLE)), is_head)
         file.seek(0)
         above = sum(bool(line.strip()) for line in islice(file, start))
         reader = csv.reader(file, delimiter=delimiter, skipinitialspace=True)
@@ -234,7 +247,7 @@ def _build(where: str, rows: Iterator[Row], above: int) -> Sheet:
     lines = array("q")
     parts: list[list[Cells]] = [[] for _ in names]
     samples = _check_rows(where, rows, len(names), head, lines)
-    while chunk := [*islice(samples, 1 + _CHUNK // len(names))]:
+    while chunk := list(islice(samples, 1 + _CHUNK // len(names))):
         for part, cells in zip(parts, zip(*chunk, strict=True), strict=True):
             part.append(_pack(cells))
     columns = {name: _join(part) for name, part in zip(names, parts, strict=True)}
@@ -260,15 +273,21 @@ def _pack(cells: Sequence[str]) -> Cells:
     try:
         x = np.array([cell or "nan" for cell in cells], dtype=np.float64)
     except ValueError:
-        return [*cells]
+        return list(cells)
     # Python reads 1_000 as a number, and 1e999 as infinite
-    return [*cells] if np.isinf(x).any() or "_" in "".join(cells) else x
+    if np.isinf(x).any() or "_" in "".join(cells):
+        return list(cells)
+    return x
 
 
 def _join(parts: list[Cells]) -> Cells:
     if parts and all(isinstance(part, np.ndarray) for part in parts):
         return np.concatenate(parts)
-    return [cell for part in parts for cell in (part if isinstance(part, list) else part.tolist())]
+    cells = []
+    for part in parts:
+        for cell in part if isinstance(part, list) else part.tolist():
+            cells.append(cell)
+    return cells
 
 
 def _is_number(cell: str) -> bool:

@@ -20,9 +20,14 @@ RECORD_FILES = (".csv", ".txt", ".parquet", ".xlsx")  # what is read of a folder
 _LABELS = ("stiction", "no_stiction", "unknown")
 # what a loop without stiction may have instead; more words may follow ("tuning problem")
 _CAUSES = (
-    *("tuning", "disturbance", "load", "interaction", "sensor", "nonlinearity", "quantisation"),
-    *("healthy", "other"),
-)
+    "tuning",
+    "disturbance",
+    "load",
+    "interaction",
+    "sensor",
+    "nonlinearity",
+    "quantisation",
+) + ("healthy", "other")
 
 
 def read_folder(
@@ -39,7 +44,10 @@ def read_folder(
     # a file, or those of a folder by stem, with the ending where two have the same
     path = Path(path)
     if path.is_dir():
-        files = [file for file in sorted(path.iterdir()) if file.suffix.lower() in RECORD_FILES]
+        files = []
+        for file in sorted(path.iterdir()):
+            if file.suffix.lower() in RECORD_FILES:
+                files.append(file)
     else:
         files = [path]
     alike = Counter(printable(file.stem) for file in files)
@@ -49,7 +57,8 @@ def read_folder(
     refused: dict[str, str] = {}
     for number, file in enumerate(files):
         name = printable(file.stem if alike[printable(file.stem)] == 1 else file.name)
-        name = f"{name} ({number})" if name in records else name
+        if name in records:
+            name = f"{name} ({number})"
         asked = names is None or any(f"{one} ".startswith(f"{name} ") for one in names)
         if not (asked or loops or file is path):
             continue
@@ -61,7 +70,10 @@ def read_folder(
             found = {}, {name: printable(sentence_of(error))}
         only = path.is_dir() and not loops and len(found[0]) + len(found[1]) == 1
         for kept, more in zip((records, refused), found, strict=True):
-            before = f"{name} " if path.is_dir() and not loops else ""
+            if path.is_dir() and not loops:
+                before = f"{name} "
+            else:
+                before = ""
             kept |= {name if only else f"{before}{label}": value for label, value in more.items()}
 
     # those that are asked for, with what is known of them
@@ -71,10 +83,16 @@ def read_folder(
         records = {n: r for n, r in records.items() if choose_loop(tag, [r.tag])}
         refused = {} if not records else refused
     for name in records.keys() & (each or {}).keys():
-        known = {k: v for k, v in each[name].items() if v and about.get(k) is None}
+        known = {}
+        for k, v in each[name].items():
+            if v and about.get(k) is None:
+                known[k] = v
         records[name] = replace(records[name], **known)
     if not records:
-        lacks = f"no column of loop {tag!r} in any file" if tag and path.is_dir() else ""
+        if tag and path.is_dir():
+            lacks = f"no column of loop {tag!r} in any file"
+        else:
+            lacks = ""
         first = next(iter(refused.values()), lacks or "it holds no file of a record")
         raise RecordError(f"{path}: no loop record found ({first})")
     return records, refused
@@ -92,7 +110,9 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     # each row with words that are known; a misspelt "stiction" would count as its opposite
     labels = {}
     for k, cells in enumerate(zip(*columns.values(), strict=True)):
-        row = {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
+        row = {}
+        for name, cell in zip(columns, cells, strict=True):
+            row[name] = cell.strip()
         kind = hyphenated(row.get("kind") or row.get("type", ""))
         process = hyphenated(row.get("process") or row.get("dynamics", ""))
         row["kind"] = kind if KIND_ALIASES.get(kind, kind) in KINDS else ""
@@ -102,7 +122,7 @@ def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
         text = row["label"]
         row["label"] = "_".join(re.findall(r"[a-z]+", text.lower()))
         if row["label"] and row["label"] not in _LABELS and not row["label"].startswith(_CAUSES):
-            known = nearest(row["label"], (*_LABELS, *_CAUSES))
+            known = nearest(row["label"], _LABELS + _CAUSES)
             raise RecordError(f"{path}, line {k + 2}: label {text[:60]!r} is unknown, {known}")
         labels[row[key]] = row
     return labels

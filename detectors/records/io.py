@@ -111,7 +111,10 @@ def read_record(
     """
     given = {"columns": columns, "Ts": Ts, "automatic": automatic, **about}
     found = _read(Path(path), tag, loops, given)
-    read = {name: one for name, one in found.items() if isinstance(one, LoopRecord)}
+    read = {}
+    for name, one in found.items():
+        if isinstance(one, LoopRecord):
+            read[name] = one
     return _only(read or found if loops else found, str(path))
 
 
@@ -130,9 +133,12 @@ def read_records(
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
     """Read every loop of a file: records by tag, and of what is refused the sentence."""
     found = _read(Path(path), tag, loops, given)
-    records = {name: one for name, one in found.items() if isinstance(one, LoopRecord)}
+    records = {}
+    for name, one in found.items():
+        if isinstance(one, LoopRecord):
+            records[name] = one
     if not records and loops is None:
-        _only(dict([*found.items()][:1]), str(path))
+        _only(dict(list(found.items())[:1]), str(path))
     return records, {name: str(one) for name, one in found.items() if name not in records}
 
 
@@ -142,9 +148,15 @@ def _read(path: Path, tag: str | None, loops: str | Path | None, given: Mapping[
     for row in [] if loops is None else read_loop_table(loops):
         if row.get("file", path.name) != path.name or tag not in (None, row["tag"]):
             continue
-        about = {key: row[key] for key in _OF_RECORD if key in row}
+        about = {}
+        for key in _OF_RECORD:
+            if key in row:
+                about[key] = row[key]
         about |= {key: value for key, value in given.items() if value is not None}
-        own = None if "columns" in row else row["tag"]
+        if "columns" in row:
+            own = None
+        else:
+            own = row["tag"]
         try:
             # where nothing names the file, its columns must name the tag
             loop = _only(_read_file(path, own, about, tag is None and "file" not in row), "")
@@ -183,13 +195,16 @@ def read_loop_table(path: str | Path) -> list[dict[str, Any]]:
     # with the keys that are known
     for k, row in enumerate(rows, 1):
         where = f"table of loops {path}, loop {k}"
-        odd = next((key for key in row if key not in (*_OF_RECORD, *_OF_ROW)), None)
+        odd = next((key for key in row if key not in (_OF_RECORD + _OF_ROW)), None)
         if odd is not None:
-            known = nearest(odd, (*_OF_RECORD, *_OF_ROW))
+            known = nearest(odd, _OF_RECORD + _OF_ROW)
             raise RecordError(f"{where}: unknown key {odd!r}, {known}")
         names = row.get("columns", {})
-        texts = [row.get("tag"), *names.values()] if isinstance(names, dict) else [names]
-        if not {*map(type, texts)} <= {str}:
+        if isinstance(names, dict):
+            texts = [row.get("tag"), *names.values()]
+        else:
+            texts = [names]
+        if not set(map(type, texts)) <= {str}:
             raise RecordError(f"{where}: a tag is needed, and columns as a table of names")
     return rows
 
@@ -219,7 +234,10 @@ def _read_loops(
     it must stand `inside`, and `stem` one that nothing else names.
     """
     # the loops that the columns name
-    about = {key: value for key, value in given.items() if value is not None}
+    about = {}
+    for key, value in given.items():
+        if value is not None:
+            about[key] = value
     chosen = about.pop("columns", {})
     loops: dict[str, tuple[Sheet, Roles]] = {}
     for sheet, table in tables.items():
@@ -227,13 +245,16 @@ def _read_loops(
         for part, rows in split_by_tag(table).items():
             for name, roles in find_loops(rows, chosen).items():
                 label = name or part or sheet
-                own = replace(rows, notes=[*rows.notes])
+                own = replace(rows, notes=list(rows.notes))
                 loops[label if label not in loops else f"{sheet} {label}"] = own, roles
 
     # those that are asked for
     where = next(iter(tables.values())).where
-    asked = [*loops] if tag is None else choose_loop(tag, loops)
-    if not asked and [*loops] == [""] and not inside:
+    if tag is None:
+        asked = list(loops)
+    else:
+        asked = choose_loop(tag, loops)
+    if not asked and list(loops) == [""] and not inside:
         loops[""][0].notes.append(f"tag: no column names a loop; the only one is read as {tag}")
         asked = [""]
         stem = str(tag)
@@ -253,7 +274,10 @@ def _read_loops(
             stated = {"tag": name, **table.about, **about}
             found[name] = _make_record(table, roles, chosen, stated)
         except RecordError as error:
-            said = error.sentence if where in str(error) else f"{where}: {error.sentence}"
+            if where in str(error):
+                said = error.sentence
+            else:
+                said = f"{where}: {error.sentence}"
             found[name] = RecordError(said, error.cure)
     return found
 
@@ -277,10 +301,16 @@ def _make_record(
     for role, name in roles.items():
         if role not in (MODE, *chosen) and parse(name).word != role:
             table.notes.append(f"columns: {role.upper()} is {name!r}")
-    names = {role: roles[role] for role in SIGNALS if role in roles}
+    names = {}
+    for role in SIGNALS:
+        if role in roles:
+            names[role] = roles[role]
     columns = read_numbers(table, names.values())
     signals = {role: columns[name] for role, name in names.items()}
-    modes = read_modes(table, roles[MODE]) if MODE in roles else None
+    if MODE in roles:
+        modes = read_modes(table, roles[MODE])
+    else:
+        modes = None
     known = np.isfinite(signals["op"]) & np.isfinite(signals["pv"])
     if known.size < times.SHORTEST:
         raise RecordError(f"{where}: {known.size} samples; at least {times.SHORTEST} are needed")
@@ -297,12 +327,18 @@ def _make_record(
         rows = times.order_rows(t, signals, table, name, how is not None)
         t = t[rows]
         signals = {role: x[rows] for role, x in signals.items()}
-        modes = None if modes is None else modes[rows]
+        if modes is None:
+            modes = None
+        else:
+            modes = modes[rows]
     if how is not None:
         recorded = t
         t, signals, Ts = times.resample(t, signals, Ts, how, table)
         last = np.searchsorted(recorded, t, side="right") - 1
-        modes = None if modes is None else modes[last]
+        if modes is None:
+            modes = None
+        else:
+            modes = modes[last]
 
     # on an even grid, the longest stretch in automatic alone unless all is asked for
     meta: dict[str, Any] = {}
@@ -312,7 +348,10 @@ def _make_record(
         meta["automatic"] = float(np.mean(modes != MANUAL))
         t = t[kept]
         signals = {role: x[kept] for role, x in signals.items()}
-    step = float(np.median(np.diff(t))) if Ts is None else float(Ts)
+    if Ts is None:
+        step = float(np.median(np.diff(t)))
+    else:
+        step = float(Ts)
     begin, even = times.fill_gaps(t, signals, step, table)
     begin += float(t[0])
     if t[0] > times.CALENDAR:  # events are shared by records of the same time only

@@ -36,13 +36,22 @@ def read_loops(path: Path) -> dict[str, Sheet]:
     except Exception as error:  # loadmat raises many kinds on damaged files
         broken = f"file {path} cannot be read as .mat: {error}"
         raise RecordError(f"{broken}; a whole file is needed") from error
-    variables = {name: value for name, value in data.items() if not name.startswith("__")}
+    variables = {}
+    for name, value in data.items():
+        if not name.startswith("__"):
+            variables[name] = value
 
     # vectors of one loop, or structures that hold no further ones
     if any(map(_is_vector, variables.values())):
         return {"": _table_of(str(path), variables)}
-    roots = {name: value for name, value in variables.items() if isinstance(value, dict)}
-    found = [(way or name, f) for name, root in roots.items() for way, f in _find_loops(root)]
+    roots = {}
+    for name, value in variables.items():
+        if isinstance(value, dict):
+            roots[name] = value
+    found = []
+    for name, root in roots.items():
+        for way, f in _find_loops(root):
+            found.append((way or name, f))
     if not found:
         has = ", ".join(variables) or "nothing"
         needed = "variables PV and OP (and t or Ts), or structures with such fields, are needed"
@@ -52,7 +61,10 @@ def read_loops(path: Path) -> dict[str, Sheet]:
 
 def _find_loops(fields: dict[str, Any], way: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the structures below one that hold no further ones, by their names with points."""
-    inner = {name: value for name, value in fields.items() if isinstance(value, dict)}
+    inner = {}
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            inner[name] = value
     if not inner:
         yield way, fields
     for name, value in inner.items():
@@ -69,11 +81,24 @@ def _table_of(where: str, fields: dict[str, Any]) -> Sheet:
     for name, value in fields.items():
         if np.iscomplexobj(value):
             raise RecordError(f"{where}: {name} holds complex numbers; real ones are needed")
-    low = {name.lower(): value for name, value in fields.items()}
-    vectors = {name: value for name, value in fields.items() if _is_vector(value)}
+    low = {}
+    for name, value in fields.items():
+        low[name.lower()] = value
+    vectors = {}
+    for name, value in fields.items():
+        if _is_vector(value):
+            vectors[name] = value
     sizes = Counter(value.size for value in vectors.values()).most_common(1)
-    most = np.size(low["pv"]) if _is_vector(low.get("pv")) else sizes[0][0] if sizes else 0
-    columns = {name: x.astype(np.float64) for name, x in vectors.items() if x.size == most}
+    if _is_vector(low.get("pv")):
+        most = np.size(low["pv"])
+    elif sizes:
+        most = sizes[0][0]
+    else:
+        most = 0
+    columns = {}
+    for name, x in vectors.items():
+        if x.size == most:
+            columns[name] = x.astype(np.float64)
     if isinstance(low.get("sp"), (int, float)):
         columns["sp"] = np.full(most, float(low["sp"]))
 

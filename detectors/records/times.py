@@ -30,9 +30,14 @@ _THIS_CENTURY = (9.4e8, 4.1e9)
 # many seconds, a time is asked for
 _DAYS = ((25_000.0, 80_000.0), (718_000.0, 774_000.0))
 _DAY_STEP = 0.2
-_DATES = (
-    *("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%Y/%m/%d", "%Y.%m.%d"),
-    *("%d-%b-%Y", "%d-%b-%y", "%d/%b/%Y", "%d %b %Y", "%d.%m.%y", "%d/%m/%y", "%m/%d/%y"),
+_DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%m-%d-%Y", "%Y/%m/%d", "%Y.%m.%d") + (
+    "%d-%b-%Y",
+    "%d-%b-%y",
+    "%d/%b/%Y",
+    "%d %b %Y",
+    "%d.%m.%y",
+    "%d/%m/%y",
+    "%m/%d/%y",
 )
 _CLOCKS = ("%H:%M:%S", "%H:%M:%S.%f", "%H:%M", "%I:%M:%S %p", "%I:%M:%S.%f %p", "%I:%M %p")
 _FORMS = (*(f"{date} {clock}" for date, clock in product(_DATES, _CLOCKS)), *_CLOCKS)
@@ -55,7 +60,10 @@ def read_times(table: Sheet, name: str) -> np.ndarray:
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         text = str(cells[bad[0]]).strip()[:60]
-        said = "empty" if text in ("", "nan", "NaT", "None") else repr(text)
+        if text in ("", "nan", "NaT", "None"):
+            said = "empty"
+        else:
+            said = repr(text)
         raise RecordError(f"{table.where}, {table.place(bad[0])}: {name} is {said}; {_NEEDED}")
     return t
 
@@ -88,8 +96,14 @@ def _of_numbers(t: np.ndarray, table: Sheet, name: str) -> np.ndarray:
     days = 0 < step < _DAY_STEP and any(low < first < high for low, high in _DAYS)
     if days or first > _THIS_CENTURY[1]:
         said = f"{table.where}: {name} begins with {first:.15g} and rises by {step:.3g}"
-        in_days = f" s, or {step * 86400:.4g} s if it counts days" if days else ""
-        cure = f"--ts {step * 86400:.4g}" if days else "--ts SECONDS"
+        if days:
+            in_days = f" s, or {step * 86400:.4g} s if it counts days"
+        else:
+            in_days = ""
+        if days:
+            cure = f"--ts {step * 86400:.4g}"
+        else:
+            cure = "--ts SECONDS"
         raise RecordError(f"{said}{in_days}; {_NEEDED}", cure)
     return t
 
@@ -109,9 +123,14 @@ def _of_texts(texts: list[str], table: Sheet, name: str) -> np.ndarray:
     import pandas as pd
 
     cells = [" ".join(text.replace(",", ".").split()) for text in texts]
-    forms = [f for f in _FORMS if pd.to_datetime(cells[0], format=f, errors="coerce") is not pd.NaT]
+    forms = []
+    for f in _FORMS:
+        if pd.to_datetime(cells[0], format=f, errors="coerce") is not pd.NaT:
+            forms.append(f)
     stamps = {form: pd.to_datetime(cells, format=form, errors="coerce") for form in forms}
-    read = {f: _of_stamps(t.to_numpy("datetime64[ns]")) for f, t in stamps.items()}
+    read = {}
+    for f, t in stamps.items():
+        read[f] = _of_stamps(t.to_numpy("datetime64[ns]"))
     whole = {form: t for form, t in read.items() if np.isfinite(t).all()}
     if not whole:
         return max(numbers, iso, *read.values(), key=lambda t: np.argmin(np.isfinite(t)))
@@ -161,7 +180,10 @@ def order_rows(t: np.ndarray, signals: Signals, table: Sheet, name: str, again: 
     if np.all(steps >= 0) and steps.any():
         # the clock is coarser than the samples, or a sample stands twice
         coarse = steps.max() <= 2 * np.median(steps[steps > 0])
-        cure = f"--ts {steps.mean():.4g}" if coarse else "--resample held"
+        if coarse:
+            cure = f"--ts {steps.mean():.4g}"
+        else:
+            cure = "--resample held"
     said = f"{table.where}, {table.place(rows[k + 1])}: {name} does not rise ({was}, then {now})"
     raise RecordError(f"{said}; every sample needs a later time", cure)
 
@@ -185,7 +207,8 @@ def resample(
     # from where OP and PV are both known to where one ends
     (op, _), (pv, _) = series["op"], series["pv"]
     times = np.union1d(op, pv)
-    Ts = float(np.median(np.diff(times))) if Ts is None else Ts
+    if Ts is None:
+        Ts = float(np.median(np.diff(times)))
     begin = max(op[0], pv[0])
     end = min(op[-1], pv[-1])
     grid = begin + Ts * np.arange(int(np.floor((end - begin) / Ts + 1e-6)) + 1)
@@ -195,7 +218,10 @@ def resample(
     for role, (at, x) in series.items():
         k = np.searchsorted(at, grid + JITTER * Ts, side="right") - 1
         if at.size:
-            between = np.interp(grid, at, x) if how == STRAIGHT_LINES and role != "sp" else x[k]
+            if how == STRAIGHT_LINES and role != "sp":
+                between = np.interp(grid, at, x)
+            else:
+                between = x[k]
             even[role] = np.where(k >= 0, between, np.nan)
     drawn = (
         "straight lines between them" if how == STRAIGHT_LINES else "each value held until the next"
@@ -216,7 +242,10 @@ def fill_gaps(t: np.ndarray, signals: Signals, Ts: float, table: Sheet) -> tuple
         raise RecordError(f"{table.where}: {far}; less than {_FURTHEST:g} of them is needed")
     even = np.all(np.abs(steps - Ts) <= JITTER * Ts)
     whole = np.maximum(np.rint(steps / Ts), 1).astype(int)
-    place = np.arange(t.size) if even else np.append(0, np.cumsum(whole))
+    if even:
+        place = np.arange(t.size)
+    else:
+        place = np.append(0, np.cumsum(whole))
     size = int(place[-1]) + 1
     off = np.abs(steps - np.rint(steps / Ts) * Ts) > JITTER * Ts
 
@@ -232,7 +261,10 @@ def fill_gaps(t: np.ndarray, signals: Signals, Ts: float, table: Sheet) -> tuple
     lo, hi = _find_longest(place[known])
     for role in signals.keys() & {"sp", "mv"}:
         both = known & np.isfinite(signals[role])
-        first, last = _find_longest(place[both]) if both.any() else (0, -1)
+        if both.any():
+            first, last = _find_longest(place[both])
+        else:
+            first, last = (0, -1)
         if 2 * (last - first + 1) >= hi - lo + 1:
             known, lo, hi = both, first, last
     grid = np.arange(lo, hi + 1)

@@ -22,9 +22,15 @@ _FEWEST_PERIODS = 6
 
 def event_numbers(records: Mapping[str | None, LoopRecord]) -> dict[str, int]:
     """Return a number for every loop that oscillates together with others, one a group, from 1."""
-    prepared = {str(name): Prepared(record.without_mv()) for name, record in records.items()}
+    prepared = {}
+    for name, record in records.items():
+        prepared[str(name)] = Prepared(record.without_mv())
     groups = enumerate(shared_oscillations(prepared), 1)
-    return {name: number for number, group in groups for name in group}
+    numbers = {}
+    for number, group in groups:
+        for name in group:
+            numbers[name] = number
+    return numbers
 
 
 def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
@@ -35,11 +41,10 @@ def shared_oscillations(records: Mapping[str, Prepared]) -> list[list[str]]:
     time stamps are taken for records of one time where they are of one length.
     """
     # loops that oscillate
-    swinging = [
-        (name, p)
-        for name, p in records.items()
-        if p.oscillation.sustained and np.isfinite(p.oscillation.period_s)
-    ]
+    swinging = []
+    for name, p in records.items():
+        if p.oscillation.sustained and np.isfinite(p.oscillation.period_s):
+            swinging.append((name, p))
 
     # join every two that swing together
     joined = scipy.cluster.hierarchy.DisjointSet(name for name, _ in swinging)
@@ -75,9 +80,13 @@ def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | N
         return None
     starts = [r.meta.get("start") for r in (a, b)]
     if starts[0] is None or starts[1] is None:
-        return (a, b) if a.n == b.n and starts[0] is starts[1] else None
+        if a.n == b.n and starts[0] is starts[1]:
+            return (a, b)
+        return None
     late = round((starts[1] - starts[0]) / a.Ts)
     first = max(late, 0)
     second = max(-late, 0)
     n = min(a.n - first, b.n - second)
-    return (a.window(first, first + n), b.window(second, second + n)) if n >= _FEWEST else None
+    if n >= _FEWEST:
+        return (a.window(first, first + n), b.window(second, second + n))
+    return None

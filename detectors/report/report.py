@@ -70,17 +70,18 @@ class Report:
         method.
         """
         # what stands beside each verdict
-        concluded = {n: {"conclusion": c.as_json()} for n, c in self.conclusions.items()}
-        place = {
-            n: {} if n is None else {"record": n, "event": self.events.get(n)} for n in self.records
-        }
+        concluded = {}
+        for n, c in self.conclusions.items():
+            concluded[n] = {"conclusion": c.as_json()}
+        place = {}
+        for n in self.records:
+            place[n] = {} if n is None else {"record": n, "event": self.events.get(n)}
 
         # verdicts, then files that are no records
-        answers = [
-            {**place[name], **v.as_json(), **concluded.get(name, {})}
-            for name, verdicts, _ in self.groups()
-            for v in verdicts
-        ]
+        answers = []
+        for name, verdicts, _ in self.groups():
+            for v in verdicts:
+                answers.append({**place[name], **v.as_json(), **concluded.get(name, {})})
         unread = {"method": None, "applicable": None}
         return answers + [
             {
@@ -122,7 +123,9 @@ class Report:
 
     def __getitem__(self, method: str) -> Verdict:
         """Return the verdict of one method; of several records, the first."""
-        by_method = {v.method: v for _, v in reversed(self.verdicts)}
+        by_method = {}
+        for _, v in reversed(self.verdicts):
+            by_method[v.method] = v
         if method not in by_method:
             raise UnknownName("method", method, by_method, "this report")
         return by_method[method]
@@ -141,10 +144,12 @@ class Report:
             One line per verdict, and how many methods said what.
         """
         # what was concluded, and what each method says
-        concluded = {name: conclusion.as_lines() for name, conclusion in self.conclusions.items()}
+        concluded = {}
+        for name, conclusion in self.conclusions.items():
+            concluded[name] = conclusion.as_lines()
         text = summary.as_text(self.groups(), concluded, why=why)
         if len(self.records) > 1 and self.conclusions:
-            text = "\n".join([*self._ranked_lines(), "", text])
+            text = "\n".join(self._ranked_lines() + ["", text])
 
         # scores against labels
         if not self.scores:
@@ -156,10 +161,11 @@ class Report:
             f"cost, which ranks: an error 1, no decision {_UNDECIDED}; of {units} units always no"
             " costs"
         )
-        legend += (
-            f" {sticky / units:.2f}, always yes {1 - sticky / units:.2f}" if units else " nothing"
-        )
-        return "\n".join([text, "", *table(self.scores), legend])
+        if units:
+            legend += f" {sticky / units:.2f}, always yes {1 - sticky / units:.2f}"
+        else:
+            legend += " nothing"
+        return "\n".join([text, ""] + table(self.scores) + [legend])
 
     def opening(self) -> str:
         """Return the first lines of `as_text`: what was read, and the conclusion about it."""
@@ -190,7 +196,9 @@ class Report:
         """
         import pandas as pd
 
-        verdicts = {name: {v.method: v.verdict for v in said} for name, said, _ in self.groups()}
+        verdicts = {}
+        for name, said, _ in self.groups():
+            verdicts[name] = {v.method: v.verdict for v in said}
         rows = [{**row, **verdicts.get(row["record"], {})} for row in self._ranking()]
         return pd.DataFrame(rows).astype({"event": "Int64"})
 
@@ -200,9 +208,14 @@ class Report:
         """
         rows = []
         for name, _, _ in self.groups():
-            c = self.conclusions[name].as_json() if name in self.conclusions else {}
+            if name in self.conclusions:
+                c = self.conclusions[name].as_json()
+            else:
+                c = {}
             of_loop = {"record": name, "conclusion": c.get("verdict")}
-            told = {key: c.get(key) for key in ("cause", "reason", "next")}
+            told = {}
+            for key in ("cause", "reason", "next"):
+                told[key] = c.get(key)
             event = self.events.get(str(name))
             rows.append({**of_loop, PROBABILITY: c.get("probability"), "event": event, **told})
         refused = [
@@ -215,23 +228,24 @@ class Report:
         lines = [("loop", "conclusion", "P(stiction)", "cause", "event")]
         more = len(self.conclusions) - _MOST_LOOPS
         for row in self._ranking()[: min(len(self.conclusions), _MOST_LOOPS)]:
-            p = "" if row[PROBABILITY] is None else f"{row[PROBABILITY]:.2f}"
+            if row[PROBABILITY] is None:
+                p = ""
+            else:
+                p = f"{row[PROBABILITY]:.2f}"
             word = summary.CONCLUDED[row["conclusion"]]
             lines.append((row["record"], word, p, row["cause"], str(row["event"] or "")))
-        cut = [f"and {more} more loops: --csv FILE"] if more > 0 else []
-        return [
-            *columns(lines),
-            *cut,
-            *(f"{name}: {why}" for name, why in self.refused.items()),
-        ]
+        if more > 0:
+            cut = [f"and {more} more loops: --csv FILE"]
+        else:
+            cut = []
+        return columns(lines) + cut + [f"{name}: {why}" for name, why in self.refused.items()]
 
     def _repr_html_(self) -> str:
         frame = self.to_frame()
-        keys = [
-            c
-            for c in ("record", "method", "verdict", "score", "applicable", "reason")
-            if c in frame
-        ]
+        keys = []
+        for c in ("record", "method", "verdict", "score", "applicable", "reason"):
+            if c in frame:
+                keys.append(c)
         groups = self.groups()
         return page_part(
             summary.sentence(groups[0][1]) if len(groups) == 1 else f"{len(groups)} records",
@@ -250,9 +264,10 @@ class Report:
 
     def _probability(self, name: str | None) -> float:
         """Return the probability of stiction, below all others where there is none."""
-        known = (
-            self.conclusions[name].as_json()["probability"] if name in self.conclusions else None
-        )
+        if name in self.conclusions:
+            known = self.conclusions[name].as_json()["probability"]
+        else:
+            known = None
         return -1.0 if known is None else known
 
 
@@ -276,11 +291,10 @@ def choose_methods(names: Iterable[str]) -> list[str]:
         if name == PUBLISHED:
             some = registry.variants()
         elif name in _SETS:
-            some = [
-                m
-                for m in registry.names()
-                if name != "fast" or registry.load(m).METHOD.budget == "fast"
-            ]
+            some = []
+            for m in registry.names():
+                if name != "fast" or registry.load(m).METHOD.budget == "fast":
+                    some.append(m)
         else:
             registry.load(name)
             some = [name]
@@ -301,7 +315,10 @@ def score_units(
     for name, v in verdicts:
         row = labels.get(str(name))
         if row is not None and row["label"] not in ("", "unknown"):
-            vote = np.nan if v.verdict == NO_DECISION else float(v.verdict == STICTION)
+            if v.verdict == NO_DECISION:
+                vote = np.nan
+            else:
+                vote = float(v.verdict == STICTION)
             covers = v.applicable is not False
             said.append((v.method, row["unit_group"], row["label"], covers, vote, v.score))
     table = pd.DataFrame(said, columns=["method", "unit", "label", "covers", "vote", "score"])
@@ -334,7 +351,9 @@ def score_units(
 
 
 def _share(which: np.ndarray) -> float:
-    return float(which.mean()) if which.size else float("nan")
+    if which.size:
+        return float(which.mean())
+    return float("nan")
 
 
 def _cost(lost: np.ndarray) -> dict[str, float]:
@@ -356,7 +375,9 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _number(x: float) -> str:
-    return "-" if np.isnan(x) else f"{x:.2f}"
+    if np.isnan(x):
+        return "-"
+    return f"{x:.2f}"
 
 
 def _auc(score: np.ndarray, sticky: np.ndarray) -> float:

@@ -46,7 +46,10 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
         return f"{verdicts[0].method} reports {VERDICT_WORDS[verdicts[0].verdict]}"
 
     # which methods count
-    asked = [v for v in verdicts if not _is_test(v.method)]
+    asked = []
+    for v in verdicts:
+        if not _is_test(v.method):
+            asked.append(v)
     others = [v for v in asked if v.applicable is not False]
     left_out = len(asked) - len(others)
     resting = len(others) - len(others := [v for v in others if not _rests(v)])
@@ -60,13 +63,19 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
         f" {'reports' if count[STICTION] == 1 else 'report'} stiction, "
     )
     text += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
-    text += f"; {resting} {_NOT_ASKED}" if resting else ""
+    if resting:
+        text += f"; {resting} {_NOT_ASKED}"
+    else:
+        text += ""
     return text + (f"; {left_out} not applicable to this loop" if left_out else "")
 
 
 def _most_report_stiction(verdicts: Sequence[Verdict]) -> bool:
     """Return whether more than half of the applicable methods report stiction."""
-    asked = [v for v in verdicts if v.applicable is not False and not _is_test(v.method)]
+    asked = []
+    for v in verdicts:
+        if v.applicable is not False and not _is_test(v.method):
+            asked.append(v)
     return sum(v.verdict == STICTION for v in asked) > 0.5 * len(asked)
 
 
@@ -103,13 +112,13 @@ def as_text(
         # tests of nonlinearity have a line, where methods have a table
         counted = [v for v in verdicts if not _is_test(v.method)] or verdicts
         beside = " (no votes)" if name in concluded else ""
-        lines += [
-            *([opening(name, record, concluded.get(name, ()))] if record is not None else []),
-            f"Methods: {sentence(verdicts)}{beside}.",
-            *_table(counted),
-            _COLUMNS,
-            *(f"note: {n}" for n in [*_not_counted(verdicts), *notes_of(verdicts, record)]),
-        ]
+        lines += (
+            ([opening(name, record, concluded.get(name, ()))] if record is not None else [])
+            + [f"Methods: {sentence(verdicts)}{beside}."]
+            + _table(counted)
+            + [_COLUMNS]
+            + [f"note: {n}" for n in _not_counted(verdicts) + notes_of(verdicts, record)]
+        )
     elif records:
         methods = [f"{i}={v.method}" for i, v in enumerate(records[0][1], 1)]
         sticky = [str(name) for name, verdicts, _ in records if _most_report_stiction(verdicts)]
@@ -120,11 +129,7 @@ def as_text(
         )
         # beside the conclusions, on request
         if why or not concluded:
-            lines += [
-                f"Columns: {', '.join(methods)}.",
-                f"{_LEGEND} {_IN_DATA}",
-                *_matrix(records),
-            ]
+            lines += [f"Columns: {', '.join(methods)}.", f"{_LEGEND} {_IN_DATA}"] + _matrix(records)
         else:
             lines.append(f"What each method says: --why, or --csv FILE. {_IN_DATA}")
 
@@ -132,13 +137,13 @@ def as_text(
     if why:
         for name, verdicts, record in records:
             shared = set(notes_of(verdicts, record))
-            where = "" if name is None else f"{name}: "
-            lines += [
-                "",
-                *(
-                    f"{where}{v.method}: {VERDICT_WORDS[v.verdict]}. {own_reason(v, shared)}."
-                    for v in verdicts
-                ),
+            if name is None:
+                where = ""
+            else:
+                where = f"{name}: "
+            lines += [""] + [
+                f"{where}{v.method}: {VERDICT_WORDS[v.verdict]}. {own_reason(v, shared)}."
+                for v in verdicts
             ]
     return "\n".join(lines).rstrip()
 
@@ -149,7 +154,10 @@ def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
 
     rows = []
     for name, v in verdicts:
-        named = {} if name is None else {"record": name}
+        if name is None:
+            named = {}
+        else:
+            named = {"record": name}
         S_lo, S_hi = level_ends(v.S)
         J_lo, J_hi = level_ends(v.J)
         levels = {"S_lo": S_lo, "S_hi": S_hi, "J_lo": J_lo, "J_hi": J_hi, "S_unit": v.S_unit}
@@ -173,7 +181,9 @@ def level(value: Level) -> str:
     """
     if value is None:
         return "not identifiable"
-    return f"{value:.3g}" if isinstance(value, (int, float)) else "{:.3g} to {:.3g}".format(*value)
+    if isinstance(value, (int, float)):
+        return f"{value:.3g}"
+    return "{:.3g} to {:.3g}".format(*value)
 
 
 def opening(name: str | None, record: LoopRecord, concluded: Iterable[str] = ()) -> str:
@@ -195,18 +205,33 @@ def _table(verdicts: Sequence[Verdict]) -> list[str]:
     units = " / ".join(
         dict.fromkeys(v.S_unit for v in verdicts if v.S is not None or v.J is not None)
     )
-    sizes = [f"S ({units})", "J"] if units else []
+    if units:
+        sizes = [f"S ({units})", "J"]
+    else:
+        sizes = []
     # of a loop of unknown kind a note says so once
-    applies = ["applicable"] if any(v.applicable is not None for v in verdicts) else []
+    if any(v.applicable is not None for v in verdicts):
+        applies = ["applicable"]
+    else:
+        applies = []
 
     # a line per method
-    lines = [["method", "verdict", "score", *sizes, *applies]]
+    lines = [(["method", "verdict", "score"] + sizes + applies)]
     for v in verdicts:
-        word = _NOT_ASKED if _rests(v) else VERDICT_WORDS[v.verdict]
-        score = f"{v.score:.3f}" if np.isfinite(v.score) else ""
-        levels = ["", ""] if v.S is None else [level(v.S), level(v.J)]
+        if _rests(v):
+            word = _NOT_ASKED
+        else:
+            word = VERDICT_WORDS[v.verdict]
+        if np.isfinite(v.score):
+            score = f"{v.score:.3f}"
+        else:
+            score = ""
+        if v.S is None:
+            levels = ["", ""]
+        else:
+            levels = [level(v.S), level(v.J)]
         fits = [FITS[v.applicable]]
-        lines.append([v.method, word, score, *levels[: len(sizes)], *fits[: len(applies)]])
+        lines.append([v.method, word, score] + levels[: len(sizes)] + fits[: len(applies)])
     return columns(lines, right=("score", *sizes))
 
 
@@ -222,9 +247,14 @@ def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]
 
 
 def _not_counted(verdicts: Iterable[Verdict]) -> list[str]:
-    tests = [v.method for v in verdicts if _is_test(v.method)]
+    tests = []
+    for v in verdicts:
+        if _is_test(v.method):
+            tests.append(v.method)
     said = "nonlinearity tests, not counted for or against stiction"
-    return [f"{said}: {', '.join(tests)}"] if tests else []
+    if tests:
+        return [f"{said}: {', '.join(tests)}"]
+    return []
 
 
 def _rests(verdict: Verdict) -> bool:
@@ -247,4 +277,6 @@ def level_ends(value: Level) -> tuple[float, float]:
     """
     if value is None:
         return np.nan, np.nan
-    return (value, value) if isinstance(value, (int, float)) else value
+    if isinstance(value, (int, float)):
+        return (value, value)
+    return value

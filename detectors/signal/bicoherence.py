@@ -119,7 +119,9 @@ def resampling_step(period: float) -> float:
     """Return how many samples become one, so that a cycle of `period` samples has no more than its
     authors' records have.
     """
-    return max(1.0, period / _SAMPLES_PER_CYCLE) if np.isfinite(period) else 1.0
+    if np.isfinite(period):
+        return max(1.0, period / _SAMPLES_PER_CYCLE)
+    return 1.0
 
 
 @lru_cache(maxsize=4)

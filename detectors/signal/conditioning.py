@@ -111,11 +111,10 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     out = np.empty(n)
     out[inner] = mean
     reach = min(max(round(half), 1), mean.size - 1)
-    slopes = (
-        ((mean[reach] - mean[0]) / reach, (mean[-1] - mean[-1 - reach]) / reach)
-        if reach > 0
-        else (0.0, 0.0)
-    )
+    if reach > 0:
+        slopes = ((mean[reach] - mean[0]) / reach, (mean[-1] - mean[-1 - reach]) / reach)
+    else:
+        slopes = (0.0, 0.0)
     out[:first] = mean[0] + slopes[0] * np.arange(-first, 0)
     out[last + 1 :] = mean[-1] + slopes[1] * np.arange(1, n - last)
     return out
@@ -154,7 +153,10 @@ def mirrored_spectrum(x: np.ndarray) -> np.ndarray:
 
 def _integral(total: np.ndarray, x: np.ndarray, start: float, count: int) -> np.ndarray:
     """Integral from sample 0 to the places start, start + 1, ..., which may be fractional."""
-    k = min(int(start), x.size - 1 - count) if start > int(start) else int(start)
+    if start > int(start):
+        k = min(int(start), x.size - 1 - count)
+    else:
+        k = int(start)
     part = start - k
     here = x[k : k + count]
     if part == 0.0:

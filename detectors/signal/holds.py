@@ -39,7 +39,10 @@ def frozen(x: np.ndarray) -> Standstill | None:
     runs = holds(x)
     k = int(runs.argmax())
     longest = int(runs[k])
-    usual = float(np.sort(runs)[-4:-1].mean()) if runs.size > 3 else 1.0
+    if runs.size > 3:
+        usual = float(np.sort(runs)[-4:-1].mean())
+    else:
+        usual = 1.0
     if longest <= max(_FEWEST, _FROZEN * x.size) or longest <= _LONGER * usual:
         return None
     begin = int(runs[:k].sum())

@@ -48,7 +48,9 @@ def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
     places = _places(x)
     finest = max([_digits(o) for o in others], default=0.0)
     if unit > 0.0 and finest >= places - np.log10(unit) + 2.0:
-        return 10.0 ** (places - finest) if finest < 15.0 else 0.0
+        if finest < 15.0:
+            return 10.0 ** (places - finest)
+        return 0.0
     return unit
 
 
@@ -81,7 +83,10 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
         number = np.round(place / step)
         off = number - number.mean()
         square = off @ off
-        step = float(off @ place / square) if square > 0.0 else 0.0
+        if square > 0.0:
+            step = float(off @ place / square)
+        else:
+            step = 0.0
         if step <= 0.0:
             return 0.0
         place = place - (place.mean() - step * number.mean())
@@ -89,7 +94,9 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     if off > _OFF * step + 0.6 * fine:
         return 0.0
     chance = min(2.0 * (off + fine) / step, 1.0) ** (levels.size - 2)
-    return float(step) if repeats or chance < _BY_CHANCE else 0.0
+    if repeats or chance < _BY_CHANCE:
+        return float(step)
+    return 0.0
 
 
 def root_lattice(x: np.ndarray) -> float:
@@ -169,4 +176,6 @@ def _places(x: np.ndarray) -> float:
 
 def _digits(x: np.ndarray) -> float:
     unit = resolution(x)
-    return _places(x) - float(np.log10(unit)) if unit > 0.0 else 16.0
+    if unit > 0.0:
+        return _places(x) - float(np.log10(unit))
+    return 16.0

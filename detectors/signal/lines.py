@@ -45,7 +45,10 @@ def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]
     tolerance = max(2.1 * unit, exact)
     noisy = tolerance <= _NOISY * noise
     # what has come to rest is straight by itself, but noise never rests
-    least = 0.0 if noisy else max(2.0 * unit, 5.0 * exact)
+    if noisy:
+        least = 0.0
+    else:
+        least = max(2.0 * unit, 5.0 * exact)
     moving = (np.abs(first[1:]) > least) | (np.abs(first[:-1]) > least)
     typical = 1.4826 * median(np.abs(first))
     seen = moving & (noisy or tolerance <= 0.2 * typical)
@@ -57,7 +60,10 @@ def straight(x: np.ndarray, unit: float = 0.0) -> tuple[float, int]:
     and the number of these samples.
     """
     size = np.abs(np.diff(x))
-    usual = median(size[size > 0]) if size.any() else 0.0
+    if size.any():
+        usual = median(size[size > 0])
+    else:
+        usual = 0.0
     large = size > max(0.1 * usual, _LARGE * unit)
     moving = large[1:] & large[:-1]
     on = moving & on_line(x, unit)[1:-1]

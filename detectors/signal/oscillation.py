@@ -87,8 +87,14 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     """
     of_op, of_pv = oscillations_of(np.array([op, pv]), Ts)
     in_pv = (of_pv.sustained, of_pv.regularity) > (of_op.sustained, of_op.regularity)
-    best = replace(of_pv, signal="pv") if in_pv else replace(of_op, signal="op")
-    at = None if best.sustained else wandering(op)
+    if in_pv:
+        best = replace(of_pv, signal="pv")
+    else:
+        best = replace(of_op, signal="op")
+    if best.sustained:
+        at = None
+    else:
+        at = wandering(op)
     if at is None:
         return best
     period = 2.0 * float(at[-1] - at[0]) / (at.size - 1)
@@ -136,7 +142,9 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
         x[at[0] : at[-1]] - np.repeat(0.5 * (x[at[1:]] + x[at[:-1]]), time)
     ) < 0.25 * np.repeat(size, time)
     underway = np.median(np.add.reduceat(middle, at[:-1] - at[0], dtype=float) / time) >= _UNDERWAY
-    return at.copy() if alike and lasts and underway else None
+    if alike and lasts and underway:
+        return at.copy()
+    return None
 
 
 def _reversals(x, least, at):
@@ -186,7 +194,10 @@ def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
     rows = detrended(rows)
     n = rows.shape[1]
     best = [NOTHING] * len(rows)
-    live = np.flatnonzero(rows.any(axis=1)) if n >= 8 else []
+    if n >= 8:
+        live = np.flatnonzero(rows.any(axis=1))
+    else:
+        live = []
     if len(live) == 0:
         return best
     size = fast_size(n + n // 2)
@@ -215,9 +226,10 @@ def _high_passes(size: int, n: int) -> np.ndarray:
     row for each.
     """
     f = np.arange(size // 2 + 1) / size
-    rows = [
-        (1.0 - np.sinc(f * share * n)) ** 2 for share in _HIGH_PASS if share * n >= _SHORTEST_MEAN
-    ]
+    rows = []
+    for share in _HIGH_PASS:
+        if share * n >= _SHORTEST_MEAN:
+            rows.append((1.0 - np.sinc(f * share * n)) ** 2)
     return np.array(rows).reshape(-1, f.size)
 
 
@@ -227,7 +239,10 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     at = zero_crossings(rho, band, _CROSSINGS)
     lobes = (at[1:] - at[:-1]).tolist()
     # the list ends where the ACF has died out
-    longest = 2.0 * sorted(lobes[:3])[1] if len(lobes) > 2 else 0.0
+    if len(lobes) > 2:
+        longest = 2.0 * sorted(lobes[:3])[1]
+    else:
+        longest = 0.0
     kept = next((i for i, lobe in enumerate(lobes) if lobe > longest), len(lobes))
     if kept < 3:
         return NOTHING

@@ -41,9 +41,9 @@ def find_spikes(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarra
         least = np.maximum((_SPIKE if len(outliers) < 3 else _FURTHER) * overall, local)
         hit = (size > least) & (size > _ALONE * near)
         # of spikes that touch, only the larger is sure
-        new = {
-            int(k): float(off[k]) for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5)))
-        }
+        new = {}
+        for k in np.flatnonzero(hit & (size >= maximum_filter1d(size, 5))):
+            new[int(k)] = float(off[k])
         if not new and len(outliers) >= 3:
             new = touching(clean, least)
         if not new:
@@ -71,7 +71,7 @@ def touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
     """
     at = np.flatnonzero(np.abs(off_line(x)[0]) > least)
     out: dict[int, float] = {}
-    for k, apart, heights in sorted([*_pairs(x, least, at, 1), *_pairs(x, least, at, 2)]):
+    for k, apart, heights in sorted(_pairs(x, least, at, 1) + _pairs(x, least, at, 2)):
         if out.keys().isdisjoint(range(k - 2, k + apart + 3)):
             out |= {k: heights[0], k + apart: heights[1]}
     return out

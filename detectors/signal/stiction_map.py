@@ -33,6 +33,9 @@ def valve_position(
     v = np.empty(op.size)
     if op.size:
         lo, hi = (float(x) for x in limits)
-        first = at_rest(float(op[0]), lo, hi) if state is None else tuple(float(x) for x in state)
+        if state is None:
+            first = at_rest(float(op[0]), lo, hi)
+        else:
+            first = tuple(float(x) for x in state)
         compiled(_trace)(op, float(S), float(J), first, lo, hi, v)
     return v

@@ -126,9 +126,8 @@ def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
     )
     x = (x - x.mean()) / max(float(x.std()), 1e-300)
     error = prediction_error(x, cycle, cycle)
-    others = [
-        prediction_error(y, cycle, cycle)
-        for y in iaaft(x, _SURROGATES, np.random.default_rng(seed))
-    ]
+    others = []
+    for y in iaaft(x, _SURROGATES, np.random.default_rng(seed)):
+        others.append(prediction_error(y, cycle, cycle))
     spread = max(float(np.std(others, ddof=1)), _LEAST_VARIANCE * x.size)
     return _Npi((float(np.mean(others)) - error) / (3.0 * spread), float(cycles))

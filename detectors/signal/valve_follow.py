@@ -44,7 +44,9 @@ class Follow:
         one's error that is.
         """
         gained = max(self.error_linear - self.error, 0.0)
-        return gained * gained / max(self.error_linear, 1e-12) if self.reversals else 0.0
+        if self.reversals:
+            return gained * gained / max(self.error_linear, 1e-12)
+        return 0.0
 
 
 def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> Follow:

@@ -152,9 +152,9 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     n = int((~positive).sum())
     if min(m, n) < 2:
         return 1.0
-    change = [
-        a - b for a, b in zip(*(_placements(_nan_lowest(s), positive) for s in (before, now)))
-    ]
+    change = []
+    for a, b in zip(*(_placements(_nan_lowest(s), positive) for s in (before, now))):
+        change.append(a - b)
     drop = change[0].mean()
     variance = np.var(change[0], ddof=1) / m + np.var(change[1], ddof=1) / n
     if variance == 0.0:
@@ -169,7 +169,8 @@ def _nan_lowest(score: ArrayLike) -> np.ndarray:
 
 def _auc_variance(score: ArrayLike, positive: np.ndarray) -> tuple[float, float]:
     places = np.asarray(score)
-    places = places if places.dtype.kind == "i" else dense_ranks(_nan_lowest(score))
+    if places.dtype.kind != "i":
+        places = dense_ranks(_nan_lowest(score))
     ups, downs = class_counts(places, positive)
     m = int(ups.sum())
     n = int(downs.sum())

@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line."""
     return exit_code(
         lambda: _command(arguments),
-        ["simbench", *(sys.argv[1:] if arguments is None else arguments)],
+        ["simbench"] + (sys.argv[1:] if arguments is None else arguments),
     )
 
 
@@ -76,7 +76,10 @@ def entry() -> None:
 
 def _command(arguments: list[str] | None) -> int | None:
     command = typer.main.get_command(app)
-    words = sys.argv[1:] if arguments is None else arguments
+    if arguments is None:
+        words = sys.argv[1:]
+    else:
+        words = arguments
     if "" in words:  # as a path it would be the folder in which the command runs
         raise ParameterError(
             f"argument {words.index('') + 1} is empty, as of a shell variable that is not set; a"
@@ -95,8 +98,12 @@ def _usage(error: Any, arguments: list[str]) -> str:
     if message.startswith("Invalid value for "):
         # the sentence names the option and what is allowed, not what was given
         option, _, allowed = message.partition(": ")
-        given = [v for k, v in pairwise(arguments) if k.lstrip("-") and f"'{k}'" in option]
-        message = f"{option}: {given[0][:80]!r}: {allowed}" if given else message
+        given = []
+        for k, v in pairwise(arguments):
+            if k.lstrip("-") and f"'{k}'" in option:
+                given.append(v)
+        if given:
+            message = f"{option}: {given[0][:80]!r}: {allowed}"
     context = getattr(error, "ctx", None)
     if "unexpected extra argument" in message and context is not None:
         message += f"; allowed: {' '.join(context.command.collect_usage_pieces(context))}"
@@ -108,4 +115,6 @@ def _usage(error: Any, arguments: list[str]) -> str:
 
 
 def _verbs(context: Any) -> list[str]:
-    return [] if context is None else context.command.list_commands(context)
+    if context is None:
+        return []
+    return context.command.list_commands(context)

@@ -129,8 +129,9 @@ def score(
     book = read_joined(folder)
     scores = score_book(book, cost, allow_failed)
     failed = read_failures(folder)
-    scores = scores.of(split_names(method)) if method else scores
-    answer = Asked(scores, truth, paired, [*map(axis_name, by or [])])
+    if method:
+        scores = scores.of(split_names(method))
+    answer = Asked(scores, truth, paired, list(map(axis_name, by or [])))
 
     # write what goes into a file before what goes to the terminal, which may have no reader
     if to is not None:
@@ -263,5 +264,8 @@ def figure(
     lines = []
     for row, one in zip(rows, drawn, strict=True):
         lines.append(f"{row['id']}: {row['left_out'] or ', '.join(row['files'])}")
-        lines += [f"  {one.caption}"] if row["files"] else []
+        if row["files"]:
+            lines += [f"  {one.caption}"]
+        else:
+            lines += []
     show(rows if as_json else "\n".join(lines), as_json)

@@ -65,13 +65,16 @@ def list_(
     from simbench.cli.catalogue import LISTED_KINDS, catalogue
     from simbench.gap import thresholds
 
-    kinds = (*LISTED_KINDS, "thresholds")
+    kinds = LISTED_KINDS + ("thresholds",)
     if what is None:
         show(list(kinds) if as_json else "\n".join(f"simbench list {k}" for k in kinds), as_json)
         return
     if what not in kinds:
         raise ParameterError(f"nothing to list under {what!r}: {nearest(what, kinds)}")
-    rows = thresholds.rows() if what == "thresholds" else catalogue(what)
+    if what == "thresholds":
+        rows = thresholds.rows()
+    else:
+        rows = catalogue(what)
     show(rows if as_json else "\n".join(_lines_of(rows)), as_json)
 
 
@@ -82,7 +85,7 @@ def _lines_of(rows: list[dict[str, Any]]) -> list[str]:
         told = [r["told_from_recorded"] for r in rows]
         aucs = ["" if auc is None else f"{auc:.2f}" for auc in told]
         head = ("grid", "AUC", "what it is for (AUC: how plainly it is told from recorded loops)")
-        lines = [head, *((n, auc, says) for (n, says), auc in zip(lines, aucs, strict=True))]
+        lines = [head] + [(n, auc, says) for (n, says), auc in zip(lines, aucs, strict=True)]
     return columns(lines)
 
 
@@ -109,9 +112,15 @@ def catalogue(what: str) -> list[dict[str, Any]]:
     rows = []
     for name in sorted(folder.every_name(), key=_by_number):
         module = folder.load(name)
-        source = module.METHOD.source if what == "detectors" else module.SOURCE
+        if what == "detectors":
+            source = module.METHOD.source
+        else:
+            source = module.SOURCE
         # a figure's public id is its file name with hyphens
-        shown = name.replace("_", "-") if what == "figures" else name
+        if what == "figures":
+            shown = name.replace("_", "-")
+        else:
+            shown = name
         rows.append({"name": shown, "says": _first_sentence(module), "source": source})
     return rows
 

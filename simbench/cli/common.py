@@ -197,22 +197,23 @@ def reads(verb: Callable[..., None]) -> Callable[..., None]:
     signature = inspect.signature(verb, eval_str=True)
     named = inspect.Parameter.KEYWORD_ONLY
     kept = [p.replace(kind=named) for name, p in signature.parameters.items() if name != "about"]
-    added = [
-        inspect.Parameter(name, named, default=None, annotation=kind)
-        for name, kind in _READING.items()
-    ]
+    added = []
+    for name, kind in _READING.items():
+        added.append(inspect.Parameter(name, named, default=None, annotation=kind))
 
     @functools.wraps(verb)
     def asked(**values: Any) -> None:
         from simbench.usage import column_pairs
 
-        about = {name: values.pop(name, None) for name in _READING}
+        about = {}
+        for name in _READING:
+            about[name] = values.pop(name, None)
         about["columns"] = column_pairs(about["columns"])
         verb(**values, about={name: value for name, value in about.items() if value is not None})
 
     last = [p for p in kept if p.name == "as_json"]
     asked.__signature__ = signature.replace(
-        parameters=[*(p for p in kept if p not in last), *added, *last]
+        parameters=[p for p in kept if p not in last] + added + last
     )  # pyright: ignore[reportAttributeAccessIssue]
     asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
     return asked
@@ -231,8 +232,14 @@ def say_assumed(records: Iterable[LoopRecord], as_json: bool) -> None:
 
     # of several records, whose it is
     for note, of in tags.items():
-        several = f"all {len(read)} records" if len(of) == len(read) else ", ".join(of)
-        whose = f"{several}: " if len(read) > 1 else ""
+        if len(of) == len(read):
+            several = f"all {len(read)} records"
+        else:
+            several = ", ".join(of)
+        if len(read) > 1:
+            whose = f"{several}: "
+        else:
+            whose = ""
         line = wrap_lines(f"note: {whose}{note}")
         print(line, file=sys.stderr if as_json or whose else sys.stdout)
 
@@ -241,11 +248,11 @@ def method_completion(incomplete: str) -> list[str]:
     """Return the method ids that begin so."""
     from simbench.detectors.plugins.registry import methods
 
-    return [
-        name
-        for name in ("all", "fast", "full", *methods.every_name())
-        if name.startswith(incomplete)
-    ]
+    names = []
+    for name in ("all", "fast", "full", *methods.every_name()):
+        if name.startswith(incomplete):
+            names.append(name)
+    return names
 
 
 MethodIds = Annotated[
@@ -298,7 +305,10 @@ def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
             raise ParameterError(
                 f"{option} {word!r}: {name} = {pairs[name]} was given already; once is allowed"
             )
-        pairs[name] = value if text else number(value)
+        if text:
+            pairs[name] = value
+        else:
+            pairs[name] = number(value)
     return pairs
 
 
@@ -318,7 +328,10 @@ def number(text: str) -> Any:
     (7.0, 4611686018427387905, 'slow')
     """
     try:
-        value = text if "_" in text else float(text)
+        if "_" in text:
+            value = text
+        else:
+            value = float(text)
     except ValueError:
         return text
     whole = text.isdecimal() and int(text)

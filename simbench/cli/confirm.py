@@ -74,7 +74,10 @@ def gain_change(
         from simbench.scenarios.spec import load_loop
 
         with naming(loop):
-            result = test(load_loop(loop)) if ratio is None else test(load_loop(loop), ratio)
+            if ratio is None:
+                result = test(load_loop(loop))
+            else:
+                result = test(load_loop(loop), ratio)
     _show_outcome(result, picture, as_json)
     say_assumed(read, as_json)
 

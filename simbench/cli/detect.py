@@ -90,7 +90,7 @@ def detect(
     from simbench.verbs import judge_files
 
     refuse_kind(csv or "")
-    refuse_own_input([csv, html], [path, labels, *(plugin or [])])
+    refuse_own_input([csv, html], [path, labels] + (plugin or []))
     printed: list[str] = []
 
     def print_conclusion(report: Report) -> None:
@@ -112,7 +112,7 @@ def detect(
     for sentence in describe_failures(report.verdicts):
         print(sentence, file=sys.stderr)
     if as_json and report.scores:
-        print("\n".join(["score by unit:", *table(report.scores)]), file=sys.stderr)
+        print("\n".join(["score by unit:"] + table(report.scores)), file=sys.stderr)
     if csv is not None:
         from simbench.files import write_table
 
@@ -120,7 +120,7 @@ def detect(
     if html is not None:
         from simbench.page.detect_page import write_page
 
-        write_page(report, html, masked(shlex.join(["simbench", *sys.argv[1:]])))
+        write_page(report, html, masked(shlex.join(["simbench"] + sys.argv[1:])))
     if as_json:
         show(report.as_json(), as_json)
     else:
@@ -130,7 +130,7 @@ def detect(
         from simbench.detectors.records.folder import read_labels
         from simbench.gap.stiction.by_loop import as_lines
 
-        print("\n".join(["", *as_lines(report.conclusions, read_labels(labels))]))
+        print("\n".join([""] + as_lines(report.conclusions, read_labels(labels))))
     if as_json or len(report.groups()) > 1:  # of one record the text has them
         say_assumed(report.records.values(), as_json)
     if html is not None:

@@ -76,7 +76,10 @@ class GroupedCommand(TyperCommand):
             record = parameter.get_help_record(ctx)
             if record is not None:
                 is_option = parameter.param_type_name == "option"
-                heading = group_of(parameter.name or "") if is_option else "Arguments"
+                if is_option:
+                    heading = group_of(parameter.name or "")
+                else:
+                    heading = "Arguments"
                 listed.setdefault(heading, []).append(record)
         for heading in ("Arguments", COMMON, *GROUPS):
             if heading not in listed:

@@ -156,10 +156,9 @@ def run(
             f"--{option.lower().replace('_', '-')} {value} says how records are read; GRID is"
             f" {grid}: a record, or a folder of records, is needed"
         )
-    axes = {
-        k: [number(v) for v in str(values).split(",")]
-        for k, values in pairs(axis or [], "--axis", text=True).items()
-    }
+    axes = {}
+    for k, values in pairs(axis or [], "--axis", text=True).items():
+        axes[k] = [number(v) for v in str(values).split(",")]
     options: RunOptions = {
         "n": n,
         "sets": pairs(sets or [], "--set"),

@@ -141,9 +141,9 @@ def simulate(
         )
     if not abs(kick) <= 100.0:
         raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
-    files = [
-        given or [] for given in (valve_plugin, effect_plugin, plant_plugin, controller_plugin)
-    ]
+    files = []
+    for given in (valve_plugin, effect_plugin, plant_plugin, controller_plugin):
+        files.append(given or [])
     with added_parts(*files):
         if source is not None and is_grid(source):
             if seeds is not None:
@@ -194,7 +194,10 @@ def _settings_of(sets: list[str]) -> dict[str, Any]:
 def _refuse_beside_grid(grid: str, seed: int | None, kick: float) -> None:
     """Refuse the options that are for one loop."""
     if seed is not None or kick:
-        given = f"--kick {kick:g}" if seed is None else f"--seed {seed}"
+        if seed is None:
+            given = f"--kick {kick:g}"
+        else:
+            given = f"--seed {seed}"
         raise ParameterError(
             f"{given} is for one loop, and {grid} is a grid: a loop file is needed; --set seed=N"
             " changes the seed of a grid"
@@ -216,9 +219,9 @@ def _simulate_grid(
     labels = ""
     run = grid
     if not Path(grid).is_dir():
-        words = ["simbench", "run", grid, *(["--n", str(n)] if n else [])]
+        words = ["simbench", "run", grid] + (["--n", str(n)] if n else [])
         words += setting_words(sets)
-        labels = shlex.join([*words, "-o", "RUN"]) + ", then "
+        labels = shlex.join(words + ["-o", "RUN"]) + ", then "
         run = "RUN"
     say(f"to score answers to them: {labels}{shlex.join(['simbench', 'run', run])} --answers FILE")
 
@@ -235,7 +238,7 @@ def _write(result: Run, out: Path, as_json: bool) -> None:
         text = f"{outer}: the outer loop; its OP is the set point of the inner one, in {out}"
         say(text, as_json)
     if as_json:
-        about = {"n": r.n, "Ts": r.Ts, "sticky": result.sticky, "notes": [*result.notes]}
+        about = {"n": r.n, "Ts": r.Ts, "sticky": result.sticky, "notes": list(result.notes)}
         show({"record": str(out), **about}, as_json)
         return
     friction = "has friction" if result.sticky else "is without friction"

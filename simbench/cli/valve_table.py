@@ -27,7 +27,9 @@ def valve_file(
     # the column of OP, known at every sample
     refuse_kind(out)
     table = read_texts(source)
-    names = {name.lower(): name for name in table.columns}
+    names = {}
+    for name in table.columns:
+        names[name.lower()] = name
     if "op" not in names:
         raise RecordError(f"{source}: no column op; columns are: {', '.join(table.columns)}")
     op = read_numbers(table, [names["op"]])[names["op"]]

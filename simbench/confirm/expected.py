@@ -47,7 +47,9 @@ class Expected:
     def period(self) -> float:
         """Median ratio of the periods; NaN where none goes on."""
         on = self.changes[np.isfinite(self.changes[:, 0]), 0]
-        return float(np.exp(np.median(on))) if on.size else math.nan
+        if on.size:
+            return float(np.exp(np.median(on)))
+        return math.nan
 
     def alike(self, other: Expected) -> bool:
         """Return whether both do the same to the period, so that it cannot tell them apart."""
@@ -73,8 +75,14 @@ class Expected:
         goes_on = (len(on) + 0.5) / (len(self.changes) + 1.0)
         if not after.goes_on:
             return 1.0 - goes_on
-        spread = np.cov(on.T) if len(on) > 2 else np.zeros((2, 2))
-        near = _density(before, after, on.mean(axis=0), spread, _LEAST) if len(on) else 0.0
+        if len(on) > 2:
+            spread = np.cov(on.T)
+        else:
+            spread = np.zeros((2, 2))
+        if len(on):
+            near = _density(before, after, on.mean(axis=0), spread, _LEAST)
+        else:
+            near = 0.0
         return goes_on * (near + _SLIGHT)
 
 
@@ -107,10 +115,9 @@ def expect_change(
     for loop, kick, factors in loops:
         for seed in range(_SEEDS):
             tried += 1
-            phases = [
-                _phase(loop, f, n, (kick, nudge), 2 * seed + after, Ts)
-                for after, (f, n) in enumerate(zip(factors, lengths))
-            ]
+            phases = []
+            for after, (f, n) in enumerate(zip(factors, lengths)):
+                phases.append(_phase(loop, f, n, (kick, nudge), 2 * seed + after, Ts))
             if phases[0] is not None and phases[1] is not None and phases[0].goes_on:
                 changes.append(_change(phases[0], phases[1]))
     return Expected(np.array(changes).reshape(-1, 2), tried)
@@ -146,7 +153,10 @@ def odds_of_friction(
 
 def kept(before: Phase, after: Phase) -> bool:
     """Return whether an oscillation kept its period, as one from outside does."""
-    ratio = float(_change(before, after)[0]) if after.goes_on else math.inf
+    if after.goes_on:
+        ratio = float(_change(before, after)[0])
+    else:
+        ratio = math.inf
     return abs(ratio) <= _FAR * float(_OUTSIDE[0])
 
 

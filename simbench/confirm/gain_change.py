@@ -70,11 +70,10 @@ class GainChange:
         """Return the outcome in three lines."""
         lines = [f"{self.verdict}: {self.reason}"]
         for name, phase in (("before", self.before), ("after", self.after)):
-            seen = (
-                "no oscillation"
-                if np.isnan(phase.period)
-                else f"period {phase.period:.4g} s, OP +-{phase.amplitude:.3g} %"
-            )
+            if np.isnan(phase.period):
+                seen = "no oscillation"
+            else:
+                seen = f"period {phase.period:.4g} s, OP +-{phase.amplitude:.3g} %"
             lines.append(f"{name:<7} Kc {phase.Kc:.4g}: {seen}")
         return "\n".join(lines)
 
@@ -132,10 +131,9 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
             [resolve_lengthened(loop, seed, n, nudge)], gain=[gain_factors(n, changed, factor)]
         )
         parts = settled_parts(trace.op, changed)
-        phases = [
-            measure(op, loop.sampling.Ts, loop.controller.Kc * f)
-            for op, f in zip(parts, (1.0, factor))
-        ]
+        phases = []
+        for op, f in zip(parts, (1.0, factor)):
+            phases.append(measure(op, loop.sampling.Ts, loop.controller.Kc * f))
         short = any(op.size * loop.sampling.Ts < PERIODS * p.period for op, p in zip(parts, phases))
         if not short or 2 * n > LONGEST:
             break
@@ -190,10 +188,9 @@ def judge_change(
     """Return verdict and reason of the log-odds of friction that a change of gain shows; a change
     that is not `near` to what either valve does, or where both do alike, tells nothing.
     """
-    words = [
-        f"{who} {_of_period(one)}"
-        for who, one in (("a sound valve", sound), ("a sticking one", stuck))
-    ]
+    words = []
+    for who, one in (("a sound valve", sound), ("a sticking one", stuck)):
+        words.append(f"{who} {_of_period(one)}")
     why = f"{what}; in simulations {words[0]}, {words[1]}"
     if not near:
         return "no_decision", f"{why}: neither is near what was measured"

@@ -118,9 +118,12 @@ class _GradedTest:
         ]
         rows = [("quantity", "value", "grade", "how it was measured")]
         for g in self.grades:
-            value = "-" if g.value is None else f"{g.value:.2g}"
+            if g.value is None:
+                value = "-"
+            else:
+                value = f"{g.value:.2g}"
             rows.append((g.parameter, value, words[g.acceptable], g.reason))
-        return "\n".join([*lines, *columns(rows, right=["value"])])
+        return "\n".join(lines + columns(rows, right=["value"]))
 
     def plot(self) -> Figure:
         """Draw the travel test."""
@@ -128,7 +131,10 @@ class _GradedTest:
 
 
 def _grade(limit: _Limit, value: float | None, reason: str) -> _Grade:
-    acceptable = None if value is None else limit.low <= value <= limit.high
+    if value is None:
+        acceptable = None
+    else:
+        acceptable = limit.low <= value <= limit.high
     return _Grade(limit.parameter, value, limit.ideal, limit.practical, acceptable, reason)
 
 
@@ -157,5 +163,8 @@ def _hysteresis(loop: Loop) -> float:
     back = mv[n : 2 * n]
     again = mv[2 * n :]
     moving = np.abs(back - back[0]) > _REST
-    dead = _TRAVERSE * float(np.argmax(moving)) if moving.any() else 100.0
+    if moving.any():
+        dead = _TRAVERSE * float(np.argmax(moving))
+    else:
+        dead = 100.0
     return max(float((back[::-1] - again).max()) - dead, 0.0)

@@ -80,7 +80,9 @@ def ratio_error(before: Phase, after: Phase) -> float:
 
 def interval(value: float, error: float) -> tuple[float, float] | None:
     """Return the ends of a 95 % interval; None where a number is missing."""
-    return (value - _WIDE * error, value + _WIDE * error) if np.isfinite(value + error) else None
+    if np.isfinite(value + error):
+        return (value - _WIDE * error, value + _WIDE * error)
+    return None
 
 
 def _standing(op: np.ndarray, value: float) -> float:

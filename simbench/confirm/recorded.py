@@ -50,7 +50,9 @@ def controller_gain(record: LoopRecord) -> float | None:
     gains = np.linalg.lstsq(columns, steps, rcond=None)[0]
     left = steps - columns @ gains
     explained = 1.0 - float(left @ left) / max(float(steps @ steps), 1e-300)
-    return abs(float(gains[0])) if explained >= _EXPLAINED else None
+    if explained >= _EXPLAINED:
+        return abs(float(gains[0]))
+    return None
 
 
 class _Readings(NamedTuple):
@@ -100,15 +102,24 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
         )
     holds = op, starts, lengths
     by_pv = _readings(record.pv, record.Ts, *holds, slope=record.process == "integrating")
-    bands = _bands(by_pv) if _moves(by_pv) else None
+    if _moves(by_pv):
+        bands = _bands(by_pv)
+    else:
+        bands = None
     if record.mv is not None:
         by_mv = _readings(np.asarray(record.mv), record.Ts, *holds, slope=False)
-        told = _bands(by_mv) if _moves(by_mv) else None
+        if _moves(by_mv):
+            told = _bands(by_mv)
+        else:
+            told = None
         if told is not None and bands is not None and _meet(told.S, bands.S):
             bands = told
     increment = float(np.abs(np.diff(by_pv.op))[np.diff(by_pv.op) != 0.0].min())
     sticky, reason = _in_words(bands, increment, by_pv.settled)
-    S, J = (None, None) if bands is None else (bands.S, bands.J)
+    if bands is None:
+        S, J = (None, None)
+    else:
+        S, J = (bands.S, bands.J)
     return TravelTest(
         None if J is None else _middle(J),
         None if S is None else _middle(S),
@@ -138,10 +149,16 @@ def _readings(
     for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
         late = x[start + int(_LATE * length) : start + length]
         t = np.arange(late.size) * Ts
-        line = np.polyfit(t, late, 1) if late.size > 2 else np.array([0.0, late.mean()])
+        if late.size > 2:
+            line = np.polyfit(t, late, 1)
+        else:
+            line = np.array([0.0, late.mean()])
         sigma = float(np.std(late - np.polyval(line, t)))
         moving[k] = line[0] * (t[-1] + Ts)
-        seen[k] = line[0] if slope else late.mean()
+        if slope:
+            seen[k] = line[0]
+        else:
+            seen[k] = late.mean()
         errors[k] = sigma / np.sqrt(late.size)
         if slope:
             errors[k] *= np.sqrt(12.0) / (late.size * Ts)

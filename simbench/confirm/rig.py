@@ -87,7 +87,10 @@ def run_rig(
     loops = [LiveLoop(s) for s in setups]
     for k in range(n):
         for i, loop in enumerate(loops):
-            factor = None if gain is None else gain[i]
+            if gain is None:
+                factor = None
+            else:
+                factor = gain[i]
             loop.control(k, 1.0 if factor is None else factor[k])
         for i, loop in enumerate(loops):
             load = 0.0
@@ -136,7 +139,8 @@ class LiveLoop:
         self.s = steps["sensor_step"](y, setup.pv_add[k], self.s, self.sensor_p)
         if by_hand is None:
             p = self.control_p._replace(Kc=gain * self.control_p.Kc)
-            p = p._replace(Ki=gain * self.control_p.Ki) if setup.Ti is not None else p
+            if setup.Ti is not None:
+                p = p._replace(Ki=gain * self.control_p.Ki)
             e = steps["error_step"](setup.sp[k] - self.s[0], self.gap_p)
             self.c = steps["controller_step"](e, setup.sp[k], self.c, p)
             u = steps["output_step"](self.c[0], self.gap_p)

@@ -63,13 +63,19 @@ class TravelTest:
     @property
     def verdict(self) -> str:
         """What is said of the valve: "stiction", "no_stiction" or "no_decision"."""
-        return NO_DECISION if self.sticky is None else STICTION if self.sticky else NO_STICTION
+        if self.sticky is None:
+            return NO_DECISION
+        if self.sticky:
+            return STICTION
+        return NO_STICTION
 
     def as_json(self) -> dict[str, Any]:
         """Return the outcome without its signals."""
 
         def ends(x: Interval | None) -> list[float] | None:
-            return None if x is None else [*x]
+            if x is None:
+                return None
+            return list(x)
 
         return {
             "verdict": self.verdict,
@@ -88,8 +94,13 @@ class TravelTest:
         """Return the outcome in three lines."""
 
         def size(x: float | None, of: Interval | None) -> str:
-            between = "" if of is None else f" ({of[0]:.3g} to {of[1]:.3g})"
-            return "not measured" if x is None else f"{x:.3g} %{between}"
+            if of is None:
+                between = ""
+            else:
+                between = f" ({of[0]:.3g} to {of[1]:.3g})"
+            if x is None:
+                return "not measured"
+            return f"{x:.3g} %{between}"
 
         return (
             f"{self.reason[:1].upper()}{self.reason[1:]}.\n"
@@ -140,7 +151,10 @@ class _Manual:
     def __init__(self, loop: Loop, increment: float, big_step: float, seed: int) -> None:
         quiet = loop.model_copy(update={"disturbance": ()})
         setup = resolve_loop(quiet, seed)
-        lags = [1 / abs(p) for p in np.roots(setup.den) if abs(p) > 1e-12]
+        lags = []
+        for p in np.roots(setup.den):
+            if abs(p) > 1e-12:
+                lags.append(1 / abs(p))
         self.integrating = setup.den[-1] == 0
         self.increment = increment
         self.Ts = setup.Ts
@@ -166,7 +180,9 @@ class _Manual:
     def _error(self, sigma: float) -> float:
         """Return the standard error of a reading (`_hold`) for white noise on PV of that size."""
         n = self.window
-        return sigma * np.sqrt(12 / n) / (n * self.Ts) if self.integrating else sigma / np.sqrt(n)
+        if self.integrating:
+            return sigma * np.sqrt(12 / n) / (n * self.Ts)
+        return sigma / np.sqrt(n)
 
     def _hold(self, phase: int) -> float:
         """Hold OP for one wait and return PV's mean (integrating: slope per s) over its end."""
@@ -202,7 +218,10 @@ class _Manual:
         k = self.k
         wait = self.wait * self.Ts
         trace = Trace(self.live.op[:k], self.live.pv[:k], self.live.mv[:k])
-        sticky = None if back is None else back > 2 * self.increment + 1e-9
+        if back is None:
+            sticky = None
+        else:
+            sticky = back > 2 * self.increment + 1e-9
         if same is None and back is None:
             reason = (
                 "PV did not answer before OP reached its limit: no travel, or noise that hides it"

@@ -47,17 +47,18 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
         q: textwrap.fill(part["question"].iloc[0], 36)
         for q, part in table.groupby("source", sort=False)
     }
-    ends: dict[str, list[str]] = {q: [] for q in questions}
+    ends: dict[str, list[str]] = {}
+    for q in questions:
+        ends[q] = []
     conclusions = {}
     for row in table[table["verdict"] != ""].to_dict("records"):
         if row["target"] not in conclusions:
             ends[row["source"]].append(row["target"])
             conclusions[row["target"]] = row["verdict"] + "\n" + textwrap.fill(row["next"], 52)
     # rows from the top, as high as their texts
-    heights = {
-        name: (text.count("\n") + 1) * _LINE + 2 * _PAD
-        for name, text in {**texts, **conclusions}.items()
-    }
+    heights = {}
+    for name, text in {**texts, **conclusions}.items():
+        heights[name] = (text.count("\n") + 1) * _LINE + 2 * _PAD
     top = 0.0
     middle = {}
     for q in questions:
@@ -69,10 +70,13 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
             middle[c] = at - heights[c] / 2
             at -= heights[c] + 0.14
         top -= tall + 0.34
-    place = {q: i for i, q in enumerate(questions)}
-    skips = [
-        (s, t) for s, t in zip(table["source"], table["target"]) if place.get(t, 0) > place[s] + 1
-    ]
+    place = {}
+    for i, q in enumerate(questions):
+        place[q] = i
+    skips = []
+    for s, t in zip(table["source"], table["target"]):
+        if place.get(t, 0) > place[s] + 1:
+            skips.append((s, t))
     left = 0.3 + 0.42 * len(skips)
     wide = left + _BOX + _GAP + 4.1
     figure = Figure(figsize=(wide, -top - 0.34 + 0.2))
@@ -95,11 +99,10 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
             x = left + _BOX + _GAP
             bend = left + _BOX + 0.2
             straight = len(ends[str(source)]) < 2
-            path = (
-                [(left + _BOX, y), (x, z)]
-                if straight
-                else [(left + _BOX, y), (bend, y), (bend, z), (x, z)]
-            )
+            if straight:
+                path = [(left + _BOX, y), (x, z)]
+            else:
+                path = [(left + _BOX, y), (bend, y), (bend, z), (x, z)]
             at = z
             if target not in ends[source]:
                 # it is drawn next to an earlier question, whose answer is named there: this one

@@ -23,7 +23,10 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
     """
     Ts = loop.sampling.Ts
     exact = exact_cycle(sampled_loop(loop))
-    length = 1000 if exact is None else round((2 * periods + 2) * exact.period / Ts)
+    if exact is None:
+        length = 1000
+    else:
+        length = round((2 * periods + 2) * exact.period / Ts)
     record = simulate(loop.with_("sampling.n", length), start=cycle_start(loop)).record
     op = record.op
     mv = record.mv

@@ -47,7 +47,10 @@ def draw_gain(data: pd.DataFrame) -> Figure:
         (axes[0, 0], "OP", "OP (%)"),
         (axes[1, 0], "PV", "PV - SP (PV units)"),
     ):
-        values = data["OP (%)"] if name == "OP" else data["PV - SP"]
+        if name == "OP":
+            values = data["OP (%)"]
+        else:
+            values = data["PV - SP"]
         place.plot(data["t (s)"], values, color=SIGNAL[name])
         place.axvline(0, color=GREY, linestyle="--", linewidth=0.9)
         room(place, values, 0.06, 0.34 if name == "OP" else 0.06)

@@ -61,7 +61,10 @@ class Loops:
                 if numbers.get(target) is None or numbers.get(base) is None:
                     continue
                 of = float(numbers[base] or 0.0)
-                numbers[target] = of / (2.0 * value) if name == "S_over_2J" else value * of
+                if name == "S_over_2J":
+                    numbers[target] = of / (2.0 * value)
+                else:
+                    numbers[target] = value * of
             elif numbers.get(name) is not None:
                 numbers[name] = float(value)
             else:
@@ -105,7 +108,10 @@ class Loops:
         text += " hold."
         if not self.retuned:
             return text
-        loops = "A loop" if self.retuned == 1 else f"{self.retuned} loops"
+        if self.retuned == 1:
+            loops = "A loop"
+        else:
+            loops = f"{self.retuned} loops"
         return f"{text} {loops} would be unstable without friction: Kc was lowered there."
 
     def refuse_unused(self, figure: str) -> None:
@@ -118,8 +124,13 @@ class Loops:
 
 
 def _loop_of(numbers: Mapping[str, Any], n: int | None, more: Mapping[str, Any]) -> Loop:
-    valve = {} if numbers.get("S") is None else {"valve": choudhury(numbers["S"], numbers["J"])}
-    settings: dict[str, Any] = {k: numbers.get(k) for k in ("K", "T", "Td", "Kc", "Ti", "Ts")}
+    if numbers.get("S") is None:
+        valve = {}
+    else:
+        valve = {"valve": choudhury(numbers["S"], numbers["J"])}
+    settings: dict[str, Any] = {}
+    for k in ("K", "T", "Td", "Kc", "Ti", "Ts"):
+        settings[k] = numbers.get(k)
     return pi_loop(**settings, n=n, **valve, **more)
 
 
@@ -145,8 +156,14 @@ def pi_loop(
     """Return a PI loop around a first-order plant with dead time, for `n` samples, and what else it
     has; without T the plant integrates, without Ti the controller is P.
     """
-    plant = {"type": "integrating"} if T is None else {"type": "foptd", "T": T}
-    controller = {"type": "P"} if Ti is None else {"type": "PI", "Ti": Ti}
+    if T is None:
+        plant = {"type": "integrating"}
+    else:
+        plant = {"type": "foptd", "T": T}
+    if Ti is None:
+        controller = {"type": "P"}
+    else:
+        controller = {"type": "PI", "Ti": Ti}
     return Loop.from_table(
         {
             "plant": {**plant, "K": K, "Td": Td},
@@ -184,6 +201,9 @@ def numbers_line(table: pd.DataFrame) -> str:
             unit = column.removeprefix(name).strip(" ()")
             ends = sorted(values, key=float)
             few = len(values) <= _MOST_LISTED
-            shown = " / ".join(values) if few else f"{ends[0]} to {ends[-1]}"
+            if few:
+                shown = " / ".join(values)
+            else:
+                shown = f"{ends[0]} to {ends[-1]}"
             parts.append(f"{name} = {shown} {unit}".strip())
     return ", ".join(parts)

@@ -116,9 +116,12 @@ def make_figures(
     for name in ids:
         name = _id(name)
         if name != "all" and name not in known:
-            raise UnknownName("figure", name, [*known, "all"])
+            raise UnknownName("figure", name, known + ["all"])
         wanted += [n for n in (known if name == "all" else [name]) if n not in wanted]
-    fault = "" if isdb is None else _no_records(Path(isdb))
+    if isdb is None:
+        fault = ""
+    else:
+        fault = _no_records(Path(isdb))
     if fault:
         raise RecordError(f"{isdb} {fault}; an ISDB .mat file or a folder of records is needed")
     given = {"isdb": isdb}
@@ -246,7 +249,9 @@ def _id(name: str) -> str:
     """
     words = re.sub(r"[\s._-]+", "-", name.strip().lower())
     words = re.sub(r"^fig(ure)?-?(?=\d)", "fig-", words)
-    return f"fig-{words}" if re.fullmatch(r"\d+-\d+", words) else words
+    if re.fullmatch(r"\d+-\d+", words):
+        return f"fig-{words}"
+    return words
 
 
 def _lacking(name: str, given: Mapping[str, str | Path | None]) -> str:
@@ -265,7 +270,7 @@ def _no_records(isdb: Path) -> str:
     """Return why a place holds no records; "" where it may."""
     if not isdb.exists():
         return "does not exist"
-    readable = isdb.is_dir() or isdb.suffix.lower() in (".mat", *RECORD_FILES)
+    readable = isdb.is_dir() or isdb.suffix.lower() in ((".mat",) + RECORD_FILES)
     return "" if readable else "holds no records"
 
 
@@ -283,7 +288,7 @@ def _make_one(
         table, picture, told = _draw_figure(name, given, numbers)
     except NeedsRecord as error:
         return Drawn(name, left_out=str(error))
-    stem = "-".join([name, *(f"{key}-{value:g}" for key, value in (numbers or {}).items())])
+    stem = "-".join([name] + [f"{key}-{value:g}" for key, value in (numbers or {}).items()])
     files = tuple(target / f"{stem}{suffix}" for suffix in (".svg", ".png", ".csv"))
     for file in files[:2]:
         write_picture(picture, file, simplified=0.3)
@@ -302,7 +307,9 @@ def _draw_figure(
 
     module = FIGURES.load(name.replace("-", "_"))
     loops = Loops(numbers)
-    wanted: dict[str, Any] = {need: given[need] for need in _wants(name)}
+    wanted: dict[str, Any] = {}
+    for need in _wants(name):
+        wanted[need] = given[need]
     if "loops" in inspect.signature(module.data).parameters:
         wanted["loops"] = loops
     table = module.data(**wanted)

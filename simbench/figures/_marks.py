@@ -98,7 +98,10 @@ def table(
     heights = [max(t.count("\n") + 1 for t in row) * 0.155 + 0.11 for row in texts]
     columns = [w * 0.072 + 0.2 for w in widths]
     below = _wrap(foot, int(sum(widths) * 1.35))
-    bottom = (below.count("\n") + 1) * 0.15 + 0.12 if foot else 0.05
+    if foot:
+        bottom = (below.count("\n") + 1) * 0.15 + 0.12
+    else:
+        bottom = 0.05
     width = sum(columns) + 0.1
     figure = Figure(figsize=(width, sum(heights) + bottom + 0.1))
     high = figure.get_figheight()

@@ -24,7 +24,10 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
             f"{record.tag}: {record.n} samples; at least {4 * _SEGMENT} are needed for a"
             " bicoherence"
         )
-    e = -pv if record.sp is None else record.sp - pv
+    if record.sp is None:
+        e = -pv
+    else:
+        e = record.sp - pv
     higher = bicoherence(e, _SEGMENT)
     rows = [
         pd.DataFrame({"part": "error", "t (s)": record.t, "e": e}),

@@ -34,17 +34,19 @@ def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
     path = Path(isdb)
     if path.is_dir():
         for stem in (name, f"ISDB_{name}"):
-            matches = [
-                f
-                for f in sorted(path.glob(f"{stem}.*"))
-                if f.suffix in (".csv", ".txt", ".parquet", ".xlsx")
-            ]
+            matches = []
+            for f in sorted(path.glob(f"{stem}.*")):
+                if f.suffix in (".csv", ".txt", ".parquet", ".xlsx"):
+                    matches.append(f)
             if matches:
                 return replace(read_record(matches[0], **about), tag=name)
     else:
         letters = name.rstrip("0123456789")
         wanted = f"{_SECTORS.get(letters, letters)}.loop{name[len(letters) :]}".lower()
-        matches = [loop for loop in read_loops(path) if loop.lower() == wanted]
+        matches = []
+        for loop in read_loops(path):
+            if loop.lower() == wanted:
+                matches.append(loop)
         if matches:
             return replace(read_record(path, tag=matches[0], **about), tag=name)
     raise NeedsRecord(f"needs ISDB loop {name}; {path} does not hold it")

@@ -55,7 +55,10 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
     for shape, part in parts:
         if shape in ("box", "words"):
             frame = {"boxstyle": "square,pad=0.5", "facecolor": "#F3F6FA", "edgecolor": BLUE}
-            look = {"bbox": frame, "color": BLACK} if shape == "box" else {"color": GREY}
+            if shape == "box":
+                look = {"bbox": frame, "color": BLACK}
+            else:
+                look = {"color": GREY}
             x, y, text = part[["x", "y", "text"]].iloc[0]
             axes.text(x, y, text, ha="center", va="center", fontsize=8, **look)
     figure.draw_without_rendering()  # which settles the frames
@@ -70,7 +73,7 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
                 head(axes, ends[-2], ends[-1], "-|>", color=BLACK, linewidth=1.1)
             axes.plot(*ends.T, color=BLACK, linewidth=1.1, solid_capstyle="butt")
             taken.append(Bbox([ends.min(axis=0), ends.max(axis=0)]))
-    whole = Bbox.union([*boxes, *taken]).padded(0.15)
+    whole = Bbox.union(boxes + taken).padded(0.15)
     axes.set(xlim=whole.intervalx, ylim=whole.intervaly)
     figure.set_size_inches(inches * whole.width, inches * whole.height)
     return figure
@@ -81,7 +84,10 @@ def _reach(start: np.ndarray, end: np.ndarray, boxes: Sequence[Bbox]) -> np.ndar
     along = int(abs(end[1] - start[1]) > abs(end[0] - start[0]))
     sign = np.sign(end[along] - start[along])
     near = [b for b in boxes if b.min[1 - along] <= end[1 - along] <= b.max[1 - along]]
-    steps = [sign * (edge - end[along]) for b in near for edge in (b.min[along], b.max[along])]
+    steps = []
+    for b in near:
+        for edge in (b.min[along], b.max[along]):
+            steps.append(sign * (edge - end[along]))
     out = end.copy()
     out[along] += sign * min((step for step in steps if -0.3 < step < _NEAR), default=0.0)
     return out

@@ -67,9 +67,9 @@ def walk(
     for k in range(10 * op.size + 1):
         for pause in (0, rest if k % 2 == 0 else 0):
             t += pause
-            at = [*at, t]
-            x = [*x, op[k % op.size]]
-            y = [*y, mv[k % op.size]]
+            at = at + [t]
+            x = x + [op[k % op.size]]
+            y = y + [mv[k % op.size]]
         t += steps
     keep = np.concatenate([[True], np.diff(at) > 0])
     sample = np.arange(at[-1] + 1)

@@ -37,7 +37,7 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     )
     sticky = sustained_cycle(loops.pi(numbers=STICKY, n=4000), periods=12)
     sticky = sticky[["t (s)", "OP (%)", "PV - SP"]]
-    numbers = [*numbers, loops.last]
+    numbers = numbers + [loops.last]
     panels_of = (("no stiction", healthy), ("stiction", sticky))
     for (panel, trend), own in zip(panels_of, numbers, strict=True):
         phi = correlation(trend["OP (%)"].to_numpy(), trend["PV - SP"].to_numpy(), record.Ts, 120.0)

@@ -45,7 +45,10 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     loops = loops or Loops()
     for panel in PLANTS:
         sampled = sampled_loop(loop(panel, 1.0, loops))
-        own = {k: v for k, v in loops.last.items() if k != COLUMNS["J"]}
+        own = {}
+        for k, v in loops.last.items():
+            if k != COLUMNS["J"]:
+                own[k] = v
         w = np.geomspace(0.02, 0.9 * np.pi / Ts, 400)
         L = sampled.response(w)
         rows.append(
@@ -88,7 +91,10 @@ def draw(data: pd.DataFrame) -> Figure:
         jumps = sorted(part["J (%)"].dropna().unique(), reverse=True)
         for J, colour in zip(jumps, COLOURS, strict=False):
             curve = part[(part.curve == "-1/N") & (part["J (%)"] == J)]
-            name = f"-1/N, J = {J:g} %" if J else "-1/N, dead-band (J = 0)"
+            if J:
+                name = f"-1/N, J = {J:g} %"
+            else:
+                name = "-1/N, dead-band (J = 0)"
             place.plot(
                 curve["Re"],
                 curve["Im"],

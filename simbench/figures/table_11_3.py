@@ -40,22 +40,36 @@ def ultimate_gain(K: float, T: float | None, Td: float, Ti: float | None) -> flo
     """
     w = np.geomspace(1e-3, 1e2, 20001)
     s = 1j * w
-    lag = s if T is None else T * s + 1
+    if T is None:
+        lag = s
+    else:
+        lag = T * s + 1
     L = K * np.exp(-Td * s) / lag * (1.0 if Ti is None else 1 + 1 / (Ti * s))
     past = phase_crossings(L)
-    return float(1 / np.abs(L[past[-1]])) if past.size else np.nan
+    if past.size:
+        return float(1 / np.abs(L[past[-1]]))
+    return np.nan
 
 
 def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
     """Return the grid of one cell."""
     grid_of_cell = []
-    ratios = (0.0,) if nonlinearity == DEAD_BAND else JUMPS
+    if nonlinearity == DEAD_BAND:
+        ratios = (0.0,)
+    else:
+        ratios = JUMPS
     for Td, share, integral, ratio in product(
         DELAYS, SHARES, INTEGRALS if controller == "PI" else (None,), ratios
     ):
-        plant = {"K": 1.0, "T": T} if process == "self-regulating" else {"K": 0.1, "T": None}
+        if process == "self-regulating":
+            plant = {"K": 1.0, "T": T}
+        else:
+            plant = {"K": 0.1, "T": None}
         # integral time over T, or for the integrating plant over ten dead times
-        Ti = None if integral is None else integral * (plant["T"] or 10 * Td)
+        if integral is None:
+            Ti = None
+        else:
+            Ti = integral * (plant["T"] or 10 * Td)
         Kc = share * ultimate_gain(**plant, Td=Td, Ti=Ti)
         if np.isfinite(Kc):
             grid_of_cell.append(
@@ -78,10 +92,10 @@ def cycles(loop: Loop) -> bool:
     least = 0.5 * float(str(loop.valve.parameters["J"])) or 0.05 * S
     per_percent = abs(loop.plant.K) * (1.0 if loop.plant.type == "foptd" else loop.plant.Td)
     begun = [loop.model_copy(update={"disturbance": (load_step(size),)}) for size in LOADS]
-    begun += [
-        loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size * per_percent]])
-        for size in STEPS
-    ]
+    for size in STEPS:
+        begun.append(
+            loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size * per_percent]])
+        )
     for start in begun:
         mv = simulate(start).record.mv
         early = np.ptp(mv[n // 2 : 3 * n // 4])
@@ -126,7 +140,9 @@ def draw(data: pd.DataFrame) -> Figure:
     rows = []
     for process, controller in dict.fromkeys(zip(data["process"], data["controller"])):
         part = data[(data["process"] == process) & (data["controller"] == controller)]
-        cells = {r["nonlinearity"]: _cell(r) for r in part.to_dict("records")}
+        cells = {}
+        for r in part.to_dict("records"):
+            cells[r["nonlinearity"]] = _cell(r)
         rows.append([process, controller, cells[DEAD_BAND], cells[STICK_SLIP]])
     frame = pd.DataFrame(
         rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"]

@@ -15,7 +15,7 @@ def data() -> pd.DataFrame:
     One row per OP symbol, one column per MV symbol; D decreasing, S steady, I increasing.
     """
     return pd.DataFrame(
-        [[op, *(op + mv for mv in "DSI")] for op in "ISD"], columns=["OP / MV", "D", "S", "I"]
+        [([op] + [op + mv for mv in "DSI"]) for op in "ISD"], columns=["OP / MV", "D", "S", "I"]
     )
 
 

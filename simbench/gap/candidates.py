@@ -65,16 +65,19 @@ def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
     """Return the effects whose fit makes sense for this baseline and these signals; `by_mv`: MV is
     known, here or in a test.
     """
-    by_mv = s.record.mv is not None if by_mv is None else by_mv
+    if by_mv is None:
+        by_mv = s.record.mv is not None
     has = {"time constant": not s.integrating, "valve without friction": not friction(s.baseline)}
-    return [
-        e
-        for e in EFFECTS
-        if recogniser(e).fit is not None
-        and not (by_mv and block_of(e) == "valve")
-        and meaningful(e, s.trusted, s.tuned, by_mv)
-        and all(has.get(need, True) for need in recogniser(e).needs)
-    ]
+    effects = []
+    for e in EFFECTS:
+        if (
+            recogniser(e).fit is not None
+            and not (by_mv and block_of(e) == "valve")
+            and meaningful(e, s.trusted, s.tuned, by_mv)
+            and all(has.get(need, True) for need in recogniser(e).needs)
+        ):
+            effects.append(e)
+    return effects
 
 
 def proven(s: Situation) -> dict[str, Parameters]:
@@ -109,10 +112,9 @@ def fit_beside_load(
     best = max((c.log_likelihood_gain for c in candidates.values()), default=0.0)
     near = [e for e, c in candidates.items() if c.log_likelihood_gain > best - _NEAR]
     again = fit_candidates(engine, load.fit, near)
-    less = {
-        e: replace(c, log_likelihood_gain=c.log_likelihood_gain - load.log_likelihood_gain)
-        for e, c in candidates.items()
-    }
+    less: dict[str, Candidate] = {}
+    for e, c in candidates.items():
+        less[e] = replace(c, log_likelihood_gain=c.log_likelihood_gain - load.log_likelihood_gain)
     return {
         e: max(again.get(e, c), c, key=lambda c: c.log_likelihood_gain) for e, c in less.items()
     }

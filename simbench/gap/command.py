@@ -98,23 +98,35 @@ def diagnose_files(
     """
     if not records:
         raise ParameterError("gap diagnose needs at least one record")
-    beside = None if wanted.write_loop is None else columns_beside(Path(wanted.write_loop))
+    if wanted.write_loop is None:
+        beside = None
+    else:
+        beside = columns_beside(Path(wanted.write_loop))
     refuse_own_input(
         [wanted.html, wanted.write_loop, beside, wanted.picture],
         [*records, baseline, *healthy],
     )
     if wanted.picture is not None:
         picture_kind(wanted.picture)
-    loop = None if baseline is None else read_baseline(baseline)
+    if baseline is None:
+        loop = None
+    else:
+        loop = read_baseline(baseline)
     read = [_read_window(path, window, about) for path in records]
     ordinary = [_read_window(path, None, about) for path in healthy]
-    source = read if len(read) > 1 else read[0]
+    if len(read) > 1:
+        source = read
+    else:
+        source = read[0]
     with effects_known(effect_plugins):
         # other processes do not know them
         jobs = 1 if effect_plugins else jobs
         report = diagnose(source, loop, healthy=ordinary, jobs=jobs)
         # what reading the records assumed
-        assumed = [note for record in read for note in record.notes]
+        assumed = []
+        for record in read:
+            for note in record.notes:
+                assumed.append(note)
         report = replace(report, notes=tuple(dict.fromkeys([*report.notes, *assumed])))
         if wanted.write_loop is not None:
             _write_loop(report, Path(wanted.write_loop), [str(p) for p in records], baseline)
@@ -154,8 +166,13 @@ def grid_files(
     refuse_own_input([picture], [folder, labels])
     if picture is not None:
         picture_kind(picture)
-    table = {} if labels is None else read_labels(labels)
-    units = {name: row["unit_group"] for name, row in table.items()}
+    if labels is None:
+        table = {}
+    else:
+        table = read_labels(labels)
+    units = {}
+    for name, row in table.items():
+        units[name] = row["unit_group"]
     found = grid_gap(grid, folder, units=units, **options)
     if picture is not None:
         write_picture(found.plot(), picture)
@@ -198,7 +215,9 @@ def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -
         )
     cut = record.window(first, last)
     manual = record.meta.get("manual")
-    return cut if manual is None else replace(cut, meta={**cut.meta, "manual": manual[first:last]})
+    if manual is None:
+        return cut
+    return replace(cut, meta={**cut.meta, "manual": manual[first:last]})
 
 
 def columns_beside(loop: Path) -> Path:
@@ -239,21 +258,29 @@ def _with_comments(table: Mapping[str, Any]) -> str:
     for section, content in table.items():
         for one in content if isinstance(content, list) else [content]:
             kind = str(one.get("name") or one.get("type"))
-            of_effect = EFFECTS[kind].says if section == "effect" and kind in EFFECTS else ""
+            if section == "effect" and kind in EFFECTS:
+                of_effect = EFFECTS[kind].says
+            else:
+                of_effect = ""
             says = _SAYS.get(section) or of_effect or _SAYS.get(kind, "")
-            said = f"# {says}\n" if says else ""
+            if says:
+                said = f"# {says}\n"
+            else:
+                said = ""
             parts.append(said + toml_of({section: [one] if isinstance(content, list) else one}))
     return "\n".join(parts)
 
 
 def _head(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
     """Return what stands above a written loop, as comments."""
-    lines = [
-        report.sentence(),
-        *report.identified(),
-        f"records: {', '.join(records)}; baseline: {baseline or 'identified'}",
-        "set point and length are the record's, load and operating point fitted to it",
-    ]
+    lines = (
+        [report.sentence()]
+        + report.identified()
+        + [
+            f"records: {', '.join(records)}; baseline: {baseline or 'identified'}",
+            "set point and length are the record's, load and operating point fitted to it",
+        ]
+    )
     # a name may hold a line break, which would end the comment, or what TOML allows nowhere
     return "".join(f"# {printable(' '.join(line.split()))}\n" for line in lines) + "\n"
 
@@ -266,12 +293,20 @@ def _commands_to_repeat(
 ) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
     words = ["simbench", "gap", "diagnose", *map(str, records)]
-    words += ["--identify"] if baseline is None else ["--baseline", str(baseline)]
+    if baseline is None:
+        words += ["--identify"]
+    else:
+        words += ["--baseline", str(baseline)]
     for name, value in about.items():
         if isinstance(value, dict):
             value = ",".join(f"{role}={column}" for role, column in value.items())
         for one in value if isinstance(value, list) else [] if value is None else [value]:
-            numbers = one if isinstance(one, tuple) else () if one is True else (one,)
+            if isinstance(one, tuple):
+                numbers = one
+            elif one is True:
+                numbers = ()
+            else:
+                numbers = (one,)
             words += [f"--{name.replace('_', '-').lower()}", *map(plain_number, numbers)]
     words += ["--write-loop", "fixed.toml"]
     return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv"]

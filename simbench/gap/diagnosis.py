@@ -132,11 +132,18 @@ def diagnose_all(
         # outliers and a frozen sensor are effects that are named
         given = records
         records = [repair_record(one) for one in records]
-        said = [n for old, new in zip(given, records) for n in new.notes if n not in old.notes]
+        said = []
+        for old, new in zip(given, records):
+            for n in new.notes:
+                if n not in old.notes:
+                    said.append(n)
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         controls = [check_healthy(one, baseline) for one in healthy]
-        ordinary = learn(controls) if controls else None
+        if controls:
+            ordinary = learn(controls)
+        else:
+            ordinary = None
         said += [note for one in controls if (note := _not_healthy(one))]
         assessment, loops = _assess_all(records, baseline, jobs, ordinary, seed)
         kind = ClosedLoops if assessment.situation.stated_parts else IdentifiedLoops
@@ -185,7 +192,9 @@ def conclude(
 
 def _read_loop(loop: Loop | Partial | str | Path | None) -> Loop | Partial | None:
     """Return a loop, read from its file where a path is given."""
-    return read_baseline(loop) if isinstance(loop, (str, Path)) else loop
+    if isinstance(loop, (str, Path)):
+        return read_baseline(loop)
+    return loop
 
 
 def _records(given: Any, signals: Any) -> list[LoopRecord]:
@@ -212,11 +221,11 @@ def _assess_one(
     loop, given, completions = complete_baseline(record, baseline)
     completions = [*completions, *of_mv]
     if ordinary is not None:
-        completions = [*completions, ordinary.note(loop, record.duration)]
+        completions = completions + [ordinary.note(loop, record.duration)]
         loop = ordinary.stated_in(loop, record.Ts)
     # 2. what the record shows without any likelihood
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
-    situation = replace(situation, notes=[*situation.notes, *completions])
+    situation = replace(situation, notes=situation.notes + completions)
     if ordinary is not None:
         situation = ordinary.ordinary_in(situation)
     # 3. does friction explain the record better than other loops, with nothing known of its loop?
@@ -280,7 +289,10 @@ def _assess_all(
     every = [assessment for assessment, _ in pairs]
     loops = pairs[0][1]
     main, *others = every
-    weighed = [one for _, one in pairs if isinstance(one, CandidateLoops)]
+    weighed = []
+    for _, one in pairs:
+        if isinstance(one, CandidateLoops):
+            weighed.append(one)
     if weighed:
         loops = replace(weighed[0], log_odds=pool_log_odds([one.log_odds for one in weighed]))
         main = replace(main, friction=loops.probability)

@@ -60,10 +60,15 @@ def controller_term(s: Situation, first: int) -> Term | None:
     aligned = [_Controller(s, late) for late in sorted({law.late, 1})]
     plain = min((one.left({}, one.newest) for one in aligned), key=aligned[0].misfit)
     terms = [one.idle(first, plain) for one in aligned]
-    terms += [one.derivative(guess, first, plain) for one in aligned for guess in one.guesses()]
+    for one in aligned:
+        for guess in one.guesses():
+            terms.append(one.derivative(guess, first, plain))
     best = max(filter(None, terms), key=lambda one: one.nats, default=None)
     # a mean of the archive's looks like a term of the controller, but explains less
-    least = -np.log(MEAN_EXPLAINS) * (s.record.n - first) if law.averaged else -np.inf
+    if law.averaged:
+        least = -np.log(MEAN_EXPLAINS) * (s.record.n - first)
+    else:
+        least = -np.inf
     return best if best is not None and best.nats >= least else None
 
 
@@ -131,7 +136,7 @@ class _Controller:
         def misfit(x: np.ndarray) -> np.ndarray:
             return self.left(dict(zip(guess, x)), x[-1])[:first] / scale
 
-        box = [*((0.0, np.inf) for _ in guess), (-0.1, 1.1)]
+        box = [(0.0, np.inf) for _ in guess] + [(-0.1, 1.1)]
         with np.errstate(all="ignore"):
             solution = scipy.optimize.least_squares(
                 misfit,
@@ -142,7 +147,9 @@ class _Controller:
                 x_scale="jac",
                 max_nfev=60,
             )
-        numbers = {m: float(v) for m, v in zip(guess, solution.x)}
+        numbers = {}
+        for m, v in zip(guess, solution.x):
+            numbers[m] = float(v)
         left = self.left(numbers, solution.x[-1])
         ratio = self.misfit(left[first:]) / self.misfit(plain[first:])
         if ratio >= TERM_EXPLAINS:
@@ -151,7 +158,10 @@ class _Controller:
 
     def guesses(self) -> Iterator[_Numbers]:
         """Yield numbers of a derivative term from which its fit may start."""
-        pace = abs(self.Kc / self.Ki) * self.Ts if self.Ki else 10 * self.Ts
+        if self.Ki:
+            pace = abs(self.Kc / self.Ki) * self.Ts
+        else:
+            pace = 10 * self.Ts
         for share in (0.05, 0.3, 1.0):
             yield {"Td": share * pace, "filter": 0.1 * share * pace}
 
@@ -162,7 +172,10 @@ class _Controller:
         du = np.diff(self.op)
         still = np.append(False, du == 0.0)
         asked = np.append(0.0, np.abs(du - plain))
-        runs = [slice(a, b) for a, b in runs_of(still) if asked[a:b].max() > 5.0 * self.unit]
+        runs = []
+        for a, b in runs_of(still):
+            if asked[a:b].max() > 5.0 * self.unit:
+                runs.append(slice(a, b))
         idle = np.zeros(still.size, dtype=bool)
         for run in runs:
             idle[run] = True
@@ -196,7 +209,10 @@ def frozen(s: Situation, first: int) -> Term | None:
     unit = max(s.samples.resolution, 2.0 * s.samples.band, 1e-9 * float(np.ptp(pv)))
     chance = unit / max(float(np.std(np.diff(pv))), unit)
     still = np.append(False, np.diff(pv) == 0.0)
-    ends = [end for end in (float(pv.min()), float(pv.max())) if np.mean(pv == end) > _ENDS]
+    ends = []
+    for end in (float(pv.min()), float(pv.max())):
+        if np.mean(pv == end) > _ENDS:
+            ends.append(end)
     long = still & (holds(pv)[np.cumsum(~still) - 1] >= 3)
     noisy = s.samples.band == 0.0 and s.baseline.noise.std > unit
     if long.mean() <= _HELD or not (s.frozen or noisy):
@@ -212,12 +228,13 @@ def shown(s: Situation, name: str) -> dict[str, float | str] | None:
     """Return the numbers of a term ("derivative", "idle", "held") that controller or samples show
     without doubt, where nothing known does; None otherwise.
     """
-    find, block = (frozen, "sensor") if name == "held" else (controller_term, "controller")
+    if name == "held":
+        find, block = (frozen, "sensor")
+    else:
+        find, block = (controller_term, "controller")
     if any(block_of(effect) == block for effect in s.facts) or not s.trusted:
         return None
     term = find(s, int(_LEARNT * s.record.n))
-    return (
-        dict(term.numbers)
-        if term is not None and term.name == name and term.nats > TERM_NATS
-        else None
-    )
+    if term is not None and term.name == name and term.nats > TERM_NATS:
+        return dict(term.numbers)
+    return None

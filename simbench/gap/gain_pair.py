@@ -45,15 +45,19 @@ def gain_change_recorded(
             f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for"
             " both"
         )
-    gains = (
-        (1.0, factor) if factor is not None else (controller_gain(before), controller_gain(after))
-    )
+    if factor is not None:
+        gains = (1.0, factor)
+    else:
+        gains = (controller_gain(before), controller_gain(after))
     if gains[0] is None or gains[1] is None:
         raise ParameterError(
             "gain change: the records do not show the controller gain; new over old is needed:"
             " --ratio"
         )
-    ratio = gains[1] / gains[0] if gains[0] > 0 else np.nan
+    if gains[0] > 0:
+        ratio = gains[1] / gains[0]
+    else:
+        ratio = np.nan
     if not (0.0 < ratio < np.inf and abs(ratio - 1.0) >= 0.2):
         raise ParameterError(
             f"gain change: Kc changed {ratio:.3g}-fold; at least 20 % more or less is needed"
@@ -84,11 +88,10 @@ def _compare(
     # a loop identified after the change has the new gain already
     factors = ((1.0, ratio), (1.0 / ratio, 1.0))
     sound = [(one.alone, 0.0, f) for one, f in zip(loops, factors)]
-    sticky = [
-        (stuck, kick, f)
-        for one, phase, f in zip(loops, phases, factors)
-        for stuck, kick in with_friction(one.alone, phase.amplitude / one.percent)
-    ]
+    sticky = []
+    for one, phase, f in zip(loops, phases, factors):
+        for stuck, kick in with_friction(one.alone, phase.amplitude / one.percent):
+            sticky.append((stuck, kick, f))
     lengths = (records[0].n, records[1].n)
     Ts = records[0].Ts
     expectations = [expect_change(some, lengths, Ts) for some in (sound, sticky)]

@@ -31,7 +31,7 @@ def name_effects(weights: Posterior, assessment: Assessment) -> list[str]:
     """Return the answer: the most probable, and the other effect that was chosen with it."""
     first = weights.first
     chosen = assessment.chosen
-    return [first, *(e for e in chosen if first in chosen and e != first)]
+    return [first] + [e for e in chosen if first in chosen and e != first]
 
 
 def report(
@@ -68,7 +68,9 @@ def report(
 
     # the answers, the likeliest first, and what would tell them apart
     named = name_effects(weights, assessment)
-    lines = {line.effect: line for line in _ranking(assessment, weights, runs, main, named)}
+    lines = {}
+    for line in _ranking(assessment, weights, runs, main, named):
+        lines[line.effect] = line
     advice = tell_apart(tuple(lines.values()), assessment.valve_seen)
 
     # the valve
@@ -122,7 +124,10 @@ def _beside_simulations(
     # what its distance says
     times = main.after / (NEAR * main.plant_floor)
     if times > 1.0 and named[0] != UNKNOWN and not is_friction(named[0]):
-        block = left[0].block if left else "disturbance"
+        if left:
+            block = left[0].block
+        else:
+            block = "disturbance"
         weights = weights.afar(times, block, bool(known_by(assessment.rows)))
 
     # where it says that no effect is the answer, none is in the simulation
@@ -193,7 +198,7 @@ def _notes(
     """Return what else a reader must know, a sentence each."""
     # of record and samples
     s = assessment.situation
-    notes = [*s.notes, *(f"{block}: {why}" for block, why in assessment.unexplained.items())]
+    notes = s.notes + [f"{block}: {why}" for block, why in assessment.unexplained.items()]
 
     # of the gap and of what the loop file states
     if not main.resolvable and within_reach(main.after, main.plant_floor):

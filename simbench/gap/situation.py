@@ -47,8 +47,15 @@ def coloured_on_pv(baseline: Loop, Ts: float, slow: bool) -> list[dict[str, Any]
     or those of so little memory that they are noise.
     """
     loads = [part.parameters for part in baseline.disturbance if part.name == "coloured"]
-    on_pv = [load for load in loads if load.get("at") == "output"]
-    return [load for load in on_pv if (np.exp(-Ts / float(load["period"])) >= REDDEST) == slow]
+    on_pv = []
+    for load in loads:
+        if load.get("at") == "output":
+            on_pv.append(load)
+    coloured = []
+    for load in on_pv:
+        if (np.exp(-Ts / float(load["period"])) >= REDDEST) == slow:
+            coloured.append(load)
+    return coloured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -88,7 +95,9 @@ class Situation(Seen):
     @property
     def where(self) -> str:
         """The record's name, as messages begin."""
-        return f"record {self.record.tag!r}" if self.record.tag else "record"
+        if self.record.tag:
+            return f"record {self.record.tag!r}"
+        return "record"
 
     @property
     def facts(self) -> set[str]:
@@ -115,7 +124,9 @@ class Situation(Seen):
     def expected_band(self) -> float:
         """Dead-band (%) of the baseline's valve, 0 of one that jumps or has none."""
         parameters = self.baseline.valve.parameters
-        return float(parameters["S"]) if "S" in parameters and not parameters.get("J") else 0.0
+        if "S" in parameters and not parameters.get("J"):
+            return float(parameters["S"])
+        return 0.0
 
     @property
     def stated(self) -> frozenset[str]:
@@ -144,7 +155,10 @@ def through_valve(
     """
     if baseline.valve.name == "ideal" and not baseline.effect and effect is None:
         return op
-    effects = baseline.effect if effect is None else (*baseline.effect, Part.of("effect", effect))
+    if effect is None:
+        effects = baseline.effect
+    else:
+        effects = baseline.effect + (Part.of("effect", effect),)
     sampling = Sampling(Ts=Ts, n=max(op.size, 3))
     try:
         valves = undisturbed(baseline.replace(effect=effects, sampling=sampling)).valves

@@ -374,7 +374,7 @@ THRESHOLDS = {name: x for name, x in globals().items() if isinstance(x, AnswerTh
 
 def rows() -> list[dict[str, str]]:
     """Return every threshold as a row of `simbench list`."""
-    return [
-        {"name": name, "says": f"{x:g} {x.unit}, {x.says}", "source": x.source}
-        for name, x in THRESHOLDS.items()
-    ]
+    table = []
+    for name, x in THRESHOLDS.items():
+        table.append({"name": name, "says": f"{x:g} {x.unit}, {x.says}", "source": x.source})
+    return table

@@ -186,4 +186,6 @@ def plain_output(u, p):
 
 def coarse_output(u, p):
     """Return OP rounded to the lattice of the output card."""
-    return p.step * float(round(u / p.step)) if p.step > 0.0 else u
+    if p.step > 0.0:
+        return p.step * float(round(u / p.step))
+    return u

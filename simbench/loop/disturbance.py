@@ -101,7 +101,10 @@ def propagated(t, Ts, p, rng):
     warm_up = int(np.ceil(12 * p.period / Ts))
     seed = int(rng.integers(2**31))
     moved = _phase_walk(t.size, Ts, p, rng) * p.period / Ts  # samples
-    more = int(np.ceil(np.max(moved))) + 2 if np.ndim(moved) else 0
+    if np.ndim(moved):
+        more = int(np.ceil(np.max(moved))) + 2
+    else:
+        more = 0
     fine = max(int(np.ceil(_LEAST_SAMPLES * Ts / p.period)), 1)
     wave = _other_loop(
         p.S, p.J, p.noise, p.period, Ts / fine, fine * (t.size + max(more, 0) + warm_up), seed

@@ -72,7 +72,10 @@ def donor_of(loop: Loop, echo: Part) -> Loop:
             f"disturbance {NAME!r}: valve = {name!r}; the model of the sticky valve is needed, with"
             " its parameters beside it"
         )
-    numbers = {k: v for k, v in echo.parameters.items() if k not in (*SHAPES, VALVE)}
+    numbers = {}
+    for k, v in echo.parameters.items():
+        if k not in (*SHAPES, VALVE):
+            numbers[k] = v
     valve = Part(name=name, parameters=numbers)
     VALVES.load(name)
     try:
@@ -86,7 +89,10 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
     """Return the load (%) of shape (warm_up + n,): the donor's valve's error without its corners,
     where `own` is the loop that it acts on.
     """
-    given = {k: v for k, v in echo.parameters.items() if k in SHAPES}
+    given = {}
+    for k, v in echo.parameters.items():
+        if k in SHAPES:
+            given[k] = v
     p = resolve(SHAPES, given, f"disturbance {NAME!r}")
     op, _, mv = signals_of(donor)
     error = mv - stages_response(tuple(own.valves), op, donor.op0)

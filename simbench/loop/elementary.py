@@ -46,7 +46,7 @@ def dot(one: Any, other: Any) -> float:
 
 def times(matrix: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return the product of a matrix and a matrix or a vector, summed from the first column on."""
-    total = np.zeros((len(matrix), *other.shape[1:]))
+    total = np.zeros((len(matrix),) + other.shape[1:])
     for k in range(matrix.shape[1]):
         total += np.multiply.outer(matrix[:, k], other[k])
     return total

@@ -179,12 +179,11 @@ def compiled_where_possible(
         from numba.core.errors import NumbaError, UnsupportedBytecodeError
 
         for step in outside:
-            odd = [
-                n
-                for f in reached([step])
-                for n, v in names_used(f).items()
-                if not isinstance(v, _COMPILED)
-            ]
+            odd = []
+            for f in reached([step]):
+                for n, v in names_used(f).items():
+                    if not isinstance(v, _COMPILED):
+                        odd.append(n)
             if odd and step not in _plainly:
                 _plainly[step] = f"it uses {odd[0]}"
         if not any(step in _plainly for step in outside):
@@ -205,11 +204,9 @@ def compiled_where_possible(
 def runs_plainly(step: FunctionType) -> str:
     """Return why a step runs in plain Python, in a sentence; "" of one that is compiled."""
     name = Path(step.__code__.co_filename).stem
-    return (
-        f"{name!r} runs in plain Python, some 100 times slower: {_plainly[step]}"
-        if step in _plainly
-        else ""
-    )
+    if step in _plainly:
+        return f"{name!r} runs in plain Python, some 100 times slower: {_plainly[step]}"
+    return ""
 
 
 @lru_cache(maxsize=256)

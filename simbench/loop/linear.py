@@ -47,7 +47,10 @@ def parts_of(setup: Setup) -> Parts:
     control_steps, control_p = _control_of(setup)
     full_control = setup.error_gap > 0 or setup.op_step > 0
     full_sensor = setup.sensor_tau > 0 or setup.pv_step > 0
-    follow = -math.expm1(-setup.Ts / setup.sensor_tau) if setup.sensor_tau > 0 else 1.0
+    if setup.sensor_tau > 0:
+        follow = -math.expm1(-setup.Ts / setup.sensor_tau)
+    else:
+        follow = 1.0
     steps = {
         "error_step": controller.dead_error if full_control else controller.plain_error,
         **control_steps,
@@ -55,12 +58,14 @@ def parts_of(setup: Setup) -> Parts:
         **plant_steps,
         "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
     }
-    gap_p = (
-        controller.Gap(setup.error_gap / 2, setup.op_step)
-        if full_control
-        else controller.NoGap(0.0)
-    )
-    sensor_p = sensor.Transmitter(float(follow), setup.pv_step) if full_sensor else sensor.Bare(0.0)
+    if full_control:
+        gap_p = controller.Gap(setup.error_gap / 2, setup.op_step)
+    else:
+        gap_p = controller.NoGap(0.0)
+    if full_sensor:
+        sensor_p = sensor.Transmitter(float(follow), setup.pv_step)
+    else:
+        sensor_p = sensor.Bare(0.0)
     if setup.derivative is not None or setup.idle is not None:
         if steps["controller_kick"] is not controller.kicked:
             raise ParameterError(
@@ -150,11 +155,10 @@ def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
     limits = (setup.op_lo, setup.op_hi)
     if setup.control_plugin is not None:
         module, p = setup.control_plugin
-        tuned = {
-            k: v
-            for k, v in (("Kc", setup.Kc), ("Ti", setup.Ti))
-            if v is not None and k in p._fields
-        }
+        tuned = {}
+        for k, v in (("Kc", setup.Kc), ("Ti", setup.Ti)):
+            if v is not None and k in p._fields:
+                tuned[k] = v
         if "Kc" not in tuned and setup.Kc != setup.loop.controller.Kc:
             raise ParameterError(
                 f"an effect changes Kc, which controller {setup.loop.controller.type!r} does not"
@@ -195,14 +199,20 @@ def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] 
     g = parts.sampled
     if setup.plant_plugin is not None:
         rest = _numbers_in(setup.plant_plugin[0].start(parts.numbers[0]))
-        return (float(pv - setup.pv0), *rest[1:])
+        return (float(pv - setup.pv0),) + rest[1:]
     second = parts.steps["plant_step"] is plant.second_order_step
     if state and second:
         moved = times(g.A, np.asarray(state)) - state
         return dot(g.C, state), dot(g.C, moved)
     if state:
-        return state if order == 1 else np.append(state, np.zeros(order))
-    return (float(pv - setup.pv0),) if order == 1 else (0.0, 0.0) if second else np.zeros(2 * order)
+        if order == 1:
+            return state
+        return np.append(state, np.zeros(order))
+    if order == 1:
+        return (float(pv - setup.pv0),)
+    if second:
+        return (0.0, 0.0)
+    return np.zeros(2 * order)
 
 
 def _numbers_in(state: tuple) -> tuple:

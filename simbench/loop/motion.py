@@ -33,16 +33,16 @@ class Motion:
     @property
     def swing(self) -> float:
         """Median swing (%); 0 without two reversals."""
-        return median(self.swings) if self.at.size > 1 else 0.0
+        if self.at.size > 1:
+            return median(self.swings)
+        return 0.0
 
     @property
     def period(self) -> float:
         """Mean time of two swings, in samples; NaN with fewer than three reversals."""
-        return (
-            2.0 * float(self.at[-1] - self.at[0]) / (self.at.size - 1)
-            if self.at.size > 2
-            else float("nan")
-        )
+        if self.at.size > 2:
+            return 2.0 * float(self.at[-1] - self.at[0]) / (self.at.size - 1)
+        return float("nan")
 
     @property
     def lasting(self) -> float:
@@ -52,7 +52,9 @@ class Motion:
         last = self.swings[middle >= 2 * self.n / 3]
         if last.size == 0:
             return 0.0
-        return median(last) / median(first) if first.size else float("inf")
+        if first.size:
+            return median(last) / median(first)
+        return float("inf")
 
 
 def least_swing(bands: list[tuple[float, float]]) -> float:
@@ -110,4 +112,6 @@ def largest_sine(x: np.ndarray, period: float, factor: float = 3.0) -> float:
     amplitude = np.abs(np.fft.rfft(x, size)) * (2.0 / x.size)
     lo = max(int(np.floor(size / (period * factor))), 1)
     hi = min(int(np.ceil(size * factor / period)), amplitude.size - 1)
-    return float(amplitude[lo : hi + 1].max()) if lo <= hi else 0.0
+    if lo <= hi:
+        return float(amplitude[lo : hi + 1].max())
+    return 0.0

@@ -94,7 +94,10 @@ class Number:
         """
         if type(value) is float and self.low < value < self.high and -LARGEST <= value <= LARGEST:
             return value  # nearly always
-        unit = f" ({self.unit})" if self.unit else ""
+        if self.unit:
+            unit = f" ({self.unit})"
+        else:
+            unit = ""
         allowed = f"it must be {self._allowed_range()}{unit}"
         if isinstance(value, bool) or not hasattr(value, "__float__"):
             raise ParameterError(f"{where}: {name} = {value!r} is no number, {allowed}")
@@ -200,7 +203,10 @@ def resolve(
         if name in table:
             values[name] = rule.read(table[name], name, where)
         elif rule.default is None:
-            unit = f" ({rule.unit})" if isinstance(rule, Number) and rule.unit else ""
+            if isinstance(rule, Number) and rule.unit:
+                unit = f" ({rule.unit})"
+            else:
+                unit = ""
             raise ParameterError(f"{where} needs {name}{unit}: {rule.says}")
         elif isinstance(rule, Choice):
             values[name] = rule.read(rule.default, name, where)

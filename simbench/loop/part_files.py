@@ -44,8 +44,13 @@ def _try_parts(folder: PluginFolder, names: Iterable[str]) -> None:
     """
     for name in names:
         module = folder.load(name)
-        wanted = {k: r for k, r in module.PARAMETERS.items() if r.default is None}
-        table = {key: _value_of(rule) for key, rule in wanted.items()}
+        wanted = {}
+        for k, r in module.PARAMETERS.items():
+            if r.default is None:
+                wanted[k] = r
+        table = {}
+        for key, rule in wanted.items():
+            table[key] = _value_of(rule)
         loop = {**_LOOP, **_IN_LOOP[folder.kind](name, table)}
         try:
             simulate(Loop.from_table(loop), 0)
@@ -63,7 +68,9 @@ def _value_of(rule: Number | Choice) -> float | str:
     if isinstance(rule, Choice):
         return rule.names[0]
     low = rule.low if math.isfinite(rule.low) else 0.0
-    return 0.5 * (low + rule.high) if math.isfinite(rule.high) else low + 1.0
+    if math.isfinite(rule.high):
+        return 0.5 * (low + rule.high)
+    return low + 1.0
 
 
 @contextlib.contextmanager
@@ -84,7 +91,10 @@ def naming_parts() -> Iterator[None]:
     try:
         yield
     except (Exception, SystemExit) as error:
-        names = [f"{folder.kind} {name!r}" for folder in FOLDERS for name in folder.outside()]
+        names = []
+        for folder in FOLDERS:
+            for name in folder.outside():
+                names.append(f"{folder.kind} {name!r}")
         # signals that are none are a part's doing; other sentences of ours name what is wrong
         ours = isinstance(error, UserError) and not isinstance(error, RecordError)
         if ours or not names:

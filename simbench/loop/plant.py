@@ -51,7 +51,10 @@ def polynomials(plant) -> tuple[np.ndarray, np.ndarray]:
     """
     if plant.den is not None and len(plant.den) > 2:
         return np.array(plant.num), np.array(plant.den)
-    den = [1.0, 0.0] if plant.integrating else [float(plant.T), 1.0]
+    if plant.integrating:
+        den = [1.0, 0.0]
+    else:
+        den = [float(plant.T), 1.0]
     return np.array([float(plant.K)]), np.array(den)
 
 
@@ -63,7 +66,10 @@ def table_of(system) -> dict:
 
     tf: Any = control.tf(system)
     # True: discrete, of no stated period
-    stated = {} if tf.dt is True or not tf.dt else {"dt": float(tf.dt)}
+    if tf.dt is True or not tf.dt:
+        stated = {}
+    else:
+        stated = {"dt": float(tf.dt)}
     if not stated:
         polynomials_of(tf)
     num, den = ([float(x) for x in side[0][0]] for side in (tf.num, tf.den))
@@ -103,8 +109,14 @@ def first_order_like(plant: Plant) -> Plant:
     )
     delay = d1 - n1
     spread = d1**2 - 2.0 * d2 - (n1**2 - 2.0 * n2)
-    T = 0.0 if plant.integrating else float(np.sqrt(max(spread, (0.1 * d1) ** 2)))
-    table = {"type": "integrating"} if plant.integrating else {"type": "foptd", "T": T}
+    if plant.integrating:
+        T = 0.0
+    else:
+        T = float(np.sqrt(max(spread, (0.1 * d1) ** 2)))
+    if plant.integrating:
+        table = {"type": "integrating"}
+    else:
+        table = {"type": "foptd", "T": T}
     return Plant.model_validate({**table, "K": plant.K, "Td": max(plant.Td + delay - T, 0.0)})
 
 

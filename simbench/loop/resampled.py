@@ -45,7 +45,10 @@ def drawn(
     where = f"disturbance {RESAMPLED!r}"
     given = dict(part.parameters)
     law = given.pop("filter", None)
-    columns = {name: _column(given.pop(name), name, where) for name in RESIDUALS if name in given}
+    columns = {}
+    for name in RESIDUALS:
+        if name in given:
+            columns[name] = _column(given.pop(name), name, where)
     p = resolve(NUMBERS, given, where)
     lengths = {x.size for x in columns.values()}
     if len(lengths) != 1:
@@ -90,4 +93,4 @@ def _denominator(law: Any, where: str) -> np.ndarray:
 
 @lru_cache(maxsize=16)  # a loop is run with several seeds
 def _check_law(law: tuple[float, ...]) -> np.ndarray:
-    return checked_sampled([1.0], [*law], 0)[1]
+    return checked_sampled([1.0], list(law), 0)[1]

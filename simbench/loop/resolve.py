@@ -111,7 +111,10 @@ def friction(loop: Loop) -> list[tuple[float, float]]:
     included.
     """
     found = resolve_once(loop)
-    bands = found.undisturbed().bands if found.effects else bands_of(found.parts.valves)
+    if found.effects:
+        bands = found.undisturbed().bands
+    else:
+        bands = bands_of(found.parts.valves)
     return [(S, J) for S, J in bands if S > 0.0]
 
 

@@ -135,7 +135,10 @@ def signals_of(
     parts = parts_of(setup)
     sampled = parts.sampled
     total = setup.sp.size
-    outer = None if setup.outer is None else in_series(setup, setup.outer)
+    if setup.outer is None:
+        outer = None
+    else:
+        outer = in_series(setup, setup.outer)
     lags = (sampled.delay + 1, 0 if outer is None else outer.sampled.delay + 1)
     w = np.zeros(total + max(lags))
     pv = setup.pv0
@@ -157,11 +160,10 @@ def signals_of(
     if setup.frozen is not None:
         s: Any = sensor.freezing_start(pv)
     else:
-        s = (
-            sensor.full_start(pv)
-            if parts.steps["sensor_step"] is sensor.full_step
-            else sensor.plain_start(pv)
-        )
+        if parts.steps["sensor_step"] is sensor.full_step:
+            s = sensor.full_start(pv)
+        else:
+            s = sensor.plain_start(pv)
     op = np.empty(total)
     measured = np.empty(total)
     mv = np.empty(total)
@@ -172,7 +174,12 @@ def signals_of(
         return _run_cascade(
             setup, parts, outer, lags, moves, plain, (w, x, c, tuple(v), s, op, measured, mv)
         )
-    make = kernel.bind if plain else kernel.compiled_where_possible if outside else kernel.compiled
+    if plain:
+        make = kernel.bind
+    elif outside:
+        make = kernel.compiled_where_possible
+    else:
+        make = kernel.compiled
     make(parts.steps, parts.stages, parts.classes)(
         setup.sp,
         setup.load_in,
@@ -242,7 +249,7 @@ def _run_cascade(
     both = replace(
         parts,
         steps=steps,
-        numbers=(plant_p, control_p, gap_p, sensor_p, *outer.numbers[:2], valve_p),
+        numbers=(plant_p, control_p, gap_p, sensor_p) + outer.numbers[:2] + (valve_p,),
     )
     X = plant_start(master, outer, master.pv0)
     C = control_start(master, outer.numbers[1])
@@ -295,7 +302,10 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
 
     def part(cut: slice, kept: Archiving | None = None) -> LoopRecord:
         signals = op[cut], archived[cut]
-        kept_op, kept_pv = signals if kept is None else as_archived(*signals, kept)
+        if kept is None:
+            kept_op, kept_pv = signals
+        else:
+            kept_op, kept_pv = as_archived(*signals, kept)
         return LoopRecord(
             op=kept_op,
             pv=kept_pv,
@@ -306,7 +316,10 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
             op_span=(0.0, 100.0),
         )
 
-    tail = part(slice(end, None)) if setup.tail >= 3 else None
+    if setup.tail >= 3:
+        tail = part(slice(end, None))
+    else:
+        tail = None
     notes = [
         why
         for found in (setup.plant_plugin, setup.control_plugin)
@@ -326,6 +339,6 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
     if setup.outer is None or setup.outer_signals is None:
         return run
     master = "integrating" if setup.outer.integrating else "self-regulating"
-    op_, pv_, sp_ = (signal[first:end] for signal in (*setup.outer_signals, setup.outer.sp))
+    op_, pv_, sp_ = (signal[first:end] for signal in setup.outer_signals + (setup.outer.sp,))
     outer = LoopRecord(op=op_, pv=pv_, sp=sp_, Ts=setup.Ts, process=master, op_span=(0.0, 100.0))
     return replace(run, outer=outer)

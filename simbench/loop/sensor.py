@@ -46,5 +46,8 @@ def freezing_step(y, noise, state, p):
     z = state[1] + p.follow * (y + noise - state[1])
     if p.frozen[int(state[2])] > 0.0:
         return state[0], z, state[2] + 1.0
-    x = p.step * float(round(z / p.step)) if p.step > 0.0 else z
+    if p.step > 0.0:
+        x = p.step * float(round(z / p.step))
+    else:
+        x = z
     return x, z, state[2] + 1.0

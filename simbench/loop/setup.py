@@ -47,7 +47,10 @@ class LoopParts:
 
 def look_up_parts(loop: Loop, tf: Any = None) -> LoopParts:
     """Return the parts of a loop; `tf` takes the place of its plant (its dead time stays)."""
-    own = _plant_plugin(loop) if tf is None else None
+    if tf is None:
+        own = _plant_plugin(loop)
+    else:
+        own = None
     if tf is not None:
         num, den = plant.polynomials_of(tf)
     elif own is None:
@@ -105,7 +108,10 @@ def _plugin(
         raise UnknownName(folder.kind, part.type, known)
     module = folder.load(part.type)
     where = f"{folder.kind} {part.type!r}"
-    own = {k: v for k, v in (part.parameters or {}).items() if v is not None}
+    own = {}
+    for k, v in (part.parameters or {}).items():
+        if v is not None:
+            own[k] = v
     more |= {"Ts": loop.sampling.Ts, "op0": loop.operating_point.op0, "pv0": loop.pv0}
     return module, resolve(module.PARAMETERS, own, where, getattr(module, "complete", None), **more)
 
@@ -122,8 +128,11 @@ def linear_plant(module: ModuleType, p: Any) -> tuple[np.ndarray, np.ndarray]:
 def stages_of(part: Part, Ts: float) -> list[tuple[ModuleType, Any]]:
     """Return the stages that OP passes in a valve, each a plug-in with its resolved parameters."""
     # `before` and `behind` are stages OP passes on its way: [{ model = "lag", T = 2.0 }, ...]
-    own = {k: v for k, v in part.parameters.items() if k not in ("before", "behind")}
-    chain = [*_stages(part, "before"), (part.name, own), *_stages(part, "behind")]
+    own = {}
+    for k, v in part.parameters.items():
+        if k not in ("before", "behind"):
+            own[k] = v
+    chain = _stages(part, "before") + [(part.name, own)] + _stages(part, "behind")
     modules = [(VALVES.load(name), parameters) for name, parameters in chain]
     return [(module, valve_parameters(module, parameters, Ts)) for module, parameters in modules]
 
@@ -209,7 +218,10 @@ class Setup:
         """Put one more stage (a valve model's name, or a module like one) behind (or in front of)
         the valves that are there.
         """
-        module = VALVES.load(model) if isinstance(model, str) else model
+        if isinstance(model, str):
+            module = VALVES.load(model)
+        else:
+            module = model
         stage = (module, valve_parameters(module, parameters, self.Ts))
         self.valves.insert(0, stage) if first else self.valves.append(stage)
 
@@ -218,11 +230,9 @@ class Setup:
         """Whether the plant integrates."""
         if self.loop.plant.dt is not None:
             return self.loop.plant.integrating
-        return (
-            bool(self.plant_plugin[0].INTEGRATING)
-            if self.plant_plugin is not None
-            else bool(self.den[-1] == 0)
-        )
+        if self.plant_plugin is not None:
+            return bool(self.plant_plugin[0].INTEGRATING)
+        return bool(self.den[-1] == 0)
 
     @property
     def not_linear(self) -> str:
@@ -274,7 +284,10 @@ class Setup:
 
         Last of all, because effects change its strength.
         """
-        quiet = None if quiet is None else self.warm_up + quiet
+        if quiet is None:
+            quiet = None
+        else:
+            quiet = self.warm_up + quiet
         if self.noise_std > 0:
             # from a stream of its own: a longer tail only appends
             white = np.random.default_rng([self.seed, _NOISE]).standard_normal(self.sp.size)

@@ -73,7 +73,7 @@ class Spread:
                 between = f"{interval.lo:.3g} to {interval.hi:.3g}"
             lines.append(f"{words:34s}{value:>10s}{between:>24s}")
         count = round(self.oscillates * self.seeds)
-        return "\n".join([*lines, f"{count} of {self.seeds} records oscillate"])
+        return "\n".join(lines + [f"{count} of {self.seeds} records oscillate"])
 
 
 def simulate_seeds(loop: Loop, seeds: int, first: int = 0, kick: float = 0.0) -> Spread:
@@ -115,8 +115,13 @@ def simulate_seeds(loop: Loop, seeds: int, first: int = 0, kick: float = 0.0) ->
     """
     records = [simulate(loop, first + i, kick=kick).record for i in range(seeds)]
     rows = [measure(record) for record in records]
-    columns = {name: [row[name] for row in rows] for name in _NUMBERS}
-    periods = [period for period in columns.pop("period_s") if math.isfinite(period)]
+    columns = {}
+    for name in _NUMBERS:
+        columns[name] = [row[name] for row in rows]
+    periods = []
+    for period in columns.pop("period_s"):
+        if math.isfinite(period):
+            periods.append(period)
     return Spread(
         **{name: _interval(values) for name, values in columns.items()},
         period_s=_interval(periods) if periods else None,

@@ -25,7 +25,10 @@ def spells(setup: Any, p: Any, rng: np.random.Generator) -> np.ndarray:
     k = 0
     on = rng.random() < p.share
     while k < out.size:
-        mean = length if on else length * (1.0 - p.share) / p.share
+        if on:
+            mean = length
+        else:
+            mean = length * (1.0 - p.share) / p.share
         k_next = k + max(round(rng.exponential(max(mean, 1.0))), 1)
         out[k:k_next] = float(on)
         k = k_next

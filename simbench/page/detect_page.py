@@ -44,8 +44,11 @@ def write_page(report: Report, path: str | Path, command: str = "") -> None:
         parts = [_ranking(report)]
     else:
         name, verdicts, _ = groups[0]
-        lines = report.conclusions[name].as_lines() if name in report.conclusions else []
-        answer = [*lines, f"Methods: {summary.sentence(verdicts)}."]
+        if name in report.conclusions:
+            lines = report.conclusions[name].as_lines()
+        else:
+            lines = []
+        answer = lines + [f"Methods: {summary.sentence(verdicts)}."]
         parts = [Section("answer", "The answer", texts(answer))]
 
     # the first records in pictures
@@ -96,9 +99,9 @@ def _ranking(report: Report) -> Section:
 
 def _table(report: Report) -> pd.DataFrame:
     # what is said of a record once is not said of every method
-    shared = {
-        name: summary.notes_of(verdicts, record) for name, verdicts, record in report.groups()
-    }
+    shared = {}
+    for name, verdicts, record in report.groups():
+        shared[name] = summary.notes_of(verdicts, record)
 
     # a row a verdict
     return pd.DataFrame(

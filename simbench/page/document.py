@@ -156,7 +156,9 @@ def _environment() -> Environment:
 def _escape_hidden(value: Any) -> Any:
     """Escape what a browser would not show of a text that is not yet a part of a page."""
     plain = isinstance(value, (str, PurePath)) and not isinstance(value, Markup)
-    return printable(value, "\n\t") if plain and not str(value).isprintable() else value
+    if plain and not str(value).isprintable():
+        return printable(value, "\n\t")
+    return value
 
 
 def render(template: str, **values: Any) -> Markup:
@@ -192,7 +194,10 @@ def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
 
     # as wide as its place, at most half as wide again as drawn
     width = re.search(r'viewBox="0 0 ([\d.]+)', text)
-    wide = float(width.group(1)) if width else 400.0
+    if width:
+        wide = float(width.group(1))
+    else:
+        wide = 400.0
     head = (
         f'<svg role="img" aria-label="{escape(caption, quote=True)}"'
         f' style="max-width:{wide * 1.5:.0f}px" '
@@ -236,4 +241,6 @@ def _text(value: Any, how: _Format | None) -> str:
         return ""
     if how is not None:
         return how(value)
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return str(value)

@@ -30,4 +30,6 @@ def lines_of(frame: pd.DataFrame) -> list[str]:
     ['method  n', 'he      12', 'horch   9']
     """
     rows = [tuple(map(str, row)) for row in frame.itertuples(index=False, name=None)]
-    return columns([list(frame.columns), *rows]) if rows else []
+    if rows:
+        return columns([list(frame.columns)] + rows)
+    return []

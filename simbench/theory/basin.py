@@ -27,11 +27,10 @@ def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
             return False
         period = 2 * np.diff(run.sample).mean() * loop.Ts
         swing = np.abs(np.diff(run.stop)).mean()
-        near = (
-            near + 1
-            if abs(period / cycle.period - 1) < 0.15 and abs(swing / cycle.swing - 1) < 0.25
-            else 0
-        )
+        if abs(period / cycle.period - 1) < 0.15 and abs(swing / cycle.swing - 1) < 0.25:
+            near = near + 1
+        else:
+            near = 0
         if near == 2:
             return True
     return False
@@ -40,7 +39,10 @@ def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
 def kicks_text(loop: SampledLoop, cycle: ExactCycle, least: float) -> str:
     """Say which offsets of OP start the cycle, of a scan from the least one to the limit of OP."""
     scan = least * _RATIO ** np.arange(int(np.log(loop.hi / least) / np.log(_RATIO)) + 1)
-    starting = [kick for kick in scan if starts_cycle(loop, cycle, kick)]
+    starting = []
+    for kick in scan:
+        if starts_cycle(loop, cycle, kick):
+            starting.append(kick)
     tried = f"{least:.4g} to {scan[-1]:.4g} %"
     if len(starting) == len(scan):
         return f"every offset of OP tried, {tried}, starts the cycle"
@@ -65,11 +67,17 @@ def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
     for i, kick in enumerate(scan):
         now = starts_cycle(loop, cycle, kick)
         if now and before:
-            low = scan[i - 2] if i > 1 else loop.fs
+            if i > 1:
+                low = scan[i - 2]
+            else:
+                low = loop.fs
             high = scan[i - 1]
             while high - low > 1e-3 * high:
                 middle = 0.5 * (low + high)
-                low, high = (low, middle) if starts_cycle(loop, cycle, middle) else (middle, high)
+                if starts_cycle(loop, cycle, middle):
+                    low, high = (low, middle)
+                else:
+                    low, high = (middle, high)
             return float(high)
         before = now
     return None

@@ -86,8 +86,14 @@ def at_rest(loop: SampledLoop, kick: float) -> tuple[np.ndarray, np.ndarray, np.
     (%).
     """
     op = min(max(kick, loop.lo), loop.hi)
-    side = np.sign(op) if abs(op) > loop.fs else 0.0
-    mv = op - side * loop.fd if side else 0.0
+    if abs(op) > loop.fs:
+        side = np.sign(op)
+    else:
+        side = 0.0
+    if side:
+        mv = op - side * loop.fd
+    else:
+        mv = 0.0
     past = np.zeros(loop.delay + 2)
     past[-1] = mv
     return np.zeros(loop.order), np.array([op, 0.0, mv, side, abs(side)]), past
@@ -134,7 +140,10 @@ def after_load_step(loop: SampledLoop, load: float) -> tuple[np.ndarray, np.ndar
     + g) of it), and PV is where it was.
     """
     g = loop.static_gain
-    v = load if loop.integral or np.isinf(g) else load * g / (1 + g)
+    if loop.integral or np.isinf(g):
+        v = load
+    else:
+        v = load * g / (1 + g)
     w = 0.0 if loop.integral else -v
     values, vectors = np.linalg.eig(loop.A)
     slow = np.real(vectors[:, np.argmax(np.abs(values))])
@@ -188,5 +197,8 @@ def _pid_state(
         g = 1.0 / (1.0 + sampled.beta)
         y = float(sampled.C[:-2] @ x[:-2]) / (1.0 + sampled.kd * g)
         d = sampled.kd * ((sampled.fade - 1.0) * x[-2] + g * (1.0 - sampled.fade) * x[-1] + y)
-    kept = op0 + op if loop.controller.form == "velocity" else op0 + op + y + d
+    if loop.controller.form == "velocity":
+        kept = op0 + op
+    else:
+        kept = op0 + op + y + d
     return op0 + op, kept, -y, -d, -y / sampled.gain

@@ -121,7 +121,10 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _Des
     A = np.geomspace(0.05, 49.0, 80)
     N = first_harmonic(model, parameters, A, **settings)
     moves = np.nonzero(np.abs(N) < 1e-6)[0]
-    first = moves[-1] + 1 if moves.size else 0
+    if moves.size:
+        first = moves[-1] + 1
+    else:
+        first = 0
     if first > A.size - 2:
         raise ParameterError(
             f"describing function: valve {model!r} does not move under a sine of {A[-1]:g} %"

@@ -65,7 +65,10 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     found: list[HalfCycle] = []
     tried: set[int] = set()
     # OP turns when the dead time has passed, or later in a slow loop
-    m = 1 if loop.resticks else loop.delay + 1
+    if loop.resticks:
+        m = 1
+    else:
+        m = loop.delay + 1
     T = standing(loop)
     waits = np.unique(np.geomspace(1, loop.patience, 160).astype(np.int64)) - 1
     while loop.fs > 0 and m not in tried and m < loop.patience:
@@ -76,11 +79,10 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
             turns.append(turn)
             if abs(turn - m) <= 1 and abs(length - half.samples) <= 2:
                 known = any(abs(h.samples - half.samples) <= 3 for h in found)
-                found += (
-                    []
-                    if known
-                    else [replace(half, amplitude=top, multiplier=_multiplier(Y, T, half))]
-                )
+                if known:
+                    found += []
+                else:
+                    found += [replace(half, amplitude=top, multiplier=_multiplier(Y, T, half))]
         m = next((t for t in turns if t not in tried), m)
     return sorted(found, key=lambda h: h.samples)
 
@@ -237,11 +239,16 @@ def _multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
     threshold = 0.5 * (Y[-2] + (T @ Y)[-2]) - Y[-1]
     rise = 0.5 * (growth[-2] + (T @ growth)[-2])
     speed = rise[:-1] @ z + rise[-1]
-    later = -threshold[:-1] / speed if speed != 0 else np.full(z.size, np.inf)
+    if speed != 0:
+        later = -threshold[:-1] / speed
+    else:
+        later = np.full(z.size, np.inf)
     # a candidate may grow without bound; it is dropped below
     with np.errstate(over="ignore", invalid="ignore"):
         total = Y[:, :-1] + np.outer(growth[:, :-1] @ z + growth[:, -1], later)
-    return float(np.abs(np.linalg.eigvals(total)).max()) if np.isfinite(total).all() else np.inf
+    if np.isfinite(total).all():
+        return float(np.abs(np.linalg.eigvals(total)).max())
+    return np.inf
 
 
 def standing(loop: SampledLoop) -> np.ndarray:
@@ -307,7 +314,10 @@ def _move(plant, control, fd, delay, m, out):
                 y += C[i] * fresh[i]
             for i in range(order):
                 x[i] = fresh[i]
-            u = u - (y - w) - beta * y if integral else -y
+            if integral:
+                u = u - (y - w) - beta * y
+            else:
+                u = -y
             w = y
             if k <= m:
                 v[k] = u + constant

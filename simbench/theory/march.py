@@ -62,7 +62,10 @@ def march(plant, control, valve, state, n_max, stall, out):
         for i in range(order):
             x[i] = fresh[i]
         before = u
-        u = u - (y - w) - beta * y if integral else -y
+        if integral:
+            u = u - (y - w) - beta * y
+        else:
+            u = -y
         u = min(max(u, lo), hi)
         w = y
         if moving == 1.0 and (resticks or (u - before) * direction <= 0.0):

@@ -62,22 +62,22 @@ def as_text(found: dict[str, Any]) -> str:
     """Write a prediction in a few lines."""
     # the table and the describing function
     word = {True: "limit cycle", False: "no limit cycle", None: "no cell"}
-    waves = [
-        f"{f['period']:.4g} s, OP +-{f['amplitude']:.4g} %,"
-        f" {'stable' if f['stable'] else 'unstable'}"
-        for f in found["describing_function"]
-    ]
+    waves = []
+    for f in found["describing_function"]:
+        waves.append(
+            f"{f['period']:.4g} s, OP +-{f['amplitude']:.4g} %,"
+            f" {'stable' if f['stable'] else 'unstable'}"
+        )
 
     # the exact cycle, and what starts it
     exact = found["exact"]
     if exact is None:
         cycle = "none"
     else:
-        kick = (
-            "no offset of OP starts it"
-            if exact["kick_min"] is None
-            else f"the least offset of OP that starts it is {exact['kick_min']:.4g} %"
-        )
+        if exact["kick_min"] is None:
+            kick = "no offset of OP starts it"
+        else:
+            kick = f"the least offset of OP that starts it is {exact['kick_min']:.4g} %"
         cycle = f"{exact['period']:.4g} s, OP +-{exact['amplitude']:.4g} %, {kick}"
 
     # a line each

@@ -168,9 +168,8 @@ class Loop(spec.Loop):
         rows = []
         for section, content in self.to_table().items():
             for part in content if isinstance(content, list) else [content]:
-                rows += [
-                    {"section": section, "key": key, "value": value} for key, value in part.items()
-                ]
+                for key, value in part.items():
+                    rows.append({"section": section, "key": key, "value": value})
         return pd.DataFrame(rows)
 
     def _repr_html_(self) -> str:

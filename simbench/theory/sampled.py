@@ -76,7 +76,9 @@ class SampledLoop:
     @property
     def least_swing(self) -> float:
         """Smallest swing of the valve (%) that is a cycle rather than the end of a fading one."""
-        return 0.5 * self.J if self.J > 0 else self.S / 200
+        if self.J > 0:
+            return 0.5 * self.J
+        return self.S / 200
 
     @property
     def order(self) -> int:
@@ -114,7 +116,9 @@ class SampledLoop:
         new = np.linalg.solve(V, self.B_new)
         old = np.linalg.solve(V, self.B_old)
         G = (left * (new + old / z) / (z - poles)).sum(axis=-1) * z[..., 0] ** -self.delay
-        return G * (1 + self.beta / (1 - 1 / z[..., 0])) if self.integral else G
+        if self.integral:
+            return G * (1 + self.beta / (1 - 1 / z[..., 0]))
+        return G
 
     @cached_property
     def patience(self) -> int:
@@ -161,7 +165,7 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     if setup.loop.controller.type == "PID" and setup.loop.controller.Td:
         return _with_derivative(setup, sampled, gain, (S, J, resticks, misfit))
     poles = np.roots(setup.den)
-    times = [setup.Td, setup.Ti or 0.0, setup.Ts, *(1 / abs(p) for p in poles if abs(p) > 1e-12)]
+    times = [setup.Td, setup.Ti or 0.0, setup.Ts] + [1 / abs(p) for p in poles if abs(p) > 1e-12]
     return SampledLoop(
         A=flat(sampled.A),
         B_old=flat(sampled.B_old),
@@ -214,13 +218,8 @@ def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> S
     law = np.polymul([Ti, 1.0], [Tf, 1.0])
     S, J, resticks, misfit = valve
     poles = np.roots(setup.den)
-    times = [
-        setup.Td,
-        Ti,
-        setup.Ts,
-        Tf,
-        float(c.Td or 0.0),
-        *(1 / abs(p) for p in poles if abs(p) > 1e-12),
+    times = [setup.Td, Ti, setup.Ts, Tf, float(c.Td or 0.0)] + [
+        1 / abs(p) for p in poles if abs(p) > 1e-12
     ]
     return SampledLoop(
         A=flat(A),
@@ -263,7 +262,9 @@ def mapped_valve(setup: Setup) -> tuple[float, float]:
         raise ParameterError(
             f"theory: {len(found)} valve stages have friction; tables and exact cycle describe one"
         )
-    return found[0] if found else (0.0, 0.0)
+    if found:
+        return found[0]
+    return (0.0, 0.0)
 
 
 def _numbers(pair: Any) -> tuple[float, float]:
@@ -285,9 +286,9 @@ def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
     follows = stiction_map.valve_position(wave, S, J)
     sticks = np.empty(wave.size)
     compiled(_sticking)(wave, S, J, sticks)
-    errors = [
-        float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10) for ours in (follows, sticks)
-    ]
+    errors = []
+    for ours in (follows, sticks):
+        errors.append(float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10))
     return errors[1] < errors[0], min(errors)
 
 
@@ -305,7 +306,9 @@ def ultimate_gain(loop: SampledLoop) -> float | None:
     w = np.geomspace(1e-4 / max(loop.times), np.pi / loop.Ts, 20_000)
     L = loop.sampled_response(w)
     crossings = phase_crossings(L)
-    return float(1 / abs(L[crossings[0]])) if crossings.size else None
+    if crossings.size:
+        return float(1 / abs(L[crossings[0]]))
+    return None
 
 
 def phase_crossings(L: np.ndarray) -> np.ndarray:

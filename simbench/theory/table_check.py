@@ -76,9 +76,10 @@ def _condition(key: tuple[str, str, str], exists: bool) -> str:
 
 def _loops(process: str, controller: str, nonlinearity: str) -> Iterator[SampledLoop]:
     integrating = process == "integrating"
-    plant: dict[str, Any] = (
-        {"type": "integrating", "K": 0.1} if integrating else {"type": "foptd", "K": 1.0, "T": 10.0}
-    )
+    if integrating:
+        plant: dict[str, Any] = {"type": "integrating", "K": 0.1}
+    else:
+        plant = {"type": "foptd", "K": 1.0, "T": 10.0}
     for Td in (0.0, 1.0, 4.0) if integrating else (0.0, 2.0, 10.0):
         for Ti in (
             ((10.0, 20.0, 40.0) if integrating else (5.0, 10.0, 20.0))
@@ -93,7 +94,10 @@ def _loops(process: str, controller: str, nonlinearity: str) -> Iterator[Sampled
                 "valve": {"model": "choudhury", "S": _BAND_S, "J": 0.0},
                 "sampling": {"Ts": 0.1},
             }
-            limit = ultimate_gain(sampled_loop(Loop.from_table(table))) if Td else None
+            if Td:
+                limit = ultimate_gain(sampled_loop(Loop.from_table(table)))
+            else:
+                limit = None
             for share in _SHARES:
                 for jump in (0.0,) if nonlinearity == DEAD_BAND else _JUMPS:
                     table["controller"]["Kc"] = share * (limit or _UNLIMITED)

@@ -126,9 +126,10 @@ def truth_columns(
     if sampled.fs == 0:
         theory.update(exists=False, by="exact", reason="the valve has no friction")
         return False, False, theory
-    theory["describing_function"] = (
-        intersections(sampled, stiction(S, J)) if waves and S > 0 else []
-    )
+    if waves and S > 0:
+        theory["describing_function"] = intersections(sampled, stiction(S, J))
+    else:
+        theory["describing_function"] = []
 
     # the exact cycle, and which offsets of OP start it
     cycle = exact_cycle(sampled)
@@ -139,8 +140,11 @@ def truth_columns(
         )
         if kick:
             least = theory["kick_min"] = kick_min(sampled, cycle)
-            says = [] if least is None else [kicks_text(sampled, cycle, least)]
-            theory["reason"] = "; ".join(filter(None, [theory["reason"], *says]))
+            if least is None:
+                says = []
+            else:
+                says = [kicks_text(sampled, cycle, least)]
+            theory["reason"] = "; ".join(filter(None, [theory["reason"]] + says))
 
     # Table 11.3 knows P and PI alone
     if sampled.kd > 0.0:

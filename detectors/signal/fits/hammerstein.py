@@ -140,8 +140,8 @@ class _Search:
         """
         parts = (stops, S, J, start, pole)
         shape = np.broadcast(*parts).shape
-        table = np.empty((5, *shape))
-        windows = np.empty((2, *shape), dtype=np.int64)
+        table = np.empty((5,) + shape)
+        windows = np.empty((2,) + shape, dtype=np.int64)
         for i, values in enumerate(parts):
             table[i] = values
         windows[0] = low
@@ -215,13 +215,19 @@ def fit_hammerstein(
     moved by disturbances more than by the valve: `error` is then large.
     """
     short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, _FULL))
-    poles = np.array([1.0]) if integrating else np.append(full.poles(_TIMES), 1.0)
+    if integrating:
+        poles = np.array([1.0])
+    else:
+        poles = np.append(full.poles(_TIMES), 1.0)
     # a valve without friction follows OP under either map
     linear = float(full.scan(0.0, 0.0, 0.0, MOVING_UP, poles, 0, full.delays.size)[0].min())
     ends = _fit(short, full, poles)
     best = int(ends.error.argmin())
     error, S, J, _, pole, d = (float(x[best, 0]) for x in ends)
-    T = np.inf if pole == 1.0 else -full.q * Ts / np.log(pole)
+    if pole == 1.0:
+        T = np.inf
+    else:
+        T = -full.q * Ts / np.log(pole)
     return _Hammerstein(S, J, error, linear, full.sign, float(T), d * full.q * Ts, short, ends)
 
 
@@ -346,7 +352,7 @@ def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
 def _restart(
     search: _Search,
     ends: _Ends,
-    starts: tuple[float, ...] = (MOVING_UP, *_REST_POSITIONS),
+    starts: tuple[float, ...] = ((MOVING_UP,) + _REST_POSITIONS),
     reach: int = 1,
 ) -> _Ends:
     """The candidates with those start states that suit this stretch best."""

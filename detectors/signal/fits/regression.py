@@ -222,8 +222,8 @@ def _prepare_averages(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _
     if past < _FEWEST or not all(_moves_at_all(x) for x in (u, y)):
         return None
     u, y = ((x - x.mean()) / x.std() for x in (u, y))
-    lags = [np.ones(n - first), *(y[first - k : n - k] for k in range(1, past + 1))]
-    lags = np.array([*lags, *(u[first - k : n - k] for k in range(1, _LATE + 1) if beside)])
+    lags = [np.ones(n - first)] + [y[first - k : n - k] for k in range(1, past + 1)]
+    lags = np.array(lags + [u[first - k : n - k] for k in range(1, _LATE + 1) if beside])
     basis, weights = _orthonormal(lags, 1 + past)
     rest = y[first:] - (basis @ y[first:]) @ basis
     return _Data(op, q, y, u, lags, past, weights, basis, rest, _shift_rows(lags, past, rest, n))
@@ -237,7 +237,9 @@ def _shift_rows(lags: np.ndarray, past: int, rest: np.ndarray, count: int) -> np
     first = count - rest.size
     latest = [lags[1], *lags[1 + past : 2 + past]]
     every = [(row, 0) for row in lags]
-    every += [(row, d) for row in latest for d in range(1, _LATE)]
+    for row in latest:
+        for d in range(1, _LATE):
+            every.append((row, d))
     every += [(rest, d) for d in range(_LATE)]
     out = np.zeros((len(every), count))
     for place, (row, d) in zip(out, every, strict=True):
@@ -280,10 +282,9 @@ def _search(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
     and points about its best, and their errors.
     """
     S, J = np.meshgrid(span * _SIZES, _JUMPS, indexing="ij")
-    valves = [
-        np.column_stack([S.ravel(), (S * J).ravel(), np.full(S.size, stops)])
-        for stops in (0.0, 1.0)
-    ]
+    valves = []
+    for stops in (0.0, 1.0):
+        valves.append(np.column_stack([S.ravel(), (S * J).ravel(), np.full(S.size, stops)]))
     errors = np.split(data.errors(np.vstack(valves)), 2)
     for near in _NEAR:
         more = [_about(*found, near) for found in zip(valves, errors, strict=True)]
@@ -360,7 +361,10 @@ def _scale_positions(record, valves, block, least, first, v, total, sums):
             scale[c] += off * off
     for c in range(LANES):
         size = math.sqrt(scale[c] / n)
-        scale[c] = 1.0 / size if size > least else 0.0
+        if size > least:
+            scale[c] = 1.0 / size
+        else:
+            scale[c] = 0.0
     for k in range(n):
         row = np.uintp(k * LANES)
         for c in range(LANES):

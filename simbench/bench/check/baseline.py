@@ -53,19 +53,9 @@ _KEPT = (
     "benchmark",
 )
 _BASELINE_COLUMNS = (
-    "method",
-    "truth",
-    "process",
-    "population",
-    "n",
-    "positives",
-    "applicable",
-    *RATES,
-    "auc",
-    "sensitivity_at_5",
-    "cost",
-    "rank",
-    "errors",
+    ("method", "truth", "process", "population", "n", "positives", "applicable")
+    + RATES
+    + ("auc", "sensitivity_at_5", "cost", "rank", "errors")
 )
 
 
@@ -99,7 +89,10 @@ def _write_verdicts(
     _refuse_foreign(Path(folder))
     folder = make_folder(folder)
     whole = read_manifest(run)
-    manifest = {k: v for k, v in whole.items() if k in _KEPT}
+    manifest = {}
+    for k, v in whole.items():
+        if k in _KEPT:
+            manifest[k] = v
 
     # the tables, without what no comparison needs
     digests = {}

@@ -114,14 +114,20 @@ def check_books(
     )
     tests.insert(2, "population", ALL)
     each = tests.groupby("method", sort=False)["p"]
-    size = each.transform("size") if basis == "equal" else pd.Series(len(tests), index=tests.index)
+    if basis == "equal":
+        size = each.transform("size")
+    else:
+        size = pd.Series(len(tests), index=tests.index)
     # an unchanged detector gives the same answers on the same records: only what changed can fail
     # by chance
-    tests["p"] = each.transform(holm) if basis == "equal" else holm(tests["p"])
+    if basis == "equal":
+        tests["p"] = each.transform(holm)
+    else:
+        tests["p"] = holm(tests["p"])
 
     # what could have been seen, and what is worse by more than the margin and than chance
     allowed = [row.get("allowed", margin) for row in rows]
-    cases = [*zip(tests.to_dict("records"), size, allowed, strict=True)]
+    cases = list(zip(tests.to_dict("records"), size, allowed, strict=True))
     tests["seen"] = [smallest_seen(row, LEVEL / k, spared) for row, k, spared in cases]
     tests["may_fall"] = [may_fall(row, LEVEL / k, spared) for row, k, spared in cases]
     beyond = (
@@ -130,13 +136,18 @@ def check_books(
     )
     tests["worse"] = (tests["p"] < LEVEL) & beyond
     moved = tests[beyond & ~tests["worse"] & tests["what"].isin((MEDIAN_ERROR, COVERAGE))]
-    untold += [
-        f"{sentence(row)}: cannot tell whether by chance" for row in moved.to_dict("records")
-    ]
+    for row in moved.to_dict("records"):
+        untold.append(f"{sentence(row)}: cannot tell whether by chance")
 
     # what nobody could tell
-    every = pd.concat(flips, ignore_index=True) if flips else pd.DataFrame()
-    changed = set(every["method"]) if len(every) else set()
+    if flips:
+        every = pd.concat(flips, ignore_index=True)
+    else:
+        every = pd.DataFrame()
+    if len(every):
+        changed = set(every["method"])
+    else:
+        changed = set()
     unseen = (*unseen_losses(tests, basis, changed), *untold)
     tests = tests.drop(columns="may_fall")
 
@@ -154,7 +165,10 @@ def _bits(pairs: Pairs, before: RunArrays, flips: pd.DataFrame) -> dict[str, int
     """Return how many loops have equal bits, other bits with the same verdicts, and another
     verdict.
     """
-    turned = set(flips["scenario_id"]) if len(flips) else set()
+    if len(flips):
+        turned = set(flips["scenario_id"])
+    else:
+        turned = set()
     same_verdict = np.array(
         [ident not in turned for ident in before.ids[pairs.before].astype(str).tolist()]
     )
@@ -181,7 +195,7 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
             refuse_other_benchmark(now.manifest, before.manifest, pair(now, before).now.size)
             lines += [f"+ method {m}" for m in now.methods if m not in before.methods]
             check = check_books(now, before)
-            changes = [*(f"- {reason}" for reason in check.reasons), *check.changes()]
+            changes = [f"- {reason}" for reason in check.reasons] + check.changes()
             lines += changes or ["nothing moved"]
         except UserError as error:  # an unreadable baseline is replaced, and that is said
             lines.append(f"not compared with the old one: {error}")
@@ -190,11 +204,10 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
 
 
 def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
-    found = [
-        f"method {m} is in the baseline, not in the run"
-        for m in before.methods
-        if m not in now.methods
-    ]
+    found = []
+    for m in before.methods:
+        if m not in now.methods:
+            found.append(f"method {m} is in the baseline, not in the run")
     missing = before.ids.size - pairs.before.size
     if missing:
         found.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
@@ -228,7 +241,10 @@ def _find_changes(
         )
     own = own_methods(now.manifest)
     for method in (m for m in before.methods if m in now.methods and m not in own):
-        changed = int((flips["method"] == method).sum()) if len(flips) else 0
+        if len(flips):
+            changed = int((flips["method"] == method).sum())
+        else:
+            changed = 0
         if changed:
             yield f"exact: {changed} of {pairs.now.size} verdicts of {method} changed"
         one = before.score[before.methods.index(method)][pairs.before]
@@ -313,7 +329,9 @@ def _tests(before: tuple, now: tuple) -> Iterator[dict[str, Any]]:
 
 
 def _share(right: np.ndarray) -> float:
-    return float(right.mean()) if right.size else float("nan")
+    if right.size:
+        return float(right.mean())
+    return float("nan")
 
 
 def _flips(now: RunArrays, i: int, before: RunArrays, j: int, pairs: Pairs) -> pd.DataFrame:

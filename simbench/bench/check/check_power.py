@@ -103,7 +103,9 @@ def say_power(tests: pd.DataFrame, basis: str) -> str:
 
     # the smallest loss found of each kind of answer, from the best method to the worst
     seen = tests[tests["truth"] == "cycled"].groupby("what")["seen"]
-    ends = {what: sorted({f"{100.0 * x:.1f}" for x in (x.min(), x.max())}) for what, x in seen}
+    ends = {}
+    for what, x in seen:
+        ends[what] = sorted({f"{100.0 * x:.1f}" for x in (x.min(), x.max())})
 
     # of detections and false alarms, and beside it the loss that must be found
     smallest = " and ".join(

@@ -74,7 +74,11 @@ class Check:
         """One of "same", "worse" and "cannot tell", as too few loops are covered; only the first is
         good enough.
         """
-        return WORSE if self.failed else CANNOT_TELL if self.unseen else NO_LOSS
+        if self.failed:
+            return WORSE
+        if self.unseen:
+            return CANNOT_TELL
+        return NO_LOSS
 
     @property
     def reasons(self) -> list[str]:
@@ -90,13 +94,16 @@ class Check:
         head = f"{self.result}: {found[0] if found else 'no detector became worse'}."
         shown = found[1 : _SCREEN["reasons"]]
         more = len(found) - 1 - len(shown)
-        lines = [head, *(f"- {reason}" for reason in shown)]
-        lines += [f"- and {more} more, which --json lists"] if more > 0 else []
+        lines = [head] + [f"- {reason}" for reason in shown]
+        if more > 0:
+            lines += [f"- and {more} more, which --json lists"]
+        else:
+            lines += []
         told = (
             f"{self.bits['equal']} loops have equal bits, {self.bits['other_bits']} other bits and"
             f" the same verdicts, {self.bits['other_verdict']} another verdict"
         )
-        return "\n".join([*lines, f"Compared: {self.basis}.", f"{told}.", *self.changes()])
+        return "\n".join(lines + [f"Compared: {self.basis}.", f"{told}."] + self.changes())
 
     def changes(self) -> list[str]:
         """Return the rates that moved and the scenarios that flipped, the worst first."""
@@ -104,7 +111,7 @@ class Check:
         lines = []
         moved = _table_of_moves(self).drop(columns="seen")
         if len(moved):
-            lines += ["", *_short_lines(moved.head(_SCREEN["rates"]))]
+            lines += [""] + _short_lines(moved.head(_SCREEN["rates"]))
 
         # scenarios that flipped
         if len(self.flips):
@@ -134,7 +141,9 @@ class Check:
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types."""
-        tables = {name: plain(getattr(self, name)) for name in ("tests", "flips")}
+        tables = {}
+        for name in ("tests", "flips"):
+            tables[name] = plain(getattr(self, name))
         about = {
             "result": self.result,
             "bits": self.bits,
@@ -150,16 +159,18 @@ def command_again(check: Check, scenario_id: str) -> str:
 
 def sentence(row: dict[str, Any]) -> str:
     """Return what became worse, from a row of the tests."""
-    cases = "" if pd.isna(row["lost"]) else f", {row['lost']:.0f} lost and {row['won']:.0f} won"
+    if pd.isna(row["lost"]):
+        cases = ""
+    else:
+        cases = f", {row['lost']:.0f} lost and {row['won']:.0f} won"
     moved = (
         f"{'rose' if row['now'] > row['before'] else 'fell'} from {row['before']:.3f} to"
         f" {row['now']:.3f}"
     )
-    of = (
-        f"of {row['truth']}"
-        if row["what"] in (COVERAGE, MEDIAN_ERROR)
-        else f"against {row['truth']!r}"
-    )
+    if row["what"] in (COVERAGE, MEDIAN_ERROR):
+        of = f"of {row['truth']}"
+    else:
+        of = f"against {row['truth']!r}"
     return f"{row['method']}: {row['what']} {of} {moved}{cases} (p = {row['p']:.2g})"
 
 
@@ -192,7 +203,9 @@ def _number(flips: pd.DataFrame) -> str:
 
 
 def _cut(check: Check, most: int) -> str:
-    return f", the first {most}:" if len(check.flips) > most else ":"
+    if len(check.flips) > most:
+        return f", the first {most}:"
+    return ":"
 
 
 def _worse_methods(tests: pd.DataFrame) -> Iterator[dict[str, Any]]:
@@ -219,9 +232,10 @@ def headline(row: dict[str, Any]) -> str:
         return sentence(row)
     clause, counts_others = _CLAUSES[row["what"]]
     now, before = (100.0 * (1.0 - x if counts_others else x) for x in (row["now"], row["before"]))
-    cases = (
-        "" if pd.isna(row["lost"]) else f": {row['lost']:.0f} answers lost, {row['won']:.0f} won"
-    )
+    if pd.isna(row["lost"]):
+        cases = ""
+    else:
+        cases = f": {row['lost']:.0f} answers lost, {row['won']:.0f} won"
     clause = clause.format(now, _POSITIVES.get(row["truth"], row["truth"]))
     row_of = f"truth {row['truth']}, population {row['population']}"
     return f"{row['method']} {clause}, before {before:.1f} %{cases} ({row_of})"

@@ -42,12 +42,12 @@ def describe_run(
 
 def digests_of(*kinds: tuple[str, Iterable[str]]) -> dict[str, str]:
     """Return each file's digest; one that is not there is refused by name when it is hosted."""
-    return {
-        f"{kind}{Path(f).stem}": file_digest(Path(f))
-        for kind, files in kinds
-        for f in files
-        if Path(f).is_file()
-    }
+    digests = {}
+    for kind, files in kinds:
+        for f in files:
+            if Path(f).is_file():
+                digests[f"{kind}{Path(f).stem}"] = file_digest(Path(f))
+    return digests
 
 
 def digests_of_own(own: Mapping[str, Any]) -> dict[str, str]:
@@ -59,11 +59,10 @@ def _source_digest(detector: Any) -> str:
     """Return a digest of a caller's detector: of its source, and of its parameters where it has
     any.
     """
-    parameters = (
-        detector.get_params(deep=False)
-        if hasattr(detector, "get_params")
-        else getattr(detector, "__dict__", {})
-    )
+    if hasattr(detector, "get_params"):
+        parameters = detector.get_params(deep=False)
+    else:
+        parameters = getattr(detector, "__dict__", {})
     try:
         source = inspect.getsource(detector if inspect.isfunction(detector) else type(detector))
     except (OSError, TypeError):  # typed into a shell
@@ -85,7 +84,9 @@ def about_method(name: str) -> dict[str, Any]:
     if name == ORACLE:
         return oracle
     method = registry.load(name).METHOD
-    about = {key: getattr(method, key) for key in oracle}
+    about = {}
+    for key in oracle:
+        about[key] = getattr(method, key)
     about = {key: list(v) if oracle[key] == [] else v for key, v in about.items()}
     return about | {"changed": _thresholds_of_variant(name, method), "source": method.source}
 
@@ -96,4 +97,8 @@ def _thresholds_of_variant(name: str, method: Method) -> dict[str, float]:
     if base == name or base not in registry.names():
         return {}
     before = registry.load(base).METHOD.defaults()
-    return {k: v for k, v in method.defaults().items() if before.get(k) != v}
+    changed = {}
+    for k, v in method.defaults().items():
+        if before.get(k) != v:
+            changed[k] = v
+    return changed

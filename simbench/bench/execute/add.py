@@ -167,7 +167,10 @@ def add_to_run(
                 refuse_taken(out)
             if with_reference:
                 shipped(str(stated["grid"]))
-            asked = _methods_to_ask(folder, stated, methods, options) if add else {}
+            if add:
+                asked = _methods_to_ask(folder, stated, methods, options)
+            else:
+                asked = {}
             records = _records_of(folder)
             given = [(Path(file), read_answers(file, records)) for file in answers]
             _refuse_known(folder, stated, asked, given)
@@ -238,7 +241,9 @@ def _refuse_known(
     given: Sequence[tuple[Path, Answers]],
 ) -> None:
     """Refuse answers of a method that the run has, or that another file has."""
-    there = {name: str(folder) for name in (*stated["methods"], *asked)}
+    there = {}
+    for name in (*stated["methods"], *asked):
+        there[name] = str(folder)
     for file, answers in given:
         for name in answers:
             if name in there:
@@ -251,14 +256,18 @@ def _refuse_known(
 def _read_added(folder: Path, place: Path) -> _Addition:
     """Return the methods that were asked about the loops of a run in a run of their own."""
     manifest = read_manifest(place)
-    hashes = [
-        read_table(where, "scenarios", ["scenario_id", "record_hash"]).sort_by("scenario_id")
-        for where in (folder, place)
-    ]
+    hashes = []
+    for where in (folder, place):
+        hashes.append(
+            read_table(where, "scenarios", ["scenario_id", "record_hash"]).sort_by("scenario_id")
+        )
     before, now = (table.column("record_hash").to_pylist() for table in hashes)
     other = sum(a != b for a, b in zip(before, now, strict=True) if a is not None)
     told = f"added: {', '.join(manifest['methods'])}"
-    sources = place / SOURCES if (place / SOURCES).is_dir() else None
+    if (place / SOURCES).is_dir():
+        sources = place / SOURCES
+    else:
+        sources = None
     if other:
         told += f"; {other} of {len(now)} records have other bits on this machine"
     verdicts = read_table(place, "verdicts").cast(VERDICT_SCHEMA)
@@ -283,7 +292,10 @@ def _join_answers(folder: Path, file: Path, answers: Answers) -> _Addition:
             rows.append(verdict_row(record, answer))
         missing = len(records) - sum(record in of for record in records)
         about[name] = {**_ABOUT, "source": source, UNANSWERED: missing}
-        left = f", {missing} of {len(records)} records not answered" if missing else ""
+        if missing:
+            left = f", {missing} of {len(records)} records not answered"
+        else:
+            left = ""
         told.append(f"answered by {file}: {name}{left}")
     return _Addition(about, {}, as_table(rows, VERDICT_SCHEMA), "; ".join(told))
 
@@ -338,22 +350,25 @@ def _with_failures(
     """Return verdicts with those of scenarios that the run could not simulate, about which no
     method is asked.
     """
-    failed = {row["scenario_id"]: row["error"] for row in scenarios if row["error"] is not None}
-    rows = [
-        verdict_row(
-            ident, Answer(Verdict(name, NO_DECISION, reason=f"failed: {error}"), error, 0.0)
-        )
-        for ident, error in failed.items()
-        for name in methods
-    ]
+    failed = {}
+    for row in scenarios:
+        if row["error"] is not None:
+            failed[row["scenario_id"]] = row["error"]
+    rows = []
+    for ident, error in failed.items():
+        for name in methods:
+            rows.append(
+                verdict_row(
+                    ident, Answer(Verdict(name, NO_DECISION, reason=f"failed: {error}"), error, 0.0)
+                )
+            )
     asked = pc.invert(pc.is_in(verdicts.column("scenario_id"), pa.array(failed, pa.string())))
     return pa.concat_tables([verdicts.filter(asked), as_table(rows, VERDICT_SCHEMA)])
 
 
 def _in_order(verdicts: pa.Table, ids: Sequence[str], methods: Sequence[str]) -> pa.Table:
     """Return verdicts scenario by scenario, of each scenario in the order of the methods."""
-    keys = [
-        pc.index_in(verdicts.column(name), pa.array(values, pa.string())).to_numpy()
-        for name, values in (("method", methods), ("scenario_id", ids))
-    ]
+    keys = []
+    for name, values in (("method", methods), ("scenario_id", ids)):
+        keys.append(pc.index_in(verdicts.column(name), pa.array(values, pa.string())).to_numpy())
     return verdicts.take(pa.array(np.lexsort(keys)))

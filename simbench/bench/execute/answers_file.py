@@ -82,7 +82,10 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
                 f" {lines[method, record]}; once is allowed"
             )
         lines[method, record] = line
-        score = _number(row["score"], where, "score") if row["score"] else math.nan
+        if row["score"]:
+            score = _number(row["score"], where, "score")
+        else:
+            score = math.nan
         S, J = (_level(row[name], where, name) for name in ("S", "J"))
         answers.setdefault(method, {})[record] = Verdict(
             method, row["verdict"], score, S=S, J=J, reason="as answered"
@@ -123,7 +126,7 @@ def _rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
     # the columns that are needed, and what else there may be
     table.columns = [str(name).strip() for name in table.columns]
     header = list(table.columns)
-    wrong = [name for name in header if name not in (*_NEEDED, *_OPTIONAL)]
+    wrong = [name for name in header if name not in (_NEEDED + _OPTIONAL)]
     if wrong or not set(_NEEDED) <= set(header) or len(set(header)) < len(header):
         raise ParameterError(
             f"{file}, line 1: the columns are {', '.join(header)[:200]}; needed:"
@@ -134,7 +137,9 @@ def _rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
         sizes = list(_OPTIONAL)
         table[sizes] = table[sizes].apply(lambda cells: cells.str.replace(",", "."))
     for line, cells in enumerate(table.itertuples(index=False), start=2):
-        row = {name: cell.strip() for name, cell in zip(table.columns, cells, strict=True)}
+        row = {}
+        for name, cell in zip(table.columns, cells, strict=True):
+            row[name] = cell.strip()
         if any(row.values()):
             yield line, row
 
@@ -174,4 +179,6 @@ def _level(text: str, where: str, name: str) -> Level:
             f"{where}: {name} = {text[:80]!r}; a size from 0 to {_LARGEST:g}, or"
             f" lo{_BETWEEN}hi, is needed"
         )
-    return ends[0] if len(ends) == 1 else (ends[0], ends[1])
+    if len(ends) == 1:
+        return ends[0]
+    return (ends[0], ends[1])

@@ -123,7 +123,10 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
     add_parts(*settings.parts)
     registry.add_files(*settings.plugins)
     registry.adopt({name: as_plugin(name, detector) for name, detector in settings.own.items()})
-    chosen = {m: registry.load(m).METHOD.defaults() for m in methods if m != ORACLE}
+    chosen = {}
+    for m in methods:
+        if m != ORACLE:
+            chosen[m] = registry.load(m).METHOD.defaults()
     rng = np.random.default_rng([grid.content.seed, number])
     simulating = 0.0
     judging = 0.0
@@ -142,10 +145,9 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
             # a sticky loop comes before its siblings in a grid: what is asked next must not follow
             # from what was asked last
             since = time.perf_counter()
-            judged = {
-                int(k): _judge_scenario(held[k], chosen, ORACLE in methods)
-                for k in rng.permutation(len(held))
-            }
+            judged = {}
+            for k in rng.permutation(len(held)):
+                judged[int(k)] = _judge_scenario(held[k], chosen, ORACLE in methods)
             judging += time.perf_counter() - since
             for k, it in enumerate(held):
                 prepared, answers = judged[k]
@@ -170,7 +172,9 @@ def piece_of(
         "scenarios": tables.encode(scenarios, tables.SCENARIOS, number),
         "verdicts": tables.encode(verdicts, tables.VERDICT_SCHEMA, number),
     }
-    digests = {kind: digest(content) for kind, content in files.items()}
+    digests = {}
+    for kind, content in files.items():
+        digests[kind] = digest(content)
     return Piece(Receipt(number, len(scenarios), failures, *seconds, digests), files)
 
 
@@ -220,8 +224,11 @@ def _theory(loop: Loop) -> Theory:
             predicted, refined, cycle = truth_columns(loop, waves=False)
     # whatever a model does on unusual numbers: its theory, not its record
     except (Exception, SystemExit) as wrong:
-        return *_NO_THEORY[:-1], error_text(wrong)
-    why = cycle["reason"] if cycle["exists"] is None else None
+        return _NO_THEORY[:-1] + (error_text(wrong),)
+    if cycle["exists"] is None:
+        why = cycle["reason"]
+    else:
+        why = None
     return predicted, refined, cycle["exists"], cycle["period"], cycle["amplitude"], why
 
 
@@ -230,7 +237,7 @@ def _judge_scenario(
 ) -> tuple[Prepared | None, list[Answer]]:
     """Return the record of a scenario as methods saw it, and what each of them said."""
     if it.run is None:
-        methods = (*chosen, *[ORACLE] * oracle)
+        methods = (*chosen, *([ORACLE] * oracle))
         failed = [Verdict(m, NO_DECISION, reason=f"failed: {it.error}") for m in methods]
         return None, [Answer(verdict, it.error, 0.0) for verdict in failed]
     JUDGING["record"] = f"scenario {it.ident}"

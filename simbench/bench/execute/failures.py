@@ -31,12 +31,12 @@ class Failures:
         clauses = []
         if self.scenarios:
             clauses.append(f"{self.scenarios} of {self.of} scenarios could not be simulated")
-        clauses += [
-            f"method {m} failed on {n} of {self.of - self.scenarios} records"
-            for m, n in self.methods.items()
-        ]
+        for m, n in self.methods.items():
+            clauses.append(f"method {m} failed on {n} of {self.of - self.scenarios} records")
         first = next(iter(self.reasons), "")
-        return f"{'; '.join(clauses)} (most often: {first})" if clauses else ""
+        if clauses:
+            return f"{'; '.join(clauses)} (most often: {first})"
+        return ""
 
     def above(self, share: float) -> bool:
         """Return whether more than a share of the scenarios, or of the records of one method,
@@ -44,7 +44,7 @@ class Failures:
         """
         judged = max(self.of - self.scenarios, 1)
         return (
-            max([self.scenarios / max(self.of, 1), *(n / judged for n in self.methods.values())])
+            max([self.scenarios / max(self.of, 1)] + [n / judged for n in self.methods.values()])
             > share
         )
 

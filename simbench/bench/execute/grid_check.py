@@ -112,7 +112,10 @@ def refuse_wrong_parts(plan: Grid) -> None:
 def _samples(plan: Grid, block: Any) -> float:
     def middle(key: str) -> float:
         value = block.axes.get(key) or block.draw.get(key) or plan.content.draw.get(key) or 40.0
-        ends = value if isinstance(value, tuple) else (value,)
+        if isinstance(value, tuple):
+            ends = value
+        else:
+            ends = (value,)
         return sum(map(float, ends)) / len(ends)
 
     return middle("samples_per_period") * middle("periods")

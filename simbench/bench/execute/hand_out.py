@@ -106,13 +106,17 @@ def _write(folder: Path, plan: Grid) -> int:
         pq.ParquetWriter(f, _SCHEMA, compression="zstd") as writer,
     ):
         while some := list(islice(records, _AT_ONCE)):
-            there = {name: r for name, r in some if isinstance(r, LoopRecord)}
-            left_out += [one.reason for _, one in some if isinstance(one, Refusal)]
+            there = {}
+            for name, r in some:
+                if isinstance(r, LoopRecord):
+                    there[name] = r
+            for _, one in some:
+                if isinstance(one, Refusal):
+                    left_out.append(one.reason)
             if there:
                 writer.write_table(_samples(there))
-            known += [
-                (name, r.Ts, r.process, *(r.op_span or ("", ""))) for name, r in there.items()
-            ]
+            for name, r in there.items():
+                known.append((name, r.Ts, r.process, *(r.op_span or ("", ""))))
     if left_out:
         print(
             f"{len(left_out)} scenarios could not be simulated and are left out ({left_out[0]})",
@@ -121,16 +125,19 @@ def _write(folder: Path, plan: Grid) -> int:
     if not known:
         raise ParameterError(f"no scenario of grid {plan.name} can be simulated; one is needed")
     with whole_file(folder / _LOOPS) as f:
-        csv.writer(f, lineterminator="\n").writerows([_KNOWN, *known])
+        csv.writer(f, lineterminator="\n").writerows([_KNOWN] + known)
     return len(known)
 
 
-_SCHEMA = pa.schema([("record", pa.string()), *((name, pa.float64()) for name in _SIGNALS)])
+_SCHEMA = pa.schema([("record", pa.string())] + [(name, pa.float64()) for name in _SIGNALS])
 
 
 def _records(plan: Grid) -> Iterator[tuple[str, LoopRecord | Refusal]]:
     """Yield id and record of every scenario, or why there is none, in the order of ids."""
-    scenarios = [one for group in plan.groups() for one in settled(group)]
+    scenarios = []
+    for group in plan.groups():
+        for one in settled(group):
+            scenarios.append(one)
     scenarios.sort(key=lambda one: one[0].id)
     with Progress(total=len(scenarios), desc="simulated", delay=1.0) as bar:
         for scenario, error in scenarios:

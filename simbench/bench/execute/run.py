@@ -121,8 +121,12 @@ def run_scored(
     asked, own = named_methods(methods)
     # read before any plug-in runs, as one may move the file it is in
     digests = digests_of(("", files), *zip(KINDS_OF_PART, parts))
-    sources = {Path(f).name: Path(f).read_bytes() for f in _all_there(files, *parts)}
-    adopted = {name: as_plugin(name, detector) for name, detector in own.items()}
+    sources = {}
+    for f in _all_there(files, *parts):
+        sources[Path(f).name] = Path(f).read_bytes()
+    adopted = {}
+    for name, detector in own.items():
+        adopted[name] = as_plugin(name, detector)
 
     # refuse what cannot run, and state in the manifest what is run
     with (
@@ -201,7 +205,10 @@ def read_plan(grid: str | Path | Grid, options: RunOptions) -> Grid:
     elif isinstance(grid, Grid):
         plan = grid
     else:
-        drawn = {"seed": secrets.randbits(62)} if options.get("fresh_seeds") else {}
+        if options.get("fresh_seeds"):
+            drawn = {"seed": secrets.randbits(62)}
+        else:
+            drawn = {}
         axes = options.get("axes")
         most = MOST_CELLS if n is None else MOST_DRAWN_FROM
         changes = {**(options.get("sets") or {}), **drawn}
@@ -215,7 +222,9 @@ def read_plan(grid: str | Path | Grid, options: RunOptions) -> Grid:
     # draw the sample where one is asked for
     if n is None:
         return plan
-    return plan.some(n) if isinstance(plan, SettledGrid) else Sample.of(plan, n)
+    if isinstance(plan, SettledGrid):
+        return plan.some(n)
+    return Sample.of(plan, n)
 
 
 def _plugin_files(options: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
@@ -353,7 +362,10 @@ class _Bar:
         for name in self._seconds:
             self._seconds[name] += getattr(receipt, name)
         self._bar.set_postfix_str(f"failures={self._failures}", refresh=False)
-        count = self._bar.skip if receipt.reused else self._bar.update
+        if receipt.reused:
+            count = self._bar.skip
+        else:
+            count = self._bar.update
         count(receipt.scenarios)
 
     def times(self, wall: float) -> dict[str, float]:

@@ -60,5 +60,8 @@ class RunOptions(TypedDict, total=False):
 
 def find_deciding(options: RunOptions, but: Sequence[str] = ()) -> dict[str, Any]:
     """Return the given options that decide the loops, by their names on the command line."""
-    given = {name: options.get(key) for key, name in _DECIDING.items() if key not in but}
+    given = {}
+    for key, name in _DECIDING.items():
+        if key not in but:
+            given[name] = options.get(key)
     return {name: value for name, value in given.items() if value not in (None, False, {})}

@@ -69,7 +69,10 @@ def settle(group: Group) -> list[Scenario | None]:
     loops: dict[int, Loop] = {}
     found: list[Scenario | None] = []
     for draft in group.drafts:
-        own = draft if draft.echo is None else draft.echo.of
+        if draft.echo is None:
+            own = draft
+        else:
+            own = draft.echo.of
         if id(own) not in loops:
             loops[id(own)] = _own_sampling(own, twin, cycle)
         loop = loops[id(own)]
@@ -93,13 +96,16 @@ def _echo(draft: Draft, wanted: Echo, sibling: Loop, unit: Mapping[str, float]) 
     """
     if simulate_with_truth(sibling, wanted.of.seed)[1].answer != YES:
         return None
-    cut = {} if wanted.cut is None else {"cut": wanted.cut}
+    if wanted.cut is None:
+        cut = {}
+    else:
+        cut = {"cut": wanted.cut}
     own = {echo.VALVE: sibling.valve.name, **sibling.valve.parameters, "kind": wanted.kind, **cut}
     load = Part(name=echo.NAME, parameters=own)
     table = _valve_of(draft, unit)
     loop = sibling.model_copy(
         update={
-            "disturbance": (*sibling.disturbance, load),
+            "disturbance": sibling.disturbance + (load,),
             "valve": Part(name=table.pop("model"), parameters=table),
         }
     )
@@ -162,9 +168,10 @@ def _measure_twin(text: str) -> Cycle:
         if (found := _measure_from_kick(twin, guess)) is not None:
             return found
     S, _ = band(twin)
-    size = (
-        0.25 * S * abs(twin.plant.K) if not twin.plant.integrating else 0.3 * S / twin.controller.Kc
-    )
+    if not twin.plant.integrating:
+        size = 0.25 * S * abs(twin.plant.K)
+    else:
+        size = 0.3 * S / twin.controller.Kc
     return Cycle(guess, size, False)
 
 
@@ -216,7 +223,9 @@ def band(loop: Loop) -> tuple[float, float]:
     if not hasattr(module, "mapped_SJ"):
         return 1.0, 1.0
     S, J = module.mapped_SJ(valve_parameters(module, loop.valve.parameters, loop.sampling.Ts))
-    return (S, J) if S > 0 else (1.0, 1.0)
+    if S > 0:
+        return (S, J)
+    return (1.0, 1.0)
 
 
 def sampled_ultimate_gain(loop: Loop) -> float:
@@ -232,7 +241,10 @@ def sampled_ultimate_gain(loop: Loop) -> float:
     Ti = loop.controller.Ti
     L = loop.controller.sign * G * (1.0 if Ti is None else 1.0 + Ts / Ti * z / (z - 1.0))
     crossings = phase_crossings(L)
-    at = crossings[0] + 1 if crossings.size else w.size - 1
+    if crossings.size:
+        at = crossings[0] + 1
+    else:
+        at = w.size - 1
     return float(1.0 / np.abs(L[at]))
 
 
@@ -271,11 +283,10 @@ def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
         record = run_once(loop, draft.seed).record
         # a loop may oscillate in a half of its record only; elsewhere OP as a whole is enough, and
         # costs a third
-        found = (
-            oscillation_of(record.op, record.Ts)
-            if draft.ultimate is None
-            else prepare_once(record).oscillation
-        )
+        if draft.ultimate is None:
+            found = oscillation_of(record.op, record.Ts)
+        else:
+            found = prepare_once(record).oscillation
         if not found.sustained or abs(math.log(found.period_s / own)) < _SETTLED:
             break
         own = found.period_s
@@ -344,7 +355,10 @@ def valve_table(
     if hasattr(module, "for_SJ"):
         own = module.for_SJ(S, J, significant(period))
     elif module.FRICTION:
-        own = {key: value for key, value in (("S", S), ("J", J)) if key in module.PARAMETERS}
+        own = {}
+        for key, value in (("S", S), ("J", J)):
+            if key in module.PARAMETERS:
+                own[key] = value
     table = {**own, **more}
     if module.FRICTION and hasattr(module, "mapped_SJ"):
         found = module.mapped_SJ(valve_parameters(module, own, 1.0))
@@ -356,12 +370,12 @@ def valve_table(
 
 def _scale_parameters(part: Scaled, unit: Mapping[str, float]) -> dict[str, Any]:
     scale = part.scale
-    return {
-        k: significant(v * unit[scale[k]])  # type: ignore[operator]
-        if k in scale
-        else v
-        for k, v in part.parameters.items()
-    }
+    scaled = {}
+    for k, v in part.parameters.items():
+        if k in scale:
+            v = significant(v * unit[scale[k]])  # type: ignore[operator]
+        scaled[k] = v
+    return scaled
 
 
 def _move_setpoint(
@@ -371,18 +385,18 @@ def _move_setpoint(
     begin: float = 0.0,
 ) -> None:
     steps = list(table.get("steps", []))
-    rest = steps[-1][1] if steps else table["value"]
-    steps += [
-        [significant(begin + t * unit["period"]), rest + significant(level * unit["pv"])]
-        for t, level in moves
-    ]
+    if steps:
+        rest = steps[-1][1]
+    else:
+        rest = table["value"]
+    for t, level in moves:
+        time = significant(begin + t * unit["period"])
+        steps.append([time, rest + significant(level * unit["pv"])])
     table["steps"] = steps
 
 
 def _tags(draft: Draft, loop: Loop) -> dict[str, Any]:
     # a valve without friction has no place on the axis of stick bands
-    return (
-        draft.tags
-        if VALVES.load(loop.valve.name).FRICTION
-        else {**draft.tags, "S_over_2J": 0.0, "S": 0.0}
-    )
+    if VALVES.load(loop.valve.name).FRICTION:
+        return draft.tags
+    return {**draft.tags, "S_over_2J": 0.0, "S": 0.0}

@@ -78,7 +78,8 @@ def _find_cycling(run: Run, loop: Loop, seed: int, period: float | None) -> Cycl
     late = motion(run.mv[run.record.n // 2 :], bar / 4)
     if period is None:
         period = late.period * Ts
-        period = period if math.isfinite(period) else run.record.duration / _TAIL_PERIODS
+        if not math.isfinite(period):
+            period = run.record.duration / _TAIL_PERIODS
     found = None
     twin = healthy_twin(loop)
     for quiet in _quiet_moments(loop, period / Ts):
@@ -111,10 +112,20 @@ def healthy_twin(loop: Loop) -> Loop:
     """Return the loop with an ideal valve in place of its friction, all else equal; a stage without
     friction stays.
     """
-    bare = loop.model_copy(update={"effect": ()}) if loop.effect else loop
-    valve = Part(name="ideal") if friction(bare) else loop.valve
+    if loop.effect:
+        bare = loop.model_copy(update={"effect": ()})
+    else:
+        bare = loop
+    if friction(bare):
+        valve = Part(name="ideal")
+    else:
+        valve = loop.valve
     ideal = bare.model_copy(update={"valve": Part(name="ideal")})
-    kept = tuple(e for e in loop.effect if not friction(ideal.model_copy(update={"effect": (e,)})))
+    kept = []
+    for e in loop.effect:
+        if not friction(ideal.model_copy(update={"effect": (e,)})):
+            kept.append(e)
+    kept = tuple(kept)
     return loop.model_copy(update={"valve": valve, "effect": kept})
 
 

@@ -83,18 +83,19 @@ def answers_of(book: RunArrays) -> Iterator[Answers]:
 
 def _full_name(method: str, changed: Mapping[str, float]) -> str:
     stated = ", ".join(f"{name} = {value:g}" for name, value in changed.items())
-    return f"{method} ({stated})" if stated else method
+    if stated:
+        return f"{method} ({stated})"
+    return method
 
 
 def home_of(method: str, book: RunArrays) -> str:
     """Return where a method's constants were fitted: on this grid ("fitted here"), on loops like
     most of these ("siblings"), or on neither ("no").
     """
-    known = [
-        name
-        for name in book.manifest["methods"][method].get("fitted_on", ())
-        if name in grid_names()
-    ]
+    known = []
+    for name in book.manifest["methods"][method].get("fitted_on", ()):
+        if name in grid_names():
+            known.append(name)
     if book.manifest["grid"] in known:
         return "fitted here"
     return "siblings" if any(_share_within(book, name) >= _MOSTLY for name in known) else "no"
@@ -112,10 +113,15 @@ def _share_within(book: RunArrays, grid: str) -> float:
             continue
         inside = book.axes["process"] == process
         for name, values in ((axis, book.axes[axis]), ("S_over_2J", book.axes[CELL_S_OVER_2J])):
-            known = [float(v) for axes in here for v in axes.get(name, ())]
+            known = []
+            for axes in here:
+                for v in axes.get(name, ()):
+                    known.append(float(v))
             inside = inside & (values >= min(known)) & (values <= max(known))
         within |= inside
-    return float(within.mean()) if within.size else 0.0
+    if within.size:
+        return float(within.mean())
+    return 0.0
 
 
 def failures(book: RunArrays) -> dict[str, int]:

@@ -29,21 +29,29 @@ class Asked:
     @cached_property
     def comparison(self) -> Comparison | None:
         """The comparison of every two methods, where it is asked for."""
-        return self.scores.compare(self.truth) if self.paired else None
+        if self.paired:
+            return self.scores.compare(self.truth)
+        return None
 
     @cached_property
     def rates(self) -> pd.DataFrame | None:
         """Rates over the axes; None where none is asked for."""
         if not self.axes:
             return None
-        axes = self.axes[0] if len(self.axes) == 1 else self.axes
+        if len(self.axes) == 1:
+            axes = self.axes[0]
+        else:
+            axes = self.axes
         return self.scores.along(axes, self.truth)
 
     def as_text(self, full: bool, where: str) -> str:
         """Return what is asked for, as text; the ranking, or every table, where it is neither a
         comparison nor rates.
         """
-        parts = [] if self.comparison is None else [self.comparison.as_text()]
+        if self.comparison is None:
+            parts = []
+        else:
+            parts = [self.comparison.as_text()]
         if self.rates is not None:
             about = self.rates, self.axes, self.scores.manifest["grid"]
             if len(self.axes) == 1:
@@ -62,6 +70,9 @@ class Asked:
             keys["comparison"] = self.comparison.as_json()
         if self.rates is not None:
             rows = json.loads(self.rates.to_json(orient="records"))
-            axis = self.axes[0] if len(self.axes) == 1 else self.axes
+            if len(self.axes) == 1:
+                axis = self.axes[0]
+            else:
+                axis = self.axes
             keys["by"] = {"axis": axis, "rows": rows}
         return keys

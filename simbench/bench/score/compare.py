@@ -20,7 +20,7 @@ from simbench.page.text import LINE_WIDTH, lines_of, wrap
 
 _LEVEL = 0.05
 _COUNTS = ("win", "tie", "loss")
-_PAIR = ("first", "second", "n", *_COUNTS, "p", "differ")
+_PAIR = ("first", "second", "n") + _COUNTS + ("p", "differ")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Comparison:
         UserError
             For another word.
         """
-        known = ("p", *_COUNTS, "n")
+        known = ("p",) + _COUNTS + ("n",)
         if what not in known:
             raise UserError(f"matrix {what!r}: {nearest(what, known)}")
         turned = {"win": "loss", "loss": "win"}.get(what, what)
@@ -87,9 +87,11 @@ class Comparison:
         DataFrame
             Methods by methods, best first.
         """
-        numbers = {what: self.matrix(what).to_numpy() for what in ("p", *_COUNTS)}
+        numbers = {}
+        for what in ("p",) + _COUNTS:
+            numbers[what] = self.matrix(what).to_numpy()
         names = list(self.ranking["method"])
-        p, wins, ties, losses = (numbers[what] for what in ("p", *_COUNTS))
+        p, wins, ties, losses = (numbers[what] for what in ("p",) + _COUNTS)
         text = np.full(p.shape, "", dtype=object)
         for i, j in combinations(range(len(names)), 2):
             if np.isfinite(p[i, j]):
@@ -118,7 +120,7 @@ class Comparison:
             f"{differ} of {len(self.pairs)} pairs differ (exact McNemar test, Holm-corrected p <"
             f" {_LEVEL:g})",
         ]
-        return "\n".join([*lines, *(self._matrix_lines() if self.square else self._pair_lines())])
+        return "\n".join(lines + (self._matrix_lines() if self.square else self._pair_lines()))
 
     @property
     def square(self) -> bool:
@@ -149,14 +151,14 @@ class Comparison:
 
     def _pair_lines(self) -> list[str]:
         """Return a line for every pair."""
-        return [self.legend, "", *lines_of(self.listed().rename(columns=str.lower))]
+        return [self.legend, ""] + lines_of(self.listed().rename(columns=str.lower))
 
     def _names(self) -> list[str]:
         """Return the methods with a number, and a mark where one failed."""
-        return [
-            f"{k} {r.method}{'!' if r.failed else ''}"
-            for k, r in enumerate(self.ranking.itertuples(), 1)
-        ]
+        names = []
+        for k, r in enumerate(self.ranking.itertuples(), 1):
+            names.append(f"{k} {r.method}{'!' if r.failed else ''}")
+        return names
 
     def _accuracies(self) -> list[str]:
         r = self.ranking
@@ -181,14 +183,16 @@ class Comparison:
         room = LINE_WIDTH - max(map(len, names), default=0)
         while numbers:
             fit = max(int((np.cumsum(widths) <= room).sum()), 1)
-            lines += ["", *lines_of(table[["", *numbers[:fit]]])]
+            lines += [""] + lines_of(table[[""] + numbers[:fit]])
             numbers = numbers[fit:]
             widths = widths[fit:]
         return lines
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
-        tables = {name: plain(getattr(self, name)) for name in ("ranking", "pairs")}
+        tables = {}
+        for name in ("ranking", "pairs"):
+            tables[name] = plain(getattr(self, name))
         return {"truth": self.truth, "cases": self.cases, **tables}
 
     def to_frame(self) -> pd.DataFrame:
@@ -211,7 +215,11 @@ def _p(p: float) -> str:
     >>> _p(0.0126), _p(0.00002), _p(1.0)
     ('.013', '<.001', '1')
     """
-    return "<.001" if p < 0.001 else "1" if p > 0.9995 else f"{p:.3f}".removeprefix("0")
+    if p < 0.001:
+        return "<.001"
+    if p > 0.9995:
+        return "1"
+    return f"{p:.3f}".removeprefix("0")
 
 
 def compare(
@@ -234,17 +242,20 @@ def compare(
     first = [k for k in numbers if book.methods[k] in chosen]
     couples = list(combinations(numbers, 2))
     if chosen:
-        couples = [(i, j) for i in first for j in numbers if j > i or (j < i and j not in first)]
+        couples = []
+        for i in first:
+            for j in numbers:
+                if j > i or (j < i and j not in first):
+                    couples.append((i, j))
 
     # each pair on the loops that both apply to
     found = []
     for i, j in couples:
         at = side.applies[i] & side.applies[j]
         found.append(Paired.of(side.right[i, at], side.right[j, at]))
-    rows = [
-        (book.methods[i], book.methods[j], *paired)
-        for (i, j), paired in zip(couples, found, strict=True)
-    ]
+    rows = []
+    for (i, j), paired in zip(couples, found, strict=True):
+        rows.append((book.methods[i], book.methods[j], *paired))
     pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))
     pairs["p"] = holm([paired.p for paired in found])
     pairs["differ"] = pairs["p"] < _LEVEL

@@ -37,7 +37,9 @@ def kind_of(role: str, sees_mv: bool) -> int:
     """
     if role in ("oracle", ROLE_YARDSTICK):
         return 2
-    return 3 if role == "nonlinearity" else int(sees_mv)
+    if role == "nonlinearity":
+        return 3
+    return int(sees_mv)
 
 
 def group_of(row: Any, failing: Collection[str]) -> str:
@@ -50,7 +52,10 @@ def group_of(row: Any, failing: Collection[str]) -> str:
         return "failed on more records than allowed, not ranked"
     if not math.isnan(row.rank):
         return f"ranked on the {row.applicable} of these loops that it answers"
-    covered = "" if row.applicable == row.n else f"applicable to {row.applicable} of these loops, "
+    if row.applicable == row.n:
+        covered = ""
+    else:
+        covered = f"applicable to {row.applicable} of these loops, "
     return f"{'with MV, ' * (row.kind == 1)}{covered}not ranked"
 
 

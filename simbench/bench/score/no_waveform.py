@@ -61,10 +61,16 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
     """
     op = record.op
     pv = record.pv
-    sp = np.full(record.n, pv.mean()) if record.sp is None else record.sp
+    if record.sp is None:
+        sp = np.full(record.n, pv.mean())
+    else:
+        sp = record.sp
     fifth = max(record.n // _FIFTH, 2)
     oscillates = np.isfinite(period_s)
-    period = period_s / record.Ts if oscillates else 0.0
+    if oscillates:
+        period = period_s / record.Ts
+    else:
+        period = 0.0
     of_op = _signal(op, fifth)
     of_pv = _signal(pv, fifth)
     values = {f"op_{name}": value for name, value in of_op.items()} | {
@@ -80,7 +86,7 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
         sp_span=float(np.ptp(sp)) / max(of_pv["std"], _SMALLEST),
         error_mean=float(np.mean(sp - pv)) / max(of_pv["std"], _SMALLEST),
     )
-    return np.array([values[name] for name in (*FEATURES, *EXTREMES)])
+    return np.array([values[name] for name in FEATURES + EXTREMES])
 
 
 def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:

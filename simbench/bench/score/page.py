@@ -100,7 +100,10 @@ def _rank(scores: Scores, truth: str, failed: str) -> list[Part]:
     # the sentences of the text
     rows = scores.rows(truth)
     parts = texts(opening_lines(scores, truth))
-    parts += [Text(f"{failed}.", "bad")] if failed else []
+    if failed:
+        parts += [Text(f"{failed}.", "bad")]
+    else:
+        parts += []
     if rows.empty:
         return parts
 
@@ -111,21 +114,25 @@ def _rank(scores: Scores, truth: str, failed: str) -> list[Part]:
     for group, some in rows.groupby("group", sort=False):
         # methods that are not ranked with each other stand under a heading of their own
         name = str(group)
-        parts += [Text(name[0].upper() + name[1:], "heading")] if name else []
+        if name:
+            parts += [Text(name[0].upper() + name[1:], "heading")]
+        else:
+            parts += []
         parts.append(tabulate(some))
     parts.append(Pictures([(bars(scores.ranking(truth)).figure, cost)], wide=True))
-    return [*parts, Text("What the columns mean", "heading"), *texts(_SAYS)]
+    return parts + [Text("What the columns mean", "heading")] + texts(_SAYS)
 
 
 def tabulate(rows: pd.DataFrame) -> Table:
     """Return one row per method with the columns that a reader compares."""
     # a rank on a part of the loops says so
-    names = [
-        f"{r.method} (ranked on the {r.rank_loops} loops that it answers)"
-        if r.partial and not math.isnan(r.rank)
-        else r.method
-        for r in rows.itertuples()
-    ]
+    names = []
+    for r in rows.itertuples():
+        names.append(
+            f"{r.method} (ranked on the {r.rank_loops} loops that it answers)"
+            if r.partial and not math.isnan(r.rank)
+            else r.method
+        )
     table = pd.DataFrame({"rank": rows["rank"].astype(float), "method": names})
 
     # each rate with its interval beside it
@@ -192,7 +199,12 @@ def draw_maps(rates: pd.DataFrame, axis: str) -> Figure:
         for (i, j), share in np.ndenumerate(shares):
             if np.isfinite(share):
                 # black follows the page from light to dark, as pale cells do; a full one stays
-                ink = "black" if few[i, j] else "#fefefe" if share < 0.55 else "#111111"
+                if few[i, j]:
+                    ink = "black"
+                elif share < 0.55:
+                    ink = "#fefefe"
+                else:
+                    ink = "#111111"
                 text = f"{share:.2f}\n{n[i, j]:.0f}"
                 axes.text(j, i, text, ha="center", va="center", fontsize=6, color=ink)
         axes.invert_yaxis()
@@ -273,7 +285,8 @@ def _draw_curves(curves: Sequence[tuple[float, str, np.ndarray, tuple[float, ...
 def _list_causes(scores: Scores) -> list[Part]:
     """List false positives by what makes a loop oscillate whose valve does not."""
     rows = scores.by_cause
-    rows = rows[rows.role != ROLE_YARDSTICK] if len(rows) else rows
+    if len(rows):
+        rows = rows[rows.role != ROLE_YARDSTICK]
     if rows.empty:
         return []
     of_each = "; ".join(f"{c} {n}" for c, n in rows.groupby("cause", sort=False).n.max().items())
@@ -284,12 +297,15 @@ def _list_causes(scores: Scores) -> list[Part]:
 
 def _tell_origin(manifest: Mapping[str, Any], folder: str) -> list[Part]:
     """Return what the numbers rest on, and the commands that repeat them."""
-    origin = [f"{key.replace('_', ' ')}: {manifest[key]}" for key in _ORIGIN if manifest.get(key)]
+    origin = []
+    for key in _ORIGIN:
+        if manifest.get(key):
+            origin.append(f"{key.replace('_', ' ')}: {manifest[key]}")
     versions = ", ".join(f"{name} {v}" for name, v in manifest.get("versions", {}).items())
     one = f"simbench simulate --from {folder} --id SCENARIO -o record.csv"
     return [
         Text(f"All numbers on this page come from the tables in {folder}, and these from:"),
-        Points([*origin, f"versions: {versions}"]),
+        Points(origin + [f"versions: {versions}"]),
         Text("How to reproduce", "heading"),
         Commands(reproduce(manifest)),
         Text("One scenario:"),
@@ -302,8 +318,19 @@ def reproduce(manifest: Mapping[str, Any]) -> list[str]:
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
     words += setting_words({**(manifest.get("overrides") or {}), "seed": manifest["seed"]})
     methods = manifest["methods"].items()
-    asked = [name for name, about in methods if about.get("answered") != FROM_FILE]
-    words += [word for name in asked for word in ("--method", name)]
-    words += ["--n", str(manifest["points"])] if manifest.get("points") else []
-    lines = [f"git checkout {manifest['commit']}"] if manifest.get("commit") else []
-    return [*lines, shlex.join(words), "simbench score again"]
+    asked = []
+    for name, about in methods:
+        if about.get("answered") != FROM_FILE:
+            asked.append(name)
+    for name in asked:
+        for word in ("--method", name):
+            words.append(word)
+    if manifest.get("points"):
+        words += ["--n", str(manifest["points"])]
+    else:
+        words += []
+    if manifest.get("commit"):
+        lines = [f"git checkout {manifest['commit']}"]
+    else:
+        lines = []
+    return lines + [shlex.join(words), "simbench score again"]

@@ -35,8 +35,11 @@ def ranking_numbers(scores: Any, truth: str = "cycled") -> pd.DataFrame:
     """
     rows = scores.rows(truth)
     rows = rows.assign(n=rows["applicable"], failed=rows["errors"])
-    shares = [f"{name}{end}" for name in _SHARES for end in _ENDS]
-    names = ["group", "rank", "shared", "method", "home", "n", "positives", "failed", *shares]
+    shares = []
+    for name in _SHARES:
+        for end in _ENDS:
+            shares.append(f"{name}{end}")
+    names = ["group", "rank", "shared", "method", "home", "n", "positives", "failed"] + shares
     return rows.loc[:, names].reset_index(drop=True)
 
 
@@ -46,7 +49,10 @@ def ranking_text(scores: Any, truth: str = "cycled") -> pd.DataFrame:
     """
     rows = []
     for r in ranking_numbers(scores, truth).to_dict("records"):
-        rank = "" if pd.isna(r["rank"]) else f"{r['rank']:.0f}{'=' if r['shared'] else ''}"
+        if pd.isna(r["rank"]):
+            rank = ""
+        else:
+            rank = f"{r['rank']:.0f}{'=' if r['shared'] else ''}"
         name = r["method"] + HOME_MARKS[r["home"]]
         cells = {"Rank": rank, "Method": name, "n": str(r["n"]), **_shares(r, _SHARES)}
         rows.append({"Group": r["group"], **cells})
@@ -58,7 +64,9 @@ def along_text(rates: pd.DataFrame) -> pd.DataFrame:
     axes = axes_of(rates)
     rows = []
     for r in rates.to_dict("records"):
-        place = {name: r[name] for name in axes}
+        place = {}
+        for name in axes:
+            place[name] = r[name]
         rows.append({"Method": r["method"], **place, "n": str(r["n"]), **_shares(r, _SHARES[1:])})
     return pd.DataFrame(rows)
 
@@ -103,7 +111,10 @@ def _of_loops(scores: Any, truth: str, population: str, loops: str) -> str:
 def write(path: str | Path, numbers: pd.DataFrame, text: pd.DataFrame, about: str) -> None:
     """Write a table: CSV has the numbers, the other kinds the text with what it is about."""
     kind = table_kind(path)
-    content = csv_text(numbers) if kind == ".csv" else _format_table(kind, text, about)
+    if kind == ".csv":
+        content = csv_text(numbers)
+    else:
+        content = _format_table(kind, text, about)
     with whole_file(path) as f:
         f.write(content)
 
@@ -121,6 +132,9 @@ def _shares(row: dict[str, Any], names: Sequence[str]) -> dict[str, str]:
     cells = {}
     for name in names:
         value, lo, hi = (row[f"{name}{end}"] for end in _ENDS)
-        said = "" if pd.isna(value) else f"{value:.2f} [{lo:.2f}, {hi:.2f}]"
+        if pd.isna(value):
+            said = ""
+        else:
+            said = f"{value:.2f} [{lo:.2f}, {hi:.2f}]"
         cells[name.replace("_", " ").capitalize()] = said
     return cells

@@ -31,7 +31,9 @@ def smallest_loss_found(n: int, level: float, won: int = 0, least: int = 0) -> f
         """Return how far the power for a net loss is below what is asked for."""
         return POWER - float(chance @ stats.poisson.sf(needed - 1.0, won + n * share))
 
-    return 1.0 if missed(1.0) > 0.0 else float(optimize.brentq(missed, 0.0, 1.0, xtol=1e-5))
+    if missed(1.0) > 0.0:
+        return 1.0
+    return float(optimize.brentq(missed, 0.0, 1.0, xtol=1e-5))
 
 
 def loops_for(loss: float, level: float) -> int:

@@ -40,7 +40,9 @@ def estimates(book: RunArrays) -> pd.DataFrame:
     loop = loop[sticky]
     number = number[sticky]
     method = np.array(book.methods, dtype=object)[number]
-    about = {m: book.manifest["methods"][m].get("stated", ()) for m in book.methods}
+    about = {}
+    for m in book.methods:
+        about[m] = book.manifest["methods"][m].get("stated", ())
     parts = []
     for k, name in enumerate(("S", "J")):
         lo, hi = book.sizes[2 * k : 2 * k + 2, number, loop]
@@ -68,7 +70,9 @@ def quantification(book: RunArrays) -> pd.DataFrame:
         coverage=("held", "mean"),
         width=("width", "median"),
     )
-    order = {method: i for i, method in enumerate(book.methods)}
+    order = {}
+    for i, method in enumerate(book.methods):
+        order[method] = i
     table = table.reset_index().assign(
         _place=lambda t: t.method.map(order), _S=lambda t: t.parameter == "J"
     )
@@ -125,5 +129,8 @@ def _test(what: str, before: np.ndarray, now: np.ndarray) -> dict[str, Any]:
     row.update(before=float(middle(before)), now=float(middle(now)))
     less = before < now
     more = now < before
-    paired = Paired.of(less, more) if what == MEDIAN_ERROR else Paired.of(more, less)
+    if what == MEDIAN_ERROR:
+        paired = Paired.of(less, more)
+    else:
+        paired = Paired.of(more, less)
     return {**row, "lost": paired.win, "won": paired.loss, "p": paired.p_worse}

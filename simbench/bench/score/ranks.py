@@ -50,14 +50,20 @@ def rank_methods(
     if m == 0 or n == 0:
         return Ranks(np.ones(m, dtype=int), float("nan"), float("nan"))
     earned = right.astype(float)
-    place = np.arange(n) if groups is None else np.unique(groups, return_inverse=True)[1]
+    if groups is None:
+        place = np.arange(n)
+    else:
+        place = np.unique(groups, return_inverse=True)[1]
     centred = earned - earned.mean(axis=1, keepdims=True)
     shares = np.array([np.bincount(place, row) for row in centred])
     # one success and one failure added: few loops never show a rate exactly
     alone = np.array([np.var(np.r_[row, 0.0, 1.0]) for row in earned])
     together = ((shares[:, None] - shares[None]) ** 2).sum(axis=2) / n
     spreads = np.maximum(together, alone[:, None] + alone[None])
-    means = earned.mean(axis=1) if accuracy is None else accuracy
+    if accuracy is None:
+        means = earned.mean(axis=1)
+    else:
+        means = accuracy
     better = np.subtract.outer(means, means).T >= _least_difference(spreads, loops or n)
     rank = np.ones(m, dtype=int)
     for k in np.argsort(-means, kind="stable"):

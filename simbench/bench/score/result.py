@@ -46,21 +46,22 @@ _SHOWN = [
 ]
 _PLACE = ("method", "truth", "process", "population")
 _ROWS = (
-    *_PLACE,
-    "n",
-    "applicable",
-    *RATES,
-    "auc",
-    "accuracy_lo",
-    "accuracy_hi",
-    "sees_mv",
-    "rank",
-    "sensitivity_at_5",
-    "cost",
-    "home",
-    "division",
-    "name",
-    "answered",
+    _PLACE
+    + ("n", "applicable")
+    + RATES
+    + (
+        "auc",
+        "accuracy_lo",
+        "accuracy_hi",
+        "sees_mv",
+        "rank",
+        "sensitivity_at_5",
+        "cost",
+        "home",
+        "division",
+        "name",
+        "answered",
+    )
 )
 _RANKING = (
     "rank",
@@ -74,8 +75,7 @@ _RANKING = (
     "false_positives",
     "no_decision",
 )
-_INTERVALS = (
-    *_PLACE,
+_INTERVALS = _PLACE + (
     "cost_lo",
     "cost_hi",
     "no_decision_lo",
@@ -229,7 +229,9 @@ class Scores:
 
     def _of_chosen(self, rows: pd.DataFrame) -> pd.DataFrame:
         """Return the rows of the methods that are chosen."""
-        return rows.loc[rows["method"].isin(self.chosen)] if self.chosen and len(rows) else rows
+        if self.chosen and len(rows):
+            return rows.loc[rows["method"].isin(self.chosen)]
+        return rows
 
     def ranking(
         self,
@@ -257,7 +259,10 @@ class Scores:
             other tests. `table` has every column.
         """
         rows = self.rows(truth, process, population)
-        rows = rows.assign(n=rows.applicable) if len(rows) else rows.reindex(columns=_RANKING)
+        if len(rows):
+            rows = rows.assign(n=rows.applicable)
+        else:
+            rows = rows.reindex(columns=_RANKING)
         return rows.loc[:, list(_RANKING)].reset_index(drop=True)
 
     def as_text(self, truth: str = "cycled", full: bool = False, where: str = "") -> str:
@@ -403,7 +408,10 @@ def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
 def _along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") -> pd.DataFrame:
     """Return rates by method and value of one axis or two."""
     # one axis or two of the run
-    axes = [axis] if isinstance(axis, str) else list(axis)
+    if isinstance(axis, str):
+        axes = [axis]
+    else:
+        axes = list(axis)
     for name in axes:
         if name not in book.along:
             raise ParameterError(f"no axis {name!r} in this run: {nearest(name, book.along)}")
@@ -417,7 +425,7 @@ def _along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") ->
     everyone = [a for a in answers_of(book) if a.role != ROLE_YARDSTICK]
     label = book.truth[truth]
     counts = counted(long_table(everyone), label=label, **dict(zip(axes, codes, strict=True)))
-    table = tallied(counts, [*axes, "method"])[["n", "applicable", "sticky", *_SHOWN]]
+    table = tallied(counts, axes + ["method"])[["n", "applicable", "sticky"] + _SHOWN]
     table = table[table["n"] > 0].drop(columns="n").reset_index()
     table = table.rename(columns={"applicable": "n", "sticky": "positives"})
 
@@ -427,4 +435,4 @@ def _along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") ->
         table[name] = text[table[name]]
     table = table[table[axes].notna().all(axis=1)]
     table = with_names(table, everyone)
-    return table.loc[:, ["method", *axes, "n", "positives", *_SHOWN]].reset_index(drop=True)
+    return table.loc[:, ["method"] + axes + ["n", "positives"] + _SHOWN].reset_index(drop=True)

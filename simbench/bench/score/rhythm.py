@@ -43,7 +43,7 @@ def rhythm_features(record: LoopRecord, period_s: float) -> np.ndarray:
         count = record.n // size
         means.append(x[: size * count].reshape(count, size).mean(axis=1))
         values += _of_signal(x, means[-1], period)
-    return np.nan_to_num(np.array([*values, _correlation(*means)]))
+    return np.nan_to_num(np.array(values + [_correlation(*means)]))
 
 
 def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
@@ -70,7 +70,9 @@ def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
 
 def _spread(x: np.ndarray) -> float:
     mean = np.add.reduce(x) / x.size
-    return float(centred(x)[1] / mean) if mean > 0.0 else 0.0
+    if mean > 0.0:
+        return float(centred(x)[1] / mean)
+    return 0.0
 
 
 def _correlate_next(x: np.ndarray, step: int = 1) -> float:
@@ -82,7 +84,9 @@ def _correlation(x: np.ndarray, y: np.ndarray) -> float:
         return 0.0
     x, x_std = centred(x)
     y, y_std = centred(y)
-    return float(x @ y / (x.size * x_std * y_std)) if x_std > 0.0 and y_std > 0.0 else 0.0
+    if x_std > 0.0 and y_std > 0.0:
+        return float(x @ y / (x.size * x_std * y_std))
+    return 0.0
 
 
 def _band(x: np.ndarray, period: float) -> np.ndarray:

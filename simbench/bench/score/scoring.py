@@ -78,7 +78,10 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     everyone = [*answers_of(book), *reference]
     answers = long_table(everyone)
     # what the classifier says is not known where a run was stored without what it sees
-    blind = reference[0].said if reference else np.full(book.ids.size, _UNKNOWN)
+    if reference:
+        blind = reference[0].said
+    else:
+        blind = np.full(book.ids.size, _UNKNOWN)
     sample = _Sample.of(book, everyone, blind)
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
     # 0 does not oscillate, 1 does, 2 is not ranked
@@ -99,7 +102,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
         found = _rows(block, sample, each, zip(_KEY, key), undecided, going != _RESTING)
         standing[key] = _rank(block, sample.answers, found, undecided, failing)
         rows += found
-    by_axis = [*_by_axis(book, answers, sample, undecided)] or [
+    by_axis = list(_by_axis(book, answers, sample, undecided)) or [
         {"axis": "", "value": "", **rows[0]}
     ]
     frames = [_frame_of_rows(rows), _frame_of_rows(by_axis)]
@@ -152,10 +155,13 @@ class _Sample(NamedTuple):
     def of(cls, book: RunArrays, everyone: Sequence[Answers], blind: np.ndarray) -> _Sample:
         some = np.sort(sample_of(book.groups))
         # the order of the scores is all that counts, and found once
-        answers = [
-            a._replace(score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH})
-            for a in everyone
-        ]
+        answers = []
+        for a in everyone:
+            answers.append(
+                a._replace(
+                    score=dense_ranks(a.score[some]), **{x: getattr(a, x)[some] for x in _EACH}
+                )
+            )
         return cls(some, book.groups[some], answers, blind[some])
 
     def block(self, chosen: np.ndarray, label: np.ndarray) -> _Block:
@@ -203,13 +209,18 @@ def _rows(
         row |= _orders(block, a, cost, of_all, interval)
         row["errors"] = c["errors"]
         times = a.runtime[block.use]
-        row["median_ms"] = round(1e3 * median(times), 4) if times.size else math.nan
+        if times.size:
+            row["median_ms"] = round(1e3 * median(times), 4)
+        else:
+            row["median_ms"] = math.nan
         rows.append(row)
     return rows
 
 
 def _share(part: float, whole: int) -> float:
-    return part / whole if whole else math.nan
+    if whole:
+        return part / whole
+    return math.nan
 
 
 def _orders(
@@ -219,14 +230,20 @@ def _orders(
     loops, and how many the method covers.
     """
     applies = a.applies[block.use]
-    here, positive, groups, folds, blind = block if applies.all() else (x[applies] for x in block)
+    if applies.all():
+        here, positive, groups, folds, blind = block
+    else:
+        here, positive, groups, folds, blind = (x[applies] for x in block)
     earned = _earnings(a.said[here], positive, cost)
     ranges = {"cost": _mean_of_groups(1.0 - earned, groups, 0.0, *of_all)}
     score = a.score[here]
     if interval:
         sticky = int(positive.sum())
         both = 0 < sticky < positive.size
-        found = rate(found_at(score, positive, folds), sticky) if both else rate(0, 0)
+        if both:
+            found = rate(found_at(score, positive, folds), sticky)
+        else:
+            found = rate(0, 0)
         ranges |= {
             "cost_over_no_waveform": _mean_of_groups(
                 _earnings(blind, positive, cost) - earned, groups, -1.0
@@ -274,7 +291,10 @@ def _mean_of_groups(
     size = values.size + 2
     alone = (float(values @ values) + 1.0) / size - ((float(values.sum()) + 1.0) / size) ** 2
     variance = max(float(shares @ shares) / values.size, alone)
-    mean, n = (mean, values.size) if of_all is None else (of_all, n)
+    if of_all is None:
+        mean, n = (mean, values.size)
+    else:
+        mean, n = (of_all, n)
     half = 1.96 * math.sqrt(variance / n)
     return mean, max(mean - half, least), min(mean + half, 1.0)
 
@@ -303,7 +323,7 @@ def _count_left_out(
     import pandas as pd
 
     words = [book.truth["cycled_word"] == word for word in _LEFT_OUT]
-    kind = np.select([*words, book.truth["cycled"] >= 0], [0, 1, 2], 3)
+    kind = np.select(words + [book.truth["cycled"] >= 0], [0, 1, 2], 3)
     counts = counted(answers, of=kind)
     # the last of the three: with a truth, and not covered
     counts = counts[(counts["of"] < 3) & (counts["applies"] == (counts["of"] < 2))]
@@ -311,7 +331,7 @@ def _count_left_out(
     by = by.reindex(columns=CODES.values(), fill_value=0)
     n = by.sum(axis=1)
     shares = [share_frame(word, by[code], n) for word, code in CODES.items()]
-    table = pd.concat([n.rename("n"), *shares], axis=1).reset_index()
+    table = pd.concat([n.rename("n")] + shares, axis=1).reset_index()
     table["of"] = np.array([*_LEFT_OUT, "does not apply"], dtype=object)[table["of"]]
     return with_names(table, everyone, "role")
 
@@ -325,19 +345,15 @@ def _count_by_cause(
     import pandas as pd
 
     texts, places = axis_codes(book, "echo")
-    kinds = np.array([*texts, ""])[places]
+    kinds = np.array(texts + [""])[places]
     echoes = [kind for kind in dict.fromkeys(kinds) if kind not in ("", "none")]
     causes = np.array(
-        [*(f"echo, {kind}" for kind in echoes), "own tuning", "no oscillation", "other"], object
+        [f"echo, {kind}" for kind in echoes] + ["own tuning", "no oscillation", "other"], object
     )
     place = np.select(
-        [
-            # echoes of several cuts have a table of their own
-            (book.truth["cycled"] != 0) | (book.apart & ~np.isnan(book.axes["cut"])),
-            *(kinds == kind for kind in echoes),
-            np.isin(book.axes["tuning"].astype(str), list(ULTIMATE)),
-            ~book.oscillating,
-        ],
+        [(book.truth["cycled"] != 0) | (book.apart & ~np.isnan(book.axes["cut"]))]
+        + [kinds == kind for kind in echoes]
+        + [np.isin(book.axes["tuning"].astype(str), list(ULTIMATE)), ~book.oscillating],
         [len(causes), *range(len(causes) - 1)],
         len(causes) - 1,
     )
@@ -373,14 +389,15 @@ def _rank(
         row["rank"] = math.nan
         row["rank_loops"] = 0
     for kind in (0, 1):
-        mine = [
-            k
-            for k, a in enumerate(everyone)
-            if kind_of(a.role, a.sees_mv) == kind and a.method not in failing
-        ]
+        mine = []
+        for k, a in enumerate(everyone):
+            if kind_of(a.role, a.sees_mv) == kind and a.method not in failing:
+                mine.append(k)
         # a rank compares methods on the same loops
         members = [k for k in mine if n >= RANKED_LOOPS and rows[k]["applicable"] >= _COVERED * n]
-        earned = {k: _earnings_with_gaps(block, everyone[k], cost) for k in mine}
+        earned = {}
+        for k in mine:
+            earned[k] = _earnings_with_gaps(block, everyone[k], cost)
         means = [1.0 - rows[k]["cost"] for k in members]
         ranks = rank_methods(
             np.reshape([earned[k] for k in members], (len(members), block.use.size)),
@@ -414,7 +431,10 @@ def _rank_where_it_answers(
 ) -> int:
     """Return the rank of a method among those that answer the loops that it answers."""
     here = everyone[own].applies[block.use]
-    peers = [k for k in earned if everyone[k].applies[block.use][here].mean() >= _COVERED]
+    peers = []
+    for k in earned:
+        if everyone[k].applies[block.use][here].mean() >= _COVERED:
+            peers.append(k)
     ranks = rank_methods(np.array([earned[k][here] for k in peers]), block.groups[here])
     return int(ranks.rank[peers.index(own)])
 

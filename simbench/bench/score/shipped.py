@@ -59,7 +59,7 @@ def results(name: str) -> pd.DataFrame:
     True
     """
     there = shipped(name)
-    verdicts = read_table(there, "verdicts", [*_COLUMNS, "J_lo", "J_hi"]).to_pandas()
+    verdicts = read_table(there, "verdicts", _COLUMNS + ["J_lo", "J_hi"]).to_pandas()
     about = ["scenario_id", "record_hash", "cycled", "sticky", "S_over_2J"]
     return verdicts.merge(read_table(there, "scenarios", about).to_pandas(), on="scenario_id")
 
@@ -111,7 +111,9 @@ def with_shipped(book: RunArrays) -> RunArrays:
         "runtime": np.nan,
         "sizes": np.nan,
     }
-    about = {name: there.manifest["methods"][name] for name in names}
+    about = {}
+    for name in names:
+        about[name] = there.manifest["methods"][name]
     return replace(
         book,
         manifest={

@@ -68,28 +68,31 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     """
     # above the ranking: advice, the run, what counts as stiction
     rows = scores.rows(truth)
-    title = [*_advice(scores, rows), *_title(scores, whole)]
+    title = _advice(scores, rows) + _title(scores, whole)
     if rows.empty:
-        return [*title, *_sentences(scores, truth, where)]
+        return title + _sentences(scores, truth, where)
     title += _label(rows, truth)
 
     # below it: what the columns mean, and which differences are resolved
-    tail = [
-        *wrap(_LEGEND.format(undecided=scores.undecided)),
-        *_references(rows, whole),
-        *_sentences(scores, truth, where, whole),
-    ]
+    tail = (
+        wrap(_LEGEND.format(undecided=scores.undecided))
+        + _references(rows, whole)
+        + _sentences(scores, truth, where, whole)
+    )
 
     # as many methods as a screen has room for
-    room = 10_000 if whole else _LINES - _BESIDES - len(title) - len(tail) - 2
-    return [*title, "", *ranking(rows, scores, room), *tail]
+    if whole:
+        room = 10_000
+    else:
+        room = _LINES - _BESIDES - len(title) - len(tail) - 2
+    return title + [""] + ranking(rows, scores, room) + tail
 
 
 def opening_lines(scores: Any, truth: str) -> list[str]:
     """Return the sentences around a ranking, a paragraph each."""
     rows = scores.rows(truth)
     parts = _advice(scores, rows), _title(scores, True), _label(rows, truth) if len(rows) else []
-    around = *parts, _references(rows, True), _sentences(scores, truth, "")
+    around = parts + (_references(rows, True), _sentences(scores, truth, ""))
     return [" ".join(filter(None, lines)) for lines in around if lines]
 
 
@@ -111,10 +114,13 @@ def _advice(scores: Any, rows: pd.DataFrame) -> list[str]:
         return []
 
     # records of a plant seldom have MV: methods that see OP and PV are advised alone
-    ranked = rows if rows.empty else rows[(rows.kind == 0) & rows["rank"].notna()]
+    if rows.empty:
+        ranked = rows
+    else:
+        ranked = rows[(rows.kind == 0) & rows["rank"].notna()]
     if ranked.empty:
         why = why_not(scores, rows)
-        return [*wrap(f"Which method to rely on for loops like these is unknown: {why}."), ""]
+        return wrap(f"Which method to rely on for loops like these is unknown: {why}.") + [""]
 
     # how right the first method is, and from which others these loops do not tell it
     best = ranked.iloc[0]
@@ -129,24 +135,29 @@ def _advice(scores: Any, rows: pd.DataFrame) -> list[str]:
 
     # a method that never decides costs as much as no answer
     if best.cost_hi < scores.undecided:
-        return [*wrap(f"Rely on {best.method} for such loops: {about}."), ""]
-    return [*wrap(f"No method is known to be worth more here than no answer: {about}."), ""]
+        return wrap(f"Rely on {best.method} for such loops: {about}.") + [""]
+    return wrap(f"No method is known to be worth more here than no answer: {about}.") + [""]
 
 
 def _references(rows: pd.DataFrame, whole: bool) -> list[str]:
     """Return what the reference rows are; where a run was stored without what they see, that."""
     if NO_WAVEFORM not in rows.method.tolist():
         return wrap(NO_REFERENCES)
-    return wrap(_REFERENCES) if whole else []
+    if whole:
+        return wrap(_REFERENCES)
+    return []
 
 
 def along_lines(rates: pd.DataFrame, axes: Sequence[str], grid: str) -> list[str]:
     """Return how the methods depend on an axis of the grid, a line per value and method."""
-    titles = {name: title for name, title in _TITLES.items() if name != "cost"}
+    titles = {}
+    for name, title in _TITLES.items():
+        if name != "cost":
+            titles[name] = title
     table = _rates(rates, titles, "n", intervals=("accuracy", "sensitivity", "false_positives"))
     table.insert(0, axes[0], rates[axes[0]])
     about = f"grid {grid}, all loops with a label; -: fewer than {LEAST} loops, or no such loop"
-    return [*wrap(about), *lines_of(table)]
+    return wrap(about) + lines_of(table)
 
 
 def two_way_lines(
@@ -166,12 +177,15 @@ def two_way_lines(
     values = rates[across].unique()
     for method, of in rates.groupby("method", sort=False):
         for name in shares:
-            title = str(method) if len(shares) == 1 else f"{method}: {_TITLES[name]}"
+            if len(shares) == 1:
+                title = str(method)
+            else:
+                title = f"{method}: {_TITLES[name]}"
             cells = [_cell(r[name], loops_of(r, name)) for r in of.to_dict("records")]
             square = of.assign(cell=cells).pivot(index=down, columns=across, values="cell")
             square = square.reindex(of[down].unique()).reindex(columns=values).fillna("-")
             square.insert(0, title, square.index)
-            lines += ["", *lines_of(square)]
+            lines += [""] + lines_of(square)
     return lines
 
 
@@ -183,7 +197,9 @@ def _cell(share: float, n: int) -> str:
     """
     if math.isnan(share):
         return "-"
-    return f"({rate_text(share)}) {n}" if n < LEAST else f"{rate_text(share)} {n}"
+    if n < LEAST:
+        return f"({rate_text(share)}) {n}"
+    return f"{rate_text(share)} {n}"
 
 
 def _title(scores: Any, whole: bool) -> list[str]:
@@ -223,9 +239,10 @@ def _title(scores: Any, whole: bool) -> list[str]:
 
     # how many of its loops cycle
     lines[-1] += "." * (not lines[-1].endswith("."))
-    words = (
-        scores.disagreement.groupby("cycled").scenarios.sum() if len(scores.disagreement) else {}
-    )
+    if len(scores.disagreement):
+        words = scores.disagreement.groupby("cycled").scenarios.sum()
+    else:
+        words = {}
     said = ", ".join(
         f"{words.get(word, 0)} {word}" for word in ("yes", "no", "entrained", "unclear")
     )
@@ -241,15 +258,14 @@ def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list
     # methods without a rank
     standing = scores.standing[truth, ALL, OF_OSCILLATING]
     rows = scores.rows(truth)
-    said = [
-        f"Not ranked, too many errors: {m} failed on {k} records."
-        for m, k in scores.failing.items()
-    ]
-    said += [
-        f"The file of {m} leaves {about[UNANSWERED]} records unanswered: no decision."
-        for m, about in scores.manifest["methods"].items()
-        if about.get(UNANSWERED)
-    ]
+    said = []
+    for m, k in scores.failing.items():
+        said.append(f"Not ranked, too many errors: {m} failed on {k} records.")
+    for m, about in scores.manifest["methods"].items():
+        if about.get(UNANSWERED):
+            said.append(
+                f"The file of {m} leaves {about[UNANSWERED]} records unanswered: no decision."
+            )
 
     # what the ranks tell, or why there are none
     if math.isnan(standing.resolution):
@@ -263,18 +279,27 @@ def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list
         )
         resolved = f"A difference of {rate_text(standing.resolution)} is resolved between any two."
         said.append(ranks * whole + resolved)
-    return [line for sentence in (*said, where) for line in wrap(sentence)]
+    lines = []
+    for sentence in (*said, where):
+        for line in wrap(sentence):
+            lines.append(line)
+    return lines
 
 
 def _rivals(rows: pd.DataFrame) -> int:
     """Return how many methods are ranked with each other on the same loops."""
     ranked = rows[(rows.kind < 2) & rows["rank"].notna() & ~rows.partial]
-    return int(ranked.kind.value_counts().max()) if len(ranked) else 0
+    if len(ranked):
+        return int(ranked.kind.value_counts().max())
+    return 0
 
 
 def why_not(scores: Any, rows: pd.DataFrame) -> str:
     """Return why there is no ranking of these rows."""
-    n = 0 if rows.empty else int(rows.iloc[0].n)
+    if rows.empty:
+        n = 0
+    else:
+        n = int(rows.iloc[0].n)
     if n < RANKED_LOOPS:
         return f"{n} oscillating loops have a clear label, and {RANKED_LOOPS} are needed"
     judged = rows[(rows.kind < 2) & ~rows.method.isin(list(scores.failing))]
@@ -294,7 +319,10 @@ def ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
         rows = rows.loc[~rows.method.isin(CONSTANTS)]
         too_many = _height(rows) - room
     spare = rows.index[(rows.kind != 2) & ~rows.own][::-1]
-    dropped = spare[: too_many + 1] if too_many > 0 else spare[:0]
+    if too_many > 0:
+        dropped = spare[: too_many + 1]
+    else:
+        dropped = spare[:0]
     rows = rows.drop(index=dropped)
 
     # each group below its name
@@ -304,7 +332,7 @@ def ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
         if begins:
             lines.append(f"-- {group}")
         lines.append(line)
-    return [*lines, *([f"... and {len(dropped)} more methods: --full"] if len(dropped) else [])]
+    return lines + ([f"... and {len(dropped)} more methods: --full"] if len(dropped) else [])
 
 
 def _begins(rows: pd.DataFrame) -> pd.Series:
@@ -345,7 +373,9 @@ def rate_text(x: float, few: bool = False) -> str:
     if few or math.isnan(x):
         return "-"
     text = f"{x:.2f}"
-    return text.replace("0.", ".", 1) if x < 0.995 else text
+    if x < 0.995:
+        return text.replace("0.", ".", 1)
+    return text
 
 
 def interval_text(value: float, lo: float, hi: float, few: bool = False) -> str:
@@ -366,7 +396,7 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
                 f"oscillating {process} loops, truth {truth!r} ({rows.iloc[0].n},"
                 f" {rows.iloc[0].positives} positive)"
             )
-            lines += ["", title, *(ranking(rows, scores) if rows.iloc[0].n >= LEAST else [])]
+            lines += ["", title] + (ranking(rows, scores) if rows.iloc[0].n >= LEAST else [])
             lines.append(_resolution(scores, truth, process))
 
     # what else the scores hold, each below a title
@@ -378,10 +408,10 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         _left_out(scores),
         _dead_band(scores),
         _pair_S_and_J(scores),
-        ["labels that disagree", *lines_of(scores.disagreement)],
+        (["labels that disagree"] + lines_of(scores.disagreement)),
         wrap(where),
     )
-    return [*lines, *(line for section in sections if section for line in ("", *section))]
+    return lines + [line for section in sections if section for line in ("", *section)]
 
 
 def _resolution(scores: Any, truth: str, process: str) -> str:
@@ -403,7 +433,10 @@ def _rates(
 ) -> pd.DataFrame:
     """Return rates of methods as texts, of few loops none; a method has the mark of its home."""
     few = rows[n] < LEAST
-    marks = rows.home.map(HOME_MARKS).fillna("") if "home" in rows else ""
+    if "home" in rows:
+        marks = rows.home.map(HOME_MARKS).fillna("")
+    else:
+        marks = ""
     table = pd.DataFrame({"method": rows.method + marks, "n": rows[n]})
     for name, title in titles.items():
         if name in intervals:
@@ -421,7 +454,7 @@ def _still(scores: Any, truth: str) -> list[str]:
         return []
     title = f"loops that do not oscillate ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
     titles = {"false_positives": "false positives", "no_decision": "no decision"}
-    return [title, *lines_of(_rates(rows[rows.role != ROLE_YARDSTICK], titles))]
+    return [title] + lines_of(_rates(rows[rows.role != ROLE_YARDSTICK], titles))
 
 
 def _causes(scores: Any) -> list[str]:
@@ -434,7 +467,7 @@ def _causes(scores: Any) -> list[str]:
     wide = table.pivot(index="method", columns="cause", values="share").fillna("")
     wide = wide.loc[table.method.unique(), rows.cause.unique()].reset_index()
     title = f"false positives by cause, loops that the valve does not make cycle ({of_each})"
-    return [*wrap(title), *lines_of(wide)]
+    return wrap(title) + lines_of(wide)
 
 
 def _at_home(scores: Any, rows: pd.DataFrame) -> pd.DataFrame:
@@ -464,7 +497,7 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     table["95 %"] = lo.map("{:+.2f}".format) + " to " + hi.map("{:+.2f}".format)
     answers = np.select([hi < 0, lo > 0], ["yes", "no"], "cannot tell")
     table[f"less than {NO_WAVEFORM}"] = answers
-    return [f"cost less that of {NO_WAVEFORM} on the same oscillating loops", *lines_of(table)]
+    return [f"cost less that of {NO_WAVEFORM} on the same oscillating loops"] + lines_of(table)
 
 
 def _details(scores: Any, truth: str) -> list[str]:
@@ -486,24 +519,27 @@ def _details(scores: Any, truth: str) -> list[str]:
         "sens. at 5 %: sensitivity at 5 % false positives, threshold from other groups; of all:"
         " accuracy, not-applicable counted as wrong"
     )
-    return [title, *lines_of(table), *wrap(legend)]
+    return [title] + lines_of(table) + wrap(legend)
 
 
 def _left_out(scores: Any) -> list[str]:
     rows = _at_home(scores, scores.left_out)
-    rows = rows[rows.n > 0] if len(rows) else rows
+    if len(rows):
+        rows = rows[rows.n > 0]
     if rows.empty:
         return []
 
     # beside the answers which loops they are
-    titles = {name: name.replace("_", " ") for name in ("stiction", "no_stiction", "no_decision")}
+    titles = {}
+    for name in ("stiction", "no_stiction", "no_decision"):
+        titles[name] = name.replace("_", " ")
     table = _rates(rows, titles, "n", intervals=("stiction",))
     table.insert(1, "loops", rows.of)
     title = (
         "not in any row above: answers on entrained and unclear loops, and on those a method does"
         " not apply to"
     )
-    return [title, *lines_of(table)]
+    return [title] + lines_of(table)
 
 
 def _dead_band(scores: Any) -> list[str]:
@@ -528,7 +564,9 @@ def _pair_S_and_J(scores: Any) -> list[str]:
         return []
 
     # the columns of S beside those of J
-    names = {r.method: r.method + HOME_MARKS[r.home] for r in scores.table.itertuples()}
+    names = {}
+    for r in scores.table.itertuples():
+        names[r.method] = r.method + HOME_MARKS[r.home]
     table = pd.DataFrame({"method": rows.method.replace(names), "family": rows.family})
     table = table.drop_duplicates().set_index(["method", "family"])
     for p in "SJ":
@@ -541,4 +579,4 @@ def _pair_S_and_J(scores: Any) -> list[str]:
         " valve's S; held: share of the intervals that hold the truth, nominally nine in ten; -"
         " where a method states no level."
     )
-    return [*wrap(text), *lines_of(table.astype(object).fillna("-").reset_index())]
+    return wrap(text) + lines_of(table.astype(object).fillna("-").reset_index())

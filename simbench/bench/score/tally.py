@@ -35,10 +35,9 @@ def long_table(everyone: Sequence[Answers]) -> pa.Table:
     applies, and whether it failed.
     """
     number = np.repeat(np.arange(len(everyone), dtype=np.int16), everyone[0].said.size)
-    columns = {
-        name: np.concatenate([getattr(a, name) for a in everyone])
-        for name in ("said", "applies", "failed")
-    }
+    columns = {}
+    for name in ("said", "applies", "failed"):
+        columns[name] = np.concatenate([getattr(a, name) for a in everyone])
     return pa.table({"method": number, **columns})
 
 
@@ -68,7 +67,9 @@ def tallied(counts: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     covered = known & counts["applies"]
     sticky = covered & positive
     other = covered & ~positive
-    says = {word: counts["said"] == code for word, code in CODES.items()}
+    says = {}
+    for word, code in CODES.items():
+        says[word] = counts["said"] == code
     kinds = {
         "n": known,
         "n_all": known | ~known,
@@ -87,7 +88,7 @@ def tallied(counts: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     kinds["open"] = kinds["open_sticky"] | kinds["open_other"]
     parts = pd.DataFrame({name: counts[_COUNT].where(kind, 0) for name, kind in kinds.items()})
     table = pd.DataFrame(parts.groupby([counts[name] for name in by]).sum())
-    return pd.concat([table, *_rates(table)], axis=1)
+    return pd.concat([table] + _rates(table), axis=1)
 
 
 def _rates(t: pd.DataFrame) -> list[pd.DataFrame]:

@@ -102,13 +102,17 @@ def benchmark_of(grid: Grid, table: Iterable[tuple[str, str]]) -> dict[str, Any]
 def benchmark_version(manifest: Mapping[str, Any]) -> str:
     """Return name and hash of a run's benchmark; empty for one of an older simbench."""
     stated = manifest.get(BENCHMARK)
-    return f"{stated['name']} ({stated['hash']})" if stated else ""
+    if stated:
+        return f"{stated['name']} ({stated['hash']})"
+    return ""
 
 
 def benchmark_text(manifest: Mapping[str, Any]) -> str:
     """Return the version of a run's benchmark as its tables and pages show it."""
     version = benchmark_version(manifest)
-    return f", benchmark {version}" if version else ""
+    if version:
+        return f", benchmark {version}"
+    return ""
 
 
 def grid_settings(grid: Grid, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -132,7 +136,9 @@ def grid_of(manifest: Mapping[str, Any]) -> Grid:
     content = GridFile.model_validate(_with_infinity(manifest["grid_content"]))
     of_loops = manifest.get(LOOP_KEYS, manifest["overrides"])  # all there were, once
     grid = Grid(manifest["grid"], content, _with_infinity(dict(of_loops)))
-    return Sample.of(grid, manifest["points"]) if "points" in manifest else grid
+    if "points" in manifest:
+        return Sample.of(grid, manifest["points"])
+    return grid
 
 
 def _without_infinity(value: Any) -> Any:
@@ -144,13 +150,17 @@ def _without_infinity(value: Any) -> Any:
 
 def _with_infinity(value: Any) -> Any:
     """Return settings as they were before `_without_infinity`."""
-    return float(value) if value in ("inf", "-inf") else _change_parts(value, _with_infinity)
+    if value in ("inf", "-inf"):
+        return float(value)
+    return _change_parts(value, _with_infinity)
 
 
 def _change_parts(value: Any, change: Callable[[Any], Any]) -> Any:
     if isinstance(value, dict):
         return {key: change(part) for key, part in value.items()}
-    return [change(part) for part in value] if isinstance(value, (list, tuple)) else value
+    if isinstance(value, (list, tuple)):
+        return [change(part) for part in value]
+    return value
 
 
 def is_stored(grid: str | Path | Grid) -> bool:
@@ -215,9 +225,10 @@ def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any], com
             raise RunError(f"{older}; run it again")
     first, second = versions
     if first["parts"]["evaluator"] != second["parts"]["evaluator"] or not common:
-        differ = [
-            name for part, name in PARTS.items() if first["parts"][part] != second["parts"][part]
-        ]
+        differ = []
+        for part, name in PARTS.items():
+            if first["parts"][part] != second["parts"][part]:
+                differ.append(name)
         names = " and ".join(map(benchmark_version, (one, other)))
         raise RunError(
             f"runs of different benchmark versions are not compared: {names} differ in"
@@ -231,12 +242,11 @@ def evaluator_hash() -> str:
     reads it.
     """
     root = Path(__file__).resolve().parents[2]
-    files = [
-        file
-        for package in _PACKAGES
-        for file in sorted((root / package).rglob("*.py"))
-        if file.stem not in _LEFT_OUT
-    ]
+    files = []
+    for package in _PACKAGES:
+        for file in sorted((root / package).rglob("*.py")):
+            if file.stem not in _LEFT_OUT:
+                files.append(file)
     digest = hashlib.sha256()
     for file in (*files, *(root / name for name in _FILES)):
         digest.update(

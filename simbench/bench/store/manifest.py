@@ -71,11 +71,10 @@ def read_manifest(path: str | Path) -> dict[str, Any]:
     except (FileNotFoundError, NotADirectoryError):
         raise NoRun(f"{folder} holds no run: {MANIFEST} is missing") from None
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        where = (
-            f", line {error.lineno}, column {error.colno},"
-            if isinstance(error, json.JSONDecodeError)
-            else ""
-        )
+        if isinstance(error, json.JSONDecodeError):
+            where = f", line {error.lineno}, column {error.colno},"
+        else:
+            where = ""
         raise RunError(
             f"{file}{where} is damaged; it must be JSON with a format version: restore it"
         ) from None
@@ -91,7 +90,10 @@ def read_manifest(path: str | Path) -> dict[str, Any]:
             f"{file} was written in format version {written_in!r:.60}; version {FORMAT} is needed:"
             " run it again"
         )
-    plain = {key: value for key, value in manifest.items() if key != _CHECKSUM}
+    plain = {}
+    for key, value in manifest.items():
+        if key != _CHECKSUM:
+            plain[key] = value
     if manifest.get(_CHECKSUM) != _checksum_of(plain):
         raise RunError(
             f"{file} is not as it was written: its checksum, {_checksum_of(plain)}, must be the one"
@@ -110,7 +112,10 @@ def put_in_place(folder: Path) -> None:
         return
 
     # file by file, each at once, so that a kill leaves nothing half
-    files = [file for file in begun.rglob("*") if file.is_file()]
+    files = []
+    for file in begun.rglob("*"):
+        if file.is_file():
+            files.append(file)
     for file in sorted(files, key=lambda file: file == begun / MANIFEST):
         place = folder / file.relative_to(begun)
         place.parent.mkdir(exist_ok=True)
@@ -121,7 +126,10 @@ def put_in_place(folder: Path) -> None:
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Write the manifest whole, with a checksum over all of it."""
-    plain = {key: value for key, value in manifest.items() if key != _CHECKSUM}
+    plain = {}
+    for key, value in manifest.items():
+        if key != _CHECKSUM:
+            plain[key] = value
     content = {**plain, _CHECKSUM: _checksum_of(plain)}
     write_file(folder / MANIFEST, json.dumps(content, indent=1, allow_nan=False).encode())
 
@@ -149,7 +157,9 @@ def unmatched(manifest: Mapping[str, Any]) -> int:
     """
     planned = manifest.get("scenarios")
     done = manifest.get("counts", {}).get("scenarios")
-    return planned - done if manifest.get("complete") and planned and done else 0
+    if manifest.get("complete") and planned and done:
+        return planned - done
+    return 0
 
 
 def refuse_to_mix(where: Path, manifest: Mapping[str, Any]) -> None:
@@ -193,7 +203,10 @@ def code_hash() -> str:
         ours / "theory",
         ours / "gap" / "effects",
     ]
-    files = [file for room in rooms for file in sorted(room.rglob("*.py"))]
+    files = []
+    for room in rooms:
+        for file in sorted(room.rglob("*.py")):
+            files.append(file)
     for file in files + [f for f in sorted((ours / "bench").rglob("*.py")) if f.stem in _DECISIVE]:
         digest.update(file.name.encode())
         digest.update(file.read_bytes())
@@ -228,17 +241,17 @@ def _difference(key: str, old: Any, new: Any) -> str:
     if isinstance(old, dict) and isinstance(new, dict):
         gone = [k for k in old if k not in new]
         come = [k for k in new if k not in old]
-        changes = (
-            [f"the run has {', '.join(gone)}, which this command does not ask for"] if gone else []
-        )
-        changes += (
-            [f"this command asks for {', '.join(come)}, which the run does not have"]
-            if come
-            else []
-        )
-        changes += [
-            _describe_change(k, old[k], new[k]) for k in old if k in new and old[k] != new[k]
-        ]
+        if gone:
+            changes = [f"the run has {', '.join(gone)}, which this command does not ask for"]
+        else:
+            changes = []
+        if come:
+            changes += [f"this command asks for {', '.join(come)}, which the run does not have"]
+        else:
+            changes += []
+        for k in old:
+            if k in new and old[k] != new[k]:
+                changes.append(_describe_change(k, old[k], new[k]))
         verb = "differ" if key.endswith("s") else "differs"
         return f"{key} {verb}: {'; '.join(changes[:3])}"
     names = {"grid_hash": "the grid", "code": "the code"}

@@ -42,15 +42,15 @@ ENDS = ("S_lo", "S_hi", "J_lo", "J_hi")
 # others
 _COLUMNS = {
     "scenarios": (
-        (*WORD_COLUMNS, "cycled"),
+        (WORD_COLUMNS + ("cycled",)),
         (
-            *("scenario_id", "loop_digest", "record_hash", "cell", "repeat", "group", *_NUMBERS),
-            *("sticky", "predicted", "oscillating", "no_waveform", "S", "J"),
+            (("scenario_id", "loop_digest", "record_hash", "cell", "repeat", "group") + _NUMBERS)
+            + ("sticky", "predicted", "oscillating", "no_waveform", "S", "J")
         ),
     ),
     "verdicts": (
         ("scenario_id", "method", "verdict"),
-        ("score", "applicable", "error", "runtime_s", *ENDS),
+        (("score", "applicable", "error", "runtime_s") + ENDS),
     ),
 }
 
@@ -111,7 +111,10 @@ def table_parts(
             # small parts: threads cost more than they save
             yield source.read(columns=None if columns is None else list(columns), use_threads=False)
         except (OSError, pa.ArrowException, LookupError) as error:
-            why = "is missing" if isinstance(error, FileNotFoundError) else _first_line(error)
+            if isinstance(error, FileNotFoundError):
+                why = "is missing"
+            else:
+                why = _first_line(error)
             raise RunError(
                 f"{folder} is damaged: {file.relative_to(folder)} {why}; it is needed as it"
                 f" was written: restore it, or {AGAIN}"
@@ -136,11 +139,10 @@ def read_scenario(path: str | Path, scenario_id: str) -> Scenario:
     rows = table.filter(pc.field("scenario_id") == scenario_id).to_pylist()
     if not rows:
         known = table.column("scenario_id").to_pylist()
-        close = (
-            nearest(scenario_id, known)
-            if len(known) < 50
-            else f"it has {len(known)} others, see scenarios.parquet"
-        )
+        if len(known) < 50:
+            close = nearest(scenario_id, known)
+        else:
+            close = f"it has {len(known)} others, see scenarios.parquet"
         raise RunError(f"{path} has no scenario {scenario_id!r}: {close}")
     return scenario_of(rows[0], str(path))
 
@@ -230,7 +232,9 @@ class RunArrays:
         import pandas as pd
 
         # what makes two loops one; a loop that could not be simulated has no record
-        labels = {truth: self.truth[truth] for truth in TRUTHS}
+        labels = {}
+        for truth in TRUTHS:
+            labels[truth] = self.truth[truth]
         loops = pd.DataFrame({"id": self.ids, "record": self.hashes, **labels}).sort_values("id")
         copy = loops.duplicated(["record", *TRUTHS]) & (loops["record"] != b"")
         if not copy.any():
@@ -238,11 +242,10 @@ class RunArrays:
 
         # every array without the copies
         kept = np.sort(loops.index[~copy])
-        arrays: dict[str, Any] = {
-            name: np.take(values, kept, -1 if name in _BY_METHOD else 0)
-            for name, values in vars(self).items()
-            if isinstance(values, np.ndarray) and values.size
-        }
+        arrays: dict[str, Any] = {}
+        for name, values in vars(self).items():
+            if isinstance(values, np.ndarray) and values.size:
+                arrays[name] = np.take(values, kept, -1 if name in _BY_METHOD else 0)
         for name in ("axes", "truth"):
             arrays[name] = {key: values[kept] for key, values in getattr(self, name).items()}
         return replace(self, manifest={**self.manifest, COPIES: int(copy.sum())}, **arrays)
@@ -251,12 +254,16 @@ class RunArrays:
     def read(cls, path: str | Path, manifest: dict[str, Any] | None = None) -> RunArrays:
         """Read a finished run."""
         folder = Path(path)
-        manifest = read_manifest(folder) if manifest is None else manifest
+        if manifest is None:
+            manifest = read_manifest(folder)
         refuse_unfinished(folder, manifest)
         methods = tuple(manifest["methods"])
         n = manifest["counts"]["scenarios"]
         own = _own_axes(manifest)
-        tags = ["tags"] if own else []
+        if own:
+            tags = ["tags"]
+        else:
+            tags = []
         scenarios = _concatenate(_parts_for_arrays(folder, "scenarios", manifest, *tags))
         ids = scenarios.column("scenario_id").to_pylist()
         said = []
@@ -273,7 +280,9 @@ class RunArrays:
                 f"{folder} is damaged: verdicts and scenarios do not match; the verdicts of"
                 f" {len(methods)} methods are needed for each of {n} scenarios: run it again"
             )
-        wide = {name: np.concatenate([s[name] for s in said], axis=-1) for name in said[0]}
+        wide = {}
+        for name in said[0]:
+            wide[name] = np.concatenate([s[name] for s in said], axis=-1)
         tall = dict(_of_scenarios(scenarios))
         tall["axes"] = {**dict(_along_own(scenarios, own)), **tall["axes"]}
         return cls(manifest, methods=methods, **tall, **wide)
@@ -284,9 +293,13 @@ def _of_scenarios(table: pa.Table) -> Iterator[tuple[str, Any]]:
     keys = {"ids": "scenario_id", "digests": "loop_digest", "hashes": "record_hash"}
     for name, column in keys.items():
         yield name, np.array([x or "" for x in table.column(column).to_pylist()], dtype="S16")
-    axes = {name: _of_words(table.column(name)) for name in WORD_COLUMNS}
+    axes = {}
+    for name in WORD_COLUMNS:
+        axes[name] = _of_words(table.column(name))
     yield "axes", axes | {name: _numbers(table.column(name)) for name in _NUMBERS}
-    truth = {name: _flags(table.column(name)) for name in ("sticky", "predicted")}
+    truth = {}
+    for name in ("sticky", "predicted"):
+        truth[name] = _flags(table.column(name))
     truth["cycled"] = _codes(table.column("cycled"), _CYCLED)
     yield "truth", truth | {"cycled_word": _of_words(table.column("cycled"))}
     yield "oscillating", _flags(table.column("oscillating")) == 1
@@ -299,7 +312,11 @@ def _own_axes(manifest: Mapping[str, Any]) -> list[str]:
     """Return the axes of a run's grid that other grids have not: keys and sections of its loops."""
     grid = manifest.get("grid_content", {})
     tables = [part.get("axes") or {} for part in (grid, *(grid.get("block") or ()))]
-    few = [key for axes in tables for key, values in axes.items() if len(values) <= _MOST_ALONG]
+    few = []
+    for axes in tables:
+        for key, values in axes.items():
+            if len(values) <= _MOST_ALONG:
+                few.append(key)
     return [key for key in dict.fromkeys(few) if key not in AXES]
 
 
@@ -312,7 +329,10 @@ def _along_own(table: pa.Table, axes: Sequence[str]) -> Iterator[tuple[str, np.n
     for axis in axes:
         values = [one.get(axis) for one in tags]
         words = any(isinstance(value, str) for value in values)
-        known = ["" if v is None else str(v) for v in values] if words else values
+        if words:
+            known = ["" if v is None else str(v) for v in values]
+        else:
+            known = values
         yield axis, np.array(known, dtype=object if words else float)[cell]
 
 
@@ -344,10 +364,13 @@ def _encode(column: pa.ChunkedArray) -> tuple[list[str], np.ndarray]:
     is where, one more than there are for null.
     """
     coded = column.unify_dictionaries().combine_chunks()
-    coded = coded.chunk(0) if isinstance(coded, pa.ChunkedArray) else coded
+    if isinstance(coded, pa.ChunkedArray):
+        coded = coded.chunk(0)
     names = coded.dictionary.to_pylist()
     codes = coded.indices
-    codes = codes.fill_null(len(names)) if codes.null_count else codes  # which takes a while
+    # which takes a while
+    if codes.null_count:
+        codes = codes.fill_null(len(names))
     return names, codes.to_numpy(zero_copy_only=False)
 
 
@@ -355,13 +378,13 @@ def _of_words(column: pa.ChunkedArray) -> np.ndarray:
     """Return the words of a column, "" for null."""
     names, places = _encode(column)
     # objects: all rows share a few strings
-    return np.array([*names, ""], dtype=object)[places]
+    return np.array(names + [""], dtype=object)[places]
 
 
 def _codes(column: pa.ChunkedArray, codes: Mapping[str, int]) -> np.ndarray:
     """Return the codes of a column's words, -1 of others and for null."""
     names, places = _encode(column)
-    return np.array([*(codes.get(name, -1) for name in names), -1], dtype=np.int8)[places]
+    return np.array([codes.get(name, -1) for name in names] + [-1], dtype=np.int8)[places]
 
 
 def _numbers(column: pa.ChunkedArray) -> np.ndarray:
@@ -377,7 +400,10 @@ def _lists(column: pa.ChunkedArray) -> np.ndarray:
     there = column.is_valid().to_numpy()
     values = column.combine_chunks().flatten().to_numpy(zero_copy_only=False)
     rows = np.zeros((there.size, max(values.size // max(int(there.sum()), 1), 1)))
-    rows[there] = values.reshape(int(there.sum()), -1) if there.any() else 0.0
+    if there.any():
+        rows[there] = values.reshape(int(there.sum()), -1)
+    else:
+        rows[there] = 0.0
     return rows
 
 

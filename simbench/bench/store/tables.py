@@ -40,15 +40,10 @@ _COUNTS = ("cell", "repeat")
 RANKED = "ranked"  # 0: no ranking counts this loop
 CELL_S_OVER_2J = "cell_S_over_2J"  # also of a healthy loop, whose own S_over_2J is 0
 TAG_KEYS = (
-    *_COUNTS,
-    "block",
-    "member",
-    "process",
-    "controller",
-    "valve",
-    *AXES,
-    CELL_S_OVER_2J,
-    RANKED,
+    _COUNTS
+    + ("block", "member", "process", "controller", "valve")
+    + AXES
+    + (CELL_S_OVER_2J, RANKED)
 )
 
 _TYPES = {
@@ -63,21 +58,22 @@ _TYPES = {
 def _columns(table: str) -> list[tuple[str, pa.DataType]]:
     """Return the columns of lines that begin with a type, in their order."""
     lines = [line.split() for line in table.strip().splitlines()]
-    return [(name, _TYPES[kind]) for kind, *names in lines for name in names]
+    columns = []
+    for kind, *names in lines:
+        for name in names:
+            columns.append((name, _TYPES[kind]))
+    return columns
 
 
 # S and J: mapped, % of travel; theory_reason: why theory has nothing to say of this loop;
 # no_waveform: as `simbench.bench.score.no_waveform` and `rhythm` name them
 SCENARIOS = pa.schema(
-    [
-        ("scenario_id", _TEXT),
-        ("loop_digest", _TEXT),
-        ("group", pa.int64()),
-        *(
-            (name, pa.int64() if name in _COUNTS else _TEXT if name in WORD_COLUMNS else _NUMBER)
-            for name in TAG_KEYS
-        ),
-        *_columns("""
+    [("scenario_id", _TEXT), ("loop_digest", _TEXT), ("group", pa.int64())]
+    + [
+        (name, pa.int64() if name in _COUNTS else _TEXT if name in WORD_COLUMNS else _NUMBER)
+        for name in TAG_KEYS
+    ]
+    + _columns("""
             count seed
             flag sticky
             number S J
@@ -92,8 +88,7 @@ SCENARIOS = pa.schema(
             text flags
             numbers no_waveform
             text record_hash loop tags error
-        """),
-    ]
+        """)
 )
 VERDICT_SCHEMA = pa.schema(
     _columns("""

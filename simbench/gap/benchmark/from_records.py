@@ -89,7 +89,8 @@ def plan_of_records(
         )
     records, refused = read_folder(path, **about)
     name = Path(path).stem
-    name = f"{name} records" if name in grid_names() else name
+    if name in grid_names():
+        name = f"{name} records"
     found = grid_from_records(records, name, seed=int(seed), jobs=jobs, kept=out / ".near")
     return replace(found, left_out={**refused, **found.left_out})
 
@@ -134,8 +135,14 @@ def grid_from_records(
     """
     calls = [delayed(_kept_loop)(record, seed, kept) for record in records.values()]
     answers = dict(zip(records, run_parallel(calls, jobs, "loops identified"), strict=True))
-    loops = {n: one for n, one in answers.items() if isinstance(one, NearLoop)}
-    left_out = {n: one.reason for n, one in answers.items() if isinstance(one, Refusal)}
+    loops = {}
+    for n, one in answers.items():
+        if isinstance(one, NearLoop):
+            loops[n] = one
+    left_out = {}
+    for n, one in answers.items():
+        if isinstance(one, Refusal):
+            left_out[n] = one.reason
     if not loops:
         why = "; ".join(f"{n}: {reason}" for n, reason in list(left_out.items())[:3])
         raise RecordError(f"{name}: no record has a loop that is near it ({why})")
@@ -198,7 +205,9 @@ def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | R
     file = kept / f"{content_hash(told)}.json"
     if file.is_file():
         stored = json.loads(file.read_text(encoding="utf-8"))
-        return Refusal(stored) if isinstance(stored, str) else NearLoop.from_json(stored)
+        if isinstance(stored, str):
+            return Refusal(stored)
+        return NearLoop.from_json(stored)
     found = near_loop(record, seed)
     kept.mkdir(parents=True, exist_ok=True)
     with whole_file(file) as f:
@@ -210,7 +219,10 @@ def _scenarios(
     name: str, near: NearLoop, grid: str, seed: int, repeats: int
 ) -> list[list[Scenario]]:
     """Return the scenarios of one record, those of each cell together: sticky and healthy."""
-    cells = [(size * near.S, jump) for jump in JUMPS for size in SIZES]
+    cells = []
+    for jump in JUMPS:
+        for size in SIZES:
+            cells.append((size * near.S, jump))
     found = []
     with one_thread():
         for cell, (S, jump) in enumerate(cells):
@@ -237,7 +249,7 @@ def _cell(
     it, the sibling has fresh loads, as that of one that does not cycle, which stands in every other
     cell. What cannot be simulated is left out.
     """
-    rng = np.random.default_rng([*stream, int(near.digest[:8], 16)])
+    rng = np.random.default_rng(stream + [int(near.digest[:8], 16)])
     first, other = (int(x) for x in rng.integers(2**31, size=2))
     valve = {"S": S, "J": jump * S}
     sticky = near.loop.model_copy(update={"valve": Part(name=_VALVE, parameters=valve)})
@@ -245,7 +257,10 @@ def _cell(
         cycles = simulate_with_truth(sticky, first)[1].answer == YES
         found = [_scenario(near, sticky, first, {**tags, "member": "sticky"}, sticky)]
         kind = str(rng.choice(ECHOES))
-        healthy = _echo(near.loop, valve, kind, other) if cycles else None
+        if cycles:
+            healthy = _echo(near.loop, valve, kind, other)
+        else:
+            healthy = None
         if healthy is None:
             healthy = (near.loop, other)
             kind = "none"
@@ -263,9 +278,11 @@ def _echo(loop: Loop, valve: dict[str, float], kind: str, first: int) -> tuple[L
     None where none of a few does.
     """
     load = Part(name=echo.NAME, parameters={echo.VALVE: _VALVE, **valve, "kind": kind})
-    healthy = loop.model_copy(update={"disturbance": (*loop.disturbance, load)})
+    healthy = loop.model_copy(update={"disturbance": loop.disturbance + (load,)})
     seed = seed_of_echo(healthy, first)
-    return None if seed is None else (healthy, seed)
+    if seed is None:
+        return None
+    return (healthy, seed)
 
 
 def _scenario(
@@ -282,6 +299,8 @@ def _scenario(
         "record": tags["block"],
         "ranked": 1.0,
     }
-    asked = {key: tags[key] for key in ("benchmark", "cell", "repeat", "member")}
+    asked = {}
+    for key in ("benchmark", "cell", "repeat", "member"):
+        asked[key] = tags[key]
     ident = content_hash({**asked, "record": near.digest, "seed": str(seed)})
     return Scenario(loop=loop, seed=seed, tags={**axes, **tags}, asked=ident)

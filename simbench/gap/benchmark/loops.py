@@ -41,7 +41,10 @@ def draw_loops(grid: Grid, n: int, seed: int) -> list[DrawnLoop]:
     has no more. A loop that copies a record is of the unit of that record.
     """
     rng = np.random.default_rng([seed, 1])
-    order = [k for k in rng.permutation(grid.group_count).tolist() if grid.size(k)]
+    order = []
+    for k in rng.permutation(grid.group_count).tolist():
+        if grid.size(k):
+            order.append(k)
     each = -(-n // max(len(order), 1))
     drawn: list[DrawnLoop] = []
     for index in order:
@@ -49,7 +52,10 @@ def draw_loops(grid: Grid, n: int, seed: int) -> list[DrawnLoop]:
             break
 
         # some of the group's loops that are ranked; what cannot be simulated is passed over
-        ranked = [s for s in resolve(grid.group(index)) if s.tags.get("ranked", 1.0) != 0.0]
+        ranked = []
+        for s in resolve(grid.group(index)):
+            if s.tags.get("ranked", 1.0) != 0.0:
+                ranked.append(s)
         for k in rng.permutation(len(ranked))[:each].tolist():
             one = ranked[k]
             unit = str(one.tags.get("record", f"group {index}"))

@@ -98,9 +98,10 @@ def grid(
         if name not in ADDITIONS:
             raise ParameterError(f"gap grid: addition {name!r}: {nearest(name, ADDITIONS)}")
     plan = read_plan(grid, {})
-    named, refused = (
-        (records, {}) if isinstance(records, Mapping) else read_folder(records, **about)
-    )
+    if isinstance(records, Mapping):
+        named, refused = (records, {})
+    else:
+        named, refused = read_folder(records, **about)
     if len(named) < _FEWEST:
         raise RecordError(
             f"gap grid: {len(named)} records, and {len(refused)} files that are none; at least"
@@ -116,12 +117,11 @@ def grid(
     # how far the grid is as it is, with each addition in its best strength, and with several
     search = Search(drawn, named, units or {}, seed, jobs)
     before = search.ask([()])[0]
-    tried = [
-        (name, strength)
-        for name, one in ADDITIONS.items()
-        if additions is None or name in additions
-        for strength in (STRENGTHS if one.sized else (1.0,))
-    ]
+    tried = []
+    for name, one in ADDITIONS.items():
+        if additions is None or name in additions:
+            for strength in STRENGTHS if one.sized else (1.0,):
+                tried.append((name, strength))
     singles = _best_of_each(before, search.ask([(one,) for one in tried]))
     together = search.combine(before, singles)
     return GridGap(
@@ -172,7 +172,7 @@ class Search:
             best.setdefault(ADDITIONS[one.chosen[0][0]].block, one.chosen[0])
         steps = [before]
         for chosen in best.values():
-            (tried,) = self.ask([(*steps[-1].chosen, chosen)])
+            (tried,) = self.ask([(steps[-1].chosen + (chosen,))])
             if tried.certain < steps[-1].certain - _WORTH:
                 steps.append(tried)
         return steps[1:]
@@ -182,7 +182,7 @@ def _try_addition(
     search: Search, recorded: np.ndarray, chosen: tuple[Chosen, ...]
 ) -> TriedAddition:
     """Return how well loops with nuisances are told from records."""
-    changed = with_nuisances(search.drawn, chosen, [*search.records.values()], search.seed)
+    changed = with_nuisances(search.drawn, chosen, list(search.records.values()), search.seed)
     if len(changed) < max(_FEWEST, _SUITED * len(search.drawn)):
         return TriedAddition(chosen, Estimate(1.0, 0.0, 1.0), 1.0, len(changed))
     simulated = describe([one.record for one in changed])

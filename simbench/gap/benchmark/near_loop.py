@@ -68,7 +68,10 @@ def loop_of(report: GapReport, record: LoopRecord) -> NearLoop:
     situation = report.behind.found.situation
     probability = report.conclusion.probability
     likely = probability is not None and probability > LIKELIER
-    effects = [FRICTION] if likely and FRICTION in runs.fitted.parameters else []
+    if likely and FRICTION in runs.fitted.parameters:
+        effects = [FRICTION]
+    else:
+        effects = []
     gap = runs.shrink(effects)
     if not within_reach(gap.after, gap.plant_floor):
         far = describe_gap(gap.after, gap.plant_floor)
@@ -82,6 +85,14 @@ def _without_friction(loop: Loop) -> Loop:
     """Return a loop without the effects of a valve that sticks, and without the push that set it
     moving.
     """
-    effects = tuple(e for e in loop.effect if not is_friction(e.name))
-    loads = tuple(d for d in loop.disturbance if d.parameters.get("at") != "op")
+    effects = []
+    for e in loop.effect:
+        if not is_friction(e.name):
+            effects.append(e)
+    effects = tuple(effects)
+    loads = []
+    for d in loop.disturbance:
+        if d.parameters.get("at") != "op":
+            loads.append(d)
+    loads = tuple(loads)
     return loop.model_copy(update={"effect": effects, "disturbance": loads})

@@ -85,7 +85,7 @@ def _lend_archive(loop: Loop, record: LoopRecord, source: Source, strength: floa
         table[f"{name}_step"] = float(step * np.std(own) / (np.std(real) + _SMALLEST))
         held = np.diff(real) == 0.0
         if held.any():
-            table[f"{name}_held"] = [0, *np.resize(held, loop.sampling.n - 1).astype(int).tolist()]
+            table[f"{name}_held"] = [0] + np.resize(held, loop.sampling.n - 1).astype(int).tolist()
     return loop.replace(archive=table)
 
 

@@ -83,12 +83,16 @@ class GridGap:
     @property
     def after(self) -> TriedAddition:
         """The grid with all nuisances that help together."""
-        return self.together[-1] if self.together else self.before
+        if self.together:
+            return self.together[-1]
+        return self.before
 
     @property
     def effect(self) -> str:
         """The nuisance that brings the grid nearest by itself, "none" where none does."""
-        return self.together[0].chosen[0][0] if self.together else "none"
+        if self.together:
+            return self.together[0].chosen[0][0]
+        return "none"
 
     def sentence(self) -> str:
         """Return the answer in one sentence.
@@ -160,7 +164,7 @@ class GridGap:
             colour = BLUE if k else GREY
             place.plot([one.auc.lo, one.auc.hi], [-k, -k], color=colour)
             place.plot(one.auc.value, -k, "o", color=colour)
-        names = ["as it is", *(f"+ {one.chosen[-1][0]}" for one in self.together)]
+        names = ["as it is"] + [f"+ {one.chosen[-1][0]}" for one in self.together]
         place.set_yticks([-k for k in range(len(steps))], names)
         place.axvline(_CHANCE, color=GREY, linestyle="--", linewidth=0.8)
         place.set_xlim(0.3, 1.02)

@@ -100,16 +100,22 @@ def _stable_models(
     """Yield the models of all orders that are stable; all are fitted to the same samples."""
     orders = list(orders)
     most_past, most_driven = (max(order[k] for order in orders) for k in (0, 1))
-    driven = range(first, most_driven + 1) if most_driven else ()
+    if most_driven:
+        driven = range(first, most_driven + 1)
+    else:
+        driven = ()
     rows = y.size - _MOST
     lagged = [y[_MOST - i : y.size - i] for i in range(1, most_past + 1)]
     lagged += [x[_MOST - j : x.size - j] for j in driven]
-    X = np.column_stack([*lagged, np.ones(rows)])
+    X = np.column_stack(lagged + [np.ones(rows)])
     now = y[_MOST:]
     # of an orthogonal basis every order is a few columns
     R = np.linalg.qr(np.column_stack([X, now]), mode="r")
     for past, last in orders:
-        inputs = max(last - first + 1, 0) if last else 0
+        if last:
+            inputs = max(last - first + 1, 0)
+        else:
+            inputs = 0
         columns = [*range(past), *range(most_past, most_past + inputs), X.shape[1] - 1]
         b = solve_least_squares(R[:, columns], R[:, -1])
         if past and np.abs(np.roots(np.append(1.0, -b[:past]))).max() >= 1.0:

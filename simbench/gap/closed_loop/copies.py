@@ -92,7 +92,10 @@ def _redraw_loads(
     for name, (plant, op0, left, law_of_left) in tables:
         for piece in _pieces(s.op[: held_out(s)], left.size):
             numbers = {"piece": piece * Ts, **of_op, "output": left.tolist()}
-            numbers |= {} if law_of_left is None else {"filter": law_of_left}
+            if law_of_left is None:
+                numbers |= {}
+            else:
+                numbers |= {"filter": law_of_left}
             load = Part(name="resampled", parameters=numbers)
             rest = {"op0": op0, "pv0": float(s.sp[0])}
             try:
@@ -132,7 +135,7 @@ def _with_shown_law(s: Situation, loop: Loop) -> Iterator[Copy]:
     load = Part(name="resampled", parameters={"piece": piece, "op": left})
     try:
         shown_law = loop.replace(
-            controller=controller_of(law, Ts), disturbance=(load, *loop.disturbance)
+            controller=controller_of(law, Ts), disturbance=(load,) + loop.disturbance
         )
         yield Copy(shown_law, AS_STATED, AS_STATED)
     except SpecError:
@@ -181,7 +184,9 @@ def _repeats(x: np.ndarray) -> tuple[int, ...] | None:
     does.
     """
     same = np.diff(x) == 0.0
-    return (0, *same.astype(int).tolist()) if same.any() else None
+    if same.any():
+        return (0, *same.astype(int).tolist())
+    return None
 
 
 def _surroundings(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> Loop:
@@ -189,11 +194,10 @@ def _surroundings(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any
     on the valve and the limits of OP; its plant and controller are to be replaced.
     """
     op = s.op
-    limits = {
-        name: end
-        for name, end in (("lo", float(op.min())), ("hi", float(op.max())))
-        if np.mean(op == end) > _AT_LIMIT
-    }
+    limits = {}
+    for name, end in (("lo", float(op.min())), ("hi", float(op.max()))):
+        if np.mean(op == end) > _AT_LIMIT:
+            limits[name] = end
     parts = [Part.of("effect", effect) for effect in effects]
     if limits:
         parts.append(Part(name="saturation", parameters=limits))
@@ -258,7 +262,9 @@ def _leave_by_plant(plant: Plant, position: np.ndarray, pv: np.ndarray, s: Situa
 
 def _resting_op(op0: float, s: Situation) -> float:
     """Return OP at rest; its mean on record where that lies outside of its travel."""
-    return float(op0) if WITHIN[0] <= op0 <= WITHIN[1] else float(np.clip(s.op.mean(), *WITHIN))
+    if WITHIN[0] <= op0 <= WITHIN[1]:
+        return float(op0)
+    return float(np.clip(s.op.mean(), *WITHIN))
 
 
 def _pieces(op: np.ndarray, samples: int) -> list[int]:

@@ -34,7 +34,9 @@ def described(loop: Loop) -> list[str]:
     """
     lines = [f"The plant {_plant(loop.plant)}.", f"The controller {controller_words(loop)}."]
     margin = gain_margin(loop)
-    return [*lines, f"The gain margin is {margin:.2g}."] if np.isfinite(margin) else lines
+    if np.isfinite(margin):
+        return lines + [f"The gain margin is {margin:.2g}."]
+    return lines
 
 
 def _plant(plant: Plant) -> str:
@@ -56,8 +58,14 @@ def controller_words(loop: Loop) -> str:
         own |= {"Td": c.Td and f"{c.Td:.3g} s"}
         return f"is {c.type}: " + ", ".join(f"{k} = {v}" for k, v in own.items() if v)
     Kc, Ki, Kd = _like_pid(c, loop.sampling.Ts)
-    Ti = Kc / Ki if Ki else np.inf
-    Td = Kd / Kc if Kc else 0.0
+    if Ki:
+        Ti = Kc / Ki
+    else:
+        Ti = np.inf
+    if Kc:
+        Td = Kd / Kc
+    else:
+        Td = 0.0
     kind = "PI" if np.isfinite(Ti) else "P"
     said = f"Kc = {Kc:.3g}"
     if np.isfinite(Ti):
@@ -105,7 +113,9 @@ def gain_margin(loop: Loop) -> float:
     if L is None:
         return np.inf
     crossings = phase_crossings(L)
-    return float(1.0 / np.abs(L[crossings[0]])) if crossings.size else np.inf
+    if crossings.size:
+        return float(1.0 / np.abs(L[crossings[0]]))
+    return np.inf
 
 
 def open_loop(loop: Loop) -> np.ndarray | None:

@@ -130,7 +130,9 @@ def measure(
     resolvable = b >= NEAR * f
     off = [np.abs(real - x.mean(axis=0)) / spread for x in (runs[0], runs[2])]
     ends = runs[2].min(axis=0), runs[2].max(axis=0)
-    per = {name: Compared(*map(float, numbers)) for name, *numbers in zip(named, real, *ends, *off)}
+    per = {}
+    for name, *numbers in zip(named, real, *ends, *off):
+        per[name] = Compared(*map(float, numbers))
     at_plant = f * _unsteadiness(situation, after, spread)
     if not resolvable:
         return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per, at_plant)

@@ -31,7 +31,11 @@ class IdentifiedLoops(ClosedLoops):
         its fitted part; what else they do is in the copy already.
         """
         known = self.fitted.parameters
-        key = tuple(e for e in effects if is_friction(e) and e in known)
+        key = []
+        for e in effects:
+            if is_friction(e) and e in known:
+                key.append(e)
+        key = tuple(key)
         if key not in self.chosen:
             valve = [{"name": e, **known[e]} for e in key]
             tried = copies(self.fitted.situation, super().corrected(key), valve)
@@ -56,7 +60,7 @@ class IdentifiedLoops(ClosedLoops):
         if near.copy.load != load:
             load = f"drawn again from what the record left, in pieces of {near.copy.load} s"
         kept = "The archive repeats samples as the record's does."
-        return [*described(near.copy.loop), f"The load is {load}.", *([kept] * near.held)]
+        return described(near.copy.loop) + [f"The load is {load}."] + [kept] * near.held
 
     def _run_copy(self, effects: Sequence[str]) -> Runs:
         """Return the runs of the copy with some effects."""
@@ -69,12 +73,16 @@ class IdentifiedLoops(ClosedLoops):
         """Return runs of the copy without effects, twice, as it needs no other calibration, and of
         that with some effects.
         """
-        key = tuple(e for e in effects if is_friction(e))
+        key = []
+        for e in effects:
+            if is_friction(e):
+                key.append(e)
+        key = tuple(key)
         if () not in self.arms:
             bare = self._run_copy([])
             self.arms[()] = bare, bare, bare
         if key not in self.arms:
-            self.arms[key] = *self.arms[()][:2], self._run_copy(key)
+            self.arms[key] = self.arms[()][:2] + (self._run_copy(key),)
         return self.arms[key]
 
     def rival(self, effects: Sequence[str], named: Sequence[str]) -> Shrinkage | None:

@@ -75,11 +75,13 @@ def moved(loop: Loop, kick: float) -> Loop:
         return loop
     move = {"amplitude": kick, "period": loop.sampling.Ts, "at": "op"}
     # ahead of the others: an echo of a valve's motion must be the last
-    return loop.replace(disturbance=(Part(name="ramp", parameters=move), *loop.disturbance))
+    return loop.replace(disturbance=(Part(name="ramp", parameters=move),) + loop.disturbance)
 
 
 def kick_of(p: Mapping[str, Any]) -> float:
     """Return the offset of OP (%) that starts a cycle under an effect of these numbers: only a
     valve that jumps needs one.
     """
-    return float(p["S"]) if "J" in p else 0.0
+    if "J" in p:
+        return float(p["S"])
+    return 0.0

@@ -57,8 +57,10 @@ def fixed_loop(
     source = load or fit
     if jumps and source.spec.jumps and not source.spec.fade:
         steps = Part(name="load_steps", parameters=load_steps.numbers(source, situation))
-        identified = identified.replace(effect=(*identified.effect, steps))
-    return identified if situation.trusted else stable(identified)
+        identified = identified.replace(effect=identified.effect + (steps,))
+    if situation.trusted:
+        return identified
+    return stable(identified)
 
 
 def _fitted_plant(situation: Situation, fit: Fit) -> Plant:
@@ -80,7 +82,10 @@ def _fitted_plant(situation: Situation, fit: Fit) -> Plant:
     if d.shape is None:
         return base.replace(**numbers)
     like = first_order_like(base)
-    slower = numbers["T"] / like.T if like.T and "T" in numbers else 1.0
+    if like.T and "T" in numbers:
+        slower = numbers["T"] / like.T
+    else:
+        slower = 1.0
     return stretched(base, numbers.get("K", like.K) / like.K, slower, numbers.get("Td", base.Td))
 
 
@@ -111,7 +116,10 @@ def _with_fitted_load(
         if _remembers(source):
             loads.append(_coloured_noise(source, situation.record.Ts))
         else:
-            std = situation.data.noise if as_stated else _noise(situation, fit)
+            if as_stated:
+                std = situation.data.noise
+            else:
+                std = _noise(situation, fit)
     parts = tuple(Part.of("disturbance", load) for load in loads)
     return loop.replace(disturbance=parts, noise=loop.noise.replace(std=std))
 
@@ -155,12 +163,13 @@ def _loads(
     Ts = situation.record.Ts
     d = situation.data
     K = abs(input_gain(source, d))
-    loads = [
-        {"type": "coloured", "amplitude": std / K, "period": period * Ts}
-        | ({"lag": lag * Ts} if lag > 0.0 else {})
-        for std, period, lag in load_parts(_with_kicks(source, d.n))
-        if std > _NIL * d.size
-    ]
+    loads = []
+    for std, period, lag in load_parts(_with_kicks(source, d.n)):
+        if std > _NIL * d.size:
+            loads.append(
+                {"type": "coloured", "amplitude": std / K, "period": period * Ts}
+                | ({"lag": lag * Ts} if lag > 0.0 else {})
+            )
     wanders = source.spec.walk or "noise_std" in source.spec.free
     if wanders:
         loads += situation.loads_on_pv
@@ -222,9 +231,15 @@ def _rest(situation: Situation, fit: Fit) -> float:
     sp = situation.sp
     v = valve_of(fit.spec, fit.theta, d.u)
     gain = fit.K if fit.K != 0 else d.K
-    ahead = (float(np.mean(d.y)) - sp[0]) / gain if d.T > 0 else (d.y[-1] - d.y[0]) / (gain * d.n)
+    if d.T > 0:
+        ahead = (float(np.mean(d.y)) - sp[0]) / gain
+    else:
+        ahead = (d.y[-1] - d.y[0]) / (gain * d.n)
     # a valve with memory moves as far as OP on average; its regression on OP over a cycle tells the
     # lag between them
     maps = fit.spec.valve == kernels.CURVE or fit.spec.moves is not None
-    slope = float(np.polyfit(v, situation.op, 1)[0]) if maps and np.ptp(v) > 0 else 1.0
+    if maps and np.ptp(v) > 0:
+        slope = float(np.polyfit(v, situation.op, 1)[0])
+    else:
+        slope = 1.0
     return clip(float(np.mean(situation.op)) - ahead * slope, *WITHIN)

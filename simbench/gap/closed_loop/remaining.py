@@ -106,7 +106,10 @@ def remaining(situation: Situation, compared: dict[str, Compared]) -> tuple[Rema
 
 def _in_words(name: str, one: Compared, s: Situation) -> Remaining:
     """Return a feature with its values in the units of the plant."""
-    kind, _, number = name.rpartition(" ") if name[-1].isdigit() else (name, "", "")
+    if name[-1].isdigit():
+        kind, _, number = name.rpartition(" ")
+    else:
+        kind, _, number = (name, "", "")
     signal, _, what = kind.partition(" ")
     known = _KINDS[kind if "after" in what else what]
     samples = s.record.n - held_out(s)

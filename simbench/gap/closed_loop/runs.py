@@ -74,7 +74,9 @@ class ClosedLoops:
             return None
         copy, after = min(found, key=lambda one: fitted.distance(one[1].archived))
         closed = measure(s, before, again, after, seed=self.seed)
-        return (copy, closed) if closed.after < min(closed.before, closed.recalibrated) else None
+        if closed.after < min(closed.before, closed.recalibrated):
+            return (copy, closed)
+        return None
 
     def adds(self, effects: Sequence[str]) -> bool:
         """Return whether a simulation with some effects is another one than that without."""
@@ -108,7 +110,10 @@ class ClosedLoops:
                 raise RecordError(
                     "the baseline cannot be simulated with this record's set point: it runs away"
                 )
-            after = self._runs(effects, effects) if key else again
+            if key:
+                after = self._runs(effects, effects)
+            else:
+                after = again
             self.arms[key] = (before, again or before, after or before)
         return self.arms[key]
 

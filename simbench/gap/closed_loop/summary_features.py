@@ -76,9 +76,10 @@ def least_spread(named: Mapping[str, float], samples: int) -> np.ndarray:
     """Return the smallest standard deviation that is believed of each feature of a record: of
     counted samples, what one sample more changes.
     """
-    one_more = {
-        name: 1.0 / (samples * np.exp(x)) for name, x in named.items() if name.endswith(_COUNTS)
-    }
+    one_more = {}
+    for name, x in named.items():
+        if name.endswith(_COUNTS):
+            one_more[name] = 1.0 / (samples * np.exp(x))
     return np.array([max(_LEAST_SPREAD, one_more.get(name, 0.0)) for name in named])
 
 

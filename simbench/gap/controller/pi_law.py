@@ -66,7 +66,10 @@ def examine_law(
         return _Examination(op, pv, sp, stated, acts, noise).law(trusted)
 
     def examined(pv: np.ndarray, sp: np.ndarray | None) -> Law:
-        level = np.full(pv.size, pv.mean()) if sp is None else sp
+        if sp is None:
+            level = np.full(pv.size, pv.mean())
+        else:
+            level = sp
         forms = stated.forms
         laws = [law_of(acts, pv, sp) for acts in forms]
         if trusted and not any(law.known and law.tuning is None for law in laws):
@@ -96,15 +99,24 @@ def best_aligned(
         return law
     late = np.append(pv[0], pv[:-1])
     tries = [law]
-    sps = [sp] if sp is None else [sp, np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1])]
+    if sp is None:
+        sps = [sp]
+    else:
+        sps = [sp, np.append(sp[0], sp[:-1]), np.append(sp[1:], sp[-1])]
     for shifted in sps[:2]:
         other = examined(late, shifted)
         seen = other.recovered_pv
-        seen = None if seen is None else np.append(seen[1:], pv[-1])
+        if seen is None:
+            seen = None
+        else:
+            seen = np.append(seen[1:], pv[-1])
         tries.append(replace(other, recovered_pv=seen, late=1))
     tries += [examined(pv, shifted) for shifted in sps[1:]]
     # a law that is exact but for the set point's steps is only mended by what explains these
-    most = law.strays.size / 2 if law.foreign and law.residual < EXACT else pv.size
+    if law.foreign and law.residual < EXACT:
+        most = law.strays.size / 2
+    else:
+        most = pv.size
     known = [t for t in tries if t.known and t.strays.size <= most]
     if not known:
         return min((t for t in tries if t.foreign), key=lambda t: t.residual, default=law)
@@ -117,7 +129,10 @@ def find_retuning(
     Kc: float, Ti: float, Kc_stated: float, Ti_stated: float
 ) -> tuple[float, float] | None:
     """Return the factors of a tuning that differs from the stated one, None when it hardly does."""
-    Ti_factor = Ti / Ti_stated if np.isfinite(Ti) and np.isfinite(Ti_stated) else 1.0
+    if np.isfinite(Ti) and np.isfinite(Ti_stated):
+        Ti_factor = Ti / Ti_stated
+    else:
+        Ti_factor = 1.0
     factors = Kc / Kc_stated, Ti_factor
     shift = np.abs(np.log(np.maximum(factors, 1e-6))).max()
     return factors if shift > RETUNED else None
@@ -147,7 +162,10 @@ class _Examination:
         self.pv = pv
         self.sp = sp
         self.du = np.diff(op)
-        self.level = np.full(pv.size, pv.mean()) if sp is None else sp
+        if sp is None:
+            self.level = np.full(pv.size, pv.mean())
+        else:
+            self.level = sp
         self.Ts = stated.Ts
         self.Kc = stated.Kc
         self.Ti = stated.Ti
@@ -163,7 +181,10 @@ class _Examination:
         pv_band = exception_band(pv, max(pv_is.unit, pv_is.step))
         self.hidden = 2.0 * (op_band + per_pv * pv_band)
         size = spread(self.du)
-        self.size = size if size > 0.0 else float(np.std(self.du)) or 1.0
+        if size > 0.0:
+            self.size = size
+        else:
+            self.size = float(np.std(self.du)) or 1.0
         # what the digits of PV leave of the law counts as those of OP
         unit = max(op_is.unit, per_pv * pv_is.digits)
         limit = limits_of(op, self.e, Kc + self.Ki, -Kc, op_is.step, unit, self.hidden)
@@ -173,7 +194,10 @@ class _Examination:
         # the ends of the range are everybody's limits
         lo = lo if lo > 0.01 else 0.0
         hi = hi if hi < 99.99 else 100.0
-        self.limits = None if (lo, hi) == (0.0, 100.0) else (lo, hi)
+        if (lo, hi) == (0.0, 100.0):
+            self.limits = None
+        else:
+            self.limits = (lo, hi)
         # a controller that holds its integral at a limit leaves it by another step
         told = inside[1:] & inside[:-1]
         # of a value that an archive repeats nobody knows what it was
@@ -228,7 +252,9 @@ class _Examination:
         if self._runs_within_a_sample():
             none = np.empty(0, dtype=int)
             return replace(law, quick=not self.exact, Kc=self.Kc, Ti=self.Ti or np.inf, strays=none)
-        return self._find_known_law(law) if self.exact else self._find_hidden_law(law)
+        if self.exact:
+            return self._find_known_law(law)
+        return self._find_hidden_law(law)
 
     def _fit(self) -> None:
         """Fit the law, past a gap of the error and a lattice of OP: is nothing but it between error
@@ -268,18 +294,24 @@ class _Examination:
             # exceeds it
             full = np.where(np.abs(own) <= gap / 2, 0.0, own)
             counted = full, full - np.sign(full) * gap / 2
-            pvs = (None, self.pv) if of_pv else (None,)
-            errors = [
-                self.acts.error(op, self.level - x, self.level, slope_of=pv)
-                for x in counted for pv in pvs
-            ]  # fmt: skip
+            if of_pv:
+                pvs = (None, self.pv)
+            else:
+                pvs = (None,)
+            errors = []
+            for x in counted:
+                for pv in pvs:
+                    errors.append(self.acts.error(op, self.level - x, self.level, slope_of=pv))
         fits = [(by_steps(du, x, rows, Kc, Ki, size, no_sp), x) for x in errors]
         fit, e = min(fits, key=lambda f: f[0].residual)
         if coarse:
             fit = by_sums(op, e, self.inside, Kc, Ki, step)
         # OP that mostly rests fits "no control at all" exactly
         self.collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
-        card = CARD / np.sqrt(6.0) if written_unit(op) > 0.1 * CARD else 0.0
+        if written_unit(op) > 0.1 * CARD:
+            card = CARD / np.sqrt(6.0)
+        else:
+            card = 0.0
         hidden = DIGITS * max(self.rounding, card) + 1e-9 * float(np.abs(op).max())
         self.tolerance = max(_NEAR if coarse else EXACT, min(hidden / size, _HALF))
         self.fit = fit
@@ -337,7 +369,10 @@ class _Examination:
         moving = np.diff(pv) != 0.0
         exact = ~line & (np.append(True, moving) | np.append(moving, True) | (grid > 0.0))
         rough = bool(line.mean() > _THINNED) or grid > 0.0
-        mean = self._behind_a_mean(law) if self.plain and not rough else None
+        if self.plain and not rough:
+            mean = self._behind_a_mean(law)
+        else:
+            mean = None
         if mean is not None:
             return mean
         foreign = ""
@@ -365,11 +400,16 @@ class _Examination:
         off = pv - candidate
         kept = bool(rough and exact.sum() >= _FEW)
         if kept:
-            faithful = ROUNDED * grid if grid > 0.0 else FAITHFUL * float(np.std(off[line]))
+            if grid > 0.0:
+                faithful = ROUNDED * grid
+            else:
+                faithful = FAITHFUL * float(np.std(off[line]))
             kept = float(np.std(off[exact])) < faithful
         if kept or np.std(off) < 0.7 * np.std(e) + 1e-12:
             law = replace(law, recovered_pv=candidate, residual=self.fit.base)
-        return self._law_of_tuning(law, a, b) if kept and a != Kc + Ki else law
+        if kept and a != Kc + Ki:
+            return self._law_of_tuning(law, a, b)
+        return law
 
     def _behind_a_mean(self, law: Law) -> Law | None:
         """Return the law, under the baseline's tuning or another, whose PV the archive took the
@@ -382,9 +422,9 @@ class _Examination:
         rests = float(np.mean(self.du[self.rows] == 0.0))
         if self.op_is.step == 0.0 and rests > _RESTING:
             return None
-        tunings = [
-            (Kc + share * Ki, (1.0 - share) * Ki - Kc) for share in (FORMS if Ki else FORMS[:1])
-        ]
+        tunings = []
+        for share in FORMS if Ki else FORMS[:1]:
+            tunings.append((Kc + share * Ki, (1.0 - share) * Ki - Kc))
         stated = len(tunings)
         if inside.all():
             within = inside.copy()
@@ -394,7 +434,10 @@ class _Examination:
             tunings.append((hidden.a, hidden.b))
         tries = []
         for i, (a, b) in enumerate(tunings):
-            seen = self._recover_change(a, b) if np.isfinite(a) else None
+            if np.isfinite(a):
+                seen = self._recover_change(a, b)
+            else:
+                seen = None
             if seen is not None:
                 # a baseline that explains the archive as well is the simpler truth
                 price = 1.0 if i < stated else 1.5
@@ -413,8 +456,13 @@ class _Examination:
 
     def _recover_change(self, a: float, b: float) -> np.ndarray | None:
         pv = recover_pv(self.op, self.e, self.pv, self.inside, a, b, self.Ti is None)
-        change = None if pv is None else self.acts.unshaped(pv - self.pv)
-        return None if change is None else self.pv + change
+        if pv is None:
+            change = None
+        else:
+            change = self.acts.unshaped(pv - self.pv)
+        if change is None:
+            return None
+        return self.pv + change
 
     def _law_of_tuning(self, law: Law, a: float, b: float) -> Law:
         """Return the law with the tuning of dOP = a e_k + b e_{k-1}."""
@@ -437,7 +485,10 @@ class _Examination:
             kc = a - share * integral
             if kc * Kc <= 0:
                 continue
-            ti = kc * Ts / integral if integral * Kc > 1e-9 * Kc * Kc else np.inf
+            if integral * Kc > 1e-9 * Kc * Kc:
+                ti = kc * Ts / integral
+            else:
+                ti = np.inf
             distance = abs(np.log(kc / Kc)) + (
                 abs(np.log(ti / Ti)) if Ti and np.isfinite(ti) else (10.0 if Ti else 0.0)
             )

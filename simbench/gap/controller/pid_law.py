@@ -36,7 +36,9 @@ class Stated:
     @property
     def Ki(self) -> float:
         """Gain of the integral (% per PV unit and sample)."""
-        return self.Kc * self.Ts / self.Ti if self.Ti else 0.0
+        if self.Ti:
+            return self.Kc * self.Ts / self.Ti
+        return 0.0
 
     @property
     def per_pv(self) -> float:
@@ -136,8 +138,13 @@ class Stated:
         free = du != 0.0
         X = np.column_stack([moves, self._adds(sp - pv)])[free]
         y = du[free]
-        Kc, Ki = solve_by_majority(X, y) if y.size > 2 else (0.0, 0.0)
+        if y.size > 2:
+            Kc, Ki = solve_by_majority(X, y)
+        else:
+            Kc, Ki = (0.0, 0.0)
         if Kc * Ki <= 0.0 or about_zero(y - X @ [Kc, Ki]) > _EXPLAINS * about_zero(y):
             return None
         Ti = float(self.Ts * Kc / Ki)
-        return replace(self, Ti=Ti) if abs(np.log(Ti / self.Ti)) > _OTHER_TI else None
+        if abs(np.log(Ti / self.Ti)) > _OTHER_TI:
+            return replace(self, Ti=Ti)
+        return None

@@ -141,7 +141,10 @@ def hidden_law(
     X0 = channels(stated)
     beta = solve_least_squares(X, y)
     total = float(beta[:many].sum())
-    a = 1.0 / total if total != 0.0 else np.inf
+    if total != 0.0:
+        a = 1.0 / total
+    else:
+        a = np.inf
     left = y - X0[:, :many].mean(axis=1) / (Kc + Ki)
     start = X0[:, many:]
     left = left - start @ solve_least_squares(start, left)

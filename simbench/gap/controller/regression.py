@@ -49,7 +49,9 @@ def solve_by_majority(X: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def spread(x: np.ndarray) -> float:
     """Return the standard deviation by the median distance from the median, 0 of nothing."""
-    return 1.4826 * float(np.median(np.abs(x - np.median(x)))) if x.size else 0.0
+    if x.size:
+        return 1.4826 * float(np.median(np.abs(x - np.median(x))))
+    return 0.0
 
 
 def about_zero(x: np.ndarray) -> float:
@@ -90,7 +92,10 @@ def by_sums(
     After each stay at a limit the sum begins anew: c is another one. The digits of SP and PV add up
     as well, to a line over `_ADDED` samples, which is taken off.
     """
-    parts = [slice(k, min(k + _ADDED, b)) for a, b in runs_of(inside) for k in range(a, b, _ADDED)]
+    parts = []
+    for a, b in runs_of(inside):
+        for k in range(a, b, _ADDED):
+            parts.append(slice(k, min(k + _ADDED, b)))
     now, total, out = (
         np.concatenate([scipy.signal.detrend(x[p]) for p in parts if p.stop - p.start >= 5])
         for x in (e, np.cumsum(e), op)

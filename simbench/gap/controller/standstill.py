@@ -106,7 +106,9 @@ def error_gap(still: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     edge = 0.5 * (reach[order[split]] + reach[order[split + 1]])
     wrong = np.count_nonzero(still != (reach <= edge))
     agree = 1.0 - wrong / max(min(still.sum(), (~still).sum()), 1)
-    return 2.0 * float(edge) if agree > _SEPARATED else 0.0
+    if agree > _SEPARATED:
+        return 2.0 * float(edge)
+    return 0.0
 
 
 def skips_scans(

@@ -61,7 +61,9 @@ class Assessment(Fitted):
     @property
     def first(self) -> str:
         """The strongest effect, before `none` and `unknown` are weighed."""
-        return self.chosen[0] if self.chosen else NONE
+        if self.chosen:
+            return self.chosen[0]
+        return NONE
 
     @property
     def friction_alone(self) -> float:
@@ -72,7 +74,11 @@ class Assessment(Fitted):
     @property
     def unknowns(self) -> list[Left]:
         """What speaks for something unknown in every record."""
-        return [one for record in (self, *self.other_records) for one in unknowns_of(record)]
+        unknown = []
+        for record in (self,) + self.other_records:
+            for one in unknowns_of(record):
+                unknown.append(one)
+        return unknown
 
     @property
     def worst_test(self) -> tuple[float, str]:
@@ -118,7 +124,10 @@ def assess(
     loaded = any(block_of(e) == "disturbance" for e in chosen)
     tests: tuple[Left, ...] = ()
     if situation.trusted:
-        inside = {e: parameters[e] for e in chosen if e in parameters and e not in known_by(rows)}
+        inside = {}
+        for e in chosen:
+            if e in parameters and e not in known_by(rows):
+                inside[e] = parameters[e]
         brought = [nats_of(rows).get(e, 0.0) for e in chosen[:1]]
         brought += [on_top[chosen[0]][e] for e in chosen[1:]]
         explained = max(sum(brought), LEAST_NATS)
@@ -193,7 +202,9 @@ def _model(s: Situation, maps: Maps) -> tuple[Engine, Fit, Maps]:
     more = base.loglik - without.loglik
     # what else MV could be is less likely than this
     maps = {e: (n - nats, q) for e, (n, q) in maps.items()} | {seen: (min(nats, more), p)}
-    return (engine, base, maps) if more > 0.0 else (given, without, maps)
+    if more > 0.0:
+        return (engine, base, maps)
+    return (given, without, maps)
 
 
 def _engine(s: Situation, maps: Maps) -> Engine:
@@ -205,7 +216,10 @@ def _add_proven(s: Situation, engine: Engine, by_mv: bool) -> Situation:
     """Return the situation with the engine's data, and what law or samples show that has a meaning
     beside this baseline.
     """
-    known = {e: p for e, p in s.proven.items() if meaningful(e, s.trusted, s.tuned, by_mv)}
+    known = {}
+    for e, p in s.proven.items():
+        if meaningful(e, s.trusted, s.tuned, by_mv):
+            known[e] = p
     return replace(s, data=engine.data, proven=known)
 
 
@@ -238,19 +252,21 @@ def _rows(
     """Return what law, samples, MV, PV, and OP and PV without a model show, each effect's rows with
     its numbers; what the baseline states has none.
     """
-    rows = [
-        Evidence(e, LAW if block_of(e) == "controller" else SAMPLES, TERM_NATS, p)
-        for e, p in s.proven.items()
-    ]
-    seen = {e: (MV, gain) for e, (gain, _) in maps.items()}
+    rows = []
+    for e, p in s.proven.items():
+        rows.append(Evidence(e, LAW if block_of(e) == "controller" else SAMPLES, TERM_NATS, p))
+    seen = {}
+    for e, (gain, _) in maps.items():
+        seen[e] = (MV, gain)
     seen |= {e: (PV, float(c.log_likelihood_gain)) for e, c in candidates.items()}
-    rows += [
-        Evidence(e, source, nats, parameters.get(e, {}))
-        for e, (source, nats) in seen.items()
-        if e not in s.proven and e not in s.stated
-    ]
+    for e, (source, nats) in seen.items():
+        if e not in s.proven and e not in s.stated:
+            rows.append(Evidence(e, source, nats, parameters.get(e, {})))
     without_model = alone / TEMPERATURE
-    by_pv = [row for row in rows if row.source == PV and is_friction(row.effect)]
+    by_pv = []
+    for row in rows:
+        if row.source == PV and is_friction(row.effect):
+            by_pv.append(row)
     return rows + [replace(row, source=ALONE, nats=without_model) for row in by_pv if alone]
 
 
@@ -271,7 +287,10 @@ def _choose_effects(
     # the strongest effect
     known = known_by(rows)
     nats = nats_of(rows)
-    allowed = [e for e in nats if friction is None or is_friction(e) == (friction > LIKELIER)]
+    allowed = []
+    for e in nats:
+        if friction is None or is_friction(e) == (friction > LIKELIER):
+            allowed.append(e)
     first = max(allowed, key=lambda e: nats[e], default=NONE)
     if known and not (friction is not None and is_friction(first)):
         first = known[0]
@@ -281,7 +300,10 @@ def _choose_effects(
     # another one beside it
     fits, brought = _on_top_of(first, s, rows, engine, candidates, friction)
     on_top = {first: brought}
-    final = candidates[first].fit if first in candidates else base
+    if first in candidates:
+        final = candidates[first].fit
+    else:
+        final = base
     more = [e for e in brought if brought[e] > SECOND_NATS]
     second = max(more, key=lambda e: brought[e], default=NONE)
     if second in fits or second in candidates:
@@ -308,7 +330,10 @@ def _on_top_of(
     """
     # effects of another block, of which friction may be weighed apart
     nats = nats_of(rows)
-    others = [e for e in nats if block_of(e) != block_of(first)]
+    others = []
+    for e in nats:
+        if block_of(e) != block_of(first):
+            others.append(e)
     if friction is not None:
         others = [e for e in others if not is_friction(e)]
 
@@ -321,7 +346,9 @@ def _on_top_of(
         others = [e for e in others if e not in plain]
 
     # what they bring; what OP and PV say by themselves holds beside the first effect, too
-    brought = {e: float(fits[e].log_likelihood_gain) if e in fits else nats[e] for e in others}
+    brought = {}
+    for e in others:
+        brought[e] = float(fits[e].log_likelihood_gain) if e in fits else nats[e]
     for row in rows:
         if row.source == ALONE and row.effect in fits and row.effect in brought:
             brought[row.effect] += row.nats
@@ -333,7 +360,10 @@ def unknowns_of(assessment: Assessment) -> list[Left]:
     tests of its best model.
     """
     s = assessment.situation
-    facts = [("controller", s.unexplained_law)] if s.unexplained_law else []
+    if s.unexplained_law:
+        facts = [("controller", s.unexplained_law)]
+    else:
+        facts = []
     if s.frozen and s.trusted and "frozen_sensor" not in s.proven:
         facts.append(("sensor", f"PV does not change for {s.samples.held} samples"))
     if assessment.mv_unexplained:

@@ -92,10 +92,10 @@ def _probability(chance: float, beyond: float, explained: float) -> float:
 def _tests(engines: Sequence[Engine], fits: Sequence[tuple[Fit, Fit]]) -> list[dict[str, float]]:
     """Return the tests of one model on several records."""
     jumps = shifts(engines[0], [other for _, other in fits])
-    return [
-        memory_and_input(final, engine.data) | {"shifts": jump}
-        for engine, (final, _), jump in zip(engines, fits, jumps)
-    ]
+    tests = []
+    for engine, (final, _), jump in zip(engines, fits, jumps):
+        tests.append(memory_and_input(final, engine.data) | {"shifts": jump})
+    return tests
 
 
 def _simulated_tests(
@@ -105,7 +105,10 @@ def _simulated_tests(
     be simulated.
     """
     # the loop with what stands between OP and PV: what a load does is in every model
-    inner = {e: p for e, p in effects.items() if block_of(e) != "disturbance"}
+    inner = {}
+    for e, p in effects.items():
+        if block_of(e) != "disturbance":
+            inner[e] = p
     loop = fixed_loop(s, fits[0], inner, jumps=False)
     kick = max(map(kick_of, inner.values()), default=0.0)
     runs = run_with_seeds(loop, seed, _RUNS, kick) or []
@@ -119,7 +122,9 @@ def _simulated_tests(
         u = through_valve(op, s.baseline, s.record.Ts, effect)
         y, _ = before_sensor(s.baseline, s.record.Ts, pv, 0.0)
         engines.append(Engine(replace(s.data, u=u, y=y), load_memory(s)))
-    refits = [
-        (e.at(fits[0].spec, fits[0].theta), e.at(fits[1].spec, fits[1].theta)) for e in engines
-    ]
-    return _tests(engines, refits) if engines else []
+    refits = []
+    for e in engines:
+        refits.append((e.at(fits[0].spec, fits[0].theta), e.at(fits[1].spec, fits[1].theta)))
+    if engines:
+        return _tests(engines, refits)
+    return []

@@ -50,7 +50,9 @@ class Posterior:
         0 where none is the answer.
         """
         p = self.probability
-        sums = {b: sum(v for e, v in p.items() if block_of(e) == b) for b in (*BLOCKS, UNKNOWN)}
+        sums = {}
+        for b in BLOCKS + (UNKNOWN,):
+            sums[b] = sum(v for e, v in p.items() if block_of(e) == b)
         if self.first == NONE:
             return dict.fromkeys(sums, 0.0)
         whole = sum(sums.values())
@@ -58,12 +60,16 @@ class Posterior:
 
     def block(self, answer: str) -> str:
         """Return the block of an answer; that of `unknown` is the one that fails."""
-        return self.unknown_block if answer == UNKNOWN else block_of(answer)
+        if answer == UNKNOWN:
+            return self.unknown_block
+        return block_of(answer)
 
     def with_friction(self, share: float) -> Posterior:
         """Return the posterior in which friction has a share; the others keep their odds."""
         # what is too small for numbers: then none of its effects is likelier
-        p = {e: max(v, _SMALLEST if is_friction(e) else 0.0) for e, v in self.probability.items()}
+        p = {}
+        for e, v in self.probability.items():
+            p[e] = max(v, _SMALLEST if is_friction(e) else 0.0)
         friction, others = (
             sum(v for e, v in p.items() if is_friction(e) == sticks) for sticks in (True, False)
         )
@@ -95,7 +101,9 @@ class Posterior:
 
         # what the others keep
         kept = (1.0 - min(share, EDGE)) * both / others
-        probability = {e: v if is_friction(e) else kept * v for e, v in p.items()}
+        probability = {}
+        for e, v in p.items():
+            probability[e] = v if is_friction(e) else kept * v
         probability[UNKNOWN] = both - kept * others
         return replace(self, probability=probability, unknown_block=block)
 
@@ -139,11 +147,22 @@ def posterior(
     nats = nats_of(rows)
     apart = friction is not None
     # what is known takes the place of none: it is in every model
-    alone, least = (known[0], SECOND_NATS) if known else (NONE, LEAST_NATS)
-    others = {e: g for e, g in nats.items() if e != alone and not (apart and is_friction(e))}
-    bands = {e: g for e, g in nats.items() if is_friction(e)}
+    if known:
+        alone, least = (known[0], SECOND_NATS)
+    else:
+        alone, least = (NONE, LEAST_NATS)
+    others = {}
+    for e, g in nats.items():
+        if e != alone and not (apart and is_friction(e)):
+            others[e] = g
+    bands = {}
+    for e, g in nats.items():
+        if is_friction(e):
+            bands[e] = g
     p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | _shares(others, alone, least)
-    pairs = {one: _shares(brought, alone, SECOND_NATS) for one, brought in on_top.items()}
+    pairs = {}
+    for one, brought in on_top.items():
+        pairs[one] = _shares(brought, alone, SECOND_NATS)
     beside = pairs.get(first, {})
     share = friction or 0.0
     if not apart:

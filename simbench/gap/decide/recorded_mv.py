@@ -68,7 +68,9 @@ def _drop_narrow(effect: str, found: MapFit, least: float) -> MapFit:
     """Return a map without its evidence where its band (%) is none: narrower than MV tells."""
     band = recogniser(effect).band
     gain, p = found
-    return (min(gain, 0.0), p) if band is not None and band(p) < least else found
+    if band is not None and band(p) < least:
+        return (min(gain, 0.0), p)
+    return found
 
 
 def least_band(mv: np.ndarray) -> float:
@@ -94,12 +96,18 @@ def by_stem(s: Situation, maps: Maps) -> Data:
     # what the likeliest valve makes of OP
     winner = max(maps, key=lambda e: maps[e][0])
     sound = maps[winner][0] <= BY_MV
-    effect = None if sound else {"name": winner, **maps[winner][1]}
+    if sound:
+        effect = None
+    else:
+        effect = {"name": winner, **maps[winner][1]}
     made = through_valve(s.op, s.baseline, s.record.Ts, effect)
 
     # how far MV may be from it: the step of its digits
     steps = np.diff(np.unique(np.round(mv, _DIGITS)))
-    digit = float(steps.min()) if steps.size else 0.0
+    if steps.size:
+        digit = float(steps.min())
+    else:
+        digit = 0.0
     low = made - digit
     high = made + digit
 

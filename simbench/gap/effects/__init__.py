@@ -39,7 +39,9 @@ def recogniser(effect: str) -> Recogniser:
     Recogniser
         What its file states, or one that recognises nothing.
     """
-    return PLUGINS.load(effect).RECOGNISER if effect in PLUGINS.names() else Recogniser()
+    if effect in PLUGINS.names():
+        return PLUGINS.load(effect).RECOGNISER
+    return Recogniser()
 
 
 def is_friction(answer: str) -> bool:

@@ -22,9 +22,9 @@ def release_number(
         spec = base.spec.join(Spec(free=frozenset({name})))
         # the load that hid the mismatch must give way before a trial shows its worth
         few = ("load_time", "load")
-        tries = [
-            engine.fit(spec, {**base.theta, name: v}, search=few, steps=2) for v in trials(engine)
-        ]
+        tries = []
+        for v in trials(engine):
+            tries.append(engine.fit(spec, {**base.theta, name: v}, search=few, steps=2))
         tries.sort(key=lambda f: -f.loglik)
         return fit_likeliest(engine, spec, (t.theta for t in (base, *tries[:2]))), 1.0
 

@@ -26,16 +26,16 @@ def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
             theta |= {"noise_std": d.noise, "colour": 0.2}
         shortest = engine.bounds(spec, "Td")[0]
         # without the pole the base has lengthened Td and T in its stead
-        points = [
-            {**plant, "tau": float(x), "Td": td}
-            for x in lags for plant in plants(engine, base) for td in {plant["Td"], shortest}
-        ]  # fmt: skip
+        points = []
+        for x in lags:
+            for plant in plants(engine, base):
+                for td in {plant["Td"], shortest}:
+                    points.append({**plant, "tau": float(x), "Td": td})
         tries = engine.grid(spec, theta, points)
         # a long lag shows its worth only once the load has given way
         stated = plants(engine, base)[1]
-        tries += [
-            engine.fit(spec, {**theta, **stated, "tau": float(x)}, steps=2) for x in lags[4::2]
-        ]
+        for x in lags[4::2]:
+            tries.append(engine.fit(spec, {**theta, **stated, "tau": float(x)}, steps=2))
         tries.sort(key=lambda f: -f.loglik)
         return fit_likeliest(engine, spec, (t.theta for t in tries[:2])), 1.0
 

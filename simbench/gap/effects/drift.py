@@ -27,7 +27,10 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return ramp (PV units/s) and walk (PV units/sqrt(s))."""
     Ts = s.record.Ts
-    rate = fit.beta[-1] / (s.data.n * Ts) if s.data.T > 0 else 0.0
+    if s.data.T > 0:
+        rate = fit.beta[-1] / (s.data.n * Ts)
+    else:
+        rate = 0.0
     return {"rate": float(rate), "walk": float(fit.theta["walk"] / np.sqrt(Ts))}
 
 

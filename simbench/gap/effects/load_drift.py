@@ -19,11 +19,17 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Fit a random walk with a bent ramp to the load."""
     d = engine.data
     t = np.linspace(0.0, 1.0, d.n)
-    T = base.theta["T"] if d.T > 0 else 0.0
+    if d.T > 0:
+        T = base.theta["T"]
+    else:
+        T = 0.0
     # a sine slower than the record bends
     bend, line = (kernels.plant(x, T, 0.0, 0.0) for x in (4.0 * t * (1.0 - t), t))
     spec = base.spec.join(Spec(load_walk=True, channels=(bend, line)))
-    size = float(np.std(d.y)) if d.T > 0 else float(np.std(np.diff(d.y)))
+    if d.T > 0:
+        size = float(np.std(d.y))
+    else:
+        size = float(np.std(np.diff(d.y)))
     best = engine.grid(
         spec, base.theta, [{"load_walk": size * f / np.sqrt(d.n)} for f in (1e-3, 0.03, 0.3, 1.0)]
     )[0]

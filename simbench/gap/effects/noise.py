@@ -22,7 +22,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
             engine.fit(spec, {**base.theta, "noise_std": 2.0 * stated, "colour": 0.05}),
             engine.fit(spec, fresh),
         ]
-        best = max([best, *tries], key=lambda f: f.loglik)
+        best = max([best] + tries, key=lambda f: f.loglik)
     # less noise than stated is seldom less noise: something smooths it
     return best, 1.0 if best.theta["noise_std"] >= stated else _QUIETER
 
@@ -31,7 +31,9 @@ def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return a factor of the stated std, or the std (PV units) where none is stated."""
     std = fit.theta["noise_std"]
     stated = s.data.noise
-    return {"factor": std / stated} if stated > 0 else {"std": std}
+    if stated > 0:
+        return {"factor": std / stated}
+    return {"std": std}
 
 
 def ordinary(fit: Fit, s: Situation) -> bool:

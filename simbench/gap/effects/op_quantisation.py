@@ -12,7 +12,9 @@ _CARD = 0.025  # % of OP: what any output card of 12 bits rounds to
 def proven(s: Situation) -> Parameters | None:
     """Tell a lattice of OP from an output card's and from one that changes nothing."""
     step = s.law.step
-    return {"step": step} if step > _CARD and not hides_nothing(step, s.op) else None
+    if step > _CARD and not hides_nothing(step, s.op):
+        return {"step": step}
+    return None
 
 
 RECOGNISER = Recogniser(

@@ -60,7 +60,10 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 def numbers(fit: Fit, s: Situation) -> Parameters:
     """Return amplitude (%) at the plant's input and period (s)."""
     w = 2 * np.pi / fit.theta["period"]
-    pole = abs(1.0 / (1j * w * fit.theta.get("T", 1.0) + 1.0)) if s.data.T > 0 else 1.0 / w
+    if s.data.T > 0:
+        pole = abs(1.0 / (1j * w * fit.theta.get("T", 1.0) + 1.0))
+    else:
+        pole = 1.0 / w
     amplitude = float(np.hypot(*fit.beta[-2:])) / (abs(input_gain(fit, s.data)) * pole)
     return {"amplitude": clip(amplitude, 0.0, 100.0), "period": fit.theta["period"] * s.record.Ts}
 

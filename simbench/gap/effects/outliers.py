@@ -8,7 +8,9 @@ from simbench.gap.situation import Situation
 
 def proven(s: Situation) -> Parameters | None:
     """Return the spikes that single samples show."""
-    return None if s.archive.spikes is None else dict(zip(("rate", "size", "at"), s.archive.spikes))
+    if s.archive.spikes is None:
+        return None
+    return dict(zip(("rate", "size", "at"), s.archive.spikes))
 
 
 RECOGNISER = Recogniser(

@@ -8,11 +8,9 @@ from simbench.gap.situation import Situation
 
 def proven(s: Situation) -> Parameters | None:
     """Return step and place of PV's lattice."""
-    return (
-        None
-        if s.archive.rounding is None
-        else {"step": s.archive.rounding[0], "at": s.archive.rounding[1]}
-    )
+    if s.archive.rounding is None:
+        return None
+    return {"step": s.archive.rounding[0], "at": s.archive.rounding[1]}
 
 
 RECOGNISER = Recogniser(

@@ -26,10 +26,15 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     moves = Moves(lambda u, p: limit_rate(u, p["rate"], p["rate"]), (_RATE,))
     spec = base.spec.join(Spec(moves=moves))
     rates = _moves(engine.data) * np.geomspace(0.02, 3.0, 14)
-    points = [{**plant, "rate": float(rate)} for rate in rates for plant in plants(engine, base)]
+    points = []
+    for rate in rates:
+        for plant in plants(engine, base):
+            points.append({**plant, "rate": float(rate)})
     tries = engine.grid(spec, base.theta, points, keep=2)
     best = fit_likeliest(engine, spec, (t.theta for t in tries))
-    return (best, 1.0) if best.loglik > base.loglik else (base, 1.0)
+    if best.loglik > base.loglik:
+        return (best, 1.0)
+    return (base, 1.0)
 
 
 def by_mv(search: MapSearch) -> MapFit:

@@ -32,7 +32,10 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         S, J, stops = friction_regressed(engine.data.u, engine.data.y).valves.T
         points = np.column_stack([S, J, np.zeros(S.size)])
         tried = ((kind, points[stops == on]) for on, kind in enumerate(_MODELS))
-        fits = [search_map(engine, base, kind, some) for kind, some in tried if len(some)]
+        fits = []
+        for kind, some in tried:
+            if len(some):
+                fits.append(search_map(engine, base, kind, some))
         return max(fits, key=lambda f: f.loglik, default=base), NUMBERS
     coarse = np.array([(s, s * j, 0.0) for s in band_sizes(engine.data, 90) for j in _JUMPS])
     best = search_map(engine, base, _MODELS[0], coarse)

@@ -59,9 +59,9 @@ def _astray(s: Seen) -> str:
     fades = int(np.ceil(_FADED * (c.Td or 0.0) / (derivative_filter(c) * s.record.Ts)))
     excused = np.convolve(marked, np.ones(5 + 2 * fades), "same") > 0.0
     count = int(np.count_nonzero(~excused[s.law.strays]))
-    return (
-        f"OP strays from a law that holds elsewhere, in {count} samples" if count >= _STRAYS else ""
-    )
+    if count >= _STRAYS:
+        return f"OP strays from a law that holds elsewhere, in {count} samples"
+    return ""
 
 
 def with_card(s: Seen, archive: Archive) -> Seen:
@@ -96,7 +96,10 @@ def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:
         step = samples.step
     # noise that an archive's mean has smoothed lies on lines sooner
     elif samples.straight > _STRAIGHT and not law.averaged:
-        size = 0.0 if seen is None else float(np.quantile(np.abs(pv - seen), 0.98))
+        if seen is None:
+            size = 0.0
+        else:
+            size = float(np.quantile(np.abs(pv - seen), 0.98))
         band = size or 0.5 * float(np.std(np.diff(pv)))
     elif not hides_nothing(samples.digits, pv, s.noise):
         step = samples.digits

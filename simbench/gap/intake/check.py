@@ -50,18 +50,30 @@ def check(
     samples. `trusted`: the baseline was given, not identified; `tuned`: its tuning is known too.
     """
     tuned = trusted if tuned is None else tuned
-    where = f"record {record.tag!r}" if record.tag else "record"
+    if record.tag:
+        where = f"record {record.tag!r}"
+    else:
+        where = "record"
     # a loop that is identified copies the archive with its repeats
-    record, slips = without_repeats(record) if trusted else (record, 0)
+    if trusted:
+        record, slips = without_repeats(record)
+    else:
+        record, slips = (record, 0)
     op = op_in_percent(record, trusted or tuned, where)
     refuse_unfit(record, where)
     refuse_other_pace(record.Ts, baseline.sampling.Ts, where)
-    late = pv_late(record, op, baseline.controller) if tuned else 0
+    if tuned:
+        late = pv_late(record, op, baseline.controller)
+    else:
+        late = 0
     if trusted:
         refuse_pv_units(record, baseline, where)
     if late:
         record, op = on_one_clock(record, late), op[: record.n - late]
-    noise = stated_noise(baseline, record.Ts) if trusted else 0.0
+    if trusted:
+        noise = stated_noise(baseline, record.Ts)
+    else:
+        noise = 0.0
     law = law_of(record, op, baseline, tuned, noise)
     samples = inspect_samples(record.pv, record.op, noise=noise)
     if tuned:

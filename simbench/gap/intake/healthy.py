@@ -45,12 +45,14 @@ class Healthy:
     def note(self, loop: Loop, duration: float) -> str:
         """Return in a sentence what the records show, for one of `duration` s."""
         drift = self.wander * float(np.sqrt(duration))
-        parts = [
-            f"noise {self.noise:.3g} (the loop file states {loop.noise.std:.3g})",
-            f"a load that wanders by {drift:.2g} % of travel",
-            *([f"steps of {self.steps:.2g} %"] if self.steps else []),
-            *(f"a sine of {period:.3g} s" for period, _ in self.sines),
-        ]
+        parts = (
+            [
+                f"noise {self.noise:.3g} (the loop file states {loop.noise.std:.3g})",
+                f"a load that wanders by {drift:.2g} % of travel",
+            ]
+            + ([f"steps of {self.steps:.2g} %"] if self.steps else [])
+            + [f"a sine of {period:.3g} s" for period, _ in self.sines]
+        )
         records = "record shows" if self.records == 1 else "records show"
         return (
             f"healthy: {self.records} {records} {', '.join(parts)}; loads up to {LARGER:g} times as"
@@ -103,9 +105,17 @@ def _of_one(s: Situation) -> Healthy:
     free, count = noise.fit(engine, base)
     if free.loglik - base.loglik > size_penalty(s.data.n, count):
         base = free
-    known = [e for e in _LOADS if recogniser(e).fit is not None]
-    found = {e: c for e, c in fit_candidates(engine, base, known).items() if c.used}
-    p: dict[str, Parameters] = {e: recogniser(e).numbers(c.fit, s) for e, c in found.items()}
+    known = []
+    for e in _LOADS:
+        if recogniser(e).fit is not None:
+            known.append(e)
+    found = {}
+    for e, c in fit_candidates(engine, base, known).items():
+        if c.used:
+            found[e] = c
+    p: dict[str, Parameters] = {}
+    for e, c in found.items():
+        p[e] = recogniser(e).numbers(c.fit, s)
     worth = {e for e, c in found.items() if c.log_likelihood_gain > 0.0}
     duration = s.record.duration
     sines = ()
@@ -118,7 +128,10 @@ def _of_one(s: Situation) -> Healthy:
         else:
             fit = found["oscillation"].fit
             sines = ((fit.theta["period"] * s.record.Ts, float(np.hypot(*fit.beta[-2:]))),)
-    steps = float(p["load_steps"]["size"]) if "load_steps" in worth else 0.0
+    if "load_steps" in worth:
+        steps = float(p["load_steps"]["size"])
+    else:
+        steps = 0.0
     rounding = s.data.resolution**2 / 12.0
     std = float(np.sqrt(max(base.theta["noise_std"] ** 2 - rounding, s.data.floor**2)))
     return Healthy(std, slow / float(np.sqrt(duration)), steps, sines, _most_load(engine, base))

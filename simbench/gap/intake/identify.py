@@ -43,16 +43,23 @@ def identify(
     showed of it already.
     """
     noise = 0.0
-    guess = 1.0 if plant is None else float(np.sign(plant.K))
+    if plant is None:
+        guess = 1.0
+    else:
+        guess = float(np.sign(plant.K))
     law = law or law_of(record, guess)
     if plant is None:
         # friction and feedback turn the sign of a plant; what OP does about PV shows the
         # controller's direction
-        shown = float(np.sign(law.Kc)) if law.residual < _HALF else 0.0
+        if law.residual < _HALF:
+            shown = float(np.sign(law.Kc))
+        else:
+            shown = 0.0
         plant, noise = _plant(record, shown if controller is None else controller.sign)
     if controller is None:
         sign = float(np.sign(plant.K))
-        law = law if law.known or sign == guess else law_of(record, sign)
+        if not (law.known or sign == guess):
+            law = law_of(record, sign)
         if not (np.isfinite(law.Kc) and law.Kc != 0.0):
             raise RecordError(
                 f"{_where(record)}: no controller can be identified: OP does not answer to PV (Kc ="
@@ -68,7 +75,9 @@ def identify(
 
 
 def _where(r: LoopRecord) -> str:
-    return f"record {r.tag!r}" if r.tag else "record"
+    if r.tag:
+        return f"record {r.tag!r}"
+    return "record"
 
 
 def law_of(r: LoopRecord, sign: float = 1.0) -> Law:
@@ -84,7 +93,10 @@ def _controller(law: Law, sign: float, Ts: float) -> Controller:
     Kc = abs(law.Kc)
     if law.known and np.isinf(law.Ti):
         return Controller(type="P", Kc=Kc, direction=direction)
-    Ti = law.Ti if np.isfinite(law.Ti) else 20.0 * Ts
+    if np.isfinite(law.Ti):
+        Ti = law.Ti
+    else:
+        Ti = 20.0 * Ts
     return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
 
 
@@ -93,7 +105,10 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
     noise; of an unknown process the likelier, friction allowed to both.
     """
     samples = inspect_samples(r.pv, r.op)
-    u = op_in_percent(r, False, "") if r.mv is None else r.mv
+    if r.mv is None:
+        u = op_in_percent(r, False, "")
+    else:
+        u = r.mv
     pv = cleaned(r.pv, samples.spikes)
     tries = []
     for integrating in (False, True) if r.process is None else (r.process == "integrating",):
@@ -103,13 +118,19 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
         if r.mv is None and r.process is None:
             # after a valve that rests between its slips any plant looks as if it integrated; a band
             # without a jump tells as much of it as one with, at a fifth of the cost
-            T = 0.0 if integrating else fit.theta["T"]
+            if integrating:
+                T = 0.0
+            else:
+                T = fit.theta["T"]
             engine = _engine(u, pv, fit.K, T, fit.theta["Td"], samples.digits)
             friction = fit_candidates(engine, fit, [_BAND])[_BAND].log_likelihood_gain
             score += max(0.0, friction)
         tries.append((score, integrating, fit))
     _, integrating, fit = max(tries, key=lambda t: t[0])
-    K = sign * abs(fit.K) if sign else fit.K
+    if sign:
+        K = sign * abs(fit.K)
+    else:
+        K = fit.K
     if not (np.isfinite(K) and K != 0.0):
         raise NoAnswer(
             f"{_where(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"

@@ -42,7 +42,7 @@ def stated_noise(baseline: Loop, Ts: float) -> float:
     counted in, behind the filter that it states.
     """
     coloured = [load["amplitude"] for load in coloured_on_pv(baseline, Ts, slow=False)]
-    return float(np.linalg.norm([baseline.noise.std, *coloured]) * _passes(baseline, Ts))
+    return float(np.linalg.norm([baseline.noise.std] + coloured) * _passes(baseline, Ts))
 
 
 def _filter_of(baseline: Loop, Ts: float) -> float:
@@ -54,7 +54,9 @@ def _filter_of(baseline: Loop, Ts: float) -> float:
 def _passes(baseline: Loop, Ts: float) -> float:
     """Return the share of the standard deviation of white noise that passes the stated filter."""
     tau = _filter_of(baseline, Ts)
-    return float(np.sqrt(np.tanh(0.5 / tau))) if tau > 0.0 else 1.0
+    if tau > 0.0:
+        return float(np.sqrt(np.tanh(0.5 / tau)))
+    return 1.0
 
 
 def before_sensor(
@@ -74,7 +76,11 @@ def before_sensor(
 def _stated_loads(baseline: Loop, kind: str, at: str) -> list[dict[str, Any]]:
     """Return the loads of a kind that the baseline states at the plant's input or output."""
     loads = [part.parameters for part in baseline.disturbance if part.name == kind]
-    return [p for p in loads if p.get("at", "input") == at]
+    stated = []
+    for p in loads:
+        if p.get("at", "input") == at:
+            stated.append(p)
+    return stated
 
 
 def law_of(r: LoopRecord, op: np.ndarray, baseline: Loop, tuned: bool, noise: float) -> Law:
@@ -96,7 +102,10 @@ def law_in_automatic(
     rows = longest_run(automatic)
     if rows.stop - rows.start < LAW_ROWS or np.ptp(op[rows]) == 0.0:
         return None
-    sp = None if r.sp is None else r.sp[rows]
+    if r.sp is None:
+        sp = None
+    else:
+        sp = r.sp[rows]
     return examine_controller(op[rows], r.pv[rows], sp, r.Ts, baseline, tuned, noise)
 
 
@@ -137,7 +146,10 @@ def remarks_of(r: LoopRecord, samples: Samples, integrating: bool) -> list[str]:
     out = []
     if r.process is None:
         kind = "integrating" if integrating else "self-regulating"
-        said = f", and a {r.kind} may be either" if r.kind else ""
+        if r.kind:
+            said = f", and a {r.kind} may be either"
+        else:
+            said = ""
         out.append(f"process: not given{said}; judged as {kind}, the likelier of the two")
     for signal, x, other in (("PV", pv, op), ("OP", op, pv)):
         step = lattice(x, written_unit(x, other)) or root_lattice(x)
@@ -194,11 +206,15 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
         w = 2j * np.pi / period
         return float(abs(np.polyval(num, w) / np.polyval(den, w)))
 
-    sines = [
-        (p["period"] / r.Ts, p["amplitude"] * (on_pv(p["period"]) if at == "input" else 1.0))
-        for at in ("input", "output")
-        for p in _stated_loads(baseline, "sine", at)
-    ]
+    sines = []
+    for at in ("input", "output"):
+        for p in _stated_loads(baseline, "sine", at):
+            sines.append(
+                (
+                    p["period"] / r.Ts,
+                    p["amplitude"] * (on_pv(p["period"]) if at == "input" else 1.0),
+                )
+            )
     steps = [p["amplitude"] for p in _stated_loads(baseline, "steps", "input")]
     drifts = [
         p["amplitude"] * min(r.duration / p["period"], 1.0)

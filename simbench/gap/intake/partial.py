@@ -46,7 +46,10 @@ def read_baseline(path: str | Path) -> Loop | Partial:
 
 def _stand_ins(table: dict) -> dict:
     """Return sections that agree with whatever the table holds."""
-    stated = [x for x in (table.get("plant"), table.get("controller")) if isinstance(x, dict)]
+    stated = []
+    for x in (table.get("plant"), table.get("controller")):
+        if isinstance(x, dict):
+            stated.append(x)
     falls = any(
         x.get("direction") == "direct" or (isinstance(x.get("K"), (int, float)) and x["K"] < 0)
         for x in stated
@@ -95,19 +98,24 @@ def complete_baseline(
         None if "plant" in missing else known.plant,
         None if "controller" in missing else known.controller,
     )
-    taken = {name: getattr(identified, name) for name in missing}
+    taken = {}
+    for name in missing:
+        taken[name] = getattr(identified, name)
     if "plant" in missing and "noise" not in known.model_fields_set:
         taken["noise"] = identified.noise
     loop = known.model_copy(update=taken)
-    notes = [
-        f"baseline: no [{name}] given, identified from the record{_numbers(identified, name)}"
-        for name in _NEEDED
-        if name in missing
-    ]
+    notes = []
+    for name in _NEEDED:
+        if name in missing:
+            numbers = _numbers(identified, name)
+            notes.append(f"baseline: no [{name}] given, identified from the record{numbers}")
     given = both - missing
     if "plant" in missing:
         by_mv = record.mv is not None
-        lost = [e for e in EFFECTS if not meaningful(e, False, True, by_mv)]
+        lost = []
+        for e in EFFECTS:
+            if not meaningful(e, False, True, by_mv):
+                lost.append(e)
         notes.append(
             f"baseline: without a plant to compare with, {', '.join(lost)} cannot be judged"
         )

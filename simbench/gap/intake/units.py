@@ -49,7 +49,7 @@ def refuse_pv_units(record: LoopRecord, baseline: Loop, where: str) -> None:
     if record.sp is None:
         return
     stated = baseline.setpoint
-    levels = np.array([stated.value, *(level for _, level in stated.steps)], dtype=float)
+    levels = np.array([stated.value] + [level for _, level in stated.steps], dtype=float)
     file = np.array([levels.min(), levels.max()])
     seen = np.array([record.sp.min(), record.sp.max()])
     if _agree(seen, file):

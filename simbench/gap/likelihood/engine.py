@@ -58,7 +58,10 @@ class Engine:
         self.longest_load = longest_load
         n = data.n
         k = np.arange(n) / n
-        self.base_channels = (np.ones(n),) if data.T > 0 else (k,)
+        if data.T > 0:
+            self.base_channels = (np.ones(n),)
+        else:
+            self.base_channels = (k,)
         self.onset = np.ones(n)
         self.onset[0] = 0.0
         self.spread = 10.0 * float(np.std(data.y)) + data.floor
@@ -67,12 +70,14 @@ class Engine:
         """Return the nuisance parameters from which the first fit starts."""
         d = self.data
         rough = float(np.std(np.diff(d.y, 2))) / np.sqrt(6.0)
-        noise = d.noise if d.noise > 0 else max(rough, d.floor)
-        load = (
-            max(float(np.std(d.y)), noise)
-            if d.T > 0
-            else max(float(np.std(np.diff(d.y))), 0.1 * noise)
-        )
+        if d.noise > 0:
+            noise = d.noise
+        else:
+            noise = max(rough, d.floor)
+        if d.T > 0:
+            load = max(float(np.std(d.y)), noise)
+        else:
+            load = max(float(np.std(np.diff(d.y))), 0.1 * noise)
         return {
             "T": d.T,
             "Td": d.Td,
@@ -96,12 +101,11 @@ class Engine:
         best = max(tries, key=lambda f: f.loglik)
         # whole samples of dead time part the likelihood into valleys
         ends = [self.data.Td * (1.0 + NOMINAL * side) for side in (-1, 1)]
-        tries = [
-            self.fit(best.spec, {**best.theta, "Td": Td})
-            for Td in ends
-            if abs(Td - best.theta["Td"]) > 0.25
-        ]
-        return max([best, *tries], key=lambda f: f.loglik)
+        tries = []
+        for Td in ends:
+            if abs(Td - best.theta["Td"]) > 0.25:
+                tries.append(self.fit(best.spec, {**best.theta, "Td": Td}))
+        return max([best] + tries, key=lambda f: f.loglik)
 
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
         """Return the search interval of one parameter."""
@@ -116,11 +120,10 @@ class Engine:
             wide = 20.0 if "T" in spec.free else 1.25
             return d.T / wide, d.T * wide
         if name == "Td":
-            wide = (
-                5.0 + max(3.0 * d.Td, 2.0 * d.T)
-                if "Td" in spec.free or not d.trusted
-                else 0.25 * d.Td + 0.5 + d.late
-            )
+            if "Td" in spec.free or not d.trusted:
+                wide = 5.0 + max(3.0 * d.Td, 2.0 * d.T)
+            else:
+                wide = 0.25 * d.Td + 0.5 + d.late
             return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
         return {
             "load_time": (0.3, self.longest_load),
@@ -155,9 +158,15 @@ class Engine:
         that enters linearly.
         """
         d = self.data
-        T = theta["T"] if d.T > 0 else 0.0
+        if d.T > 0:
+            T = theta["T"]
+        else:
+            T = 0.0
         y = d.y
-        tau = theta.get("tau", 0.0) if spec.pole else 0.0
+        if spec.pole:
+            tau = theta.get("tau", 0.0)
+        else:
+            tau = 0.0
         if spec.pole == "sensor":
             y = before_filter(y, tau)
             tau = 0.0
@@ -270,7 +279,10 @@ class Engine:
         """
         wanted = [m for m in search or spec.names if m in spec.names]
         names = tuple(m for m in wanted if m != "T" or self.data.T > 0)
-        theta = {m: start[m] for m in spec.names if m in start or m in names}
+        theta = {}
+        for m in spec.names:
+            if m in start or m in names:
+                theta[m] = start[m]
         logs, box, unpack = self._search_space(spec, names, theta)
         box[:, 1] = np.maximum(box[:, 0], box[:, 1])
         x = np.array([theta.get(m, 0.0) for m in names])
@@ -417,7 +429,7 @@ class Engine:
         rest = white[0] - basis.T @ (basis @ white[0])
         count = d.n - kernels.SKIP
         level = 0.5 * (float(rest @ rest) + log_var + count * np.log(2 * np.pi))
-        return (*kernels.scan(d.u, kind, points, Td, model, rest, basis, jumps), level)
+        return kernels.scan(d.u, kind, points, Td, model, rest, basis, jumps) + (level,)
 
     def grid(
         self, spec: Spec, theta: Mapping[str, float], points: list[dict[str, float]], keep: int = 1
@@ -425,11 +437,10 @@ class Engine:
         """Return the best of some points, each with two levels of the load: the one "none" needed
         may hide a narrow peak.
         """
-        trials = [
-            {**theta, **point, "load": theta["load"] * share}
-            for share in (1.0, 0.3)
-            for point in points
-        ]
+        trials = []
+        for share in (1.0, 0.3):
+            for point in points:
+                trials.append({**theta, **point, "load": theta["load"] * share})
         fits = [self.at(spec, trial) for trial in trials]
         return sorted(fits, key=lambda fit: -fit.loglik)[:keep]
 

@@ -332,8 +332,14 @@ def _state_space(model, jumps):
     P = np.zeros((s, s))
     h = np.zeros(s)
     phi = math.exp(-1.0 / load_time)
-    a = math.exp(-1.0 / T) if T > 0.0 else 1.0
-    enters = 1.0 - a if T > 0.0 else 1.0
+    if T > 0.0:
+        a = math.exp(-1.0 / T)
+    else:
+        a = 1.0
+    if T > 0.0:
+        enters = 1.0 - a
+    else:
+        enters = 1.0
     F[0, 0] = phi
     F[1, 1] = a
     top = 2

@@ -48,7 +48,9 @@ class Data:
 
     def shaped(self, v: np.ndarray) -> np.ndarray:
         """Return MV as it drives the first-order plant, from rest at its first value."""
-        return v if self.shape is None else v[0] + lfilter(*self.shape, v - v[0])
+        if self.shape is None:
+            return v
+        return v[0] + lfilter(*self.shape, v - v[0])
 
     @cached_property
     def lateness(self) -> float:
@@ -215,7 +217,9 @@ def input_gain(fit: Fit, data: Data) -> float:
     A valve that never moved shows none: a fiftieth of the baseline's is taken.
     """
     least = 0.02 * abs(data.K)
-    return fit.K if abs(fit.K) >= least else math.copysign(least, fit.K or data.K)
+    if abs(fit.K) >= least:
+        return fit.K
+    return math.copysign(least, fit.K or data.K)
 
 
 def lag_of(theta: Mapping[str, float]) -> float:

@@ -46,13 +46,15 @@ def search_map(engine: Engine, base: Fit, kind: int, coarse: np.ndarray) -> Fit:
     """
     # at the load that "no effect" needed, peaks look flat: try a quieter one
     fitted, _, *others = plants(engine, base)
-    tries = [(1.0, fitted), *((_QUIET, plant) for plant in (fitted, *others))]
+    tries = [(1.0, fitted)] + [(_QUIET, plant) for plant in (fitted, *others)]
     starts = [{**base.theta, **plant, "load": base.theta["load"] * level} for level, plant in tries]
     if not engine.data.trusted and kind in _SLIPPING:
         starts = screen_starts(engine, base, kind, coarse, starts)
     found = [settle(engine, scan_map(engine, base.spec, theta, kind, coarse)) for theta in starts]
     best = max(found, key=lambda f: f.loglik)
-    return narrow(engine, best) if promising(best, base) else best
+    if promising(best, base):
+        return narrow(engine, best)
+    return best
 
 
 def screen_starts(
@@ -67,10 +69,17 @@ def screen_starts(
 
     Feedback and friction hide the plant: what was identified without friction may be far from it.
     """
-    lags = _LAGS if engine.data.T > 0.0 else (0.0,)
+    if engine.data.T > 0.0:
+        lags = _LAGS
+    else:
+        lags = (0.0,)
     quiet = {**base.theta, "load": _QUIET * base.theta["load"]}
-    grid = [{**quiet, "T": T, "Td": Td} for T in lags for Td in _DELAYS if Td < engine.data.n / 8]
-    every = [*starts, *grid]
+    grid = []
+    for T in lags:
+        for Td in _DELAYS:
+            if Td < engine.data.n / 8:
+                grid.append({**quiet, "T": T, "Td": Td})
+    every = starts + grid
     values = [engine.scan(base.spec, theta, kind, coarse).max() for theta in every]
     return [every[i] for i in np.argsort(-np.array(values), kind="stable")[:_FOLLOWED]]
 
@@ -175,7 +184,10 @@ def fit_with_map(
     if kind == kernels.ZONE:
         return engine.at(replace(spec, valve=kind), {**theta, "D": a, "c": b})
     begin = 2 * (b if kind == kernels.PLAY else c) / a
-    numbers = {"S": a} if kind == kernels.PLAY else {"S": a, "J": b}
+    if kind == kernels.PLAY:
+        numbers = {"S": a}
+    else:
+        numbers = {"S": a, "J": b}
     return engine.at(replace(spec, valve=kind, start=begin), {**theta, **numbers})
 
 
@@ -191,7 +203,10 @@ def narrow(engine: Engine, fit: Fit) -> Fit:
     best = fit
     kind = fit.spec.valve
     bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
-    first, second = ("D", "c") if kind == kernels.ZONE else ("S", "J")
+    if kind == kernels.ZONE:
+        first, second = ("D", "c")
+    else:
+        first, second = ("S", "J")
     for share in (0.06, 0.02, 0.007, 0.002):
         for _ in range(3):
             th = best.theta
@@ -225,4 +240,6 @@ def plants(engine: Engine, base: Fit) -> list[dict[str, float]]:
     d = engine.data
     out = [{"T": base.theta.get("T", 0.0), "Td": base.theta["Td"]}, {"T": d.T, "Td": d.Td}]
     # an identified plant has bent itself around the effect as well
-    return out if d.trusted else [*out, *({"T": d.T / n, "Td": d.Td / n} for n in (2, 6))]
+    if d.trusted:
+        return out
+    return out + [{"T": d.T / n, "Td": d.Td / n} for n in (2, 6)]

@@ -46,7 +46,9 @@ def positioner(search: MapSearch) -> MapFit | None:
     overshoot.
     """
     gain, numbers = second_order(search)
-    return None if float(numbers["damping"]) > OVERSHOOTS or gain <= _CLEAR else (gain, numbers)
+    if float(numbers["damping"]) > OVERSHOOTS or gain <= _CLEAR:
+        return None
+    return (gain, numbers)
 
 
 def lag_second_order(op: np.ndarray, tau: float, damping: float, first: float) -> np.ndarray:

@@ -98,9 +98,10 @@ class MapSearch:
 
     def moved(self, kind: int, a: float, b: float) -> np.ndarray:
         """Return OP after a compiled map that begins where MV does."""
-        first = (
-            self.mv[0] - self.op[0] if kind in (kernels.PLAY, kernels.STICK, kernels.CREEP) else 0.0
-        )
+        if kind in (kernels.PLAY, kernels.STICK, kernels.CREEP):
+            first = self.mv[0] - self.op[0]
+        else:
+            first = 0.0
         if kind == kernels.PLAY:
             return kernels.valve(self.op, kind, a, first, 0.0)
         return kernels.valve(self.op, kind, a, b, first)
@@ -130,10 +131,9 @@ class MapSearch:
         near = part.peaks(
             kind, [(a, b) for a, b, _ in refine_peaks(scan, points, scan(points))[:_PEAKS]]
         )
-        lowest = [
-            *self.peaks(kind, [(a, b) for a, b, _ in points]),
-            *self.peaks(kind, [(a, b) for _, a, b in near]),
-        ]
+        lowest = self.peaks(kind, [(a, b) for a, b, _ in points]) + self.peaks(
+            kind, [(a, b) for _, a, b in near]
+        )
         return self.best(lowest, names, count)
 
     def stretch(self) -> MapSearch:
@@ -160,10 +160,14 @@ class MapSearch:
         for _, a, b in tried(grid)[:_PEAKS]:
             for share in _SHARES:
                 wide = a if kind == kernels.ZONE else b
-                ways = _AROUND if b else (0,)
-                near = [
-                    (a * (1 + i * share / 2), b + j * share * wide) for i in _AROUND for j in ways
-                ]
+                if b:
+                    ways = _AROUND
+                else:
+                    ways = (0,)
+                near = []
+                for i in _AROUND:
+                    for j in ways:
+                        near.append((a * (1 + i * share / 2), b + j * share * wide))
                 value, a, b = tried(near)[0]
             lowest.append((value, a, b))
         return lowest
@@ -195,5 +199,8 @@ def share_of(left: np.ndarray, way: np.ndarray) -> float:
 def lag_signal(op: np.ndarray, tau: float, first: float | None = None) -> np.ndarray:
     """Return a signal after a first-order lag of `tau` samples, begun at `first` or at rest."""
     a = np.exp(-1.0 / tau)
-    start = op[0] if first is None else first
+    if first is None:
+        start = op[0]
+    else:
+        start = first
     return start + lfilter([1.0 - a], [1.0, -a], op - start, (1.0 - a) * (start - op[0]))

@@ -35,7 +35,10 @@ def friction_regressed(op: np.ndarray, pv: np.ndarray) -> Regressed:
 def _of(op_bytes: bytes, pv_bytes: bytes) -> Regressed:
     op, pv = (np.frombuffer(x) for x in (op_bytes, pv_bytes))
     swing = find_oscillation(op, pv, 1.0)
-    period = swing.period_s if np.isfinite(swing.period_s) else op.size / _CYCLES
+    if np.isfinite(swing.period_s):
+        period = swing.period_s
+    else:
+        period = op.size / _CYCLES
     period = float(np.clip(period, 4, op.size / 2))
     found = [regression(op, pv, period, beside) for beside in (False, True)]
     valves = np.vstack([f.valves for f in found])

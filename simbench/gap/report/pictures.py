@@ -100,7 +100,9 @@ def draw_loops(across: str, traces: Traces, part: slice) -> Figure:
     # a panel each on common axes
     rows = (len(traces) + 1) // 2
     figure, grid = panels(rows, 2, PHONE_WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
-    both = {name: (t.op[part], _signal(t, across)[part]) for name, t in traces.items()}
+    both = {}
+    for name, t in traces.items():
+        both[name] = (t.op[part], _signal(t, across)[part])
     sideways, upwards = (_limits(signals) for signals in zip(*both.values()))
 
     # the loops, and a word where one runs away
@@ -129,7 +131,7 @@ def draw_ranking(probabilities: Mapping[str, float]) -> Figure:
 
 def fill_ranking(axes: Axes, probabilities: Mapping[str, float]) -> None:
     """Draw candidates as bars of their probability, the first in colour."""
-    fill_bars(axes, probabilities, [RED, *[GREY] * (len(probabilities) - 1)])
+    fill_bars(axes, probabilities, [RED] + [GREY] * (len(probabilities) - 1))
     axes.set(xlim=(0, 1.12), xlabel="probability")
 
 

@@ -69,12 +69,20 @@ def numbers(
 
     `op_unit` takes the place of % where OP of the record is no percentage.
     """
-    known = EFFECTS[effect].parameters if effect in EFFECTS else {}
+    if effect in EFFECTS:
+        known = EFFECTS[effect].parameters
+    else:
+        known = {}
     units = [getattr(known.get(k), "unit", "") for k in parameters]
     if op_unit != PERCENT:
         units = [re.sub(f"^({PERCENT}|%)", op_unit, unit) for unit in units]
     parts = []
-    for (k, v), unit, after in zip(parameters.items(), units, [*units[1:], ""]):
-        value = f"{v:.3g}" if isinstance(v, (int, float)) else v
+    for (k, v), unit, after in zip(parameters.items(), units, units[1:] + [""]):
+        if isinstance(v, (int, float)):
+            value = f"{v:.3g}"
+        else:
+            value = v
         parts.append(f"{k} = {value}" + (f" {unit}" if unit not in ("", "-", after) else ""))
-    return begin + ", ".join(parts) if parts else ""
+    if parts:
+        return begin + ", ".join(parts)
+    return ""

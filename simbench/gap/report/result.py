@@ -194,7 +194,10 @@ class GapReport:
         from simbench.theory.public_loop import Loop
 
         shown = self.behind.shown
-        fixed = self.behind.loops.corrected(self.named) if shown is None else shown.loop
+        if shown is None:
+            fixed = self.behind.loops.corrected(self.named)
+        else:
+            fixed = shown.loop
         return Loop.from_table(fixed.to_table())
 
     def sentence(self) -> str:
@@ -288,20 +291,19 @@ class GapReport:
             The answer, what remains, the valve, the ranking and what to do next, a line each.
         """
         # the answer, and what remains with it
-        lines = [self.answer(), self.nearness(), *joined(self.identified())]
+        lines = [self.answer(), self.nearness()] + joined(self.identified())
         if self.remaining:
             lines += ["What remains between record and simulations:"]
             lines += [f"  {line}" for line in self.remaining_lines()]
-        lines += ["", "The valve:", *self.conclusion.as_lines(), "", *joined(self.which_lines())]
+        lines += ["", "The valve:"] + self.conclusion.as_lines() + [""] + joined(self.which_lines())
 
         # what is not next to impossible, and how the gap is measured
         shown = [r for r in self.ranking[:_MOST_ANSWERS] if r.probability >= LEAST_SHOWN]
         lines += ["", "probability  effect"]
-        lines += [
-            f"{r.probability:11.3f}  {r.effect:24s}{self._sizes(r.effect, r.parameters)}".rstrip()
-            for r in shown
-        ]
-        lines += ["", *joined(self.gap_lines()), *self.next_line()]
+        for r in shown:
+            sizes = self._sizes(r.effect, r.parameters)
+            lines.append(f"{r.probability:11.3f}  {r.effect:24s}{sizes}".rstrip())
+        lines += [""] + joined(self.gap_lines()) + self.next_line()
         lines += [f"note: {n}" for n in self.notes]
         return "\n".join(lines)
 
@@ -355,7 +357,10 @@ class GapReport:
         # how far the gap shrinks
         if s is not None:
             value, lo, hi = (100 * s[k] for k in ("value", "lo", "hi"))
-            removes = f"removes {value:.0f} %" if value > 0 else "does not remove any"
+            if value > 0:
+                removes = f"removes {value:.0f} %"
+            else:
+                removes = "does not remove any"
             what = "what the record shows" if self.behind.shown else "the effect"
             lines.append(
                 f"Of the gap above the floor, {what} {removes} (90 % interval {lo:.0f} to"
@@ -391,7 +396,9 @@ class GapReport:
 
 def joined(sentences: list[str]) -> list[str]:
     """Return sentences as one paragraph, none of none."""
-    return [" ".join(sentences)] if sentences else []
+    if sentences:
+        return [" ".join(sentences)]
+    return []
 
 
 def _hedge(said: str, p: float) -> str:

@@ -57,7 +57,10 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
     # what repeats it
     situation = report.behind.found.situation
     loop = report.fixed_loop().to_toml().strip()
-    again: list[Part] = [Commands(command)] if command else []
+    if command:
+        again: list[Part] = [Commands(command)]
+    else:
+        again = []
 
     # from the answer to the commands
     sections = [
@@ -68,7 +71,7 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
         Section(
             "reproduce",
             "How to reproduce",
-            [*again, Details("The loop file that --write-loop writes", [Commands([loop])])],
+            again + [Details("The loop file that --write-loop writes", [Commands([loop])])],
         ),
     ]
     title = f"{situation.record.tag or 'Record'} against its simulation"
@@ -79,16 +82,16 @@ def _answer(report: GapReport) -> list[Part]:
     """Return what is missing, whether the valve sticks, how far the gap shrinks, and the notes."""
     sizes = gap_sizes(report)
     caption = "Gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
-    return [
-        *texts([report.answer(), report.nearness()], "strong"),
-        *texts(joined(report.identified())),
-        Text("The valve", "heading"),
-        *texts(report.conclusion.as_lines()),
-        Text("The gap", "heading"),
-        *texts([*report.gap_lines(), *report.next_line()]),
-        Pictures([(draw_gap(sizes), caption)]),
-        *([Points(report.notes)] if report.notes else []),
-    ]
+    return (
+        texts([report.answer(), report.nearness()], "strong")
+        + texts(joined(report.identified()))
+        + [Text("The valve", "heading")]
+        + texts(report.conclusion.as_lines())
+        + [Text("The gap", "heading")]
+        + texts(report.gap_lines() + report.next_line())
+        + [Pictures([(draw_gap(sizes), caption)])]
+        + ([Points(report.notes)] if report.notes else [])
+    )
 
 
 def _look(report: GapReport, situation: Situation) -> list[Part]:
@@ -157,8 +160,7 @@ def _which(report: GapReport) -> list[Part]:
     table = Table(
         frame.rename(columns=words), {"probability": "{:.3f}".format}, ["parameters", "meaning"]
     )
-    return [
-        *texts(report.which_lines()),
+    return texts(report.which_lines()) + [
         Pictures([(draw_ranking(top), "Probability of each effect")]),
         table,
     ]
@@ -194,7 +196,9 @@ def nearest(report: GapReport) -> Ranked | None:
     comes close.
     """
     fitted = (r for r in report.ranking if r.effect in EFFECTS and r.gap_after is not None)
-    return next(fitted, None) if report.effect == UNKNOWN else None
+    if report.effect == UNKNOWN:
+        return next(fitted, None)
+    return None
 
 
 def gap_sizes(report: GapReport) -> dict[str, float]:
@@ -236,7 +240,9 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
         loops[FIXED if report.named else NEAREST] = runs.corrected(shown)
 
     # a record of each, in the samples of the record
-    found = {name: run_with_seeds(loop, 0, 1) for name, loop in loops.items()}
+    found = {}
+    for name, loop in loops.items():
+        found[name] = run_with_seeds(loop, 0, 1)
     s = report.behind.found.situation
     return {RECORD: record_in_percent(s)} | {
         name: records[0].with_signals(lambda x: x[:: s.pace], Ts=s.record.Ts)

@@ -14,7 +14,7 @@ def with_friction(loop: Loop, S: float, J: float) -> Loop:
     if S <= 0:
         return sound
     stuck = Part(name=FRICTION, parameters={"S": float(S), "J": float(J)})
-    return sound.model_copy(update={"effect": (*sound.effect, stuck)})
+    return sound.model_copy(update={"effect": sound.effect + (stuck,)})
 
 
 def without(loop: Loop, names: tuple[str, ...]) -> Loop:

@@ -24,13 +24,12 @@ def as_lines(
     judged has none.
     """
     loops = group_conclusions(conclusions, labels, "loop")
-    rows = [
-        (name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[answer])
-        for (name, label), (n, p, answer) in loops.items()
-    ]
+    rows = []
+    for (name, label), (n, p, answer) in loops.items():
+        rows.append((name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[answer]))
     several = any(n > 1 for n, _, _ in loops.values())
     return [
-        *(columns([_HEAD, *rows]) if several else ()),
+        *(columns([_HEAD] + rows) if several else ()),
         count_agreement("loop", loops),
         count_agreement("unit", group_conclusions(conclusions, labels, "unit_group")),
     ]
@@ -49,7 +48,10 @@ def group_conclusions(
     out = {}
     for group, each in groups.items():
         odds = [float(logit(p)) for p in each if p is not None]
-        p = probability(sum(odds) / len(odds)) if odds else None
+        if odds:
+            p = probability(sum(odds) / len(odds))
+        else:
+            p = None
         out[group] = len(each), p, NO_DECISION if p is None else verdict(p)
     return out
 
@@ -58,14 +60,13 @@ def count_agreement(
     what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]
 ) -> str:
     """Return in one sentence how often the conclusions agree with the labels."""
-    labelled = [
-        (label == STICTION, answer)
-        for (_, label), (_, _, answer) in groups.items()
-        if label not in ("", "unknown")
-    ]
+    labelled = []
+    for (_, label), (_, _, answer) in groups.items():
+        if label not in ("", "unknown"):
+            labelled.append((label == STICTION, answer))
     sticky = [answer for sticks, answer in labelled if sticks]
     others = [answer for sticks, answer in labelled if not sticks]
-    open_ = [*sticky, *others].count(NO_DECISION)
+    open_ = (sticky + others).count(NO_DECISION)
     return (
         f"Conclusion by {what}: stiction in {sticky.count(STICTION)} of {len(sticky)} with stiction"
         f" and in {others.count(STICTION)} of {len(others)} without; {open_} of {len(labelled)}"

@@ -80,19 +80,32 @@ class CandidateLoops:
         """Time constant (s) and damping of a valve that overshoots OP without friction, as MV shows
         it; None where it does not, or was not recorded.
         """
-        found = None if self._mv is None else positioner(self._mv)
-        return None if found is None else found[1]
+        if self._mv is None:
+            found = None
+        else:
+            found = positioner(self._mv)
+        if found is None:
+            return None
+        return found[1]
 
     @cached_property
     def slow(self) -> SlowValve | None:
         """The valve whose speed is limited, as MV shows it; None as for `positioner`."""
-        found = None if self._mv is None else slow_valve(self._mv)
-        return None if found is None else found[1]
+        if self._mv is None:
+            found = None
+        else:
+            found = slow_valve(self._mv)
+        if found is None:
+            return None
+        return found[1]
 
     @cached_property
     def _mv(self) -> MapSearch | None:
         """The search for what the valve makes of OP; None where MV was not recorded."""
-        s = None if self.closed is None else self.closed.fitted.situation
+        if self.closed is None:
+            s = None
+        else:
+            s = self.closed.fitted.situation
         if s is None or s.record.mv is None:
             return None
         return MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.op)
@@ -113,9 +126,15 @@ def candidate_loops(record: LoopRecord, known: Partial | None = None) -> Candida
     """Identify the loop of a record, but for what is `known` of it, with a healthy valve and with
     friction.
     """
-    weighed = friction_of(record) if known is None else friction(record, known)
+    if known is None:
+        weighed = friction_of(record)
+    else:
+        weighed = friction(record, known)
     found = loops_of(record, weighed.assessment, weighed.log_odds)
-    of_mv = () if weighed.told is None else weighed.told.notes
+    if weighed.told is None:
+        of_mv = ()
+    else:
+        of_mv = weighed.told.notes
     return replace(
         found,
         gain=weighed.evidence.gain,
@@ -134,13 +153,19 @@ def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> Candidat
     archive = [e for e in _ARCHIVE if e in found.situation.proven]
     sound = [archive]
     swung = found.candidates.get(OUTSIDE)
-    outside = max(float(swung.log_likelihood_gain), 0.0) if swung else 0.0
+    if swung:
+        outside = max(float(swung.log_likelihood_gain), 0.0)
+    else:
+        outside = 0.0
     if OUTSIDE in found.parameters:
-        sound.append([*archive, OUTSIDE])
+        sound.append(archive + [OUTSIDE])
         if outside:
             sound.reverse()
     sizes = found.parameters.get(FRICTION)
-    sticky = None if sizes is None else loops.loop([*archive, FRICTION])
+    if sizes is None:
+        sticky = None
+    else:
+        sticky = loops.loop(archive + [FRICTION])
     return CandidateLoops(
         record=record,
         healthy=tuple(loops.loop(effects) for effects in sound),

@@ -107,12 +107,16 @@ class Causes:
         lines = []
         for c in self.weighed[:4]:
             said = {"for": c.speaks_for, "against": c.against}
-            parts = [
-                f"{side}: {'; '.join(r for r in why if r not in told) or 'as said above'}"
-                for side, why in said.items()
-                if why
-            ]
-            where = "" if c.block in (NONE, c.name) else f"{c.block}, "
+            parts = []
+            for side, why in said.items():
+                if why:
+                    parts.append(
+                        f"{side}: {'; '.join(r for r in why if r not in told) or 'as said above'}"
+                    )
+            if c.block in (NONE, c.name):
+                where = ""
+            else:
+                where = f"{c.block}, "
             lines.append(f"  {c.name} ({where}{c.confidence:.2f}): {'. '.join(parts)}.")
         return lines
 
@@ -122,12 +126,18 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
     why none can be identified.
     """
     claimed = not isinstance(loops, Refusal) and loops.probability > CLAIMED_FROM
-    plain = None if claimed else _see_in_samples(prepared)
+    if claimed:
+        plain = None
+    else:
+        plain = _see_in_samples(prepared)
     if plain is not None:
         return Causes(plain, (plain,))
     if isinstance(loops, Refusal):
         return _leave_open(loops.reason, ())
-    moves = None if claimed else _positioner(loops) or _slow(loops)
+    if claimed:
+        moves = None
+    else:
+        moves = _positioner(loops) or _slow(loops)
     if moves is not None:
         return Causes(moves, (moves,))
     swing = prepared.oscillation
@@ -188,7 +198,10 @@ def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause
     pace = swing.period_s / loops.record.Ts
     if periods < FEWEST_PERIODS or pace < FEWEST_PER_PERIOD:
         many = pace >= FEWEST_PER_PERIOD
-        few = f"{periods:.0f} periods" if many else f"{pace:.2g} samples each"
+        if many:
+            few = f"{periods:.0f} periods"
+        else:
+            few = f"{pace:.2g} samples each"
         why = f"{few} are too few to tell a line of the load from a resonance"
         return _without_line(known, prepared, why, 0.3)
     keeps = coherence(loops.record.pv, pace)
@@ -240,7 +253,10 @@ def _stiction(loops: CandidateLoops, unit: str) -> Cause:
     )
     if p <= LIKELIER:
         # what fits better is no evidence against, though it is not enough
-        sides = ((better,), ()) if loops.gain > 0 else ((), (better,))
+        if loops.gain > 0:
+            sides = ((better,), ())
+        else:
+            sides = ((), (better,))
         return Cause(STICKING, p, *sides)
     if loops.sizes is not None:
         better += f"; {describe_sizes(*loops.sizes, unit)}"
@@ -298,7 +314,10 @@ def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
     pv = prepared.record.pv
     share = min(float(loops.healthy[0].noise.std / np.std(pv)), 1.0) ** 2
     noisy = f"noise is {share:.0%} of PV's variance"
-    moved = float(np.std(np.diff(op))) if prepared.record.op_percent is not None else 0.0
+    if prepared.record.op_percent is not None:
+        moved = float(np.std(np.diff(op)))
+    else:
+        moved = 0.0
     if share > NOISY and moved > MOVED:
         follows = f"{noisy}: the valve follows it, by {moved:.2g} % from sample to sample"
         return Cause(SENSOR, 0.8, (follows,))

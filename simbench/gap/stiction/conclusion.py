@@ -99,12 +99,18 @@ class Conclusion:
 
     def as_json(self) -> dict[str, Any]:
         """Return the conclusion in JSON types, without the sizes, which stand beside it."""
-        known = {k: v for k, v in asdict(self).items() if k not in ("S", "J", "above")}
-        return {**known, "notes": [*self.notes]}
+        known = {}
+        for k, v in asdict(self).items():
+            if k not in ("S", "J", "above"):
+                known[k] = v
+        return {**known, "notes": list(self.notes)}
 
     def sentence(self) -> str:
         """Return verdict, probability and cause in one line."""
-        p = "unknown" if self.probability is None else f"{self.probability:.2f}"
+        if self.probability is None:
+            p = "unknown"
+        else:
+            p = f"{self.probability:.2f}"
         word = WORDS[self.verdict]
         if self.verdict == NO_STICTION and self.above:
             word = f"no stiction worth repairing, {self.above} or more"
@@ -122,7 +128,10 @@ def judged(record: LoopRecord) -> tuple[Conclusion, Causes]:
     still = stands(record)
     if still is not False:
         conclusion = at_rest(record, sure=still is True)
-        sure = float(SEIZED) if still else 0.0
+        if still:
+            sure = float(SEIZED)
+        else:
+            sure = 0.0
         cause = Cause(conclusion.cause, sure, (conclusion.reason,))
         return conclusion, Causes(cause, (cause,))
 
@@ -161,18 +170,22 @@ def from_record(prepared: Prepared, loops: CandidateLoops | Refusal) -> tuple[Co
     notes = prepared.record.notes
     if isinstance(loops, Refusal):
         to_do = _NEXT.get(cause, _RECORD_AGAIN)
-        reason = "; ".join((*causes.named.speaks_for, loops.reason))
+        reason = "; ".join(causes.named.speaks_for + (loops.reason,))
         return Conclusion(NO_DECISION, None, cause, reason, to_do, notes), causes
     p = loops.probability
     answer = verdict(p)
     friction = next((c for c in causes.weighed if c.name == why.STICKING), causes.named)
-    reasons = [
-        r for c in dict.fromkeys((friction, causes.named)) for r in (*c.speaks_for, *c.against)
-    ]
+    reasons = []
+    for c in dict.fromkeys((friction, causes.named)):
+        for r in c.speaks_for + c.against:
+            reasons.append(r)
     if loops.shown is not None:
         reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
     if answer == NO_DECISION and p > LIKELIER and loops.unclaimed:
-        held = f" (for that the probability is held at {CLAIMED_FROM:g})" if p > _JUST_BELOW else ""
+        if p > _JUST_BELOW:
+            held = f" (for that the probability is held at {CLAIMED_FROM:g})"
+        else:
+            held = ""
         reasons.append(f"{loops.unclaimed}{held}")
     reasons += loops.of_mv
     if answer != STICTION and not swings:
@@ -183,7 +196,10 @@ def from_record(prepared: Prepared, loops: CandidateLoops | Refusal) -> tuple[Co
     if answer != NO_STICTION:
         to_do = _open_to_do(answer, swings, loops.shown)
     S, J = (loops.sizes if p > LIKELIER else None) or (None, None)
-    above = loops.shown.size(loops.percent, prepared.record.S_unit) if loops.shown else ""
+    if loops.shown:
+        above = loops.shown.size(loops.percent, prepared.record.S_unit)
+    else:
+        above = ""
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do, notes, S, J, above), causes
 
 
@@ -205,8 +221,14 @@ def from_posterior(
         f"the effects with friction have probability {p:.2f}",
         f"the likeliest answer is {words} ({weights.probability[first]:.2f})",
     ]
-    sticks = [e for e in named if is_friction(e)]
-    sizes = sizes_of(assessment, sticks[0]) if sticks else None
+    sticks = []
+    for e in named:
+        if is_friction(e):
+            sticks.append(e)
+    if sticks:
+        sizes = sizes_of(assessment, sticks[0])
+    else:
+        sizes = None
     if sizes is not None:
         reasons.append(describe_sizes(*sizes, "% of travel"))
     if shown is not None:
@@ -229,7 +251,10 @@ def from_posterior(
         to_do = f"add {words} to the simulation (`--write-loop`)"
     S, J = sizes or (None, None)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
-    above = shown.size(1.0, "% of travel") if shown else ""
+    if shown:
+        above = shown.size(1.0, "% of travel")
+    else:
+        above = ""
     return Conclusion(answer, p, cause, "; ".join(reasons), to_do, (), S, J, above)
 
 
@@ -238,7 +263,9 @@ def _open_to_do(answer: str, swings: bool, shown: Deniable | None) -> str:
     that swings.
     """
     if answer == STICTION:
-        return f"{_GAIN}, or {_BY_HAND}; {_REPAIR}" if swings else f"{_BY_HAND}; {_REPAIR}"
+        if swings:
+            return f"{_GAIN}, or {_BY_HAND}; {_REPAIR}"
+        return f"{_BY_HAND}; {_REPAIR}"
     if shown is not None and shown.again:
         return shown.again
     return _TO_TELL if swings else _AT_REST
@@ -251,7 +278,10 @@ def _swings(assessment: Assessment) -> bool:
 
 def without(reason: str, named: Sequence[str]) -> Conclusion:
     """Return the conclusion with a loop file where the record cannot be judged for friction."""
-    others = [e.replace("_", " ") for e in named if e in EFFECTS and not is_friction(e)]
+    others = []
+    for e in named:
+        if e in EFFECTS and not is_friction(e):
+            others.append(e.replace("_", " "))
     return Conclusion(
         NO_DECISION, None, " and ".join(others) or why.NOT_TOLD, reason, _RECORD_AGAIN
     )

@@ -50,7 +50,9 @@ class Deniable:
 
     def size(self, percent: float, unit: str) -> str:
         """Return the S from which stiction is denied, in such a unit, "" where it is not."""
-        return "" if self.open else f"S = {self.S * percent:.2g} {unit}"
+        if self.open:
+            return ""
+        return f"S = {self.S * percent:.2g} {unit}"
 
 
 def deniable(view: Assessment) -> Deniable:
@@ -59,7 +61,10 @@ def deniable(view: Assessment) -> Deniable:
     if s.record.mv is not None:
         return _by_mv(s)
     swing = find_oscillation(s.op, np.asarray(s.record.pv), s.record.Ts)
-    pace = swing.period_s / s.record.Ts if swing.sustained else math.inf
+    if swing.sustained:
+        pace = swing.period_s / s.record.Ts
+    else:
+        pace = math.inf
     if pace < FEWEST_PER_PERIOD:
         return Deniable(
             math.inf,
@@ -114,7 +119,9 @@ def largest_asked(op: np.ndarray) -> float:
     """
     turns = [scipy.signal.find_peaks(x, prominence=1e-9)[1]["prominences"] for x in (op, -op)]
     sizes = np.sort(np.concatenate(turns))[::-1]
-    return float(sizes[int(REVERSALS) - 1]) if sizes.size >= REVERSALS else 0.0
+    if sizes.size >= REVERSALS:
+        return float(sizes[int(REVERSALS) - 1])
+    return 0.0
 
 
 def _integrates(loop: Loop, duration: float) -> bool:

@@ -112,7 +112,9 @@ class Friction:
         if self.unclaimed:
             odds = min(odds, float(logit(CLAIMED_FROM)) - _BELOW)
         denied = self.shown is None or not self.shown.open
-        return odds if denied else max(odds, float(logit(DENIED_BELOW)))
+        if denied:
+            return odds
+        return max(odds, float(logit(DENIED_BELOW)))
 
     @property
     def probability(self) -> float:
@@ -123,7 +125,9 @@ class Friction:
     def fitted(self) -> tuple[float, float] | None:
         """S and J (%) of the friction that explains the record best; None where none was fitted."""
         sizes = self.assessment.parameters.get(FRICTION)
-        return None if sizes is None else (float(sizes["S"]), float(sizes["J"]))
+        if sizes is None:
+            return None
+        return (float(sizes["S"]), float(sizes["J"]))
 
 
 _KEPT: dict[tuple[Any, ...], Friction] = {}
@@ -180,14 +184,20 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     true = chance_of_position(*_worth(alone, mv), alone.log_odds)
     by_mv, scale = _in_scale(record, known, alone.fitted)
     p = true * by_mv.probability + (1.0 - true) * alone.probability
-    notes = [scale.sentence()] if record.op_percent is not None else []
+    if record.op_percent is not None:
+        notes = [scale.sentence()]
+    else:
+        notes = []
     if true < LIKELIER:
         notes.append(ECHO if repeats(op, mv) else NO_POSITION)
     main = alone
     believed = replace(record, mv=None)
     if true >= LIKELIER:
         main = by_mv
-        believed = replace(record, mv=scale.undone(mv)) if scale.is_unit else record
+        if scale.is_unit:
+            believed = replace(record, mv=scale.undone(mv))
+        else:
+            believed = record
     return replace(main, told=Told(float(logit(p)), believed, tuple(filter(None, notes))))
 
 
@@ -275,7 +285,10 @@ def stands(record: LoopRecord) -> bool | None:
 
 def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
     """Return what a record shows of friction, before it is asked what would have shown."""
-    where = f"record {record.tag!r}" if record.tag else "record"
+    if record.tag:
+        where = f"record {record.tag!r}"
+    else:
+        where = "record"
     record = in_percent(record)[0]
     if known is None and record.mv is None:
         record = unheld(without_last_bits(record))
@@ -292,12 +305,17 @@ def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
     whole, given, _ = complete_baseline(record, known)
     s = check(record, whole, trusted=False, tuned="controller" in given)
     # MV is compared with OP by the whole diagnosis alone
-    return _likeliest_view([_few(s)]) if record.mv is None else _seen_in_mv(assess(s))
+    if record.mv is None:
+        return _likeliest_view([_few(s)])
+    return _seen_in_mv(assess(s))
 
 
 def refuse_unweighable(record: LoopRecord) -> None:
     """Refuse a record that shows nothing about its valve, whatever is known of its loop."""
-    where = f"record {record.tag!r}" if record.tag else "record"
+    if record.tag:
+        where = f"record {record.tag!r}"
+    else:
+        where = "record"
     refuse_unfit(record, where)
     flags = Prepared(record.without_mv()).flags
     unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")
@@ -372,10 +390,15 @@ def _likeliest_view(views: Sequence[Assessment]) -> Friction:
     """
     nats = [{e: _price_samples(v, e) for e in (None, FRICTION)} for v in views]
     # the view in which each is likeliest
-    at = {e: int(np.argmax([n[e].sum() for n in nats])) for e in nats[0]}
+    at = {}
+    for e in nats[0]:
+        at[e] = int(np.argmax([n[e].sum() for n in nats]))
     none, sticky = (nats[at[e]][e] for e in (None, FRICTION))
     gain = friction_nats(sticky, none)
-    known = [i for i, v in enumerate(views) if _is(v, v.situation.record.process)]
+    known = []
+    for i, v in enumerate(views):
+        if _is(v, v.situation.record.process):
+            known.append(i)
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
     data = views[first].situation.data
     likeliest = views[at[FRICTION]]
@@ -449,14 +472,19 @@ def _band_of(assessment: Assessment) -> float:
     # friction may have been taken out of the library
     one = assessment.candidates.get(FRICTION)
     op = assessment.situation.op
-    return one.fit.theta["S"] / (op_range(op) or 1.0) if one is not None and one.used else 0.0
+    if one is not None and one.used:
+        return one.fit.theta["S"] / (op_range(op) or 1.0)
+    return 0.0
 
 
 def _seen_in_mv(assessment: Assessment) -> Friction:
     """Return what MV shows of friction: what it does that OP does not is the valve; another map may
     explain it, and every band counts in full.
     """
-    maps = {e: n for e, n in nats_of_rows(assessment.rows).items() if block_of(e) == "valve"}
+    maps = {}
+    for e, n in nats_of_rows(assessment.rows).items():
+        if block_of(e) == "valve":
+            maps[e] = n
     gain = max((n for e, n in maps.items() if is_friction(e)), default=_NOTHING)
     rival = max((n for e, n in maps.items() if not is_friction(e)), default=0.0)
     return Friction(assessment, FrictionEvidence(gain - max(rival, 0.0), float(gain > 0.0)))

@@ -29,7 +29,10 @@ class Margins:
     def sentence(self) -> str:
         """Return the margins in words."""
         lo, hi = self.gains
-        between = f" ({lo:.2g} to {hi:.2g})" if hi > 1.01 * lo else ""
+        if hi > 1.01 * lo:
+            between = f" ({lo:.2g} to {hi:.2g})"
+        else:
+            between = ""
         return (
             f"gain margin {self.gain:.2g}{between}, largest sensitivity {self.sensitivity:.2g} at"
             f" a period of {self.period:.3g} s"

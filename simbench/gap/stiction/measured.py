@@ -25,7 +25,9 @@ def unheld(record: LoopRecord) -> LoopRecord:
     k = int(np.median(np.diff(changes)))
     phase = int(np.bincount(changes % k).argmax())
     regular = k > 1 and np.mean(changes % k == phase) >= _REGULAR
-    return resample_record(record, lambda x: x[phase::k], k) if regular else record
+    if regular:
+        return resample_record(record, lambda x: x[phase::k], k)
+    return record
 
 
 def measured_samples(record: LoopRecord) -> int:

@@ -85,15 +85,23 @@ def standing(op: np.ndarray, mv: np.ndarray) -> slice | None:
     least = int(MV_STANDS_FOR * mv.size)
     rest = float(np.median(mv[-max(least, 1) :]))
     # a constant has neither digits nor noise
-    near = least_band(mv) if np.ptp(mv) > 0.0 else _CONSTANT
+    if np.ptp(mv) > 0.0:
+        near = least_band(mv)
+    else:
+        near = _CONSTANT
     moved = np.flatnonzero(np.abs(mv - rest) > 2.0 * near)
-    first = int(moved[-1]) + 1 if moved.size else 0
+    if moved.size:
+        first = int(moved[-1]) + 1
+    else:
+        first = 0
     if mv.size - first < least or not _LIMIT < rest < 100.0 - _LIMIT:
         return None
     lo = float(op[first:].min())
     hi = float(op[first:].max())
     between = lo < rest < hi or not first
-    return slice(first, mv.size) if between and hi - lo > MV_STANDS * near else None
+    if between and hi - lo > MV_STANDS * near:
+        return slice(first, mv.size)
+    return None
 
 
 def repeats(op: np.ndarray, mv: np.ndarray) -> bool:
@@ -121,13 +129,15 @@ def scale_of(search: MapSearch, fitted: tuple[float, float] | None) -> tuple[Sca
     near = _lowest(op[part], mv[part], np.array(grid), 2 * _KEPT)
     valves = [(0.0, 0.0), *(() if fitted is None else (fitted,)), *near[:, :2]]
     # where MV stands when the record begins is another number than in its part
-    begun = np.array([(S, J, S * b) for S, J in valves for b in (*_STARTS, *_NEARER)])
+    begun = np.array([(S, J, S * b) for S, J in valves for b in _STARTS + _NEARER])
     left, gain, offset = min(_scale_to_mv(op, mv, x) for x in _lowest(op, mv, begun, _KEPT))
     level = 0.5 * op.size * np.log(left + search.fine)
     nats = search.healthy - level - size_penalty(op.size, _NUMBERS)
     middle = offset + (gain - 1.0) * float(op.mean())
     same = abs(gain - 1.0) < _ONE and abs(middle) < _ONE * float(np.ptp(op))
-    return (Scale(), 0.0) if same or not gain else (Scale(gain, offset), float(nats))
+    if same or not gain:
+        return (Scale(), 0.0)
+    return (Scale(gain, offset), float(nats))
 
 
 def _lowest(op: np.ndarray, mv: np.ndarray, starts: np.ndarray, kept: int) -> np.ndarray:
@@ -182,7 +192,9 @@ def _log_likelihood(view: Assessment, mv: np.ndarray) -> np.ndarray:
 def price_of(view: Assessment) -> float:
     """Return what the numbers of a view's plant cost (nats): a time constant is one more."""
     s = view.situation
-    return 0.0 if s.integrating else size_penalty(s.data.n, 1.0)
+    if s.integrating:
+        return 0.0
+    return size_penalty(s.data.n, 1.0)
 
 
 def answers(view: Assessment, mv: np.ndarray) -> bool:

@@ -98,4 +98,8 @@ def probability(odds: float) -> float:
 
 def verdict(p: float, yes: float = CLAIMED_FROM, no: float = DENIED_BELOW) -> str:
     """Return what a probability of stiction means: yes, no, or cannot tell."""
-    return STICTION if p > yes else NO_STICTION if p < no else NO_DECISION
+    if p > yes:
+        return STICTION
+    if p < no:
+        return NO_STICTION
+    return NO_DECISION

@@ -44,4 +44,6 @@ def of_tuning(loops: CandidateLoops) -> float:
 def _largest(loop: Loop, kick: float) -> float:
     # what a set point that swings does comes from outside
     runs = run_with_seeds(steady(loop), 0, _SEEDS, kick)
-    return 0.0 if runs is None else max(regularity(run) for run in runs)
+    if runs is None:
+        return 0.0
+    return max(regularity(run) for run in runs)

@@ -46,7 +46,10 @@ class Size:
 
 def describe_sizes(S: Size, J: Size, unit: str) -> str:
     """Return sizes and their intervals in words; a J that may be nearly anything is none."""
-    said = [S.sentence("S")] if S.hi > 0.0 else []
+    if S.hi > 0.0:
+        said = [S.sentence("S")]
+    else:
+        said = []
     if J.hi - J.lo > _ANYTHING * S.value > 0.0:
         said.append(f"J is not identifiable ({J.lo:.2g} to {J.hi:.2g})")
     elif J.hi > 0.0:
@@ -81,7 +84,10 @@ def _by_pv(assessment: Assessment, effect: str) -> Levels:
     data = assessment.situation.data
     engine = Engine(data, load_memory(assessment.situation))
     bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
-    kind = kernels.STICK if fit.spec.valve == kernels.PLAY else fit.spec.valve
+    if fit.spec.valve == kernels.PLAY:
+        kind = kernels.STICK
+    else:
+        kind = fit.spec.valve
     return lambda points: engine.scan(bare, fit.theta, kind, points)
 
 
@@ -97,7 +103,10 @@ def _by_mv(search: MapSearch) -> Levels:
 
 def _spread(levels: Levels, S: float, J: float) -> tuple[Size, Size]:
     """Return S and J with the range of the valves that explain nearly as much as the best."""
-    shares = [J / S, *_SHARES] if J > 0.0 else [0.0]
+    if J > 0.0:
+        shares = [J / S, *_SHARES]
+    else:
+        shares = [0.0]
     grid = product(_FACTORS, shares, _STARTS)
     points = np.array([(S * f, S * f * j, S * f * b) for f, j, b in grid])
     value = levels(points)
@@ -107,7 +116,10 @@ def _spread(levels: Levels, S: float, J: float) -> tuple[Size, Size]:
     # up to the next size that was tried: the peak may lie between them
     step = float(np.exp(_OFF[0]))
     # friction that is next to none explains as much
-    least = 0.0 if none >= best - REFITTED else float(near[:, 0].min()) / step
+    if none >= best - REFITTED:
+        least = 0.0
+    else:
+        least = float(near[:, 0].min()) / step
     return (
         Size(S, min(S, least), max(S, step * float(near[:, 0].max()))),
         Size(J, min(J, float(near[:, 1].min()) / step), max(J, step * float(near[:, 1].max()))),

@@ -51,7 +51,7 @@ def slow_valve(search: MapSearch) -> tuple[float, SlowValve] | None:
         up, down = unit * np.exp(np.clip(x, -9.0, 9.0))
         return search.level(limit_rate(search.op, up, down))
 
-    starts = np.log(np.array([*product(_RATES, _RATES)]))
+    starts = np.log(np.array(list(product(_RATES, _RATES))))
     best = starts[int(np.argmin([level(x) for x in starts]))]
     found = scipy.optimize.minimize(level, best, method="Nelder-Mead")
 

@@ -158,4 +158,6 @@ def block_of(effect: str) -> str:
     str
         Block of the loop.
     """
-    return effect if effect in (NONE, UNKNOWN) else EFFECTS[effect].block
+    if effect in (NONE, UNKNOWN):
+        return effect
+    return EFFECTS[effect].block

@@ -54,14 +54,19 @@ def indistinguishable(effect: str, here: Circumstances) -> frozenset[str]:
     """Return the effects that give the same SP, OP and PV (and MV where recorded) as one here,
     itself included.
     """
-    own = _groups(EFFECTS[effect], here) if effect in EFFECTS else set()
+    if effect in EFFECTS:
+        own = _groups(EFFECTS[effect], here)
+    else:
+        own = set()
     return frozenset({effect} | {e for e, other in EFFECTS.items() if own & _groups(other, here)})
 
 
 def _groups(effect: Effect, here: Circumstances) -> set[str]:
-    return {
-        group for group in effect.alike if group not in _HOLDS or _HOLDS[group](effect.block, here)
-    }
+    groups = set()
+    for group in effect.alike:
+        if group not in _HOLDS or _HOLDS[group](effect.block, here):
+            groups.add(group)
+    return groups
 
 
 def circumstances(
@@ -81,7 +86,10 @@ def circumstances(
     jitter = np.diff(op)
     p = parameters or {}
     known = EFFECTS.get(effect, Effect("", {}, ""))
-    jump = p.get("J") if "J" in known.parameters else 0.0
+    if "J" in known.parameters:
+        jump = p.get("J")
+    else:
+        jump = 0.0
     return Circumstances(
         integrating=plant.get("type") == "integrating",
         sp_moves=sp is not None and bool(np.ptp(sp) > 2 * noise),
@@ -98,7 +106,10 @@ def _pace(
 ) -> dict[str, bool]:
     if not {"slow", "ramp"} & set(effect.alike) or plant.get("K") is None or plant.get("T") is None:
         return {}
-    gain = abs(float(plant["K"])) if effect.block == "disturbance" else 1.0
+    if effect.block == "disturbance":
+        gain = abs(float(plant["K"]))
+    else:
+        gain = 1.0
     if "size" in effect.parameters:
         return {"slow": "size" in p and gain * abs(float(p["size"])) < noise}
     pace = float(plant["T"]) + float(plant.get("Td", 0.0))

@@ -18,5 +18,8 @@ ACTS = "loop"
 def apply(setup, p, rng):
     """Limit the speed of the valve, and let it lag."""
     if p.slowness > 0.0 or p.tau > 0.0:
-        rate = {"rate": 1.0 / p.slowness} if p.slowness > 0.0 else {}
+        if p.slowness > 0.0:
+            rate = {"rate": 1.0 / p.slowness}
+        else:
+            rate = {}
         setup.add_valve("lag", {"T": p.tau, **rate})

@@ -30,7 +30,10 @@ def apply(setup, p, rng):
         raise ParameterError(
             f"effect 'time_constant_mismatch': plant {own.type!r} has no time constant"
         )
-    base = [T, 1.0] if T is not None else list(own.den)
+    if T is not None:
+        base = [T, 1.0]
+    else:
+        base = list(own.den)
     rest, remainder = np.polydiv(setup.den, base)
     if np.abs(remainder).max() > 1e-9 * max(base):
         raise ParameterError(

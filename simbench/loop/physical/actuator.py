@@ -86,7 +86,9 @@ def fastest(Fv: float, m: float, k: float) -> float:
     """Return the shortest time constant (s) of m x'' + Fv x' + k x = 0."""
     a = Fv / (2.0 * m)
     w2 = k / m
-    return 1.0 / (a + math.sqrt(a * a - w2)) if a * a > w2 else 1.0 / math.sqrt(w2)
+    if a * a > w2:
+        return 1.0 / (a + math.sqrt(a * a - w2))
+    return 1.0 / math.sqrt(w2)
 
 
 def overshoot(p) -> float:
@@ -95,7 +97,9 @@ def overshoot(p) -> float:
     """
     a = p.Fv / (2.0 * p.m)
     w2 = p.k / p.m
-    return math.exp(-math.pi * a / math.sqrt(w2 - a * a)) if a * a < w2 else 0.0
+    if a * a < w2:
+        return math.exp(-math.pi * a / math.sqrt(w2 - a * a))
+    return 0.0
 
 
 def mapped_SJ(p) -> tuple[float, float]:

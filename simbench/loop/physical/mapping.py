@@ -45,8 +45,10 @@ def complete_band(
             )
         return {**values, high: 0.5 * (S + J) / percent, low: 0.5 * (S - J) / percent}
     if defaults is not None:
-        Fs = Fs if pair[0] else defaults[0]
-        Fc = Fc if pair[1] else defaults[1]
+        if not pair[0]:
+            Fs = defaults[0]
+        if not pair[1]:
+            Fc = defaults[1]
     elif not all(pair):
         raise ParameterError(f"{where} needs S and J, or {high} and {low}")
     if Fs < Fc:

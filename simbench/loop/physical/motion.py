@@ -99,14 +99,26 @@ def stop_time(z, r, a, w2):
     b2 = a * a - w2
     pull = a * r + w2 * z
     if abs(b2) <= 1e-12 * w2:
-        return r / pull if r * pull > 0.0 else inf
+        if r * pull > 0.0:
+            return r / pull
+        return inf
     if b2 > 0.0:
         b = sqrt(b2)
-        share = b * r / pull if pull != 0.0 else inf
-        return 0.5 * log((1.0 + share) / (1.0 - share)) / b if 0.0 < share < 1.0 else inf
+        if pull != 0.0:
+            share = b * r / pull
+        else:
+            share = inf
+        if 0.0 < share < 1.0:
+            return 0.5 * log((1.0 + share) / (1.0 - share)) / b
+        return inf
     b = sqrt(-b2)
-    angle = atan(b * r / pull) if pull != 0.0 else 0.5 * pi
-    return angle / b if angle > 0.0 else (angle + pi) / b
+    if pull != 0.0:
+        angle = atan(b * r / pull)
+    else:
+        angle = 0.5 * pi
+    if angle > 0.0:
+        return angle / b
+    return (angle + pi) / b
 
 
 def fall_time(z, r, d, level, a, w2, T):

@@ -45,7 +45,10 @@ def step(u, state, p):
             d = -1.0
             moving = 1.0
     if moving == 1.0:
-        fd = 0.5 * (p.S_up - p.J_up) if d > 0.0 else 0.5 * (p.S_down - p.J_down)
+        if d > 0.0:
+            fd = 0.5 * (p.S_up - p.J_up)
+        else:
+            fd = 0.5 * (p.S_down - p.J_down)
         v = min(max(x - d * fd, 0.0), 100.0)
     return v, d, moving, x
 

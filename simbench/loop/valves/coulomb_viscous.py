@@ -48,7 +48,8 @@ def complete(values, where):
     S = values["S"]
     Fc = values["Fc"]
     if isnan(S):
-        Fc = PUBLISHED_FRICTION[1] if isnan(Fc) else Fc
+        if isnan(Fc):
+            Fc = PUBLISHED_FRICTION[1]
         return {**values, "Fc": Fc, "S": percent * Fc}
     if not isnan(Fc):
         raise ParameterError(f"{where}: give S or Fc, not both; one follows from the other")

@@ -37,7 +37,10 @@ def step(u, state, p):
     d = 1.0 if x > v else -1.0
     left = p.Ts
     # distance within which the lag alone is slower than the limit
-    near = p.rate * p.T if p.T > 0.0 else 0.0
+    if p.T > 0.0:
+        near = p.rate * p.T
+    else:
+        near = 0.0
     far = abs(x - v) - near
     if far > 0.0:
         if far >= p.rate * left:
