@@ -93,10 +93,8 @@ def _jumps(u, r, penalty, x):
             for c in range(LANES):
                 i = np.uintp(first + c)
                 end = base[i] - twice[i] * R1 + (j + 1.0) * square[i]
-                if end < least[c]:
-                    place[c] = first + c
-                if end < least[c]:
-                    least[c] = end
+                place[c] = first + c if end < least[c] else place[c]
+                least[c] = end if end < least[c] else least[c]
         lowest = least[0]
         at = place[0]
         for c in range(1, LANES):
@@ -117,10 +115,7 @@ def _first_guess(u, band, x):
     """Fill `x` with Stenman's valve with one parameter."""
     x[0] = u[0]
     for k in range(1, u.size):
-        if abs(u[k] - x[k - 1]) > band:
-            x[k] = u[k]
-        else:
-            x[k] = x[k - 1]
+        x[k] = u[k] if abs(u[k] - x[k - 1]) > band else x[k - 1]
 
 
 def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdict:

@@ -134,12 +134,7 @@ def moves(record, valves, block, v, total):
         fs[c] = 0.5 * (S[i] + J[i])
         fd[c] = 0.5 * (S[i] - J[i])
         halts[c] = stops[i]
-        if start[i] == MOVING_UP:
-            m[c] = 1.0
-        elif start[i] == MOVING_DOWN:
-            m[c] = -1.0
-        else:
-            m[c] = 0.0
+        m[c] = 1.0 if start[i] == MOVING_UP else -1.0 if start[i] == MOVING_DOWN else 0.0
         position[c] = base - start[i] * fs[c]
         run[c] = 0.0
         total[c] = 0.0
@@ -150,26 +145,18 @@ def moves(record, valves, block, v, total):
             mean[c] = 0.0
         for j in range(k * q, k * q + q):
             u = min(max(op[j], lo), hi)
-            if u > before:
-                side = 1.0
-            elif u < before:
-                side = -1.0
-            else:
-                side = 0.0
+            side = 1.0 if u > before else -1.0 if u < before else 0.0
             before = u
             for c in range(LANES):
                 off = u - position[c]
-                if off > fs[c]:
-                    breaks = 1.0
-                elif -off > fs[c]:
-                    breaks = -1.0
-                else:
-                    breaks = 0.0
-                if not (m[c] != 0.0 and (first or (m[c] == side and halts[c] == 0.0))):
-                    m[c] = breaks
+                breaks = 1.0 if off > fs[c] else -1.0 if -off > fs[c] else 0.0
+                m[c] = (
+                    m[c]
+                    if m[c] != 0.0 and (first or (m[c] == side and halts[c] == 0.0))
+                    else breaks
+                )
                 moved = min(max(u - m[c] * fd[c], lo), hi)
-                if m[c] != 0.0:
-                    position[c] = moved
+                position[c] = moved if m[c] != 0.0 else position[c]
                 mean[c] += position[c]
             first = False
         for c in range(LANES):
@@ -196,10 +183,7 @@ def answers(half, valves, low, block, v, total, x):
     n = v.size // LANES
     for c in range(LANES):
         a[c] = pole[min(block + c, pole.size - 1)]
-        if a[c] == 1.0:
-            gain[c] = 1.0
-        else:
-            gain[c] = 1.0 - a[c]
+        gain[c] = 1.0 if a[c] == 1.0 else 1.0 - a[c]
         now[c] = 0.0
     for k in range(n):
         left = max(k - half, 0)
@@ -211,10 +195,7 @@ def answers(half, valves, low, block, v, total, x):
         for c in range(LANES):
             i = np.uintp(c)
             h = v[row + i] - (total[stop + i] - total[start + i]) * share
-            if k > 0:
-                now[c] = a[c] * now[c] + gain[c] * h
-            else:
-                now[c] = 0.0
+            now[c] = a[c] * now[c] + gain[c] * h if k > 0 else 0.0
         for group in range(0, LANES, VALVES_SIDE_BY_SIDE):
             late = delay[min(block + group, pole.size - 1)] - low
             place = np.uintp((k + late) * LANES + group)
@@ -276,16 +257,11 @@ def _misfits(record, count, low, stride, block, x, out):
             # a valve that hardly moves under an integrator: what is left of x without its mean is
             # rounding
             both = det > 1e-9 * qxx * qzz and k0 >= 0.0 and k1 >= 0.0 and qxx > 1e-6 * sxx[c]
-            if qxy > 0.0 and qxx > 1e-9 * sxx[c]:
-                alone = qxy * qxy / qxx
-            else:
-                alone = 0.0
+            alone = qxy * qxy / qxx if qxy > 0.0 and qxx > 1e-9 * sxx[c] else 0.0
             error = 1.0 - (k0 * qxy + k1 * qzy if both else alone) / syy
             better = error < best[c] and i < wanted[c]
-            if better:
-                at[c] = i
-            if better:
-                best[c] = error
+            at[c] = i if better else at[c]
+            best[c] = error if better else best[c]
             sxy[c] = szy[c]
         # on to the next delay: the window moves by `stride` samples
         for late in range(stride if i + 1 < most else 0):
@@ -408,10 +384,7 @@ def descend(record, begin, points, steps, least, error):
         for g in range(active.size):
             p = active[g]
             for t in range(g * each, (g + 1) * each):
-                if 0.0 < S[t] and 0.0 <= J[t] <= 1.5 * S[t]:
-                    e = out[t, 0]
-                else:
-                    e = 2.0
+                e = out[t, 0] if 0.0 < S[t] and 0.0 <= J[t] <= 1.5 * S[t] else 2.0
                 lost = search[p, _AT] != _FIRST and e < search[p, _TOP] - TIE
                 _advance(search[p], steps[p], least[p], e)
                 if lost or search[p, _AT] == _DONE:
@@ -464,10 +437,7 @@ def _advance(search, steps, least, e):
             for c in range(3):
                 was = search[_BASE + c]
                 now = search[_BEST + c]
-                if steps[c] > 0.0:
-                    search[_TRIAL + c] = 2.0 * now - was
-                else:
-                    search[_TRIAL + c] = now
+                search[_TRIAL + c] = 2.0 * now - was if steps[c] > 0.0 else now
                 search[_BASE + c] = now
             search[ERROR] = search[_TOP]
             search[_AT] = _AGAIN
@@ -483,10 +453,7 @@ def _advance(search, steps, least, e):
         search[_AT] = _DONE
         return
     i = int(search[_AT])
-    if i % 2 == 0:
-        way = search[_WIDTH]
-    else:
-        way = -search[_WIDTH]
+    way = search[_WIDTH] if i % 2 == 0 else -search[_WIDTH]
     for c in range(3):
         search[_TRIAL + c] = search[_BEST + c]
     if i < 2 or 4 <= i < 6:
