@@ -48,11 +48,9 @@ def example_loop(**settings: Any) -> LoopRecord:
         load = np.zeros(n)
     if process == "self-regulating":
         pole = math.exp(-Ts / T)
-    else:
-        pole = 1.0
-    if process == "self-regulating":
         gain = K * (1.0 - pole)
     else:
+        pole = 1.0
         gain = K * Ts
     delay = round(Td / Ts)
     fs = (S + J) / 2.0

@@ -98,11 +98,9 @@ def _of_numbers(t: np.ndarray, table: Sheet, name: str) -> np.ndarray:
         said = f"{table.where}: {name} begins with {first:.15g} and rises by {step:.3g}"
         if days:
             in_days = f" s, or {step * 86400:.4g} s if it counts days"
-        else:
-            in_days = ""
-        if days:
             cure = f"--ts {step * 86400:.4g}"
         else:
+            in_days = ""
             cure = "--ts SECONDS"
         raise RecordError(f"{said}{in_days}; {_NEEDED}", cure)
     return t

@@ -111,11 +111,9 @@ def first_order_like(plant: Plant) -> Plant:
     spread = d1**2 - 2.0 * d2 - (n1**2 - 2.0 * n2)
     if plant.integrating:
         T = 0.0
-    else:
-        T = float(np.sqrt(max(spread, (0.1 * d1) ** 2)))
-    if plant.integrating:
         table = {"type": "integrating"}
     else:
+        T = float(np.sqrt(max(spread, (0.1 * d1) ** 2)))
         table = {"type": "foptd", "T": T}
     return Plant.model_validate({**table, "K": plant.K, "Td": max(plant.Td + delay - T, 0.0)})
 

@@ -334,11 +334,9 @@ def _state_space(model, jumps):
     phi = math.exp(-1.0 / load_time)
     if T > 0.0:
         a = math.exp(-1.0 / T)
-    else:
-        a = 1.0
-    if T > 0.0:
         enters = 1.0 - a
     else:
+        a = 1.0
         enters = 1.0
     F[0, 0] = phi
     F[1, 1] = a
