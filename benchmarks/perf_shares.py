@@ -85,7 +85,7 @@ def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
             "simulate_with_truth",
             meter.wrap("truth labels", piece_module.simulate_with_truth),
         ),
-        (piece_module, "_theory", meter.wrap("theory columns", piece_module._theory)),
+        (piece_module, "_predict_cycle", meter.wrap("theory columns", piece_module._predict_cycle)),
         (
             prepared,
             "find_oscillation",

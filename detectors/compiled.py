@@ -96,7 +96,7 @@ def quick(function: FunctionType, *kernels: FunctionType):
         if worked > _PLAIN_SECONDS or ("numba" in sys.modules and _on_disk(function)):
             return compiled(function)(*arguments)
         if kernels:
-            plain = _calling(function, kernels)
+            plain = _call_compiled(function, kernels)
         else:
             plain = function
         began = time.perf_counter()
@@ -109,7 +109,7 @@ def quick(function: FunctionType, *kernels: FunctionType):
 
 
 @cache
-def _calling(function: FunctionType, kernels: tuple[FunctionType, ...]) -> FunctionType:
+def _call_compiled(function: FunctionType, kernels: tuple[FunctionType, ...]) -> FunctionType:
     """Return a plain function that calls compiled kernels in place of their plain twins."""
     names = {}
     for kernel in kernels:
@@ -173,7 +173,7 @@ def cached_module(
         if isinstance(f, FunctionType):
             plain.append(f)
     for path in sorted({__file__, *(f.__code__.co_filename for f in reached(plain))}):
-        digest.update(_source(path))
+        digest.update(_source_of(path))
     name = f"simbench_{kind}_{digest.hexdigest()[:20]}"
     if name in sys.modules:
         return sys.modules[name]
@@ -220,8 +220,8 @@ def _checked_cache() -> type:
     from numba.core.caching import IndexDataCacheFile
 
     class Checked(IndexDataCacheFile):
-        def _dump(self, obj):
-            content = super()._dump(obj)
+        def _dump_with_hash(self, obj):
+            content = super()._dump_with_hash(obj)
             return hashlib.sha256(content).digest() + content
 
         def load(self, key):
@@ -285,9 +285,9 @@ def _jit(function: FunctionType, error_model: str):
     from numba import njit
 
     if function is lanes:
-        return _registers()
+        return _compiled_lanes()
     if function is wide:
-        return _widen()
+        return _compiled_wide()
     called = {}
     for n, g in names_used(function).items():
         if isinstance(g, FunctionType):
@@ -306,7 +306,7 @@ def _jit(function: FunctionType, error_model: str):
 
 
 @cache
-def _registers():
+def _compiled_lanes():
     """Return the compiled twin of `lanes`: an array on the stack, which LLVM turns into
     registers.
     """
@@ -336,7 +336,7 @@ def _registers():
 
 
 @cache
-def _widen():
+def _compiled_wide():
     """Return the compiled twin of `wide`, which writes LLVM's attribute to the function that calls
     it.
     """
@@ -398,7 +398,7 @@ def _describe_parts(parts: dict[str, Any]) -> list[str]:
 
 
 @lru_cache(maxsize=1024)
-def _source(path: str) -> bytes:
+def _source_of(path: str) -> bytes:
     return Path(path).read_bytes()
 
 

@@ -84,7 +84,7 @@ def _list_faults(module: ModuleType, path: Path) -> tuple[str, ...]:
         words = {}
         for case, record in records.items():
             try:
-                first, other = (_ask(module, record) for _ in range(2))
+                first, other = (_ask_detector(module, record) for _ in range(2))
             except UserError as refusal:
                 if case != "dead":  # of which it may refuse to say anything
                     found[f"{line}: detect refuses a {case} record ({refusal})"] = None
@@ -105,7 +105,7 @@ def _list_faults(module: ModuleType, path: Path) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _ask(module: ModuleType, record: LoopRecord) -> Any:
+def _ask_detector(module: ModuleType, record: LoopRecord) -> Any:
     """Return what a detector answers; ValueError where it writes into the record."""
     if module.METHOD.needs_mv:
         seen = record

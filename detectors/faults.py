@@ -51,10 +51,10 @@ def sentence_of(error: Exception, command: Sequence[str] = ()) -> str:
         return f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}{kind}"
     if isinstance(error, RuntimeError) and str(error).startswith("Symlink loop"):
         return f"{error}; a path that leads to a file or folder is needed"
-    return _fault(error, command)
+    return _log_fault(error, command)
 
 
-def _fault(error: Exception, command: Sequence[str]) -> str:
+def _log_fault(error: Exception, command: Sequence[str]) -> str:
     """Write the traceback of an error nobody foresaw to a log file, and return the sentence that
     names it.
     """

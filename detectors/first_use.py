@@ -22,10 +22,10 @@ def announce() -> None:
     from numba.core import event
 
     if parent_process() is None and sys.__stderr__ is not None:
-        event.register("numba:compile", _watch(sys.__stderr__))
+        event.register("numba:compile", _watch_compiling(sys.__stderr__))
 
 
-def _watch(shown_on: TextIO) -> Any:
+def _watch_compiling(shown_on: TextIO) -> Any:
     """Return a listener that tells once, after a second of silence, that kernels are compiled;
     `shown_on` is the true stderr, whatever a plug-in's output is redirected to.
     """

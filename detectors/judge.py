@@ -77,7 +77,7 @@ def answer_of(
     does, it costs no other method its answer.
     """
     try:
-        verdict = _ask(name, prepared, thresholds, raw)
+        verdict = _ask_method(name, prepared, thresholds, raw)
         error = None
     except (Exception, SystemExit) as wrong:  # a detector may fail in any way; the others must not
         error = printable(" ".join(f"{type(wrong).__name__}: {wrong}".split())[:_LONGEST])
@@ -85,11 +85,11 @@ def answer_of(
     return verdict, error
 
 
-def _ask(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool) -> Verdict:
+def _ask_method(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool) -> Verdict:
     module = registry.load(name)
     JUDGING["detector"] = name
     try:
-        with nullcontext() if registry.built_in(name) else _guarded(prepared.record):
+        with nullcontext() if registry.built_in(name) else _guard_record(prepared.record):
             return judge_one(name, module, prepared, raw, dict(thresholds))
     finally:
         # an interrupt leaves it there, and so names the detector
@@ -98,7 +98,7 @@ def _ask(name: str, prepared: Prepared, thresholds: dict[str, float], raw: bool)
 
 
 @contextmanager
-def _guarded(record: LoopRecord) -> Iterator[None]:
+def _guard_record(record: LoopRecord) -> Iterator[None]:
     """Let a plug-in write neither into the record, which other methods see, nor to stdout, which is
     the answer's.
     """
@@ -133,7 +133,7 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
         prepared = Prepared(record if module.METHOD.needs_mv else record.without_mv())
         JUDGING["record"] = "an example record"
         try:
-            _ask(name, prepared, module.METHOD.defaults(), raw=True)
+            _ask_method(name, prepared, module.METHOD.defaults(), raw=True)
         except AnswerError as wrong:
             raise AnswerError(f"detector {name!r}: {wrong}") from None
         except (Exception, SystemExit):
@@ -221,7 +221,7 @@ def judge_one(
     key = ("verdict", name, record.mv is None, *thresholds.items())
     stopped = _front_end(method, prepared, raw, answer)
     verdict = stopped or prepared.share(
-        key, lambda: _valid(name, module.detect(prepared, **thresholds))
+        key, lambda: _check_answer(name, module.detect(prepared, **thresholds))
     )
     if method.front_end:
         oscillation = prepared.oscillation
@@ -230,7 +230,7 @@ def judge_one(
     return finished(verdict)
 
 
-def _valid(name: str, answer: Any) -> Verdict:
+def _check_answer(name: str, answer: Any) -> Verdict:
     """Return a detector's answer where it is a verdict; AnswerError for another type, ValueError
     for wrong contents.
     """

@@ -159,14 +159,14 @@ class Prepared:
         """
         if name == "travel" and self.record.op_span in (None, (0.0, 100.0)):
             name = "op"  # the same numbers
-        level = self.share(f"level {name}", lambda: self._level(name))
+        level = self.share(f"level {name}", lambda: self._level_of(name))
         return smooth(
             level,
             shortest,
             lambda: self.share(f"spectrum {name}", lambda: mirrored_spectrum(level)),
         )
 
-    def _level(self, name: str) -> np.ndarray:
+    def _level_of(self, name: str) -> np.ndarray:
         x = self.signal(name)
         # a mean over one period would take part of the longer cycles away
         if self.oscillation.swings:
@@ -271,7 +271,7 @@ def thin_record(record: LoopRecord, step: int) -> LoopRecord:
     return record.with_signals(lambda x: x[::step], Ts=record.Ts * step)
 
 
-def _pace(op: np.ndarray) -> float:
+def _pace_of_op(op: np.ndarray) -> float:
     """Return the period (samples) of an OP that need not oscillate: four times the lag at which its
     ACF first vanishes.
     """
@@ -332,7 +332,7 @@ def prepare(record: LoopRecord) -> Prepared:
     whole = _at_density(record)
     if whole.oscillation.sustained:
         return whole
-    pace = _pace(record.op)
+    pace = _pace_of_op(record.op)
     step = 1
     while pace > _COARSEST * step:
         step *= 2

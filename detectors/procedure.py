@@ -291,7 +291,7 @@ class _Course:
                 note,
                 "Without an oscillation and without sight of the valve there is nothing to find.",
             )
-        op, limits = _travel(self.prepared.record)
+        op, limits = _travel_of(self.prepared.record)
         follow: Follow = valve_follow(op, position, limits)
         self.indices["follow"] = follow.score
         self.score = max(_PER_FOLLOW * (follow.score - self.rules.follow_min), _QUIET)
@@ -345,12 +345,12 @@ class _Course:
 
     def stiction(self) -> tuple[str, str, str]:
         if self.rules.weighted:
-            return self._weigh()
-        return self._vote()
+            return self._weigh_evidence()
+        return self._count_votes()
 
-    def _vote(self) -> tuple[str, str, str]:
+    def _count_votes(self) -> tuple[str, str, str]:
         for method in VOTERS[self.prepared.integrating]:
-            self._ask(f"{method}@published")
+            self._ask_method(f"{method}@published")
         votes = [v.verdict for v in self.verdicts.values()]
         yes = votes.count(STICTION)
         no = votes.count(NO_STICTION)
@@ -360,13 +360,13 @@ class _Course:
             return "undecided", numbers, "No majority."
         return ("stiction" if yes > no else "no stiction"), numbers, "The majority decides."
 
-    def _weigh(self) -> tuple[str, str, str]:
+    def _weigh_evidence(self) -> tuple[str, str, str]:
         case = self.prepared.integrating
         odds = BIAS[case]
         terms = []
         used = 0
         for method in (*dict.fromkeys(e.method for e in EVIDENCE[case]), *WITNESSES[case]):
-            self._ask(method)
+            self._ask_method(method)
         for e in EVIDENCE[case]:
             counted = e.weight * e.count(self.verdicts[e.method])
             if counted != 0.0:
@@ -419,12 +419,12 @@ class _Course:
             return "cannot tell", size, "Confirm before any work on the valve."
         return "yes", size, "Confirm by cheap tests first, before the cost of downtime."
 
-    def _ask(self, name: str) -> None:
+    def _ask_method(self, name: str) -> None:
         module = registry.load(name)
         self.verdicts[name] = judge_one(name, module, self.prepared, True, module.METHOD.defaults())
 
 
-def _travel(record: LoopRecord) -> tuple[np.ndarray, tuple[float, float]]:
+def _travel_of(record: LoopRecord) -> tuple[np.ndarray, tuple[float, float]]:
     """OP in % with its limits, or in its unit without."""
     if record.op_percent is None:
         return record.op, (-np.inf, np.inf)

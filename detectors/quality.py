@@ -43,10 +43,10 @@ def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[
     """
     if oscillation is None:
         oscillation = find_oscillation(record.op, record.pv, record.Ts)
-    return {flag.name: flag for flag in _findings(record, oscillation)}
+    return {flag.name: flag for flag in _yield_flags(record, oscillation)}
 
 
-def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
+def _yield_flags(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
     n = record.n
     alive = {}
     for name, x in (("op", record.op), ("pv", record.pv)):
@@ -78,7 +78,7 @@ def _findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
         share, limit = saturation(record.op, record.pv, record.op_percent)
         if share > _SATURATED:
             yield Flag("saturated", f"OP stands at {limit:g} in {share:.0%} of the samples")
-        yield from _steps("op", record.op, steps(record.op, record.pv))
+        yield from _flag_steps("op", record.op, steps(record.op, record.pv))
     if alive["pv"]:
         yield from _pv_findings(record, oscillation)
         step = np.abs(np.diff(record.pv))
@@ -102,7 +102,7 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
     n = record.n
     std = float(record.pv.std())
     step = steps(pv, record.op)
-    yield from _steps("pv", pv, step)
+    yield from _flag_steps("pv", pv, step)
     share, lines = straight(pv, step)
     if oscillation.sustained:
         periods = record.duration / oscillation.period_s
@@ -147,7 +147,7 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
         yield Flag("spikes", f"{outliers} isolated outliers in PV")
 
 
-def _steps(name: str, x: np.ndarray, step: float) -> Iterator[Flag]:
+def _flag_steps(name: str, x: np.ndarray, step: float) -> Iterator[Flag]:
     # fewer levels may be the positions of a valve that knows no others
     if step > _STEPS * x.std() and np.unique(x).size >= _FEWEST:
         yield Flag(

@@ -110,7 +110,7 @@ class LoopRecord:
         for name in RECORDED_SIGNALS:
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, _signal(value, name, n, where))
+                object.__setattr__(self, name, _check_signal(value, name, n, where))
         if n < 3:
             raise RecordError(f"{where}: {n} samples; at least 3 are needed")
         Ts = float(self.Ts)
@@ -123,10 +123,12 @@ class LoopRecord:
                 f"{where}: Ts = {Ts:g} s; a sampling period is {_FASTEST:g} to {_SLOWEST:g} s"
             )
         object.__setattr__(self, "Ts", Ts)
-        object.__setattr__(self, "process", _word(self.process, "process", PROCESSES, {}, where))
-        object.__setattr__(self, "kind", _word(self.kind, "kind", KINDS, KIND_ALIASES, where))
+        object.__setattr__(
+            self, "process", _check_word(self.process, "process", PROCESSES, {}, where)
+        )
+        object.__setattr__(self, "kind", _check_word(self.kind, "kind", KINDS, KIND_ALIASES, where))
         for name in ("op_span", "pv_span"):
-            object.__setattr__(self, name, _span(getattr(self, name), name, where))
+            object.__setattr__(self, name, _check_span(getattr(self, name), name, where))
 
     @property
     def n(self) -> int:
@@ -331,7 +333,7 @@ class LoopRecord:
         return replace(self, **changed, **others)
 
 
-def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
+def _check_signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -355,7 +357,7 @@ def _signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
     return array
 
 
-def _word(
+def _check_word(
     value: str | None, name: str, allowed: tuple[str, ...], aliases: dict[str, str], where: str
 ) -> str | None:
     if value is None or value == "":
@@ -372,7 +374,7 @@ def hyphenated(word: str) -> str:
     return word.strip().lower().replace("_", "-").replace(" ", "-")
 
 
-def _span(value: Any, name: str, where: str) -> tuple[float, float] | None:
+def _check_span(value: Any, name: str, where: str) -> tuple[float, float] | None:
     if value is None:
         return None
     try:

@@ -206,7 +206,7 @@ def as_plugin(name: str, detector: Any) -> ModuleType:
         method = Method(title=title, source="the caller's own")
 
     def detect(prepared: Prepared, **thresholds: float) -> Verdict:
-        return _verdict(name, _fresh(detector)(prepared.record, **thresholds))
+        return _verdict_of(name, _fresh_copy(detector)(prepared.record, **thresholds))
 
     refuse_wrong_call(getattr(detector, "detect", detector), "record", method)
     module = ModuleType(name, title)
@@ -214,7 +214,7 @@ def as_plugin(name: str, detector: Any) -> ModuleType:
     return module
 
 
-def _fresh(detector: Any) -> Callable[..., Any]:
+def _fresh_copy(detector: Any) -> Callable[..., Any]:
     """Return the function, or the `detect` of a copy of the object: nothing it learns of one record
     is known at the next.
     """
@@ -225,7 +225,7 @@ def _fresh(detector: Any) -> Callable[..., Any]:
     return copy.deepcopy(detector).detect
 
 
-def _verdict(name: str, answer: Any) -> Verdict:
+def _verdict_of(name: str, answer: Any) -> Verdict:
     if isinstance(answer, Verdict):
         return answer.but(method=name)
     if isinstance(answer, Sequence) and not isinstance(answer, str) and len(answer) == 2:

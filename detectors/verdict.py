@@ -145,7 +145,7 @@ def wrong_types(v: Any) -> Iterator[str]:
         yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"
     if not isinstance(v.reason, str) or not v.reason.strip():
         yield f"gives no reason for {v.verdict!r}"
-    if not _number(v.score):
+    if not _is_real_number(v.score):
         yield f"gives the score {v.score!r}, a finite number is needed"
     elif not math.isfinite(v.score) and not (v.verdict == NO_DECISION and math.isnan(v.score)):
         yield (
@@ -153,7 +153,7 @@ def wrong_types(v: Any) -> Iterator[str]:
             f" with {NO_DECISION!r} alone)"
         )
     if not isinstance(v.indices, dict) or not all(
-        isinstance(k, str) and _number(x) for k, x in v.indices.items()
+        isinstance(k, str) and _is_real_number(x) for k, x in v.indices.items()
     ):
         yield f"gives the indices {v.indices!r}, names with numbers are needed"
     else:
@@ -165,13 +165,13 @@ def wrong_types(v: Any) -> Iterator[str]:
         else:
             ends = (level,)
         if level is not None and (
-            len(ends) > 2 or not all(_number(x) and math.isfinite(x) for x in ends)
+            len(ends) > 2 or not all(_is_real_number(x) and math.isfinite(x) for x in ends)
         ):
             yield f"gives {key} = {level!r}, a finite number, (lo, hi) or None is needed"
     if v.applicable not in (True, False, None):
         yield f"gives applicable = {v.applicable!r}; true, false or None is needed"
 
 
-def _number(x: Any) -> bool:
+def _is_real_number(x: Any) -> bool:
     # nearly all are floats; asking an abstract class takes twenty times as long
     return type(x) is float or (isinstance(x, numbers.Real) and not isinstance(x, bool))

@@ -134,10 +134,10 @@ def cell_group(
     """Build the sticky twin of a cell and the drafts of its members."""
     settings = {"speed": 1.0, "step": 0.0, "excitation": "setpoint", "tuning": "medium", **settings}
     table = _loop_table(settings, where)
-    rules = _rules(settings)
+    rules = _rules_of(settings)
     if rules.samples_per_period is None or rules.periods is None:
         raise SpecError(f"{where}: samples_per_period and periods are needed, as axis or draw")
-    twin_valve = _valve("choudhury", settings, where)
+    twin_valve = _valve_of("choudhury", settings, where)
     twin = overridden(Loop.from_table({**table, "valve": twin_valve}, where), overrides)
     names = (
         "Td_over_T",
@@ -160,7 +160,7 @@ def cell_group(
                 f" {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}"
             )
         mine = {**settings, **own, "tuning": settings["tuning"]}
-        valve = _valve(own["valve"].name, mine, where)
+        valve = _valve_of(own["valve"].name, mine, where)
         echo = None
         if "echo" in own:
             sibling = next(d for d in drafts if d.tags["member"] == own["of"])
@@ -219,7 +219,7 @@ def scenario_id(tags: Mapping[str, Any], seed: int) -> str:
     return content_hash({**{key: tags[key] for key in _IDENTITY}, "seed": str(seed)})
 
 
-def _rules(settings: Mapping[str, Any]) -> Rules:
+def _rules_of(settings: Mapping[str, Any]) -> Rules:
     return Rules(**{name: settings.get(name) for name in Rules.FIELDS})
 
 
@@ -378,7 +378,7 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
     return table
 
 
-def _valve(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
+def _valve_of(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
     if model == "ideal":
         return {"model": "ideal"}
     S = float(s["S"])

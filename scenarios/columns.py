@@ -101,10 +101,10 @@ def read_columns(path: Path) -> dict[str, list[float]]:
     if len(rows) < 2:
         raise SpecError(f"{path} holds no numbers; a line of names and lines below it are needed")
     head = [name.strip().lower() for name in rows[0]]
-    return {name: _column(path, rows, k) for k, name in enumerate(head)}
+    return {name: _read_column(path, rows, k) for k, name in enumerate(head)}
 
 
-def _column(path: Path, rows: list[list[str]], k: int) -> list[float]:
+def _read_column(path: Path, rows: list[list[str]], k: int) -> list[float]:
     """Return one column, which may end before the others do."""
     cells = [row[k].strip() if k < len(row) else "" for row in rows[1:]]
     while cells and not cells[-1]:

@@ -114,13 +114,13 @@ class Grid:
         return f"{named} {self.cells_hash}"
 
     @cached_property
-    def _cells(self) -> list[tuple[int, int]]:
+    def _cells_of_blocks(self) -> list[tuple[int, int]]:
         # (first cell, number of cells) of each block
-        sizes = [math.prod(len(v) for v in axes.values()) for axes in self._axes]
+        sizes = [math.prod(len(v) for v in axes.values()) for axes in self._axes_of_blocks]
         return [(sum(sizes[:i]), size) for i, size in enumerate(sizes)]
 
     @property
-    def _axes(self) -> list[dict[str, tuple[Value, ...]]]:
+    def _axes_of_blocks(self) -> list[dict[str, tuple[Value, ...]]]:
         if self.content.block:
             return [b.axes for b in self.content.block]
         return [self.content.axes]
@@ -128,7 +128,7 @@ class Grid:
     @property
     def cells(self) -> int:
         """Number of cells: combinations of axis values, over all blocks."""
-        return sum(size for _, size in self._cells)
+        return sum(size for _, size in self._cells_of_blocks)
 
     @property
     def group_count(self) -> int:
@@ -136,7 +136,7 @@ class Grid:
         return self.cells * self.content.repeats
 
     @cached_property
-    def _members(self) -> int:
+    def _count_members(self) -> int:
         if not self.content.block:
             return self.cells
         # by counting what each member takes of each axis: a grid of a million cells is not listed
@@ -151,21 +151,23 @@ class Grid:
         )
 
     @cached_property
-    def _sizes(self) -> list[int]:
-        return [len(self._present(*self._place(cell))) for cell in range(self.cells)]
+    def _count_present(self) -> list[int]:
+        return [
+            len(self._present_members(*self._place_of_cell(cell))) for cell in range(self.cells)
+        ]
 
     def __len__(self) -> int:
         """Number of scenarios."""
         if self.frozen:
             return self.content.expected or 0
-        return self._members * self.content.repeats
+        return self._count_members * self.content.repeats
 
     def samples(self, most: int = 200) -> list[int]:
         """Return a few groups that show every kind of cell: the first of each block, or most cells
         of a single loop.
         """
         if self.content.block:
-            return [first for first, _ in self._cells]
+            return [first for first, _ in self._cells_of_blocks]
         return list(range(min(self.cells, most)))
 
     def groups(self, start: int = 0, stop: int | None = None) -> Iterator[Group]:
@@ -175,29 +177,29 @@ class Grid:
 
     def size(self, index: int) -> int:
         """Return the number of scenarios of a group without building it."""
-        return self._sizes[index % len(self._sizes)]
+        return self._count_present[index % len(self._count_present)]
 
     def cell(self, number: int) -> tuple[str, dict[str, Value], tuple[str, ...]]:
         """Return a cell's block, its value of each axis and the names of its members, without
         building it.
         """
-        block, values = self._place(number)
+        block, values = self._place_of_cell(number)
         if self.content.block:
             name = self.content.block[block].name
         else:
             name = "loop"
-        return name, values, tuple(m.name for m in self._present(block, values))
+        return name, values, tuple(m.name for m in self._present_members(block, values))
 
     def group(self, index: int) -> Group:
         """Build one group."""
         repeat, cell = divmod(index, self.cells)
-        number, values = self._place(cell)
+        number, values = self._place_of_cell(cell)
         # cells that differ in the disturbance alone share the plant, so that they can be compared;
         # where echoes make the comparison, more plants are better
-        members = self._present(number, values)
+        members = self._present_members(number, values)
         without = "" if any(m.echo is not None for m in members) else "disturbance"
         shared = np.random.default_rng(
-            [self.content.seed, repeat, number] + self._without(number, values, without)
+            [self.content.seed, repeat, number] + self._numbers_without(number, values, without)
         )
         rng = np.random.default_rng([self.content.seed, repeat, number, cell, 1])
         tags: dict[str, float | int | str | None] = {
@@ -224,8 +226,8 @@ class Grid:
         )
         # what stands in the record beside valve and load is shared as well: it must not tell
         # siblings apart
-        settings["effects"] = self._effects(settings.get("effect", "none"), shared)
-        settings["sp_moves"] = _moves(settings, shared)
+        settings["effects"] = self._draw_effects(settings.get("effect", "none"), shared)
+        settings["sp_moves"] = _draw_moves(settings, shared)
         settings["seed"] = int(rng.integers(2**63))
         made: list[tuple[str, dict[str, Any], tuple[dict[str, Any], ...]]] = []
         for member in members:
@@ -233,7 +235,7 @@ class Grid:
             for key in ("tuning", "disturbance"):
                 if getattr(member, key) is not None:
                     own[key] = pick(getattr(member, key), rng)
-            loads = self._disturbance(own.get("disturbance", "none"), rng)
+            loads = self._draw_disturbance(own.get("disturbance", "none"), rng)
             name = str(own["valve"])
             own["valve"] = self.content.valves.get(name, More()).drawn(name, rng)
             if member.echo is not None:
@@ -290,7 +292,9 @@ class Grid:
         draft = Draft(loop, tags, Rules(**rules), seed, scenario_id(tags, seed))
         return Group(index, twin, Rules(**rules), (draft,))
 
-    def _disturbance(self, name: Value, rng: np.random.Generator) -> tuple[dict[str, Any], ...]:
+    def _draw_disturbance(
+        self, name: Value, rng: np.random.Generator
+    ) -> tuple[dict[str, Any], ...]:
         if name == "none":
             return ()
         d = self._part_named("disturbance", self.content.disturbances, name)
@@ -307,7 +311,7 @@ class Grid:
             },
         )
 
-    def _effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
+    def _draw_effects(self, name: Value, rng: np.random.Generator) -> tuple[Scaled, ...]:
         if name == "none":
             return ()
         return (self._part_named("effect", self.content.effects, name).drawn(str(name), rng),)
@@ -320,24 +324,28 @@ class Grid:
             )
         return parts[str(name)]
 
-    def _place(self, cell: int) -> tuple[int, dict[str, Value]]:
-        number = next(i for i, (first, size) in enumerate(self._cells) if cell < first + size)
-        index = cell - self._cells[number][0]
+    def _place_of_cell(self, cell: int) -> tuple[int, dict[str, Value]]:
+        number = next(
+            i for i, (first, size) in enumerate(self._cells_of_blocks) if cell < first + size
+        )
+        index = cell - self._cells_of_blocks[number][0]
         values = {}
-        for key, choices in reversed(list(self._axes[number].items())):
+        for key, choices in reversed(list(self._axes_of_blocks[number].items())):
             index, place = divmod(index, len(choices))
             values[key] = choices[place]
         return number, dict(reversed(values.items()))
 
-    def _without(self, number: int, values: Mapping[str, Value], left_out: str) -> list[int]:
+    def _numbers_without(
+        self, number: int, values: Mapping[str, Value], left_out: str
+    ) -> list[int]:
         # a key of the loop file that has one value is no choice: it shifts no draw
         axes = {}
-        for key, choices in self._axes[number].items():
+        for key, choices in self._axes_of_blocks[number].items():
             if not is_of_loop(key) or len(choices) > 1:
                 axes[key] = choices
         return [choices.index(values[key]) for key, choices in axes.items() if key != left_out]
 
-    def _present(self, number: int, values: Mapping[str, Value]) -> Sequence[Member]:
+    def _present_members(self, number: int, values: Mapping[str, Value]) -> Sequence[Member]:
         if not self.content.block:
             return [Member(name="loop", valve="")]
         members = self.content.block[number].member
@@ -370,7 +378,7 @@ def _tag_of(value: Any) -> float | int | str:
     )
 
 
-def _moves(
+def _draw_moves(
     settings: Mapping[str, Any], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
     """Draw (time in periods, level in PV std) of the set-point steps, spread evenly over the

@@ -51,7 +51,7 @@ _ATS = ("input", "output")
 
 def refuse_mistakes(grid: Any, most_cells: int = MOST_CELLS) -> None:
     """Raise one error that names every mistake of a grid."""
-    found = list(dict.fromkeys(_mistakes(grid.content)))
+    found = list(dict.fromkeys(_find_mistakes(grid.content)))
     if not found and grid.cells > most_cells:
         found = [
             f"{grid.cells:.3g} cells; at most {most_cells} are simulated, but `simbench run --n`"
@@ -78,7 +78,7 @@ def say(name: str, mistakes: list[str]) -> None:
         raise SpecError(f"{name}: {'; '.join(told[:_SHOWN])}{more}")
 
 
-def _mistakes(content: Any) -> Iterator[str]:
+def _find_mistakes(content: Any) -> Iterator[str]:
     known = {
         "disturbance": ("none", *content.disturbances),
         "effect": ("none", *content.effects),
@@ -87,7 +87,7 @@ def _mistakes(content: Any) -> Iterator[str]:
         "tuning": tuple(FOPTD_LAG),
         "excitation": EXCITATIONS,
     }
-    yield from _settings("[draw]", content.draw, known)
+    yield from _check_settings("[draw]", content.draw, known)
     for name, load in content.disturbances.items():
         where = f"disturbance {name!r}"
         if load.at not in _ATS:
@@ -97,16 +97,16 @@ def _mistakes(content: Any) -> Iterator[str]:
             ("period", load.period),
             *load.parameters.items(),
         ):
-            yield from _range(f"{where}: {key}", value)
+            yield from _check_range(f"{where}: {key}", value)
     for kind, parts in (("valve", content.valves), ("effect", content.effects)):
         for name, part in parts.items():
             for key, value in part.parameters.items():
-                yield from _range(f"{kind} {name!r}: {key}", value)
+                yield from _check_range(f"{kind} {name!r}: {key}", value)
     if content.loop is not None:
         axes = dict(content.axes)
         if "S_over_2J" in axes:  # of a whole loop, 0 is a healthy valve
             axes["S_over_2J"] = tuple(v for v in axes["S_over_2J"] if v != 0) or (1.0,)
-        yield from _axes("", axes, {})
+        yield from _check_axes("", axes, {})
         return
     for name, count in _count_names(b.name for b in content.block):
         if count > 1:
@@ -114,9 +114,9 @@ def _mistakes(content: Any) -> Iterator[str]:
     for block in content.block:
         where = f"block {block.name!r}: "
         for key in ("process", "controller"):
-            yield from _word(where + key, getattr(block, key), known[key])
-        yield from _axes(where, block.axes, known)
-        yield from _settings(f"{where}draw", block.draw, known)
+            yield from _check_word(where + key, getattr(block, key), known[key])
+        yield from _check_axes(where, block.axes, known)
+        yield from _check_settings(f"{where}draw", block.draw, known)
         if not block.member:
             yield f"{where}it has no [[block.member]]; at least one is needed"
         for member in block.member:
@@ -127,15 +127,15 @@ def _mistakes(content: Any) -> Iterator[str]:
                 "echo": ECHOES,
             }
             for key, names in words.items():
-                yield from _names(at + key, getattr(member, key), names)
-            yield from _names(at + "valve", member.valve, None)
-            yield from _sibling(at, member, block)
+                yield from _check_names(at + key, getattr(member, key), names)
+            yield from _check_names(at + "valve", member.valve, None)
+            yield from _check_sibling(at, member, block)
             for key, values in member.where.items():
                 for value in values:  # none is left where an axis was replaced
-                    yield from _value(f"{at}where {key}", key, value, known)
+                    yield from _check_value(f"{at}where {key}", key, value, known)
 
 
-def _sibling(at: str, member: Any, block: Any) -> Iterator[str]:
+def _check_sibling(at: str, member: Any, block: Any) -> Iterator[str]:
     """Where a member is an echo, the sticky member that it is one of must come before it."""
     if member.echo is None:
         return
@@ -143,7 +143,7 @@ def _sibling(at: str, member: Any, block: Any) -> Iterator[str]:
     if not before:
         yield f"{at}echo has no sibling; the sticky member must come first"
     elif member.of is not None:
-        yield from _word(f"{at}of", member.of, tuple(before))
+        yield from _check_word(f"{at}of", member.of, tuple(before))
 
 
 def _count_names(names: Iterable[str]) -> list[tuple[str, int]]:
@@ -151,22 +151,22 @@ def _count_names(names: Iterable[str]) -> list[tuple[str, int]]:
     return [(name, every.count(name)) for name in dict.fromkeys(every)]
 
 
-def _axes(where: str, axes: Mapping[str, tuple], known: Mapping[str, tuple]) -> Iterator[str]:
+def _check_axes(where: str, axes: Mapping[str, tuple], known: Mapping[str, tuple]) -> Iterator[str]:
     for key, values in axes.items():
-        yield from _axis(f"{where}axis {key!r}", key, values, known)
+        yield from _check_axis(f"{where}axis {key!r}", key, values, known)
         twice = [v for v, count in _count_names(map(repr, values)) if count > 1]
         if twice:
             yield f"{where}axis {key!r} has the value {twice[0]} twice; each is allowed once"
 
 
-def _axis(where: str, key: str, values: tuple, known: Mapping[str, tuple]) -> Iterator[str]:
+def _check_axis(where: str, key: str, values: tuple, known: Mapping[str, tuple]) -> Iterator[str]:
     if not values:
         yield f"{where} has no value; at least one is needed"
     for value in values:
-        yield from _value(where, key, value, known)
+        yield from _check_value(where, key, value, known)
 
 
-def _value(where: str, key: str, value: Any, known: Mapping[str, tuple]) -> Iterator[str]:
+def _check_value(where: str, key: str, value: Any, known: Mapping[str, tuple]) -> Iterator[str]:
     if key not in SETTINGS:
         if isinstance(value, float) and math.isnan(value):
             yield f"{where} has the value nan; a number is needed"
@@ -174,35 +174,37 @@ def _value(where: str, key: str, value: Any, known: Mapping[str, tuple]) -> Iter
         if not isinstance(value, str):
             yield f"{where} has the value {value!r}; words are needed"
         elif key in known:
-            yield from _word(where, value, known[key])
+            yield from _check_word(where, value, known[key])
     elif isinstance(value, bool) or not isinstance(value, (int, float)):
         yield f"{where} has the value {value!r}; numbers are needed"
     else:
-        yield from _limits(where, key, value)
+        yield from _check_limits(where, key, value)
 
 
-def _limits(where: str, key: str, value: float) -> Iterator[str]:
+def _check_limits(where: str, key: str, value: float) -> Iterator[str]:
     lo, hi = SETTING_LIMITS.get(key, (-1e60, 1e60))
     if not lo <= value <= hi:
         yield f"{where} has the value {value:g}; {lo:g} to {hi:g} is allowed"
 
 
-def _settings(where: str, ranges: Mapping[str, Any], known: Mapping[str, tuple]) -> Iterator[str]:
+def _check_settings(
+    where: str, ranges: Mapping[str, Any], known: Mapping[str, tuple]
+) -> Iterator[str]:
     for key, value in ranges.items():
         place = f"{where} {key}"
         if key in TAG_WORDS:
             yield from (
-                _names(place, value, known.get(key))
+                _check_names(place, value, known.get(key))
                 if _is_words(value)
                 else [f"{place} = {value!r}; words are needed"]
             )
         elif key in SETTINGS and (isinstance(value, str) or _is_words(value)):
             yield f"{place} = {value!r}; a number, or [lo, hi], is needed"
         else:
-            yield from _range(place, value)
+            yield from _check_range(place, value)
             for end in value if isinstance(value, tuple) else (value,):
                 if key in SETTINGS and isinstance(end, (int, float)) and math.isfinite(end):
-                    yield from _limits(place, key, end)
+                    yield from _check_limits(place, key, end)
 
 
 def _is_words(value: Any) -> bool:
@@ -211,7 +213,7 @@ def _is_words(value: Any) -> bool:
     )
 
 
-def _range(where: str, value: Any) -> Iterator[str]:
+def _check_range(where: str, value: Any) -> Iterator[str]:
     """A fixed number, or (lo, hi), drawn evenly in logarithm."""
     if isinstance(value, str):
         return
@@ -231,17 +233,17 @@ def _range(where: str, value: Any) -> Iterator[str]:
         )
 
 
-def _names(where: str, value: Any, known: tuple | None) -> Iterator[str]:
+def _check_names(where: str, value: Any, known: tuple | None) -> Iterator[str]:
     if value is None:
         return
     if value in ((), ""):
         yield f"{where} has no name; at least one is needed"
     for name in (value,) if isinstance(value, str) else value:
         if known is not None:
-            yield from _word(where, name, known)
+            yield from _check_word(where, name, known)
 
 
-def _word(where: str, value: str, known: tuple) -> Iterator[str]:
+def _check_word(where: str, value: str, known: tuple) -> Iterator[str]:
     if value not in known:
         yield f"{where} {value!r} is unknown, {suggestion(value, known)}"
 

@@ -72,7 +72,7 @@ class Plant(TomlTable):
 
     @model_serializer(mode="wrap")
     def _write(self, handler: Any) -> dict[str, Any]:
-        return _flat(
+        return _flat_table(
             handler(self),
             {"tf": ("K", "T")}.get(self.type, ()) if self.parameters is None else ("K", "T"),
         )
@@ -175,7 +175,7 @@ class Controller(TomlTable):
     @model_serializer(mode="wrap")
     def _write(self, handler: Any) -> dict[str, Any]:
         own = self.parameters is not None or self.type == "tf"
-        return _flat(handler(self), ("Kc", "Ti") if own else ())
+        return _flat_table(handler(self), ("Kc", "Ti") if own else ())
 
     @property
     def sign(self) -> float:
@@ -289,7 +289,7 @@ def _read_plugin(
     return {**{k: table[k] for k in common if k in table}, **default, **known, "parameters": own}
 
 
-def _flat(table: dict[str, Any], follow: tuple[str, ...]) -> dict[str, Any]:
+def _flat_table(table: dict[str, Any], follow: tuple[str, ...]) -> dict[str, Any]:
     """Return a part's table as a file writes it: without what follows, a plug-in's parameters among
     the rest.
     """

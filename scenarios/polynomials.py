@@ -20,7 +20,7 @@ def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return both as arrays without leading zeros, or raise ValueError that says why they are no
     plant.
     """
-    num, den = (_numbers(name, values, "s") for name, values in (("num", num), ("den", den)))
+    num, den = (_check_numbers(name, values, "s") for name, values in (("num", num), ("den", den)))
     if num.size == 0 or num[-1] == 0.0:
         raise ValueError(
             "num has no constant term: the valve has no lasting effect on PV; a last number besides"
@@ -58,7 +58,7 @@ def checked_sampled(num: Any, den: Any, lags: int) -> tuple[np.ndarray, np.ndarr
     """Return both in powers of z as arrays, den beginning with 1 and num as long as den less `lags`
     (1 of a plant, 0 of a controller), or raise ValueError that says why they are none.
     """
-    num, den = (_numbers(name, values, "z") for name, values in (("num", num), ("den", den)))
+    num, den = (_check_numbers(name, values, "z") for name, values in (("num", num), ("den", den)))
     _refuse_order(den)
     if num.size == 0:
         raise ValueError("num holds only 0; a number besides 0 is needed")
@@ -93,7 +93,7 @@ def _refuse_order(den: np.ndarray) -> None:
         )
 
 
-def _numbers(name: str, values: Any, power: str) -> np.ndarray:
+def _check_numbers(name: str, values: Any, power: str) -> np.ndarray:
     if isinstance(values, np.ndarray):
         listed = values.tolist()
     else:

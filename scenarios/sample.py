@@ -90,17 +90,17 @@ class Sample(Grid):
     @cached_property
     def drawn(self) -> dict[int, tuple[str, ...]]:
         """The members drawn, by the number of their group in the whole grid, in order."""
-        strata = list(self._strata())
+        strata = list(self._yield_strata())
         ends = np.cumsum([s.size for s in strata]).tolist()
         found: dict[int, list[str]] = {}
-        for place in self._places(ends[-1]):
+        for place in self._draw_places(ends[-1]):
             k = next(i for i, end in enumerate(ends) if place < end)
             cell, repeat = strata[k].group(place - ends[k] + strata[k].size)
             found.setdefault(repeat * self.cells + cell, []).append(strata[k].member.name)
         return {group: tuple(found[group]) for group in sorted(found)}
 
     @cached_property
-    def _numbers(self) -> list[int]:
+    def _drawn_numbers(self) -> list[int]:
         return list(self.drawn)
 
     @property
@@ -112,7 +112,7 @@ class Sample(Grid):
         """Return the number of scenarios drawn from the group that stands at a place of the
         sample.
         """
-        return len(self.drawn[self._numbers[index]])
+        return len(self.drawn[self._drawn_numbers[index]])
 
     def samples(self, most: int = 200) -> list[int]:
         """Return a few places of the sample: the first of each block, or the first ones of a single
@@ -120,8 +120,8 @@ class Sample(Grid):
         """
         if not self.content.block:
             return list(range(min(self.group_count, most)))
-        cells = np.array(self._numbers) % self.cells
-        starts = [first for first, _ in self._cells]
+        cells = np.array(self._drawn_numbers) % self.cells
+        starts = [first for first, _ in self._cells_of_blocks]
         return np.unique(np.searchsorted(starts, cells, side="right"), return_index=True)[
             1
         ].tolist()
@@ -130,15 +130,17 @@ class Sample(Grid):
         """Build the group that stands at a place of the sample, with the members that were
         drawn.
         """
-        number = self._numbers[index]
+        number = self._drawn_numbers[index]
         group = self.whole.group(number)
         kept = tuple(d for d in group.drafts if d.tags["member"] in self.drawn[number])
         return replace(group, index=index, drafts=kept)
 
-    def _strata(self) -> Iterator[_Stratum]:
+    def _yield_strata(self) -> Iterator[_Stratum]:
         every = (Member(name="loop", valve=""),)
         blocks: Sequence[Any] = self.content.block or (None,)
-        for (first, _), axes, block in zip(self._cells, self._axes, blocks, strict=True):
+        for (first, _), axes, block in zip(
+            self._cells_of_blocks, self._axes_of_blocks, blocks, strict=True
+        ):
             for member in every if block is None else block.member:
                 allowed = []
                 for key, values in axes.items():
@@ -149,7 +151,7 @@ class Sample(Grid):
                 sizes = tuple(map(len, axes.values()))
                 yield _Stratum(member, first, sizes, allowed, self.content.repeats)
 
-    def _places(self, total: int) -> Iterator[int]:
+    def _draw_places(self, total: int) -> Iterator[int]:
         """Yield increasing places in the list of all scenarios, each place with probability
         points/total.
         """

@@ -46,7 +46,7 @@ class SettledGrid(Grid):
         return content_hash({"grid": super().hash, "table": sha256(self.table).hexdigest()})
 
     @cached_property
-    def _rows(self) -> dict[int, list[dict[str, Any]]]:
+    def _rows_of_file(self) -> dict[int, list[dict[str, Any]]]:
         import pyarrow.parquet as pq
 
         found: dict[int, list[dict[str, Any]]] = {}
@@ -57,23 +57,23 @@ class SettledGrid(Grid):
     @property
     def group_count(self) -> int:
         """Number of groups, up to the last that has a scenario."""
-        return max(self._rows, default=-1) + 1
+        return max(self._rows_of_file, default=-1) + 1
 
     def size(self, index: int) -> int:
         """Return the number of scenarios of a group."""
-        return len(self._rows.get(index, ()))
+        return len(self._rows_of_file.get(index, ()))
 
     def samples(self, most: int = 200) -> list[int]:
         """Return one group: they were all tried when they were settled."""
-        return list(self._rows)[:1]
+        return list(self._rows_of_file)[:1]
 
     def some(self, points: int) -> SettledGrid:
         """Return the grid of `points` of these scenarios, each as likely as any other; SpecError
         where there are fewer.
         """
         rows = []
-        for index in sorted(self._rows):
-            for row in self._rows[index]:
+        for index in sorted(self._rows_of_file):
+            for row in self._rows_of_file[index]:
                 rows.append(row)
         if not 1 <= points <= len(rows):
             raise SpecError(
@@ -87,7 +87,7 @@ class SettledGrid(Grid):
     def group(self, index: int) -> Group:
         """Return a group with nothing left to settle."""
         drafts = []
-        for row in self._rows.get(index, ()):
+        for row in self._rows_of_file.get(index, ()):
             drafts.append(
                 Draft(
                     Loop.from_table(json.loads(row["loop"])),
@@ -98,7 +98,7 @@ class SettledGrid(Grid):
                 )
             )
         drafts = tuple(drafts)
-        first = next(iter(self._rows.values()))[0]
+        first = next(iter(self._rows_of_file.values()))[0]
         if drafts:
             twin = drafts[0].loop
         else:

@@ -71,7 +71,7 @@ class Loop(TomlTable):
     outer: Outer | None = None
 
     @model_validator(mode="after")
-    def _inner(self) -> Self:
+    def _check_inner(self) -> Self:
         if self.outer is None:
             return self
         if self.setpoint.steps:
@@ -133,7 +133,7 @@ class Loop(TomlTable):
             )
         return self
 
-    def _kept(self) -> dict[str, Any]:
+    def _stated_sections(self) -> dict[str, Any]:
         """Return the sections as the objects that they are, which need no second check."""
         return {name: section for name, section in self if section is not None}
 
@@ -176,7 +176,7 @@ class Loop(TomlTable):
                     parts = [table[section]]
                 if not isinstance(parts, (list, tuple)):
                     raise SpecError(f"{where}: [{section}] must be written [[{section}]]")
-                named = [_part(p, section, key, where) for p in parts]
+                named = [_read_part(p, section, key, where) for p in parts]
                 if many:
                     table[section] = named
                 else:
@@ -193,7 +193,7 @@ class Loop(TomlTable):
         """
         table = self.model_dump(exclude_none=True)
         for section, key in NAME_KEY.items():
-            parts = [{key: p.name, **p.parameters} for p in _parts(getattr(self, section))]
+            parts = [{key: p.name, **p.parameters} for p in _read_parts(getattr(self, section))]
             if section == "valve":
                 table[section] = parts[0]
             else:
@@ -345,13 +345,13 @@ def load_loop(path: str | Path) -> Loop:
     return Loop.from_table(read_loop(path), str(path))
 
 
-def _parts(value: Part | tuple[Part, ...]) -> tuple[Part, ...]:
+def _read_parts(value: Part | tuple[Part, ...]) -> tuple[Part, ...]:
     if isinstance(value, Part):
         return (value,)
     return value
 
 
-def _part(table: Any, section: str, key: str, where: str) -> dict[str, Any]:
+def _read_part(table: Any, section: str, key: str, where: str) -> dict[str, Any]:
     if isinstance(table, Part):
         return table.model_dump()
     if not isinstance(table, dict) or key not in table:

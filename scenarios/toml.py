@@ -69,7 +69,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 def content_hash(content: Any) -> str:
     """Return 16 hex digits that identify a nested table of numbers and names."""
-    text = json.dumps(_canonical(content), sort_keys=True, separators=(",", ":"))
+    text = json.dumps(_canonical_form(content), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -88,11 +88,11 @@ def _toml_value(value: Any) -> str:
     return repr(value)
 
 
-def _canonical(value: Any) -> Any:
+def _canonical_form(value: Any) -> Any:
     if isinstance(value, dict):
-        return {str(k): _canonical(v) for k, v in value.items()}
+        return {str(k): _canonical_form(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_canonical(v) for v in value]
+        return [_canonical_form(v) for v in value]
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return repr(float(value))
     return value

@@ -14,14 +14,14 @@ LARGEST_NUMBER = 1e60  # beyond it a record's statistics leave the range of doub
 M = TypeVar("M", bound=BaseModel)
 
 
-def _number(value: Any) -> Any:
+def _check_number(value: Any) -> Any:
     if isinstance(value, (bool, str)):  # which would be read as 1.0, or as the number it spells
         raise ValueError("a number is needed")
     return value
 
 
-Real = Annotated[float, BeforeValidator(_number)]
-Whole = Annotated[int, BeforeValidator(_number)]
+Real = Annotated[float, BeforeValidator(_check_number)]
+Whole = Annotated[int, BeforeValidator(_check_number)]
 Finite = Annotated[Real, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
 Flag = Annotated[Whole, Field(ge=0, le=1)]
@@ -51,9 +51,11 @@ class TomlTable(BaseModel):
         SpecError
             As `Loop.from_table`.
         """
-        return checked(type(self), {**self._kept(), **changes}, type(self).__name__.lower())
+        return checked(
+            type(self), {**self._stated_fields(), **changes}, type(self).__name__.lower()
+        )
 
-    def _kept(self) -> dict[str, Any]:
+    def _stated_fields(self) -> dict[str, Any]:
         """Return the fields that are set, without what follows from others."""
         return self.model_dump(exclude_none=True)
 
@@ -67,22 +69,24 @@ def checked(model: type[M], table: dict[str, Any], where: str) -> M:
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        raise SpecError(f"{where}: {_sentences(model, error.errors(), table)}") from None
+        raise SpecError(f"{where}: {_yield_sentences(model, error.errors(), table)}") from None
     except RecursionError:
         raise SpecError(
             f"{where}: its values are nested too deeply; some ten levels are allowed"
         ) from None
 
 
-def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
+def _yield_sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
     """One clause per key; where several forms are allowed, each complains of the same key."""
     by_key: dict[tuple, list[Any]] = {}
     for error in errors:
-        by_key.setdefault(_key(error["loc"], table, error["type"] == "missing"), []).append(error)
+        by_key.setdefault(
+            _key_of_place(error["loc"], table, error["type"] == "missing"), []
+        ).append(error)
     clauses = []
     for key, found in by_key.items():
         if len(found) == 1:
-            clauses.append(_sentence(model, found[0]))
+            clauses.append(_sentence_of(model, found[0]))
         else:
             value = table
             for step in key:
@@ -96,7 +100,7 @@ def _sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
     )
 
 
-def _key(loc: tuple, table: Any, missing: bool) -> tuple:
+def _key_of_place(loc: tuple, table: Any, missing: bool) -> tuple:
     """The part of an error's place that stands in the table; what follows names the form that did
     not fit.
     """
@@ -113,7 +117,7 @@ def _key(loc: tuple, table: Any, missing: bool) -> tuple:
     return tuple(key)
 
 
-def _sentence(model: type[BaseModel], error: Any) -> str:
+def _sentence_of(model: type[BaseModel], error: Any) -> str:
     path = []
     for p in error["loc"]:
         if isinstance(p, (str, int)):
@@ -124,7 +128,7 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
     kind = error["type"]
     value = error.get("input")
     if kind == "extra_forbidden":
-        return f"unknown key {place!r}: {suggestion(str(path[-1]), _fields(model, path[:-1]))}"
+        return f"unknown key {place!r}: {suggestion(str(path[-1]), _field_names(model, path[:-1]))}"
     if kind == "missing":
         return f"{'key' if len(path) > 1 else 'section'} {place!r} is missing, which is needed"
     message = str(error["msg"]).removeprefix("Value error, ")
@@ -156,7 +160,7 @@ def shorten(value: Any) -> str:
     return f"{text[:57]}..."
 
 
-def _fields(model: type[BaseModel], path: list[Any]) -> list[str]:
+def _field_names(model: type[BaseModel], path: list[Any]) -> list[str]:
     for step in path:
         field = model.model_fields.get(str(step))
         if (

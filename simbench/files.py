@@ -35,7 +35,7 @@ _READ = (
 URL = re.compile(r"([A-Za-z][A-Za-z0-9+._-]+(?:::[^/]*)?):/+(.*)")
 
 
-def _host() -> str:
+def _identify_host() -> str:
     """Return what tells this machine, and on it this container and space of process numbers, from
     others.
     """
@@ -48,7 +48,7 @@ def _host() -> str:
 # bytes; file systems take 255, and a temporary file's name is longer by its machine and process
 _LONG_NAME = 200
 MOST_BYTES = 300_000_000  # of a file of answers: a million lines take 60 MB
-HOST = _host()  # in the names of temporary files: those of other machines are let be
+HOST = _identify_host()  # in the names of temporary files: those of other machines are let be
 # the name of a file, or a plug-in's text, may be no Unicode
 _TEXT: dict[str, Any] = {"encoding": "utf-8", "newline": "", "errors": "backslashreplace"}
 
@@ -118,11 +118,11 @@ def remove_stale_temporaries(place: Path) -> None:
     for file in place.glob(f".*.{HOST}.*"):
         # an open file of another process cannot be removed on Windows
         with contextlib.suppress(OSError, ValueError):
-            if os.name != "posix" or not _lives(int(file.suffix[1:])):
+            if os.name != "posix" or not _process_lives(int(file.suffix[1:])):
                 file.unlink()
 
 
-def _lives(process: int) -> bool:
+def _process_lives(process: int) -> bool:
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -166,33 +166,33 @@ def refuse_own_input(
                     inside.append(f)
         else:
             inside = [path]
-        read |= {_real(f) for f in inside}
+        read |= {_real_path(f) for f in inside}
     for path in map(local_path, wanted):
-        if _real(path) in read:
+        if _real_path(path) in read:
             raise FileError(
                 f"{path} is read by this command; it is not written over, name another file"
             )
-        if path.is_symlink() and _real(path).is_symlink():
+        if path.is_symlink() and _real_path(path).is_symlink():
             raise FileError(
                 f"{path} cannot be written: it is a link that leads back to itself; name another"
                 " file"
             )
-        if [_real(p) for p in wanted].count(_real(path)) > 1 and (
+        if [_real_path(p) for p in wanted].count(_real_path(path)) > 1 and (
             path.is_file() or not path.exists()
         ):
             raise FileError(f"{path} is named for two outputs; each needs another file")
         if path.is_dir() or not path.absolute().parent.is_dir():
             raise FileError(f"{path} cannot be written: it is a folder, or its folder is missing")
-        if (path.is_file() or not path.exists()) and not _writable(path.absolute().parent):
+        if (path.is_file() or not path.exists()) and not _can_write(path.absolute().parent):
             raise FileError(f"{path} cannot be written: permission denied")
         remove_stale_temporaries(path.absolute().parent)
 
 
-def _writable(place: Path) -> bool:
+def _can_write(place: Path) -> bool:
     return os.access(place, os.W_OK, effective_ids=os.access in os.supports_effective_ids)
 
 
-def _real(path: Path) -> Path:
+def _real_path(path: Path) -> Path:
     return Path(os.path.realpath(path))  # `resolve` raises on a link that leads back to itself
 
 
@@ -205,7 +205,7 @@ def folder(path: str | Path) -> Path:
         raise FileError(
             f"folder {path} cannot be made: {(error.strerror or str(error)).lower()}"
         ) from None
-    if not _writable(path):
+    if not _can_write(path):
         raise FileError(f"folder {path} cannot be written: permission denied")
     return path
 

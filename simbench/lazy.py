@@ -35,7 +35,7 @@ def attach(
 
             return version("stiction-simbench")
         if name not in homes:
-            raise AttributeError(_unknown(package, name, names))
+            raise AttributeError(_unknown_attribute(package, name, names))
         home = homes[name]
         if home == package:
             return import_module(f"{home}.{name}")
@@ -64,7 +64,7 @@ def called_as(package: str, home: str) -> None:
     vars(room)["ANSWERED_BY"] = home
 
 
-def _unknown(package: str, name: str, names: list[str]) -> str:
+def _unknown_attribute(package: str, name: str, names: list[str]) -> str:
     if name.startswith("_"):  # a notebook's probes are no typing errors
         return f"module {package!r} has no attribute {name!r}"
     from simbench.detectors.errors import nearest

@@ -48,7 +48,7 @@ def _exit_code_of(work: Callable[[], int | None], command: Sequence[str]) -> int
 
     # the command itself, then what it may end with: a refusal, a lost reader, a signal, a fault
     try:
-        with _terminable():
+        with _end_on_sigterm():
             code = int(work() or 0)
             sys.stdout.flush()  # a lost reader shows here, not while the interpreter ends
             return code
@@ -60,7 +60,7 @@ def _exit_code_of(work: Callable[[], int | None], command: Sequence[str]) -> int
             else str(error)
         )
     except BrokenPipeError:
-        _drop(sys.stdout)
+        _drop_stream(sys.stdout)
         return UNREAD
     except KeyboardInterrupt as error:
         print(masked(error) or "interrupted", file=sys.stderr)
@@ -100,7 +100,7 @@ class _ClosedOutput(io.TextIOWrapper):
 
 
 @contextlib.contextmanager
-def _terminable() -> Iterator[None]:
+def _end_on_sigterm() -> Iterator[None]:
     """Let SIGTERM end a command with a word, and with what cleans up after it."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -189,11 +189,11 @@ def complain(sentence: str) -> int:
     try:
         print(f"error: {short}", file=sys.stderr, flush=True)
     except OSError:  # nobody reads it, or its disk is full; the exit code still tells
-        _drop(sys.stderr)
+        _drop_stream(sys.stderr)
     return 2
 
 
-def _drop(stream: TextIO) -> None:
+def _drop_stream(stream: TextIO) -> None:
     """Send a stream to nobody: what it still holds would raise once more when the interpreter
     ends.
     """

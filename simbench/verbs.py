@@ -138,8 +138,8 @@ def detect(
             names = choose_methods(asked + added)
             refuse_wrong_forms(names)
             verdicts = judge(record, names)
-        if _weighs(asked):
-            conclusions = {None: _conclude(record)}
+        if _weighs_evidence(asked):
+            conclusions = {None: _conclude_record(record)}
         else:
             conclusions = {}
         return Report(
@@ -198,7 +198,7 @@ def judge_files(
     """
     asked = list(methods)
     if concludes is None:
-        concludes = _weighs(asked)
+        concludes = _weighs_evidence(asked)
     # 1. choose the methods
     with registry.added(plugins) as added:
         names = choose_methods(asked + added)
@@ -216,7 +216,7 @@ def judge_files(
             try:
                 record = records[name] = repair_record(record)
                 if concludes:
-                    concluded = {name: _conclude(record)}
+                    concluded = {name: _conclude_record(record)}
                 else:
                     concluded = {}
                 if alone and at_once is not None:
@@ -243,7 +243,7 @@ def judge_files(
         return Report(verdicts, refused, scores, records, conclusions, events)
 
 
-def _weighs(methods: Iterable[str]) -> bool:
+def _weighs_evidence(methods: Iterable[str]) -> bool:
     """Return whether all evidence about a record is weighed where these methods are asked."""
     return not _WEIGHED.isdisjoint(split_names(methods))
 
@@ -257,7 +257,7 @@ def _as_verdict(conclusion: Conclusion) -> Verdict:
     return Verdict("conclusion", conclusion.verdict, p, reason=conclusion.reason)
 
 
-def _conclude(record: LoopRecord) -> Conclusion:
+def _conclude_record(record: LoopRecord) -> Conclusion:
     """Weigh all evidence about one record."""
     # its models take a second to load, and single methods need none
     from simbench.gap.diagnosis import conclude

@@ -50,7 +50,7 @@ def density_errors(d: np.ndarray, least_A: float = 1.0) -> tuple[float, float]:
     """
     z = (d - d.mean()) / d.std()
     density = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
-    gaussians, camels = _densities(least_A)
+    gaussians, camels = _mean_densities(least_A)
     camel, gauss = (
         float(((family - density) ** 2).mean(axis=1).min()) for family in (camels, gaussians)
     )
@@ -115,26 +115,27 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
 
 
 @lru_cache(maxsize=4)
-def _densities(least_A: float) -> tuple[np.ndarray, np.ndarray]:
+def _mean_densities(least_A: float) -> tuple[np.ndarray, np.ndarray]:
     """Gaussians of std 0.15..1.5 and camels of A `least_A`..1.6, std 0.1..1, as mean densities of
     the bins.
     """
     # steps so small that the better family is not the one that a template happens to fall on
     edge = BINS[None]
     width = BINS[1] - BINS[0]
-    gaussians = np.diff(_normal(edge / np.geomspace(0.15, 1.5, 59)[:, None]), axis=1) / width
+    gaussians = np.diff(_normal_cdf(edge / np.geomspace(0.15, 1.5, 59)[:, None]), axis=1) / width
     phase = (np.arange(60) + 0.5) * (np.pi / 60)
     A, sigma = (
         g.reshape(-1, 1, 1)
         for g in np.meshgrid(np.linspace(least_A, 1.6, 13), np.geomspace(0.1, 1.0, 19))
     )
     camels = (
-        np.diff(_normal((BINS - A * np.cos(phase)[:, None]) / sigma).mean(axis=1), axis=1) / width
+        np.diff(_normal_cdf((BINS - A * np.cos(phase)[:, None]) / sigma).mean(axis=1), axis=1)
+        / width
     )
     return gaussians, camels
 
 
-def _normal(x: np.ndarray) -> np.ndarray:
+def _normal_cdf(x: np.ndarray) -> np.ndarray:
     """Cumulative normal distribution."""
     from scipy.special import ndtr
 

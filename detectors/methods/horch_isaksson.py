@@ -90,8 +90,8 @@ def _filter_samples(u, y, a, b, noise, stay, standing):
     p_two = stay
     total = 0.0
     for k in range(u.size):
-        one, like_one = _measure(one, y[k], r)
-        two, like_two = _measure(two, y[k], r)
+        one, like_one = _update_filter(one, y[k], r)
+        two, like_two = _update_filter(two, y[k], r)
         joint_one = p_one * like_one
         joint_two = p_two * like_two
         total += math.log(joint_one + joint_two)
@@ -101,16 +101,16 @@ def _filter_samples(u, y, a, b, noise, stay, standing):
         ahead_one = p_one * stay + p_two * (1.0 - stay)
         ahead_two = p_two * stay + p_one * (1.0 - stay)
         # what each mode inherits from both
-        mixed_one = _mix(one, two, p_one * stay / max(ahead_one, 1e-300))
-        mixed_two = _mix(two, one, p_two * stay / max(ahead_two, 1e-300))
-        one = _predict(mixed_one, a, b, q)
-        two = _predict((mixed_two[0], u[k], mixed_two[2], 0.0, 0.0), a, b, q)
+        mixed_one = _mix_filters(one, two, p_one * stay / max(ahead_one, 1e-300))
+        mixed_two = _mix_filters(two, one, p_two * stay / max(ahead_two, 1e-300))
+        one = _predict_filter(mixed_one, a, b, q)
+        two = _predict_filter((mixed_two[0], u[k], mixed_two[2], 0.0, 0.0), a, b, q)
         p_one = ahead_one
         p_two = ahead_two
     return total
 
 
-def _measure(f, y, r):
+def _update_filter(f, y, r):
     """Update one Kalman filter by a measurement; return it with its likelihood."""
     z, v, zz, zv, vv = f
     s = zz + r
@@ -119,14 +119,14 @@ def _measure(f, y, r):
     return (z + zz / s * e, v + zv / s * e, zz * r / s, zv * r / s, vv - zv * zv / s), likelihood
 
 
-def _predict(f, a, b, q):
+def _predict_filter(f, a, b, q):
     """Predict one Kalman filter over one sample, with the valve's random movement."""
     z, v, zz, zv, vv = f
     vv = vv + q
     return (a * z + b * v, v, a * a * zz + 2 * a * b * zv + b * b * vv, a * zv + b * vv, vv)
 
 
-def _mix(one, other, w):
+def _mix_filters(one, other, w):
     """Merge two filters into one, the first with weight w."""
     z = w * one[0] + (1 - w) * other[0]
     v = w * one[1] + (1 - w) * other[1]

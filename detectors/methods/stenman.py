@@ -57,11 +57,11 @@ def best_jumps(u: np.ndarray, r: np.ndarray, penalty: float) -> np.ndarray:
     u(k): keep the place or jump to OP.
     """
     x = np.empty(u.size)
-    compiled(_jumps)(np.ascontiguousarray(u), np.ascontiguousarray(r), float(penalty), x)
+    compiled(_follow_jumps)(np.ascontiguousarray(u), np.ascontiguousarray(r), float(penalty), x)
     return x
 
 
-def _jumps(u, r, penalty, x):
+def _follow_jumps(u, r, penalty, x):
     """Fill `x` with the best course; places are compared `LANES` at a time, of equal ones the first
     wins.
     """
@@ -166,7 +166,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     y = y / y.std()
     delays = range(max(2, round(0.5 * period)))
     linear = fit_plant(u, y, delays)
-    best = min((_alternate(u, y, band, delays) for band in _FIRST_GUESSES), key=lambda f: f[0])
+    best = min((_alternate_fits(u, y, band, delays) for band in _FIRST_GUESSES), key=lambda f: f[0])
     cost, x = best
     jumps = int(np.count_nonzero(np.diff(x)))
     gain = max(1.0 - cost / linear[4], 0.0)
@@ -184,7 +184,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     )
 
 
-def _alternate(
+def _alternate_fits(
     u: np.ndarray, y: np.ndarray, band: float, delays: range
 ) -> tuple[float, np.ndarray]:
     """Estimate plant and jumps in turn; returns the error with the jumps' price, and the valve."""

@@ -53,7 +53,7 @@ def movement_indices(op: np.ndarray, mv: np.ndarray, step: int = 1) -> tuple[flo
     """Return rho1, rho2 and rho3 of Eqs 11.3 to 11.5, differences taken over `step` samples; NaN
     when nothing moves.
     """
-    return pattern_indices(3 * _symbols(op, step) + _symbols(mv, step))
+    return pattern_indices(3 * _code_symbols(op, step) + _code_symbols(mv, step))
 
 
 def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
@@ -114,7 +114,7 @@ def detect(prepared: Prepared, *, rho3_min: float, step: float) -> Verdict:
     )
 
 
-def _symbols(x: np.ndarray, step: int) -> np.ndarray:
+def _code_symbols(x: np.ndarray, step: int) -> np.ndarray:
     """0, 1, 2 for decreasing, steady, increasing."""
     off, std = centred(x[step:] - x[:-step])
     if std > 0:

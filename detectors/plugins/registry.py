@@ -99,7 +99,7 @@ class PluginFolder:
             SystemExit,
         ) as error:  # a plug-in may fail in any way; the user needs the file's name
             sys.modules.pop(spec.name, None)
-            raise self._useless(f"{self.kind} file {path}", repr(error)) from error
+            raise self._import_error(f"{self.kind} file {path}", repr(error)) from error
         self._files[name] = self._check_module(module, name)
         return name
 
@@ -213,7 +213,7 @@ class PluginFolder:
             else:
                 whose = "another distribution"
             where = f"{self.kind} {name!r} of {whose} ({point.value})"
-            raise self._useless(where, repr(error)) from error
+            raise self._import_error(where, repr(error)) from error
 
     @cached_property
     def _built_in(self) -> frozenset[str]:
@@ -222,7 +222,7 @@ class PluginFolder:
             m.name for m in pkgutil.iter_modules(package.__path__) if not m.name.startswith("_")
         )
 
-    def _useless(self, where: str, why: str) -> ParameterError:
+    def _import_error(self, where: str, why: str) -> ParameterError:
         needs = f"a {self.kind} needs {', '.join(self.required)}"
         return ParameterError(
             f"{where} cannot be imported: {why}" + ("" if needs in why else f"; {needs}")

@@ -229,14 +229,16 @@ def find_loops(table: Sheet, chosen: Mapping[str, str]) -> dict[str, Roles]:
     mine = groups.get(loop, {})
     more: dict[str, list[str]] = {}
     for other, among in groups.items():
-        if not loop or not other or _number(other) == _number(loop) != "":
+        if not loop or not other or _number_of_tag(other) == _number_of_tag(loop) != "":
             for role in among.keys() - mine.keys():
                 more[role] = more.get(role, []) + among[role]
     roles = _pick_each(table, more | mine, given)
     one, two = (parse(roles.get(r, "")).loop if r not in given else () for r in ("pv", "op"))
-    if one and two and one != two and _number(one) != _number(two):
+    if one and two and one != two and _number_of_tag(one) != _number_of_tag(two):
         both = f"{table.where}: {roles['pv']} and {roles['op']} name two loops"
-        raise RecordError(f"{both}; which is PV and which OP is needed", _option(roles, "pv", "op"))
+        raise RecordError(
+            f"{both}; which is PV and which OP is needed", _columns_option(roles, "pv", "op")
+        )
     return {_tag_of(one, roles["pv"]) if one else "": roles}
 
 
@@ -275,7 +277,7 @@ def _pick_each(table: Sheet, among: Mapping[str, list[str]], given: Roles) -> Ro
         names = [n for n in names if parse(n).word == role] or names
         if len(names) > 1:
             which = f"{table.where}: {' or '.join(names)} may be {role.upper()}; one is needed"
-            raise RecordError(which, _option({role: names[0]}, role))
+            raise RecordError(which, _columns_option({role: names[0]}, role))
         roles[role] = names[0]
     return roles
 
@@ -302,7 +304,7 @@ def refuse_missing(table: Sheet, roles: Roles) -> None:
             cells = [str(cell).replace(",", ".") for cell in cells]
         x = _as_floats(cells)
         x = x[np.isfinite(x)]
-        if _rises(x) or name in times:
+        if _always_rises(x) or name in times:
             times.append(name)
         elif x.size and np.ptp(x) > 0 and name not in roles.values():
             free.append(name)
@@ -317,10 +319,10 @@ def refuse_missing(table: Sheet, roles: Roles) -> None:
     else:
         likely = {}
     likely |= dict(zip(missing, free, strict=False))
-    raise RecordError(lacks, _option(likely, *likely))
+    raise RecordError(lacks, _columns_option(likely, *likely))
 
 
-def _option(roles: Roles, *named: str) -> str:
+def _columns_option(roles: Roles, *named: str) -> str:
     return "--columns " + quote(",".join(f"{role}={roles[role]}" for role in named))
 
 
@@ -336,7 +338,7 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     times = [name for name in times if words_of(name).startswith("t")] or times
     if len(times) > 1:
         which = f"{table.where}: {' or '.join(times)} may be the time; one is needed"
-        raise RecordError(which, _option({"t": times[0]}, "t"))
+        raise RecordError(which, _columns_option({"t": times[0]}, "t"))
 
     # by what it holds
     stamped = _shows_time(table, "stamp")
@@ -349,7 +351,7 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
         return stamped[0]
     clocks = _shows_time(table, "order")
     if clocks:
-        cure = _option({"t": clocks[0]}, "t")
+        cure = _columns_option({"t": clocks[0]}, "t")
     else:
         cure = "--ts 1"
     lacks = f"{table.where}: no time column (t, time, timestamp) and no sampling period Ts given"
@@ -367,13 +369,13 @@ def _shows_time(table: Sheet, clue: str) -> list[str]:
         holds = {
             "name": lambda name, _: parse(name).role == "t",
             "stamp": lambda _, cells: _STAMP.search(str(cells[0])),
-            "order": lambda _, cells: _rises(_as_floats(cells)),
+            "order": lambda _, cells: _always_rises(_as_floats(cells)),
         }[clue]
         table.found[clue] = [name for name, cells in table.columns.items() if holds(name, cells)]
     return table.found[clue]
 
 
-def _rises(x: np.ndarray) -> bool:
+def _always_rises(x: np.ndarray) -> bool:
     return x.size > 1 and bool(np.all(x[1:] > x[:-1]))
 
 
@@ -388,7 +390,7 @@ def _tag_of(loop: Sequence[str], name: str) -> str:
     return " ".join(loop)
 
 
-def _number(loop: Iterable[str]) -> str:
+def _number_of_tag(loop: Iterable[str]) -> str:
     """Return the number of a tag: of the last word that has one."""
     digits = [re.sub(r"\D", "", word) for word in loop]
     return next(filter(None, digits[::-1]), "")

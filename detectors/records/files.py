@@ -154,11 +154,11 @@ def _read_workbook(path: Path, is_head: IsHead) -> dict[str, Sheet]:
         start = next((k for k, (row, _) in enumerate(rows[:_PREAMBLE]) if is_head(row)), None)
         if start is not None:
             above = sum(any(row) for row, _ in rows[:start])
-            tables[name] = _build(str(path), iter(rows[start:]), above)
+            tables[name] = _build_table(str(path), iter(rows[start:]), above)
     if len(tables) > 1:
         return tables
     first = next(iter(sheets.values()))
-    return {"": next(iter(tables.values()), None) or _build(str(path), iter(first), 0)}
+    return {"": next(iter(tables.values()), None) or _build_table(str(path), iter(first), 0)}
 
 
 def _refuse_large(path: Path, size: int) -> None:
@@ -193,7 +193,7 @@ def _read_text(path: Path, is_head: IsHead) -> Sheet:
         reader = csv.reader(file, delimiter=delimiter, skipinitialspace=True)
         rows = ((row, start + reader.line_num) for row in reader if row and row != [""])
         try:
-            table = _build(str(path), rows, above)
+            table = _build_table(str(path), rows, above)
         except csv.Error as error:
             line = start + reader.line_num
             raise RecordError(f"{path}, line {line}: {error}; shorter cells are needed") from error
@@ -213,7 +213,7 @@ def _find_head(lines: list[str], is_head: IsHead) -> tuple[str, int]:
     return max(marks[:4], key="".join(lines[:1]).count) if lines else " ", 0
 
 
-def _build(where: str, rows: Iterator[Row], above: int) -> Sheet:
+def _build_table(where: str, rows: Iterator[Row], above: int) -> Sheet:
     """Name the columns by the first row, take the rows of units below it, and pack the others."""
     # names, or the numbers of the columns
     notes = [f"file: {above} lines above the header left out"] * (above > 0)
@@ -249,8 +249,8 @@ def _build(where: str, rows: Iterator[Row], above: int) -> Sheet:
     samples = _check_rows(where, rows, len(names), head, lines)
     while chunk := list(islice(samples, 1 + _CHUNK // len(names))):
         for part, cells in zip(parts, zip(*chunk, strict=True), strict=True):
-            part.append(_pack(cells))
-    columns = {name: _join(part) for name, part in zip(names, parts, strict=True)}
+            part.append(_pack_cells(cells))
+    columns = {name: _join_cells(part) for name, part in zip(names, parts, strict=True)}
     return Sheet(where, columns, lines, units=units, notes=notes)
 
 
@@ -268,7 +268,7 @@ def _check_rows(
         yield row[:size]
 
 
-def _pack(cells: Sequence[str]) -> Cells:
+def _pack_cells(cells: Sequence[str]) -> Cells:
     """Return cells as an array where all are numbers, or empty."""
     try:
         x = np.array([cell or "nan" for cell in cells], dtype=np.float64)
@@ -280,7 +280,7 @@ def _pack(cells: Sequence[str]) -> Cells:
     return x
 
 
-def _join(parts: list[Cells]) -> Cells:
+def _join_cells(parts: list[Cells]) -> Cells:
     if parts and all(isinstance(part, np.ndarray) for part in parts):
         return np.concatenate(parts)
     cells = []

@@ -110,12 +110,12 @@ def read_record(
     (2.0, [1.0, 1.2, 1.4, 1.5, 1.6], ('gaps: 1 of 5 samples of PV missing, bridged',))
     """
     given = {"columns": columns, "Ts": Ts, "automatic": automatic, **about}
-    found = _read(Path(path), tag, loops, given)
+    found = _read_loops_of(Path(path), tag, loops, given)
     read = {}
     for name, one in found.items():
         if isinstance(one, LoopRecord):
             read[name] = one
-    return _only(read or found if loops else found, str(path))
+    return _only_loop(read or found if loops else found, str(path))
 
 
 def read_columns(
@@ -125,24 +125,26 @@ def read_columns(
     `read_record` reads a file.
     """
     given = {"columns": columns, **about}
-    return _only(_read_loops({"": table_of(table, "table")}, tag, given, ""), "table")
+    return _only_loop(_read_loops({"": table_of(table, "table")}, tag, given, ""), "table")
 
 
 def read_records(
     path: str | Path, *, tag: str | None = None, loops: str | Path | None = None, **given: Any
 ) -> tuple[dict[str, LoopRecord], dict[str, str]]:
     """Read every loop of a file: records by tag, and of what is refused the sentence."""
-    found = _read(Path(path), tag, loops, given)
+    found = _read_loops_of(Path(path), tag, loops, given)
     records = {}
     for name, one in found.items():
         if isinstance(one, LoopRecord):
             records[name] = one
     if not records and loops is None:
-        _only(dict(list(found.items())[:1]), str(path))
+        _only_loop(dict(list(found.items())[:1]), str(path))
     return records, {name: str(one) for name, one in found.items() if name not in records}
 
 
-def _read(path: Path, tag: str | None, loops: str | Path | None, given: Mapping[str, Any]) -> Found:
+def _read_loops_of(
+    path: Path, tag: str | None, loops: str | Path | None, given: Mapping[str, Any]
+) -> Found:
     """Return what a file holds by tag, with what a table of loops states of each."""
     found: Found = {}
     for row in [] if loops is None else read_loop_table(loops):
@@ -159,14 +161,14 @@ def _read(path: Path, tag: str | None, loops: str | Path | None, given: Mapping[
             own = row["tag"]
         try:
             # where nothing names the file, its columns must name the tag
-            loop = _only(_read_file(path, own, about, tag is None and "file" not in row), "")
+            loop = _only_loop(_read_file(path, own, about, tag is None and "file" not in row), "")
             found[row["tag"]] = replace(loop, tag=row["tag"])
         except RecordError as error:
             found[row["tag"]] = error
     return found or _read_file(path, tag, given)
 
 
-def _only(found: Found, where: str) -> LoopRecord:
+def _only_loop(found: Found, where: str) -> LoopRecord:
     """Return the only loop that was found, or raise why there is none, or which there are."""
     name, one = next(iter(found.items()))
     if len(found) > 1:

@@ -199,10 +199,10 @@ class Report:
         verdicts = {}
         for name, said, _ in self.groups():
             verdicts[name] = {v.method: v.verdict for v in said}
-        rows = [{**row, **verdicts.get(row["record"], {})} for row in self._ranking()]
+        rows = [{**row, **verdicts.get(row["record"], {})} for row in self._rank_loops()]
         return pd.DataFrame(rows).astype({"event": "Int64"})
 
-    def _ranking(self) -> list[dict[str, Any]]:
+    def _rank_loops(self) -> list[dict[str, Any]]:
         """Return what was concluded of each loop, in the order of `groups`, then why files were
         refused.
         """
@@ -227,7 +227,7 @@ class Report:
     def _ranked_lines(self) -> list[str]:
         lines = [("loop", "conclusion", "P(stiction)", "cause", "event")]
         more = len(self.conclusions) - _MOST_LOOPS
-        for row in self._ranking()[: min(len(self.conclusions), _MOST_LOOPS)]:
+        for row in self._rank_loops()[: min(len(self.conclusions), _MOST_LOOPS)]:
             if row[PROBABILITY] is None:
                 p = ""
             else:
@@ -260,9 +260,9 @@ class Report:
         for name, verdict in self.verdicts:
             groups.setdefault(name, []).append(verdict)
         found = [(name, verdicts, self.records.get(name)) for name, verdicts in groups.items()]
-        return sorted(found, key=lambda group: -self._probability(group[0]))
+        return sorted(found, key=lambda group: -self._probability_or_last(group[0]))
 
-    def _probability(self, name: str | None) -> float:
+    def _probability_or_last(self, name: str | None) -> float:
         """Return the probability of stiction, below all others where there is none."""
         if name in self.conclusions:
             known = self.conclusions[name].as_json()["probability"]
@@ -339,24 +339,24 @@ def score_units(
                 "n": len(of),
                 "applicable": len(some),
                 "positives": int(sticky.sum()),
-                **_cost(np.where(open_, _UNDECIDED, ~right)),
-                "accuracy": _share(right),
-                "sensitivity": _share(called[sticky]),
-                "false_positives": _share(called[~sticky]),
-                "no_decision": _share(open_),
-                "auc": _auc(some.score.to_numpy(), sticky),
+                **_cost_of(np.where(open_, _UNDECIDED, ~right)),
+                "accuracy": _share_of(right),
+                "sensitivity": _share_of(called[sticky]),
+                "false_positives": _share_of(called[~sticky]),
+                "no_decision": _share_of(open_),
+                "auc": _area_under_curve(some.score.to_numpy(), sticky),
             }
         )
     return sorted(rows, key=lambda row: (np.isnan(row["cost"]), row["cost"]))
 
 
-def _share(which: np.ndarray) -> float:
+def _share_of(which: np.ndarray) -> float:
     if which.size:
         return float(which.mean())
     return float("nan")
 
 
-def _cost(lost: np.ndarray) -> dict[str, float]:
+def _cost_of(lost: np.ndarray) -> dict[str, float]:
     if not lost.size:
         return {"cost": float("nan"), "cost_lo": 0.0, "cost_hi": 1.0}
     # one unit of 0 and one of 1 added: few that all cost the same do not show the cost exactly
@@ -370,17 +370,20 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     head = list(rows[0])
     return columns(
         [head]
-        + [[_number(v) if isinstance(v, float) else str(v) for v in row.values()] for row in rows]
+        + [
+            [_two_decimals(v) if isinstance(v, float) else str(v) for v in row.values()]
+            for row in rows
+        ]
     )
 
 
-def _number(x: float) -> str:
+def _two_decimals(x: float) -> str:
     if np.isnan(x):
         return "-"
     return f"{x:.2f}"
 
 
-def _auc(score: np.ndarray, sticky: np.ndarray) -> float:
+def _area_under_curve(score: np.ndarray, sticky: np.ndarray) -> float:
     """Return the probability that a sticky unit scores above another (ties count half)."""
     known = ~np.isnan(score)
     pairs = score[sticky & known], score[~sticky & known]

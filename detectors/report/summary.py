@@ -42,7 +42,7 @@ _NAMED = 5  # records named in a sentence
 def sentence(verdicts: Sequence[Verdict]) -> str:
     """Count the verdicts of the methods; they are evidence, no conclusion."""
     # one method has no count
-    if len(verdicts) == 1 and not _rests(verdicts[0]):
+    if len(verdicts) == 1 and not _is_at_rest(verdicts[0]):
         return f"{verdicts[0].method} reports {VERDICT_WORDS[verdicts[0].verdict]}"
 
     # which methods count
@@ -52,7 +52,7 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
             asked.append(v)
     others = [v for v in asked if v.applicable is not False]
     left_out = len(asked) - len(others)
-    resting = len(others) - len(others := [v for v in others if not _rests(v)])
+    resting = len(others) - len(others := [v for v in others if not _is_at_rest(v)])
 
     # how many say what
     count = Counter(v.verdict for v in others)
@@ -83,14 +83,14 @@ def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> l
     """Return what is true of the record and not of one method: stated by most of several, or by the
     loader.
     """
-    clauses = Counter(c for v in verdicts for c in dict.fromkeys(_clauses(v.reason)))
+    clauses = Counter(c for v in verdicts for c in dict.fromkeys(_split_clauses(v.reason)))
     least = max(2, (len(verdicts) + 1) // 2)
     return [*(record.notes if record else ()), *(c for c, n in clauses.items() if n >= least)]
 
 
 def own_reason(verdict: Verdict, shared: Collection[str]) -> str:
     """Return a verdict's reason without what is said of the whole record already."""
-    clauses = _clauses(verdict.reason)
+    clauses = _split_clauses(verdict.reason)
     return "; ".join([c for c in clauses if c not in shared] or clauses[:1])
 
 
@@ -115,7 +115,7 @@ def as_text(
         lines += (
             ([opening(name, record, concluded.get(name, ()))] if record is not None else [])
             + [f"Methods: {sentence(verdicts)}{beside}."]
-            + _table(counted)
+            + _verdict_lines(counted)
             + [_COLUMNS]
             + [f"note: {n}" for n in _not_counted(verdicts) + notes_of(verdicts, record)]
         )
@@ -129,7 +129,9 @@ def as_text(
         )
         # beside the conclusions, on request
         if why or not concluded:
-            lines += [f"Columns: {', '.join(methods)}.", f"{_LEGEND} {_IN_DATA}"] + _matrix(records)
+            lines += [f"Columns: {', '.join(methods)}.", f"{_LEGEND} {_IN_DATA}"] + _matrix_lines(
+                records
+            )
         else:
             lines.append(f"What each method says: --why, or --csv FILE. {_IN_DATA}")
 
@@ -197,7 +199,7 @@ def opening(name: str | None, record: LoopRecord, concluded: Iterable[str] = ())
     return "\n".join([read, *concluded])
 
 
-def _table(verdicts: Sequence[Verdict]) -> list[str]:
+def _verdict_lines(verdicts: Sequence[Verdict]) -> list[str]:
     """Return one line per method: verdict, score, S and J where one gives them, and whether it
     applies where that is known of any.
     """
@@ -218,7 +220,7 @@ def _table(verdicts: Sequence[Verdict]) -> list[str]:
     # a line per method
     lines = [(["method", "verdict", "score"] + sizes + applies)]
     for v in verdicts:
-        if _rests(v):
+        if _is_at_rest(v):
             word = _NOT_ASKED
         else:
             word = VERDICT_WORDS[v.verdict]
@@ -235,7 +237,9 @@ def _table(verdicts: Sequence[Verdict]) -> list[str]:
     return columns(lines, right=("score", *sizes))
 
 
-def _matrix(groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]]) -> list[str]:
+def _matrix_lines(
+    groups: Sequence[tuple[str | None, list[Verdict], LoopRecord | None]],
+) -> list[str]:
     """Return one line per record, with a sign for each method, which has a number in the head."""
     numbers = [str(i) for i in range(1, len(groups[0][1]) + 1)]
     lines = [("record", numbers)]
@@ -257,7 +261,7 @@ def _not_counted(verdicts: Iterable[Verdict]) -> list[str]:
     return []
 
 
-def _rests(verdict: Verdict) -> bool:
+def _is_at_rest(verdict: Verdict) -> bool:
     """Whether the front end answered for a method: the loop does not oscillate."""
     return verdict.reason.startswith(NOT_OSCILLATING)
 
@@ -267,7 +271,7 @@ def _is_test(method: str) -> bool:
     return method in registry.names() and registry.load(method).METHOD.role == "nonlinearity"
 
 
-def _clauses(reason: str) -> list[str]:
+def _split_clauses(reason: str) -> list[str]:
     return reason.split("; ")
 
 

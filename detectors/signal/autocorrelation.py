@@ -23,7 +23,7 @@ def detrended(rows: np.ndarray) -> np.ndarray:
     """Return `detrend` of every row, shape (m, n)."""
     n = rows.shape[1]
     rows = rows - np.add.reduce(rows, axis=1, keepdims=True) / n
-    k, square = _line(n)
+    k, square = _straight_line(n)
     flat = rows - k * (rows @ k / square)[:, None]
     off = flat - np.add.reduce(flat, axis=1, keepdims=True) / n
     std = np.sqrt(np.add.reduce(off * off, axis=1) / n)
@@ -42,7 +42,7 @@ def centred(x: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 @lru_cache(maxsize=32)
-def _line(n: int) -> tuple[np.ndarray, float]:
+def _straight_line(n: int) -> tuple[np.ndarray, float]:
     """Return a straight line about 0 and the sum of its squares."""
     k = np.arange(n) - 0.5 * (n - 1)
     return k, float(k @ k)
@@ -68,10 +68,10 @@ def zero_crossings(x: np.ndarray, band: float = 0.0, most: int | None = None) ->
     before it comes back.
     """
     at = np.empty(x.size if most is None else most)
-    return at[: quick(_crossings)(x, band, at)]
+    return at[: quick(_fill_crossings)(x, band, at)]
 
 
-def _crossings(x, band, at):
+def _fill_crossings(x, band, at):
     """Fill `at` with the places where a signal crosses zero for good, as many as there is room for;
     return their number.
     """

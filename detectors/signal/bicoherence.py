@@ -71,10 +71,10 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     Not for symmetric cycles: half-wave symmetry leaves odd harmonics only, whose sums are even, and
     nothing shows.
     """
-    i, j = _triangle(segment)
+    i, j = _principal_triangle(segment)
     hop = segment // 2
     pieces = np.lib.stride_tricks.sliding_window_view(x, segment)[::hop]
-    pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * _hann(segment)
+    pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * _hann_window(segment)
     # sixth powers of the record's numbers leave the range of doubles; a power of two changes no bit
     # of the ratios
     pieces = np.ldexp(pieces, -np.frexp(np.abs(pieces).max())[1])
@@ -125,7 +125,7 @@ def resampling_step(period: float) -> float:
 
 
 @lru_cache(maxsize=4)
-def _triangle(segment: int) -> tuple[np.ndarray, np.ndarray]:
+def _principal_triangle(segment: int) -> tuple[np.ndarray, np.ndarray]:
     """Frequency bins (i, j) of the principal triangle, 0 < j <= i, i + j < segment / 2."""
     i, j = np.meshgrid(np.arange(1, segment // 2), np.arange(1, segment // 2), indexing="ij")
     inside = (j <= i) & (i + j < segment // 2)
@@ -133,5 +133,5 @@ def _triangle(segment: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=4)
-def _hann(segment: int) -> np.ndarray:
+def _hann_window(segment: int) -> np.ndarray:
     return 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)

@@ -105,8 +105,8 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     total = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))])
     inner = np.arange(first, last + 1)
     mean = (
-        _integral(total, x, first + half, inner.size)
-        - _integral(total, x, first - half, inner.size)
+        _integral_to(total, x, first + half, inner.size)
+        - _integral_to(total, x, first - half, inner.size)
     ) / (2.0 * half)
     out = np.empty(n)
     out[inner] = mean
@@ -131,12 +131,15 @@ def smooth(
     from scipy.fft import idct
 
     return np.asarray(
-        idct((mirrored_spectrum(x) if waves is None else waves()) * _taper(x.size, shortest))
+        idct(
+            (mirrored_spectrum(x) if waves is None else waves())
+            * _smoothing_taper(x.size, shortest)
+        )
     )
 
 
 @lru_cache(maxsize=16)
-def _taper(n: int, shortest: float) -> np.ndarray:
+def _smoothing_taper(n: int, shortest: float) -> np.ndarray:
     """Return what smoothing leaves of each term of a mirrored spectrum."""
     ramp = np.clip((np.arange(n) / (2 * n) * shortest - 1.0) * 3.0, 0.0, 1.0)
     return 0.5 + 0.5 * np.cos(np.pi * ramp)
@@ -151,7 +154,7 @@ def mirrored_spectrum(x: np.ndarray) -> np.ndarray:
     return np.asarray(dct(x))
 
 
-def _integral(total: np.ndarray, x: np.ndarray, start: float, count: int) -> np.ndarray:
+def _integral_to(total: np.ndarray, x: np.ndarray, start: float, count: int) -> np.ndarray:
     """Integral from sample 0 to the places start, start + 1, ..., which may be fractional."""
     if start > int(start):
         k = min(int(start), x.size - 1 - count)

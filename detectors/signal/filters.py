@@ -51,13 +51,13 @@ def lfilter(
     state = np.zeros(size)
     state[0] = before
     out = np.empty(len(x))
-    compiled(_recursion)(
+    compiled(_filter_recursion)(
         both[0] / a[0], both[1] / a[0], np.ascontiguousarray(x, dtype=np.float64), state, out
     )
     return out
 
 
-def _recursion(b, a, x, state, out):
+def _filter_recursion(b, a, x, state, out):
     """Fill `out`; the last of `state` stays 0."""
     last = b.size - 1
     for k in range(x.size):

@@ -56,13 +56,13 @@ def typical_means(*errors: np.ndarray, left_out: float = 0.1) -> list[float]:
 def sines(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return sines that start at the crossing, with frequencies around pi / length."""
     t = (np.arange(points) + 0.5) / points
-    return _unit(np.sin(np.pi * np.linspace(0.2, 1.6, 113)[:, None] * t))
+    return _scale_to_unit(np.sin(np.pi * np.linspace(0.2, 1.6, 113)[:, None] * t))
 
 
 @lru_cache(maxsize=8)
 def half_sine(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return the one sine that is zero at both ends."""
-    return _unit(np.sin(np.pi * (np.arange(points) + 0.5) / points)[None])
+    return _scale_to_unit(np.sin(np.pi * (np.arange(points) + 0.5) / points)[None])
 
 
 @lru_cache(maxsize=8)
@@ -70,7 +70,7 @@ def triangles(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     """Return triangles with zero ends and the apex anywhere."""
     t = (np.arange(points) + 0.5) / points
     apex = np.linspace(0.02, 0.98, 81)[:, None]
-    return _unit(np.minimum(t / apex, (1.0 - t) / (1.0 - apex)))
+    return _scale_to_unit(np.minimum(t / apex, (1.0 - t) / (1.0 - apex)))
 
 
 def two_line_misfit(humps: np.ndarray) -> np.ndarray:
@@ -98,7 +98,7 @@ def _line_errors(y: np.ndarray) -> np.ndarray:
     return np.maximum(syy - sy**2 / n - (sty - st * sy / n) ** 2 / spread, 0.0)
 
 
-def _unit(shapes: np.ndarray) -> np.ndarray:
+def _scale_to_unit(shapes: np.ndarray) -> np.ndarray:
     shapes = shapes / np.sqrt((shapes**2).sum(axis=1, keepdims=True))
     shapes.flags.writeable = False
     return shapes
@@ -116,7 +116,7 @@ def relays(points: int = HALF_CYCLE_POINTS) -> np.ndarray:
     switch = 1.0 - tau * np.log1p(peak)
     rising = 1.0 - (1.0 + peak) * np.exp(-(t - switch + 1.0) / tau)
     falling = -1.0 + (1.0 + peak) * np.exp(-np.maximum(t - switch, 0.0) / tau)
-    return _unit(np.where(t <= switch, rising, falling))
+    return _scale_to_unit(np.where(t <= switch, rising, falling))
 
 
 def peak_areas(humps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

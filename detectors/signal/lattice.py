@@ -27,13 +27,13 @@ _ON_LATTICE = 0.9
 def resolution(x: np.ndarray) -> float:
     """Return the largest power of ten of which every value is a multiple."""
     # the first few values leave most units out
-    for unit in _UNITS[_multiples(x[:20, None], _UNITS)]:
-        if _multiples(x[:, None], unit)[0]:
+    for unit in _UNITS[_are_multiples(x[:20, None], _UNITS)]:
+        if _are_multiples(x[:, None], unit)[0]:
             return float(unit)
     return 0.0
 
 
-def _multiples(x: np.ndarray, units: np.ndarray) -> np.ndarray:
+def _are_multiples(x: np.ndarray, units: np.ndarray) -> np.ndarray:
     """Return of which units all values, shape (n, 1), are multiples."""
     scaled = x / units
     off = np.abs(scaled - np.rint(scaled))
@@ -45,8 +45,8 @@ def written_unit(x: np.ndarray, *others: np.ndarray) -> float:
     is the signal's lattice.
     """
     unit = resolution(x)
-    places = _places(x)
-    finest = max([_digits(o) for o in others], default=0.0)
+    places = _places_before_point(x)
+    finest = max([_digits_of(o) for o in others], default=0.0)
     if unit > 0.0 and finest >= places - np.log10(unit) + 2.0:
         if finest < 15.0:
             return 10.0 ** (places - finest)
@@ -111,7 +111,7 @@ def root_lattice(x: np.ndarray) -> float:
     slope = 2.0 * float(size.mean())
     # the unit of the largest values: files keep digits, not decimals
     large = size >= 10.0 ** np.floor(np.log10(max(float(size.max()), 1e-300)))
-    return _anywhere(levels * size, resolution(levels[large]) * slope) / (slope or 1.0)
+    return _step_anywhere(levels * size, resolution(levels[large]) * slope) / (slope or 1.0)
 
 
 def hides_nothing(step: float, x: np.ndarray, noise: float = 0.0) -> bool:
@@ -147,7 +147,7 @@ def read_lattice(x: np.ndarray, *others: np.ndarray) -> Written:
     return Written(unit, step, step if step > 0.0 and hides_nothing(step, x) else unit)
 
 
-def _anywhere(levels: np.ndarray, unit: float) -> float:
+def _step_anywhere(levels: np.ndarray, unit: float) -> float:
     """Return the step of the lattice on which nearly all levels stand."""
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1.5 * unit]
@@ -160,22 +160,22 @@ def _anywhere(levels: np.ndarray, unit: float) -> float:
         near = gaps[: np.searchsorted(gaps, reach * step)]
         step = float(near.sum() / np.rint(near / step).sum())
         # a few levels in the middle tell most signals that stand on none
-        if _phase(levels[levels.size // 2 :][:16], step) < 0.6:
+        if _phase_length(levels[levels.size // 2 :][:16], step) < 0.6:
             return 0.0
-    return step if _phase(levels, step) > _ON_LATTICE and step > 2.0 * unit else 0.0
+    return step if _phase_length(levels, step) > _ON_LATTICE and step > 2.0 * unit else 0.0
 
 
-def _phase(levels: np.ndarray, step: float) -> float:
+def _phase_length(levels: np.ndarray, step: float) -> float:
     """Return the length of the mean phase of levels over a step: 1 on a lattice."""
     return float(abs(np.exp((2j * np.pi / step) * (levels - levels[0])).mean()))
 
 
-def _places(x: np.ndarray) -> float:
+def _places_before_point(x: np.ndarray) -> float:
     return float(np.floor(np.log10(max(float(np.abs(x).max()), 1e-12)))) + 1.0
 
 
-def _digits(x: np.ndarray) -> float:
+def _digits_of(x: np.ndarray) -> float:
     unit = resolution(x)
     if unit > 0.0:
-        return _places(x) - float(np.log10(unit))
+        return _places_before_point(x) - float(np.log10(unit))
     return 16.0

@@ -16,7 +16,7 @@ _LARGE = 100.0  # roundings; of smaller moves, which lie on a line by chance, no
 def on_line(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> np.ndarray:
     """Return which samples lie on a straight, not constant line through their neighbours."""
     out = np.zeros(x.size, dtype=bool)
-    bend, tolerance = _bends(x, unit, noise)
+    bend, tolerance = _measure_bends(x, unit, noise)
     out[1:-1] = bend <= tolerance
     return out
 
@@ -25,7 +25,7 @@ def share_on_lines(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> floa
     """Return the share of samples that lie on a line through their neighbours beyond those that do
     so by chance.
     """
-    bend, tolerance = _bends(x, unit, noise)
+    bend, tolerance = _measure_bends(x, unit, noise)
     near, beyond, far = np.histogram(bend[np.isfinite(bend)] / tolerance, [0.0, 1.0, 2.0, np.inf])[
         0
     ]
@@ -35,7 +35,7 @@ def share_on_lines(x: np.ndarray, unit: float = 0.0, noise: float = 0.0) -> floa
     return max(near - chance, 0.0) / max(x.size, 1)
 
 
-def _bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]:
+def _measure_bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray, float]:
     """Return how far each inner sample is off a straight course (inf where nothing moves), and what
     rounding explains of it.
     """

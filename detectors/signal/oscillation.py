@@ -117,7 +117,7 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     # what counts as a reversal shall not hang on the unit
     x = snapped((op - 0.5 * (low + high)) / (high - low))
     at = np.empty(x.size, dtype=np.int64)
-    turn = quick(_reversals)
+    turn = quick(_fill_reversals)
     count = np.zeros(_LEAST_SWINGS.size)
     for i, least in enumerate(_LEAST_SWINGS):
         count[i] = turn(x, least, at) - 1
@@ -147,7 +147,7 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     return None
 
 
-def _reversals(x, least, at):
+def _fill_reversals(x, least, at):
     """Fill `at` with the places where a signal turns and then goes back by more than `least`;
     return their number.
     """

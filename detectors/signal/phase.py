@@ -16,7 +16,9 @@ def phase_locking(x: np.ndarray, y: np.ndarray, period: float) -> float:
     """
     cut = int(_EDGE * x.size)
     inner = slice(cut, x.size - cut)
-    turn = np.angle(_analytic(x, period)[inner] * np.conj(_analytic(y, period)[inner]))
+    turn = np.angle(
+        _analytic_signal(x, period)[inner] * np.conj(_analytic_signal(y, period)[inner])
+    )
     return float(np.abs(np.exp(1j * turn).mean()))
 
 
@@ -25,12 +27,12 @@ def coherence(x: np.ndarray, period: float) -> float:
     no loop does by itself.
     """
     cut = int(_EDGE * x.size)
-    swing = _analytic(x, period)[cut : x.size - cut]
+    swing = _analytic_signal(x, period)[cut : x.size - cut]
     unit = swing / np.maximum(np.abs(swing), 1e-300)
     return float(np.abs(np.fft.fft(unit, 8 * unit.size)).max() / unit.size)
 
 
-def _analytic(x: np.ndarray, period: float) -> np.ndarray:
+def _analytic_signal(x: np.ndarray, period: float) -> np.ndarray:
     n = x.size
     line = np.linspace(x[0], x[-1], n)
     power = np.fft.fft((x - line) * np.hanning(n) ** 0.25)

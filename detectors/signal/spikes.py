@@ -25,7 +25,7 @@ def find_spikes(x: np.ndarray, unit: float = 0.0) -> tuple[np.ndarray, np.ndarra
         return none
     outliers: dict[int, float] = {}
     clean = np.asarray(x, dtype=float).copy()
-    usual = np.abs(clean - _neighbours(clean).mean(axis=0))
+    usual = np.abs(clean - _four_neighbours(clean).mean(axis=0))
     floor = max(0.5 * unit, _ROUNDING * float(np.abs(x).max()))
     overall = max(1.4826 * median(usual), floor)
     if usual.max() <= _SPIKE * overall:
@@ -71,13 +71,15 @@ def touching(x: np.ndarray, least: np.ndarray) -> dict[int, float]:
     """
     at = np.flatnonzero(np.abs(off_line(x)[0]) > least)
     out: dict[int, float] = {}
-    for k, apart, heights in sorted(_pairs(x, least, at, 1) + _pairs(x, least, at, 2)):
+    for k, apart, heights in sorted(
+        _pairs_of_spikes(x, least, at, 1) + _pairs_of_spikes(x, least, at, 2)
+    ):
         if out.keys().isdisjoint(range(k - 2, k + apart + 3)):
             out |= {k: heights[0], k + apart: heights[1]}
     return out
 
 
-def _pairs(
+def _pairs_of_spikes(
     x: np.ndarray, least: np.ndarray, at: np.ndarray, apart: int
 ) -> list[tuple[int, int, list[float]]]:
     """Return place, distance and heights of those pairs of samples of which the first is one of
@@ -101,14 +103,14 @@ def off_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return how far each sample is off the line through its four neighbours, and how far these
     spread about it.
     """
-    around = _neighbours(x)
+    around = _four_neighbours(x)
     at = np.array([-2.0, -1.0, 1.0, 2.0])[:, None]
     middle = around.mean(axis=0)
     slope = (at * around).sum(axis=0) / 10.0
     return x - middle, np.ptp(around - middle - slope * at, axis=0)
 
 
-def _neighbours(x: np.ndarray) -> np.ndarray:
+def _four_neighbours(x: np.ndarray) -> np.ndarray:
     """The four neighbours of every sample, shape (4, n); reflected oddly, a slope goes on straight
     beyond the ends.
     """

@@ -9,7 +9,7 @@ from simbench.detectors.errors import ParameterError
 from simbench.valve.maps import at_rest, stick
 
 
-def _trace(op, S, J, state, lo, hi, v):
+def _trace_valve(op, S, J, state, lo, hi, v):
     """Fill `v` with the valve position under every sample of `op`, from `state` on."""
     for k in range(op.size):
         state = stick(op[k], state, S, J, lo, hi)
@@ -37,5 +37,5 @@ def valve_position(
             first = at_rest(float(op[0]), lo, hi)
         else:
             first = tuple(float(x) for x in state)
-        compiled(_trace)(op, float(S), float(J), first, lo, hi, v)
+        compiled(_trace_valve)(op, float(S), float(J), first, lo, hi, v)
     return v

@@ -80,10 +80,10 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
         k = 1 + int(np.argmin(row[1:]))
         best = min(best, (float(row[k]), float(S[k]), float(J[k]), start))
     error, S_hat, J_hat, start = best
-    return Follow(S_hat, J_hat, error, linear, _reversals(op, S_hat, J_hat, start, limits))
+    return Follow(S_hat, J_hat, error, linear, _count_reversals(op, S_hat, J_hat, start, limits))
 
 
-def _reversals(op: np.ndarray, S: float, J: float, start: float, limits) -> int:
+def _count_reversals(op: np.ndarray, S: float, J: float, start: float, limits) -> int:
     lo, hi = (float(x) for x in limits)
     v = valve_position(op, S, J, state_before(op[0], S, J, start, lo, hi), (lo, hi))
     moves = np.sign(np.diff(v))

@@ -98,7 +98,7 @@ REWRITES: _Changes = {
             (rossi_scali, "relays", lambda old: lambda *a: _unit(finer(old(*a)))),
             (
                 horch_histogram,
-                "_densities",
+                "_mean_densities",
                 lambda old: lambda *a: tuple(finer(x) for x in old(*a)),
             ),
             (hammerstein, "S_FINE", finer),

@@ -153,7 +153,7 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     if min(m, n) < 2:
         return 1.0
     change = []
-    for a, b in zip(*(_placements(_nan_lowest(s), positive) for s in (before, now))):
+    for a, b in zip(*(_placement_values(_nan_lowest(s), positive) for s in (before, now))):
         change.append(a - b)
     drop = change[0].mean()
     variance = np.var(change[0], ddof=1) / m + np.var(change[1], ddof=1) / n
@@ -184,7 +184,7 @@ def _auc_variance(score: ArrayLike, positive: np.ndarray) -> tuple[float, float]
     return float(ups @ below / (2 * m * n)), variance
 
 
-def _placements(score: np.ndarray, positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _placement_values(score: np.ndarray, positive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # share of the other class that each case is on the right side of, by midranks
     m = positive.sum()
     n = (~positive).sum()

@@ -39,7 +39,7 @@ from simbench.usage import exit_code
 CommandError: Any = typer.BadParameter.__mro__[2]
 
 
-def _version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
@@ -50,7 +50,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def about(
     version: Annotated[
-        bool, Option("--version", is_eager=True, callback=_version, help="Print the version.")
+        bool, Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
     ] = False,
 ) -> None:
     """Simulate control loops with sticking and healthy valves, score detectors, and diagnose
@@ -61,7 +61,7 @@ def about(
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line."""
     return exit_code(
-        lambda: _command(arguments),
+        lambda: _run_command(arguments),
         ["simbench"] + (sys.argv[1:] if arguments is None else arguments),
     )
 
@@ -74,7 +74,7 @@ def entry() -> None:
     sys.exit(main())
 
 
-def _command(arguments: list[str] | None) -> int | None:
+def _run_command(arguments: list[str] | None) -> int | None:
     command = typer.main.get_command(app)
     if arguments is None:
         words = sys.argv[1:]
@@ -88,12 +88,12 @@ def _command(arguments: list[str] | None) -> int | None:
     try:
         return command.main(args=words or ["--help"], prog_name="simbench", standalone_mode=False)
     except CommandError as error:
-        raise ParameterError(_usage(error, words)) from None
+        raise ParameterError(_usage_sentence(error, words)) from None
     except typer.Abort as error:
         raise KeyboardInterrupt(str(error)) from None
 
 
-def _usage(error: Any, arguments: list[str]) -> str:
+def _usage_sentence(error: Any, arguments: list[str]) -> str:
     message = error.format_message().strip()
     if message.startswith("Invalid value for "):
         # the sentence names the option and what is allowed, not what was given
@@ -108,13 +108,13 @@ def _usage(error: Any, arguments: list[str]) -> str:
     if "unexpected extra argument" in message and context is not None:
         message += f"; allowed: {' '.join(context.command.collect_usage_pieces(context))}"
     if message.startswith("Usage:"):
-        return "a verb is missing: " + ", ".join(_verbs(context))
+        return "a verb is missing: " + ", ".join(_list_verbs(context))
     if "such command" in message and "mean" not in message:
-        message += f" Known: {', '.join(_verbs(context))}"
+        message += f" Known: {', '.join(_list_verbs(context))}"
     return message[0].lower() + message[1:]
 
 
-def _verbs(context: Any) -> list[str]:
+def _list_verbs(context: Any) -> list[str]:
     if context is None:
         return []
     return context.command.list_commands(context)

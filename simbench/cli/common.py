@@ -63,7 +63,7 @@ def examples(*lines: str) -> str:
     return "\b\nExamples:\n" + "\n".join(f"  simbench {line}" for line in lines)
 
 
-def _workers(jobs: int) -> int:
+def _check_workers(jobs: int) -> int:
     most = max(64, 4 * (os.cpu_count() or 1))
     if jobs == 0 or jobs < -1 or jobs > most:
         raise ParameterError(
@@ -88,26 +88,29 @@ Full = Annotated[
 Jobs = Annotated[
     int,
     Option(
-        "-j", "--jobs", callback=_workers, help="Use this many worker processes; -1 uses all cores."
+        "-j",
+        "--jobs",
+        callback=_check_workers,
+        help="Use this many worker processes; -1 uses all cores.",
     ),
 ]
 
 
-def _file(what: str) -> Any:
+def _file_option(what: str) -> Any:
     return Option(
         metavar="FILE.py", help=f"Load an additional {what} from this Python file; may be repeated."
     )
 
 
 Files = list[Path] | None
-Plugin = Annotated[Files, _file("detector")]
-ValvePlugin = Annotated[Files, _file("valve model")]
-EffectPlugin = Annotated[Files, _file("effect")]
-PlantPlugin = Annotated[Files, _file("plant")]
-ControllerPlugin = Annotated[Files, _file("controller")]
+Plugin = Annotated[Files, _file_option("detector")]
+ValvePlugin = Annotated[Files, _file_option("valve model")]
+EffectPlugin = Annotated[Files, _file_option("effect")]
+PlantPlugin = Annotated[Files, _file_option("plant")]
+ControllerPlugin = Annotated[Files, _file_option("controller")]
 
 
-def _span(signal: str) -> Any:
+def _span_option(signal: str) -> Any:
     return Annotated[
         tuple[float, float] | None,
         Option(
@@ -134,8 +137,8 @@ _READING: dict[str, Any] = {
             " Some methods apply only to some kinds.",
         ),
     ],
-    "op_span": _span("OP"),
-    "pv_span": _span("PV"),
+    "op_span": _span_option("OP"),
+    "pv_span": _span_option("PV"),
     "columns": Annotated[
         list[str] | None,
         Option(

@@ -160,7 +160,7 @@ def simulate(
                 return
             refuse_own_input([out], [source])
             result = simulate_loop(loop, first, kick=kick)
-    _write(result, Path(str(out)), as_json)
+    _write_result(result, Path(str(out)), as_json)
 
 
 def _loop_to_simulate(
@@ -226,7 +226,7 @@ def _simulate_grid(
     say(f"to score answers to them: {labels}{shlex.join(['simbench', 'run', run])} --answers FILE")
 
 
-def _write(result: Run, out: Path, as_json: bool) -> None:
+def _write_result(result: Run, out: Path, as_json: bool) -> None:
     """Write the record of a run, and print what it is."""
     from simbench.files import write_record
 

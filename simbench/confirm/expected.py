@@ -66,7 +66,7 @@ class Expected:
         if not after.goes_on or not on.size:
             return not after.goes_on and on.size < len(self.changes)
         spread = float(np.hypot(np.std(on), np.nan_to_num(ratio_error(before, after))))
-        off = abs(float(_change(before, after)[0]) - float(np.mean(on)))
+        off = abs(float(_log_change(before, after)[0]) - float(np.mean(on)))
         return off <= _FAR * max(spread, float(_LEAST[0]))
 
     def likelihood(self, before: Phase, after: Phase) -> float:
@@ -80,7 +80,7 @@ class Expected:
         else:
             spread = np.zeros((2, 2))
         if len(on):
-            near = _density(before, after, on.mean(axis=0), spread, _LEAST)
+            near = _change_density(before, after, on.mean(axis=0), spread, _LEAST)
         else:
             near = 0.0
         return goes_on * (near + _SLIGHT)
@@ -117,9 +117,9 @@ def expect_change(
             tried += 1
             phases = []
             for after, (f, n) in enumerate(zip(factors, lengths)):
-                phases.append(_phase(loop, f, n, (kick, nudge), 2 * seed + after, Ts))
+                phases.append(_simulate_phase(loop, f, n, (kick, nudge), 2 * seed + after, Ts))
             if phases[0] is not None and phases[1] is not None and phases[0].goes_on:
-                changes.append(_change(phases[0], phases[1]))
+                changes.append(_log_change(phases[0], phases[1]))
     return Expected(np.array(changes).reshape(-1, 2), tried)
 
 
@@ -154,7 +154,7 @@ def odds_of_friction(
 def kept(before: Phase, after: Phase) -> bool:
     """Return whether an oscillation kept its period, as one from outside does."""
     if after.goes_on:
-        ratio = float(_change(before, after)[0])
+        ratio = float(_log_change(before, after)[0])
     else:
         ratio = math.inf
     return abs(ratio) <= _FAR * float(_OUTSIDE[0])
@@ -164,19 +164,19 @@ def _from_outside(before: Phase, after: Phase) -> float:
     """Return the likelihood of a change where an oscillation keeps its period."""
     if not after.goes_on:
         return _SLIGHT
-    return _density(before, after, np.zeros(2), np.zeros((2, 2)), _OUTSIDE) + _SLIGHT
+    return _change_density(before, after, np.zeros(2), np.zeros((2, 2)), _OUTSIDE) + _SLIGHT
 
 
-def _density(
+def _change_density(
     before: Phase, after: Phase, mean: np.ndarray, spread: np.ndarray, least: np.ndarray
 ) -> float:
     """Return the density of an observed change about an expected one."""
     measured = np.diag([np.nan_to_num(ratio_error(before, after)) ** 2, 0.0])
     spread = spread + np.diag(least**2) + measured
-    return float(scipy.stats.multivariate_normal(mean, spread).pdf(_change(before, after)))
+    return float(scipy.stats.multivariate_normal(mean, spread).pdf(_log_change(before, after)))
 
 
-def _phase(
+def _simulate_phase(
     loop: Loop, factor: float, n: int, start: tuple[float, float], seed: int, Ts: float
 ) -> Phase | None:
     """Return what one simulation did once it had settled; None where it runs away or to a limit.
@@ -202,6 +202,6 @@ def _phase(
     return None if phase is None or phase.saturated else phase
 
 
-def _change(before: Phase, after: Phase) -> np.ndarray:
+def _log_change(before: Phase, after: Phase) -> np.ndarray:
     ratios: Sequence[float] = (after.period / before.period, after.amplitude / before.amplitude)
     return np.log(ratios)

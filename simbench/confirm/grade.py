@@ -72,18 +72,18 @@ def grade(loop: Loop, test: TravelTest | None = None) -> list[_Grade]:
     rest = round(test.wait / test.Ts)
     last = int(np.flatnonzero(test.phase == 0)[-1])
     return [
-        _gain(loop, test, rest, last),
-        _grade(
+        _grade_gain(loop, test, rest, last),
+        _grade_against(
             NOISE,
             float(_SIGMAS * test.trace.pv[rest // 2 : rest].std()),
             f"{_SIGMAS:g} standard deviations of PV while OP rests",
         ),
-        _grade(
+        _grade_against(
             HYSTERESIS,
-            _hysteresis(loop),
+            _measure_hysteresis(loop),
             "separation of full strokes up and down, less the dead-band",
         ),
-        _grade(
+        _grade_against(
             STICTION_LIMIT,
             test.J,
             f"small steps of {test.increment:g} % until PV moves" if test.J else test.reason,
@@ -130,7 +130,7 @@ class _GradedTest:
         return self.test.plot()
 
 
-def _grade(limit: _Limit, value: float | None, reason: str) -> _Grade:
+def _grade_against(limit: _Limit, value: float | None, reason: str) -> _Grade:
     if value is None:
         acceptable = None
     else:
@@ -138,22 +138,22 @@ def _grade(limit: _Limit, value: float | None, reason: str) -> _Grade:
     return _Grade(limit.parameter, value, limit.ideal, limit.practical, acceptable, reason)
 
 
-def _gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
+def _grade_gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
     if loop.plant.integrating:
-        return _grade(GAIN_LIMIT, None, "an integrating process has no gain at rest")
+        return _grade_against(GAIN_LIMIT, None, "an integrating process has no gain at rest")
     if test.same_direction is None and test.reversed is None:
-        return _grade(GAIN_LIMIT, None, test.reason)
+        return _grade_against(GAIN_LIMIT, None, test.reason)
     # the last two levels of the big steps: the valve moved between them, or it moved from rest
     op = test.trace.op
     pv = test.trace.pv
     few = min(6, rest)
     moved = pv[last - few + 1 : last + 1].mean() - pv[rest - few : rest].mean()
-    return _grade(
+    return _grade_against(
         GAIN_LIMIT, float(abs(moved / (op[last] - op[0]))), "PV over OP across the big steps"
     )
 
 
-def _hysteresis(loop: Loop) -> float:
+def _measure_hysteresis(loop: Loop) -> float:
     up = np.arange(0.0, 100.0 + _TRAVERSE / 2, _TRAVERSE)
     n = up.size
     Ts = resolve_loop(loop, 0).Ts

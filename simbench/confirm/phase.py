@@ -50,7 +50,7 @@ def measure(op: np.ndarray, Ts: float, Kc: float) -> Phase:
     cycle = oscillation_of(op, Ts)
     amplitude = float(np.sqrt(2) * op.std())
     seen = cycle.sustained and amplitude > _SMALLEST
-    at_ends = max(_standing(op, float(op.min())), _standing(op, float(op.max())))
+    at_ends = max(_share_at(op, float(op.min())), _share_at(op, float(op.max())))
     saturated = bool(amplitude > _SMALLEST and at_ends > 0.02)
     if not seen:
         return Phase(Kc, np.nan, amplitude, saturated)
@@ -85,7 +85,7 @@ def interval(value: float, error: float) -> tuple[float, float] | None:
     return None
 
 
-def _standing(op: np.ndarray, value: float) -> float:
+def _share_at(op: np.ndarray, value: float) -> float:
     """Return the share of the time that OP rests at a value."""
     length = holds(op)
     there = op[np.cumsum(length) - 1] == value

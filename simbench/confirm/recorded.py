@@ -101,18 +101,18 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
             f"travel test: OP rests at {op[starts][0]:g} % alone; two levels at least are needed"
         )
     holds = op, starts, lengths
-    by_pv = _readings(record.pv, record.Ts, *holds, slope=record.process == "integrating")
-    if _moves(by_pv):
-        bands = _bands(by_pv)
+    by_pv = _read_holds(record.pv, record.Ts, *holds, slope=record.process == "integrating")
+    if _moves_beyond_noise(by_pv):
+        bands = _explaining_bands(by_pv)
     else:
         bands = None
     if record.mv is not None:
-        by_mv = _readings(np.asarray(record.mv), record.Ts, *holds, slope=False)
-        if _moves(by_mv):
-            told = _bands(by_mv)
+        by_mv = _read_holds(np.asarray(record.mv), record.Ts, *holds, slope=False)
+        if _moves_beyond_noise(by_mv):
+            told = _explaining_bands(by_mv)
         else:
             told = None
-        if told is not None and bands is not None and _meet(told.S, bands.S):
+        if told is not None and bands is not None and _intervals_meet(told.S, bands.S):
             bands = told
     increment = float(np.abs(np.diff(by_pv.op))[np.diff(by_pv.op) != 0.0].min())
     sticky, reason = _in_words(bands, increment, by_pv.settled)
@@ -121,21 +121,21 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     else:
         S, J = (bands.S, bands.J)
     return TravelTest(
-        None if J is None else _middle(J),
-        None if S is None else _middle(S),
+        None if J is None else _middle_of(J),
+        None if S is None else _middle_of(S),
         increment,
         float(lengths.min()) * record.Ts,
         sticky,
         reason,
         record.Ts,
-        _phase(*holds, bands),
+        _phase_of_samples(*holds, bands),
         Trace(op, record.pv, np.full(op.size, np.nan) if record.mv is None else record.mv),
         S,
         J,
     )
 
 
-def _readings(
+def _read_holds(
     x: np.ndarray,
     Ts: float,
     op: np.ndarray,
@@ -176,16 +176,16 @@ def _readings(
     return _Readings(op, seen, max(error, _SURE * gain * least), settled)
 
 
-def _moves(one: _Readings) -> bool:
+def _moves_beyond_noise(one: _Readings) -> bool:
     """Return whether a signal moved by more than its noise in any step."""
     return float(np.ptp(one.seen)) > SIGMAS * np.sqrt(2.0) * max(one.error, 1e-12)
 
 
-def _meet(one: Interval, other: Interval) -> bool:
+def _intervals_meet(one: Interval, other: Interval) -> bool:
     return one[0] <= other[1] and other[0] <= one[1]
 
 
-def _bands(one: _Readings) -> _Bands:
+def _explaining_bands(one: _Readings) -> _Bands:
     """Return S and J of all valves that explain the readings as well as the likeliest."""
     steps = np.abs(np.diff(one.op))
     least = float(steps[steps > 0.0].min())
@@ -254,7 +254,7 @@ def _last_moves(op: np.ndarray, valves: np.ndarray) -> tuple[np.ndarray, np.ndar
     return where, ways
 
 
-def _phase(
+def _phase_of_samples(
     op: np.ndarray, starts: np.ndarray, lengths: np.ndarray, bands: _Bands | None
 ) -> np.ndarray:
     """Return of every sample 1, or 2 in a hold in which the valve turned; 0 outside of holds."""
@@ -276,8 +276,8 @@ def _in_words(bands: _Bands | None, increment: float, settled: bool) -> tuple[bo
     J = bands.J
     if lo > (1.0 - _SURE) * increment and settled:
         sizes = (
-            f"stick band S = {_middle(bands.S):.3g} % ({lo:.3g} to {hi:.3g}), slip-jump J ="
-            f" {_middle(J):.3g} % ({J[0]:.3g} to {J[1]:.3g})"
+            f"stick band S = {_middle_of(bands.S):.3g} % ({lo:.3g} to {hi:.3g}), slip-jump J ="
+            f" {_middle_of(J):.3g} % ({J[0]:.3g} to {J[1]:.3g})"
         )
         return True, f"the valve sticks: {sizes}"
     if lo < increment and hi <= min(2.0 * increment, _HARMLESS):
@@ -298,5 +298,5 @@ def _in_words(bands: _Bands | None, increment: float, settled: bool) -> tuple[bo
     )
 
 
-def _middle(x: Interval) -> float:
+def _middle_of(x: Interval) -> float:
     return 0.5 * (x[0] + x[1])

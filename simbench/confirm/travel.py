@@ -166,25 +166,25 @@ class _Manual:
         self.window = 10
         while (
             self.window < _LONGEST_WINDOW
-            and SIGMAS * np.sqrt(2) * self._error(setup.noise_std) > answer
+            and SIGMAS * np.sqrt(2) * self._error_of_reading(setup.noise_std) > answer
         ):
             self.window *= 2
         self.wait = settle + self.window
         steps = int(200 / increment + 100 / big_step) + 4
         self.live = LiveLoop(resolve_loop(lengthen_loop(quiet, steps * self.wait), seed))
         self.phase: list[int] = []
-        self.first_op, self.seen, self.least_answer = self.op, self._hold(0), 0.0
+        self.first_op, self.seen, self.least_answer = self.op, self._hold_op(0), 0.0
         self.rest = self.seen
-        self.error = self._error(float(self.live.pv[settle : self.wait].std()))
+        self.error = self._error_of_reading(float(self.live.pv[settle : self.wait].std()))
 
-    def _error(self, sigma: float) -> float:
-        """Return the standard error of a reading (`_hold`) for white noise on PV of that size."""
+    def _error_of_reading(self, sigma: float) -> float:
+        """Return the standard error of a reading, see `_hold_op`, under such white noise on PV."""
         n = self.window
         if self.integrating:
             return sigma * np.sqrt(12 / n) / (n * self.Ts)
         return sigma / np.sqrt(n)
 
-    def _hold(self, phase: int) -> float:
+    def _hold_op(self, phase: int) -> float:
         """Hold OP for one wait and return PV's mean (integrating: slope per s) over its end."""
         for _ in range(self.wait):
             self.live.control(self.k, by_hand=self.op)
@@ -208,7 +208,7 @@ class _Manual:
         while 0 <= self.op + step <= 100:
             self.op += step
             count += 1
-            self.seen = self._hold(phase)
+            self.seen = self._hold_op(phase)
             if abs(self.seen - before) > bar:
                 return round(count * abs(step), 9)
         return None

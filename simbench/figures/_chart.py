@@ -86,7 +86,7 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
 
     for q in questions:
         frame = left, middle[q], _BOX, heights[q]
-        _box(axes, frame, texts[q], BLUE, q in {s for s, _ in taken})
+        _draw_box(axes, frame, texts[q], BLUE, q in {s for s, _ in taken})
     for source, target in dict.fromkeys(zip(table["source"], table["target"])):
         part = table[(table["source"] == source) & (table["target"] == target)]
         # of several answers with one target only the one taken is named
@@ -111,7 +111,7 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
                 low = z - 0.25 * heights[target]
                 lane = x - 0.15
                 path = [(left + _BOX, at), (lane, at), (lane, low), (x, low)]
-            _arrow(axes, path, ink)
+            _draw_arrow(axes, path, ink)
             axes.text(
                 bend + 0.05,
                 at + 0.04,
@@ -122,19 +122,19 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
             )
         elif place[str(target)] == place[str(source)] + 1:
             x = left + _BOX / 2
-            _arrow(axes, [(x, y - heights[source] / 2), (x, z + heights[target] / 2)], ink)
+            _draw_arrow(axes, [(x, y - heights[source] / 2), (x, z + heights[target] / 2)], ink)
             axes.text(
                 x + 0.07, y - heights[source] / 2 - 0.05, answers, fontsize=7.5, va="top", color=ink
             )
         else:
             lane = left - 0.3 - 0.42 * skips.index((str(source), str(target)))
-            _arrow(axes, [(left, y), (lane, y), (lane, z), (left, z)], ink)
+            _draw_arrow(axes, [(left, y), (lane, y), (lane, z), (left, z)], ink)
             axes.text(lane + 0.04, y + 0.04, answers, fontsize=7.5, va="bottom", color=ink)
     for c, text in conclusions.items():
         pairs = table[table["target"] == c][["source", "answer"]].itertuples(index=False, name=None)
         reached = any(p in taken for p in pairs)
         frame = left + _BOX + _GAP, middle[c], 3.95, heights[c]
-        _box(axes, frame, text, GREY, reached, bold=True)
+        _draw_box(axes, frame, text, GREY, reached, bold=True)
     return figure
 
 
@@ -143,7 +143,7 @@ def draw_path(diagnosis: Diagnosis, path: str | Path) -> None:
     write_picture(draw_flow(flow_table(), {(s.step, s.answer) for s in diagnosis.steps}), path)
 
 
-def _box(
+def _draw_box(
     axes: Axes,
     frame: tuple[float, float, float, float],
     text: str,
@@ -169,6 +169,6 @@ def _box(
     axes.text(x + 0.1, top - _LINE, rest, va="top", fontsize=8)
 
 
-def _arrow(axes: Axes, points: list[tuple[float, float]], colour: str) -> None:
+def _draw_arrow(axes: Axes, points: list[tuple[float, float]], colour: str) -> None:
     axes.plot(*zip(*points[:-1]), color=colour, linewidth=1.0, solid_joinstyle="miter")
     arrow(axes, points[-2], points[-1], "-|>", color=colour, linewidth=1.0, mutation_scale=9)

@@ -114,7 +114,7 @@ def make_figures(
     known = figure_ids()
     wanted: list[str] = []
     for name in ids:
-        name = _id(name)
+        name = _figure_id(name)
         if name != "all" and name not in known:
             raise UnknownName("figure", name, known + ["all"])
         wanted += [n for n in (known if name == "all" else [name]) if n not in wanted]
@@ -128,7 +128,7 @@ def make_figures(
     if numbers:
         for name in wanted:
             refuse_numbers(name, numbers)
-    if not all(_lacking(name, given) for name in wanted):
+    if not all(_missing_need(name, given) for name in wanted):
         remove_stale_temporaries(folder(out))
     return [_make_one(name, Path(out), given, numbers) for name in wanted]
 
@@ -166,12 +166,12 @@ def figure(
     >>> figure("11.8", S=4, Td_over_T=0.3).axes[0].get_xlabel()
     'real part (-)'
     """
-    name = _id(id)
+    name = _figure_id(id)
     known = figure_ids()
     if name not in known:
         raise UnknownName("figure", name, known)
     given = {"isdb": isdb}
-    if lacking := _lacking(name, given):
+    if lacking := _missing_need(name, given):
         raise ParameterError(where_from(Drawn(name, left_out=lacking)))
     refuse_numbers(name, numbers)
     return _draw_figure(name, given, numbers)[1]
@@ -241,10 +241,10 @@ def where_from(drawn: Drawn) -> str:
     return f"figure {drawn.id} {drawn.left_out}"
 
 
-def _id(name: str) -> str:
+def _figure_id(name: str) -> str:
     """Return a figure's id for how books and people write it.
 
-    >>> [_id(name) for name in ("11.16", "Figure 11.9", "table_11_3")]
+    >>> [_figure_id(name) for name in ("11.16", "Figure 11.9", "table_11_3")]
     ['fig-11-16', 'fig-11-9', 'table-11-3']
     """
     words = re.sub(r"[\s._-]+", "-", name.strip().lower())
@@ -254,12 +254,12 @@ def _id(name: str) -> str:
     return words
 
 
-def _lacking(name: str, given: Mapping[str, str | Path | None]) -> str:
+def _missing_need(name: str, given: Mapping[str, str | Path | None]) -> str:
     """Return what a figure needs that is not given; "" where nothing is missing."""
-    return next((f"needs {NEEDS[need]}" for need in _wants(name) if given[need] is None), "")
+    return next((f"needs {NEEDS[need]}" for need in _needs_of(name) if given[need] is None), "")
 
 
-def _wants(name: str) -> list[str]:
+def _needs_of(name: str) -> list[str]:
     from simbench.figures._folder import FIGURES
 
     figure = FIGURES.load(name.replace("-", "_"))
@@ -282,7 +282,7 @@ def _make_one(
 ) -> Drawn:
     from simbench.page.style import write_picture
 
-    if lacking := _lacking(name, given):
+    if lacking := _missing_need(name, given):
         return Drawn(name, left_out=lacking)
     try:
         table, picture, told = _draw_figure(name, given, numbers)
@@ -308,7 +308,7 @@ def _draw_figure(
     module = FIGURES.load(name.replace("-", "_"))
     loops = Loops(numbers)
     wanted: dict[str, Any] = {}
-    for need in _wants(name):
+    for need in _needs_of(name):
         wanted[need] = given[need]
     if "loops" in inspect.signature(module.data).parameters:
         wanted["loops"] = loops

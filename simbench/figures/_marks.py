@@ -94,10 +94,10 @@ def table(
     """
     # the texts in lines, and what room they take
     rows = [tuple(map(str, frame.columns)), *frame.astype(str).itertuples(index=False, name=None)]
-    texts = [[_wrap(t, w) for t, w in zip(row, widths, strict=True)] for row in rows]
+    texts = [[_wrap_text(t, w) for t, w in zip(row, widths, strict=True)] for row in rows]
     heights = [max(t.count("\n") + 1 for t in row) * 0.155 + 0.11 for row in texts]
     columns = [w * 0.072 + 0.2 for w in widths]
-    below = _wrap(foot, int(sum(widths) * 1.35))
+    below = _wrap_text(foot, int(sum(widths) * 1.35))
     if foot:
         bottom = (below.count("\n") + 1) * 0.15 + 0.12
     else:
@@ -123,5 +123,5 @@ def table(
     return figure
 
 
-def _wrap(text: str, width: int) -> str:
+def _wrap_text(text: str, width: int) -> str:
     return "\n".join(textwrap.fill(part, max(width, 4)) for part in text.split("\n"))

@@ -24,12 +24,12 @@ def arrow(points: Sequence[_Point], text: str = "", at: _Point | None = None) ->
     """Return a line with a head at its last point, and a text next to its first stretch or at a
     place.
     """
-    return _path("arrow", points, text, at)
+    return _path_rows("arrow", points, text, at)
 
 
 def line(points: Sequence[_Point], text: str = "", at: _Point | None = None) -> list[list]:
     """Return a line without a head."""
-    return _path("line", points, text, at)
+    return _path_rows("line", points, text, at)
 
 
 def words(x: float, y: float, text: str) -> list[list]:
@@ -68,7 +68,10 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
     for shape, part in parts:
         if shape in ("arrow", "line"):
             ends = part[["x", "y"]].to_numpy(dtype=float, copy=True)
-            ends[0], ends[-1] = _reach(ends[1], ends[0], boxes), _reach(ends[-2], ends[-1], boxes)
+            ends[0], ends[-1] = (
+                _extend_to_box(ends[1], ends[0], boxes),
+                _extend_to_box(ends[-2], ends[-1], boxes),
+            )
             if shape == "arrow":
                 head(axes, ends[-2], ends[-1], "-|>", color=BLACK, linewidth=1.1)
             axes.plot(*ends.T, color=BLACK, linewidth=1.1, solid_capstyle="butt")
@@ -79,7 +82,7 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _reach(start: np.ndarray, end: np.ndarray, boxes: Sequence[Bbox]) -> np.ndarray:
+def _extend_to_box(start: np.ndarray, end: np.ndarray, boxes: Sequence[Bbox]) -> np.ndarray:
     """Return the end of an upright or level line, drawn on to the edge of the box before it."""
     along = int(abs(end[1] - start[1]) > abs(end[0] - start[0]))
     sign = np.sign(end[along] - start[along])
@@ -93,7 +96,7 @@ def _reach(start: np.ndarray, end: np.ndarray, boxes: Sequence[Bbox]) -> np.ndar
     return out
 
 
-def _path(shape: str, points: Sequence[_Point], text: str, at: _Point | None) -> list[list]:
+def _path_rows(shape: str, points: Sequence[_Point], text: str, at: _Point | None) -> list[list]:
     name = f"{shape} {points[0]} {points[-1]}"
     rows = [[shape, name, x, y, ""] for x, y in points]
     if text:

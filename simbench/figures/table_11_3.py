@@ -142,7 +142,7 @@ def draw(data: pd.DataFrame) -> Figure:
         part = data[(data["process"] == process) & (data["controller"] == controller)]
         cells = {}
         for r in part.to_dict("records"):
-            cells[r["nonlinearity"]] = _cell(r)
+            cells[r["nonlinearity"]] = _cell_text(r)
         rows.append([process, controller, cells[DEAD_BAND], cells[STICK_SLIP]])
     frame = pd.DataFrame(
         rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"]
@@ -156,7 +156,7 @@ def draw(data: pd.DataFrame) -> Figure:
     return table(frame, [16, 11, 26, 26], foot=foot)
 
 
-def _cell(row: dict) -> str:
+def _cell_text(row: dict) -> str:
     return (
         f"{row['table']}\nexists in {row['exist']} of {row['loops']}\nreached in {row['reached']}"
         f" of {row['loops']}\ncycled in {row['cycled']} of {row['simulated']}"

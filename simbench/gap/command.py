@@ -196,7 +196,7 @@ def effects_known(files: Iterable[str | Path]) -> Iterator[None]:
 def _read_window(
     path: str | Path, window: tuple[int, int] | None, about: Mapping[str, Any]
 ) -> LoopRecord:
-    record = _cut(read_record(path, automatic=False, **about), window, path)
+    record = _cut_window(read_record(path, automatic=False, **about), window, path)
     if record.op_share:
         raise RecordError(
             f"{path}: OP runs from {record.op.min():g} to {record.op.max():g}, which is not % of"
@@ -205,7 +205,7 @@ def _read_window(
     return record
 
 
-def _cut(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -> LoopRecord:
+def _cut_window(record: LoopRecord, window: tuple[int, int] | None, path: str | Path) -> LoopRecord:
     if window is None:
         return record
     first, last = window
@@ -235,7 +235,7 @@ def _write_loop(
         with whole_file(beside) as f:
             f.write(columns)
     with whole_file(path) as f:
-        f.write(_head(report, records, baseline) + _with_comments(table))
+        f.write(_heading_of_loop(report, records, baseline) + _with_comments(table))
 
 
 _SAYS = {
@@ -271,7 +271,7 @@ def _with_comments(table: Mapping[str, Any]) -> str:
     return "\n".join(parts)
 
 
-def _head(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
+def _heading_of_loop(report: GapReport, records: list[str], baseline: str | Path | None) -> str:
     """Return what stands above a written loop, as comments."""
     lines = (
         [report.sentence()]

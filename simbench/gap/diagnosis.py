@@ -105,7 +105,7 @@ def diagnose(
     """
     if identify and baseline is not None:
         raise ParameterError("gap diagnose: a baseline and identify given; one of both is needed")
-    records = _records(record, signals)
+    records = _list_records(record, signals)
     if not records:
         raise RecordError("no record to diagnose")
     paces = sorted({r.Ts for r in records})
@@ -184,7 +184,7 @@ def conclude(
     >>> conclude(example_loop(noise=0.1)).verdict
     'stiction'
     """
-    records = _records(record, signals)
+    records = _list_records(record, signals)
     if loop is None and len(records) == 1:
         return judged(records[0])[0]
     return diagnose_all(records, _read_loop(loop)).conclusion
@@ -197,7 +197,7 @@ def _read_loop(loop: Loop | Partial | str | Path | None) -> Loop | Partial | Non
     return loop
 
 
-def _records(given: Any, signals: Any) -> list[LoopRecord]:
+def _list_records(given: Any, signals: Any) -> list[LoopRecord]:
     """Return one record or several as a list."""
     several = isinstance(given, Sequence) and not isinstance(given, str)
     return [as_record(one, **signals) for one in (given if several else [given])]

@@ -65,7 +65,7 @@ def gain_change_recorded(
     records = (before, after)
     signals = [r.op if r.op_percent is None else r.op_percent for r in records]
     phases = [measure(op, r.Ts, float(Kc)) for op, r, Kc in zip(signals, records, gains)]
-    verdict, reason = _compare(records, phases, ratio)
+    verdict, reason = _compare_records(records, phases, ratio)
     op = np.concatenate(signals)
     pv = np.concatenate([before.pv, after.pv])
     trace = Trace(op, pv, np.full(op.size, np.nan))
@@ -73,7 +73,7 @@ def gain_change_recorded(
     return GainChange(verdict, reason, *phases, shift, 0.0, before.Ts, before.n, trace)
 
 
-def _compare(
+def _compare_records(
     records: tuple[LoopRecord, LoopRecord], phases: list[Phase], ratio: float
 ) -> tuple[str, str]:
     """Return verdict and reason of two records."""

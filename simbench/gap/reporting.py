@@ -69,7 +69,7 @@ def report(
     # the answers, the likeliest first, and what would tell them apart
     named = name_effects(weights, assessment)
     lines = {}
-    for line in _ranking(assessment, weights, runs, main, named):
+    for line in _rank_answers(assessment, weights, runs, main, named):
         lines[line.effect] = line
     advice = tell_apart(tuple(lines.values()), assessment.valve_seen)
 
@@ -99,11 +99,11 @@ def report(
             main.resolvable,
             main.plant_floor,
         ),
-        shrinkage=_shrinkage(main, named, otherwise is not None),
+        shrinkage=_share_closed(main, named, otherwise is not None),
         remaining=left,
         blocks=weights.shares,
         next_test=advice,
-        notes=tuple(_notes(assessment, main)),
+        notes=tuple(_note_sentences(assessment, main)),
         conclusion=replace(conclusion, notes=s.record.notes),
         behind=DiagnosisDetails(assessment, runs, None if otherwise is None else otherwise[0]),
         op_unit=s.record.S_unit,
@@ -137,7 +137,7 @@ def _beside_simulations(
     return weights, main, left
 
 
-def _ranking(
+def _rank_answers(
     assessment: Assessment,
     weights: Posterior,
     runs: ClosedLoops,
@@ -169,20 +169,20 @@ def _ranking(
             float(p),
             *sizes.get(e, (None, None)),
             assessment.parameters.get(e, {}),
-            _group(e, assessment),
+            _equal_answers(e, assessment),
         )
         for e, p in ranking
     ]
 
 
-def _group(answer: str, assessment: Assessment) -> tuple[str, ...]:
+def _equal_answers(answer: str, assessment: Assessment) -> tuple[str, ...]:
     """Return the answers that the record cannot tell from one, itself among them."""
     if answer in (NONE, UNKNOWN):
         return (answer,)
     return find_look_alikes(answer, assessment.situation, assessment.parameters.get(answer))
 
 
-def _shrinkage(main: Shrinkage, named: Sequence[str], shown: bool) -> dict[str, float] | None:
+def _share_closed(main: Shrinkage, named: Sequence[str], shown: bool) -> dict[str, float] | None:
     """Return the share of the gap that the named effects close, or (`shown`) a part of the
     loop as the record shows it; None where none is claimed.
     """
@@ -191,7 +191,7 @@ def _shrinkage(main: Shrinkage, named: Sequence[str], shown: bool) -> dict[str, 
     return {"value": main.value, "lo": main.lo, "hi": main.hi}
 
 
-def _notes(
+def _note_sentences(
     assessment: Assessment,
     main: Shrinkage,
 ) -> list[str]:

@@ -106,18 +106,18 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
         )
     rng = np.random.default_rng(stream)
     kind = ECHOES[int(p.kind)]
-    load = _below(error, p.cut / period, period)
+    load = _low_pass(error, p.cut / period, period)
     if kind == "harmonics":
-        load += _harmonics(error, period, rng)
+        load += _draw_harmonics(error, period, rng)
     elif kind == "propagated":
         load += _other_corners(mv, p.cut / period, period, rng)
     return load
 
 
-def _harmonics(error: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
+def _draw_harmonics(error: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
     """Return harmonics that follow the phase and the size of the error's fundamental."""
     low, high = (share / period for share in _FUNDAMENTAL)
-    band = _below(error, high, period) - _below(error, low, period)
+    band = _low_pass(error, high, period) - _low_pass(error, low, period)
     spectrum = np.fft.fft(band)
     spectrum[1 : (band.size + 1) // 2] *= 2.0
     spectrum[band.size // 2 + 1 :] = 0.0
@@ -141,10 +141,10 @@ def _other_corners(
     size = rng.uniform(*_SIZE) * rng.choice((-1.0, 1.0))
     keep = math.exp(-1.0 / lag)
     moved = np.asarray(lfilter([1.0 - keep], [1.0, -keep], mv - mv[0]))
-    return size * (moved - _below(moved, cut, period))
+    return size * (moved - _low_pass(moved, cut, period))
 
 
-def _below(x: np.ndarray, cut: float, period: float) -> np.ndarray:
+def _low_pass(x: np.ndarray, cut: float, period: float) -> np.ndarray:
     """Return what of a signal is slower than `cut` (cycles per sample), without delay, as a
     Butterworth filter of order 6 forwards and backwards gives it: 1/(1 + (f/cut)^12) of it.
     """

@@ -142,7 +142,7 @@ def bind(
     """Return `closed_loop`, or `cascade`, in plain Python for the given steps: the slow, obvious
     twin of `compiled`.
     """
-    scope = _scope(stages, classes)
+    scope = _scope_of_steps(stages, classes)
     exec(naming(classes) + valve_chain(len(stages)), scope)
     return FunctionType(_loop_of(steps).__code__, {**globals(), **steps, **scope})
 
@@ -157,7 +157,7 @@ def compiled(
     a module of its own whose name carries the hash of every source that takes part: an edited valve
     never meets an old kernel.
     """
-    return _compile(tuple(sorted(steps.items())), stages, classes)
+    return _compile_loop(tuple(sorted(steps.items())), stages, classes)
 
 
 # what a compiled step may find among the names of its module
@@ -210,14 +210,15 @@ def runs_plainly(step: FunctionType) -> str:
 
 
 @lru_cache(maxsize=256)
-def _compile(steps, stages, classes):
+def _compile_loop(steps, stages, classes):
     loop = _loop_of(dict(steps))
     text = (
         f"@njit({_UNCALLED})\n{naming(classes)}\n\n@njit({_UNCALLED})\n{valve_chain(len(stages))}\n\n"
         f"@njit(cache=True, no_cfunc_wrapper=True)\n{inspect.getsource(loop)}"
     )
     return getattr(
-        cached_module("loop", {**dict(steps), **_scope(stages, classes)}, text), loop.__name__
+        cached_module("loop", {**dict(steps), **_scope_of_steps(stages, classes)}, text),
+        loop.__name__,
     )
 
 
@@ -225,7 +226,7 @@ def _loop_of(steps: dict[str, FunctionType]) -> FunctionType:
     return cascade if "outer_step" in steps else closed_loop
 
 
-def _scope(stages, classes) -> dict:
+def _scope_of_steps(stages, classes) -> dict:
     *fixed, of_stages = classes
     return {
         **{f"stage{i}": f for i, f in enumerate(stages)},

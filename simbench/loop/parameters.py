@@ -105,7 +105,7 @@ class Number:
             number = float(value)
         except OverflowError:  # a whole number of hundreds of digits
             raise ParameterError(
-                f"{where}: {name} = {_start(value)} is not finite, {allowed}"
+                f"{where}: {name} = {_start_of_value(value)} is not finite, {allowed}"
             ) from None
         if not math.isfinite(number):
             raise ParameterError(f"{where}: {name} = {number} is not finite, {allowed}")
@@ -128,7 +128,7 @@ class Number:
         return f"in {self.low:g}..{self.high:g}" + (f", not {self.low:g}" if self.positive else "")
 
 
-def _start(value: Any) -> str:
+def _start_of_value(value: Any) -> str:
     try:
         return f"{str(value)[:60]}..."
     except ValueError:  # Python writes no whole number of more than 4300 digits out

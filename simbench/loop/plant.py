@@ -127,7 +127,9 @@ def _like_of_samples(plant: Plant) -> Plant:
     if plant.integrating:
         den = np.cumsum(den)[:-1]  # without the pole at z = 1
     # of lags in samples: num holds lag 1 and later, den lag 0 and later
-    (delay, spread), (after, less) = (_moments(side, first) for side, first in ((num, 1), (den, 0)))
+    (delay, spread), (after, less) = (
+        _lag_moments(side, first) for side, first in ((num, 1), (den, 0))
+    )
     late = delay - after
     dt = float(plant.dt or 1.0)
     if plant.integrating:
@@ -139,7 +141,7 @@ def _like_of_samples(plant: Plant) -> Plant:
     return Plant.model_validate({"type": "foptd", "K": plant.K, "T": T, "Td": Td})
 
 
-def _moments(side: np.ndarray, first: int) -> tuple[float, float]:
+def _lag_moments(side: np.ndarray, first: int) -> tuple[float, float]:
     """Return mean and variance of the lags of a polynomial's numbers, the first one's given."""
     lags = first + np.arange(side.size)
     whole = float(side.sum()) or 1e-300
@@ -197,13 +199,13 @@ def _sample_polynomials(
     if len(A) == 1:
         a = float(A[0, 0])
         b = float(B[0])
-        B_old = math.exp(a * (Ts - old)) * _answer(a, b, old)
-        B_new = _answer(a, b, Ts - old)
+        B_old = math.exp(a * (Ts - old)) * _step_answer(a, b, old)
+        B_new = _step_answer(a, b, Ts - old)
         whole = np.array([[math.exp(a * Ts)]])
         return SampledPlant(whole, np.array([B_old]), np.array([B_new]), C, delay)
-    whole, _ = _hold(A, B, Ts)
-    late, B_new = _hold(A, B, Ts - old)
-    _, early = _hold(A, B, old)
+    whole, _ = _hold_input(A, B, Ts)
+    late, B_new = _hold_input(A, B, Ts - old)
+    _, early = _hold_input(A, B, old)
     return SampledPlant(whole, times(late, early), B_new, C, delay)
 
 
@@ -219,7 +221,7 @@ def whole_delay(Td: float, Ts: float) -> int:
     return _split_dead_time(Td, Ts)[0]
 
 
-def _answer(a: float, b: float, h: float) -> float:
+def _step_answer(a: float, b: float, h: float) -> float:
     """State of x' = a x + b w after an input of 1 held for h s."""
     return b * (math.expm1(a * h) / a if a else h)
 
@@ -235,7 +237,7 @@ def _state_space(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return A, np.eye(order)[0], num
 
 
-def _hold(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+def _hold_input(A: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
     order = len(A)
     joint = np.zeros((order + 1, order + 1))
     joint[:order, :order] = A

@@ -48,7 +48,7 @@ def drawn(
     columns = {}
     for name in RESIDUALS:
         if name in given:
-            columns[name] = _column(given.pop(name), name, where)
+            columns[name] = _checked_column(given.pop(name), name, where)
     p = resolve(NUMBERS, given, where)
     lengths = {x.size for x in columns.values()}
     if len(lengths) != 1:
@@ -69,11 +69,11 @@ def drawn(
     for name, column in columns.items():
         signal = p.amplitude * column[at]
         if law is not None and name != "op":
-            signal = np.asarray(lfilter([1.0], _denominator(law, where), signal))
+            signal = np.asarray(lfilter([1.0], _filter_denominator(law, where), signal))
         yield name, signal
 
 
-def _column(values: Any, name: str, where: str) -> np.ndarray:
+def _checked_column(values: Any, name: str, where: str) -> np.ndarray:
     try:
         column = np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -83,7 +83,7 @@ def _column(values: Any, name: str, where: str) -> np.ndarray:
     return column
 
 
-def _denominator(law: Any, where: str) -> np.ndarray:
+def _filter_denominator(law: Any, where: str) -> np.ndarray:
     """Return the denominator of a filter, its first number 1."""
     try:
         return _check_law(tuple(law))

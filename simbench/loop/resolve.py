@@ -77,12 +77,12 @@ def resolve_once(loop: Loop, plant: Any = None) -> ResolvedLoop:
     for known in _resolved:
         if known.loop is loop and known.plant is plant:
             return known
-    found = _resolve(loop, plant)
+    found = _resolve_parts(loop, plant)
     _resolved.append(found)
     return found
 
 
-def _resolve(loop: Loop, plant: Any) -> ResolvedLoop:
+def _resolve_parts(loop: Loop, plant: Any) -> ResolvedLoop:
     parts = look_up_parts(loop, plant)
     echoes = [part for part in loop.disturbance if part.name == echo.NAME]
     return ResolvedLoop(
@@ -90,7 +90,7 @@ def _resolve(loop: Loop, plant: Any) -> ResolvedLoop:
         plant=plant,
         parts=parts,
         effects=tuple(_look_up_effect(part) for part in loop.effect),
-        donor=_resolve(echo.donor_of(loop, echoes[0]), plant) if echoes else None,
+        donor=_resolve_parts(echo.donor_of(loop, echoes[0]), plant) if echoes else None,
     )
 
 

@@ -78,7 +78,7 @@ def _plant_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
     """
     if loop.plant.dt is not None:
         return sampled_plant, sampled_plant.numbers(loop.plant)
-    return _plugin(PLANT_PLUGINS, loop.plant, PLANT_TYPES, loop, Td=loop.plant.Td)
+    return _load_part(PLANT_PLUGINS, loop.plant, PLANT_TYPES, loop, Td=loop.plant.Td)
 
 
 def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
@@ -87,7 +87,7 @@ def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
     """
     if loop.controller.dt is not None:
         return sampled_law, sampled_law.numbers(loop.controller)
-    return _plugin(
+    return _load_part(
         CONTROLLER_PLUGINS,
         loop.controller,
         CONTROLLER_TYPES,
@@ -98,7 +98,7 @@ def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
     )
 
 
-def _plugin(
+def _load_part(
     folder: PluginFolder, part: Any, built_in: tuple[str, ...], loop: Loop, **more: float
 ) -> Any:
     if part.type in built_in:
@@ -132,12 +132,12 @@ def stages_of(part: Part, Ts: float) -> list[tuple[ModuleType, Any]]:
     for k, v in part.parameters.items():
         if k not in ("before", "behind"):
             own[k] = v
-    chain = _stages(part, "before") + [(part.name, own)] + _stages(part, "behind")
+    chain = _stages_of(part, "before") + [(part.name, own)] + _stages_of(part, "behind")
     modules = [(VALVES.load(name), parameters) for name, parameters in chain]
     return [(module, valve_parameters(module, parameters, Ts)) for module, parameters in modules]
 
 
-def _stages(part: Part, place: str) -> list[tuple[str, dict[str, Any]]]:
+def _stages_of(part: Part, place: str) -> list[tuple[str, dict[str, Any]]]:
     stages = part.parameters.get(place, [])
     if not isinstance(stages, list) or not all(
         isinstance(s, dict) and "model" in s for s in stages
@@ -362,13 +362,13 @@ def plain_setup(
         plant_plugin=parts.plant_plugin,
         control_plugin=parts.control_plugin,
     )
-    _step(setup, loop.setpoint.steps)
+    _set_up_steps(setup, loop.setpoint.steps)
     if loop.outer is not None:
-        setup.outer = _outer(setup, loop.outer)
+        setup.outer = _set_up_outer(setup, loop.outer)
     return setup
 
 
-def _step(setup: Setup, steps: Sequence[tuple[float, float]]) -> None:
+def _set_up_steps(setup: Setup, steps: Sequence[tuple[float, float]]) -> None:
     if steps:
         times, values = np.array(sorted(steps)).T
         # of the steps before a sample the last one holds
@@ -378,7 +378,7 @@ def _step(setup: Setup, steps: Sequence[tuple[float, float]]) -> None:
     setup.hold(setup.sp)
 
 
-def _outer(inner: Setup, outer: Outer) -> Setup:
+def _set_up_outer(inner: Setup, outer: Outer) -> Setup:
     """Return the outer loop of a cascade, its plant without that of the inner loop, OP at rest
     where the inner PV rests.
     """
@@ -411,5 +411,5 @@ def _outer(inner: Setup, outer: Outer) -> Setup:
         valves=[],
         recorders=[],
     )
-    _step(setup, outer.setpoint.steps)
+    _set_up_steps(setup, outer.setpoint.steps)
     return setup

@@ -123,8 +123,8 @@ def simulate_seeds(loop: Loop, seeds: int, first: int = 0, kick: float = 0.0) ->
         if math.isfinite(period):
             periods.append(period)
     return Spread(
-        **{name: _interval(values) for name, values in columns.items()},
-        period_s=_interval(periods) if periods else None,
+        **{name: _interval_of(values) for name, values in columns.items()},
+        period_s=_interval_of(periods) if periods else None,
         oscillates=len(periods) / seeds,
         seeds=seeds,
     )
@@ -142,6 +142,6 @@ def measure(record: LoopRecord) -> dict[str, float]:
     }
 
 
-def _interval(values: Sequence[float]) -> Interval:
+def _interval_of(values: Sequence[float]) -> Interval:
     lo, middle, hi = np.quantile(values, _QUANTILES).tolist()
     return Interval(middle, lo, hi)

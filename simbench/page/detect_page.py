@@ -41,7 +41,7 @@ def write_page(report: Report, path: str | Path, command: str = "") -> None:
     # the answer, or the loops by it
     groups = report.groups()
     if report.of_folder:
-        parts = [_ranking(report)]
+        parts = [_ranking_section(report)]
     else:
         name, verdicts, _ = groups[0]
         if name in report.conclusions:
@@ -65,7 +65,7 @@ def write_page(report: Report, path: str | Path, command: str = "") -> None:
             parts.append(Section(f"record-{number}", title, shown))
 
     # what each method says, and how to repeat it
-    table = Table(_table(report), two_digits("score"), ["reason"])
+    table = Table(_verdict_table(report), two_digits("score"), ["reason"])
     parts.append(Section("methods", "Every method", [table, Points(_COLUMNS)]))
     if command:
         parts.append(Section("reproduce", "How to reproduce", [Commands([command])]))
@@ -77,7 +77,7 @@ def write_page(report: Report, path: str | Path, command: str = "") -> None:
     )
 
 
-def _ranking(report: Report) -> Section:
+def _ranking_section(report: Report) -> Section:
     # a row a loop, in words
     frame = report.loops()
     frame["conclusion"] = frame["conclusion"].replace(summary.CONCLUDED)
@@ -97,7 +97,7 @@ def _ranking(report: Report) -> Section:
     return Section("loops", "The loops", [table, Points(says)])
 
 
-def _table(report: Report) -> pd.DataFrame:
+def _verdict_table(report: Report) -> pd.DataFrame:
     # what is said of a record once is not said of every method
     shared = {}
     for name, verdicts, record in report.groups():

@@ -141,7 +141,7 @@ def _render_part(part: Part, name: str) -> Markup:
 
 
 @cache
-def _environment() -> Environment:
+def _template_environment() -> Environment:
     """Return the templates; texts are escaped, a missing value is an error."""
     return Environment(
         loader=PackageLoader("simbench.page", "templates"),
@@ -163,7 +163,7 @@ def _escape_hidden(value: Any) -> Any:
 
 def render(template: str, **values: Any) -> Markup:
     """Fill one template."""
-    return Markup(_environment().get_template(template).render(**values))
+    return Markup(_template_environment().get_template(template).render(**values))
 
 
 def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
@@ -228,14 +228,14 @@ def sortable(part: Table) -> list[dict[str, Any]]:
         keys = [None] * len(values)
         if kind == "n":
             keys = ["" if pd.isna(value) else repr(float(value)) for value in values]
-        texts = [_text(value, part.formats.get(str(name))) for value in values]
+        texts = [_format_value(value, part.formats.get(str(name))) for value in values]
         small = part.beside.get(str(name), [""] * len(values))
         cells = list(zip(texts, small, keys, strict=True))
         columns.append({"name": str(name), "kind": kind, "cells": cells})
     return columns
 
 
-def _text(value: Any, how: _Format | None) -> str:
+def _format_value(value: Any, how: _Format | None) -> str:
     """Return a value as it is asked for, a number with three digits, nothing of one that lacks."""
     if value is None or value is pd.NA or value != value:
         return ""

@@ -172,13 +172,15 @@ def intersections(loop: SampledLoop, valve: _DescribingFunction) -> list[_Inters
         if all(abs(np.log(period / f.period)) > 1e-6 for f in found):
             found.append(
                 _Intersection(
-                    float(period), float(A), _attracts(loop, valve, 2 * np.pi / period, float(A))
+                    float(period),
+                    float(A),
+                    _is_attracting(loop, valve, 2 * np.pi / period, float(A)),
                 )
             )
     return sorted(found, key=lambda f: f.period)
 
 
-def _attracts(loop: SampledLoop, valve: _DescribingFunction, w: float, A: float) -> bool:
+def _is_attracting(loop: SampledLoop, valve: _DescribingFunction, w: float, A: float) -> bool:
     # Loeb: 1 + N(A) L(s) = 0 stays true when A grows by dA if s moves by ds = -(dN/dA L)/(N dL/ds)
     # dA, with dL/ds = -j dL/dw; the cycle attracts when a larger amplitude decays, Re ds < 0
     h = 1e-5

@@ -82,7 +82,9 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
                 if known:
                     found += []
                 else:
-                    found += [replace(half, amplitude=top, multiplier=_multiplier(Y, T, half))]
+                    found += [
+                        replace(half, amplitude=top, multiplier=_largest_multiplier(Y, T, half))
+                    ]
         m = next((t for t in turns if t not in tried), m)
     return sorted(found, key=lambda h: h.samples)
 
@@ -96,7 +98,7 @@ def _with_moving_samples(
     head = np.zeros((c, c + 1))
     plant = (loop.A, loop.B_old, loop.B_new, loop.C)
     control = (loop.integral, loop.beta)
-    _move(plant, control, loop.fd, loop.delay, m, head)
+    _move_states(plant, control, loop.fd, loop.delay, m, head)
     lows = _sign_changes(head, T, loop.fs, waits)
     if lows.size == 0:
         return
@@ -104,7 +106,7 @@ def _with_moving_samples(
     while 2 ** len(powers) <= 2 * lows[-1] + 4:
         powers.append(powers[-1] @ powers[-1])
     for low in lows.tolist():
-        at, z, Y = _solve(head, T, powers, loop.fs, (low, low + 1))
+        at, z, Y = _solve_half_cycle(head, T, powers, loop.fs, (low, low + 1))
         part = at[0] / (at[0] - at[1])
         state = z[0] + part * (z[1] - z[0])
         n = float(loop.delay + 2 + low + part)
@@ -114,7 +116,7 @@ def _with_moving_samples(
         )
 
 
-def _solve(
+def _solve_half_cycle(
     head, T, powers, fs: float, q: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the residual, z and Y for whole numbers `q` of samples after the head."""
@@ -146,9 +148,9 @@ def _sign_changes(head, T, fs, waits):
     while 2**depth <= 2 * waits[-1] + 4:
         depth += 1
     powers = np.empty((depth, c, c))
-    _copy(T, powers[0])
+    _copy_array(T, powers[0])
     for i in range(1, depth):
-        _product(powers[i - 1], powers[i - 1], powers[i])
+        _multiply_into(powers[i - 1], powers[i - 1], powers[i])
     Y = np.empty((c, c + 1))
     other = np.empty((c, c + 1))
     rows = np.empty((c, c + 1))
@@ -156,13 +158,13 @@ def _sign_changes(head, T, fs, waits):
     count = 0
     before = 0.0
     for i in range(waits.size):
-        now = _residual(head, T, powers, fs, waits[i], Y, other, rows)
+        now = _residual_by_kernel(head, T, powers, fs, waits[i], Y, other, rows)
         if i > 0 and before * now < 0.0:
             low = waits[i - 1]
             high = waits[i]
             while high - low > 1:
                 middle = (low + high) // 2
-                if _residual(head, T, powers, fs, middle, Y, other, rows) * before > 0.0:
+                if _residual_by_kernel(head, T, powers, fs, middle, Y, other, rows) * before > 0.0:
                     low = middle
                 else:
                     high = middle
@@ -173,18 +175,18 @@ def _sign_changes(head, T, fs, waits):
 
 
 @njit_cached
-def _residual(head, T, powers, fs, q, Y, other, rows):
-    """Return the residual as `_solve` does, to rounding; NaN where there is no cycle of this
-    length.
+def _residual_by_kernel(head, T, powers, fs, q, Y, other, rows):
+    """Return the residual as `_solve_half_cycle` does, to rounding; NaN where there is no cycle of
+    this length.
     """
     c = len(head)
-    _copy(head, Y)
+    _copy_array(head, Y)
     for bit in range(len(powers)):
         if (q >> bit) & 1 == 1:
-            _product(powers[bit], Y, other)
-            _copy(other, Y)
-    _product(T, Y, other)
-    _copy(Y, rows)
+            _multiply_into(powers[bit], Y, other)
+            _copy_array(other, Y)
+    _multiply_into(T, Y, other)
+    _copy_array(Y, rows)
     for i in range(c - 1):
         rows[i, i] += 1.0
     for j in range(c + 1):
@@ -215,7 +217,7 @@ def _residual(head, T, powers, fs, q, Y, other, rows):
 
 
 @njit_cached
-def _copy(source, target):
+def _copy_array(source, target):
     """Fill an array (m, n) with another one."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
@@ -223,7 +225,7 @@ def _copy(source, target):
 
 
 @njit_cached
-def _product(a, b, out):
+def _multiply_into(a, b, out):
     for i in range(a.shape[0]):
         for j in range(b.shape[1]):
             out[i, j] = 0.0
@@ -231,7 +233,7 @@ def _product(a, b, out):
                 out[i, j] += a[i, k] * b[k, j]
 
 
-def _multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
+def _largest_multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
     z = np.append(half.x, [half.op, half.mv])
     # a deviation of z moves the next break-away in time: dn/dz from the threshold there, then the
     # total derivative
@@ -280,7 +282,7 @@ def _one_half(loop: SampledLoop, half: HalfCycle) -> tuple[int, int, float]:
 
 
 @njit_cached
-def _move(plant, control, fd, delay, m, out):
+def _move_states(plant, control, fd, delay, m, out):
     """Fill `out` with the state m + delay + 2 samples after z, as rows over the columns of z
     and 1; `plant` as in `march`, `control` = (integral, beta).
     """

@@ -255,7 +255,7 @@ def mapped_valve(setup: Setup) -> tuple[float, float]:
             raise ParameterError(
                 f"theory: valve {name!r} has no (S, J); tables and exact cycle do not describe it"
             )
-        S, J = _numbers(module.mapped_SJ(p))
+        S, J = _pair_of_floats(module.mapped_SJ(p))
         if S > 0 or J > 0:
             found.append((S, J))
     if len(found) > 1:
@@ -267,7 +267,7 @@ def mapped_valve(setup: Setup) -> tuple[float, float]:
     return (0.0, 0.0)
 
 
-def _numbers(pair: Any) -> tuple[float, float]:
+def _pair_of_floats(pair: Any) -> tuple[float, float]:
     S, J = pair
     return float(S), float(J)
 
@@ -285,14 +285,14 @@ def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
     driven = stages_response(stages, wave, 50.0)
     follows = stiction_map.valve_position(wave, S, J)
     sticks = np.empty(wave.size)
-    compiled(_sticking)(wave, S, J, sticks)
+    compiled(_follow_sticking)(wave, S, J, sticks)
     errors = []
     for ours in (follows, sticks):
         errors.append(float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10))
     return errors[1] < errors[0], min(errors)
 
 
-def _sticking(wave, S, J, out):
+def _follow_sticking(wave, S, J, out):
     """Fill `out` with the position of a valve that sticks again after every sample."""
     v = 50.0
     for k in range(wave.size):

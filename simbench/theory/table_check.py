@@ -51,12 +51,12 @@ def check_table_11_3(*, load_steps: int = 25, seed: int = 0, every: int = 1) -> 
     for key, table in TABLE_11_3.items():
         exist = right = reached = 0
         differ: Counter[str] = Counter()
-        loops = list(_loops(*key))[::every]
+        loops = list(_loops_of_cell(*key))[::every]
         for loop in loops:
             cycle = exact_cycle(loop)
             right += refined(loop, cycle) == (cycle is not None)
             if (cycle is not None) != table:
-                differ[_condition(key, cycle is not None)] += 1
+                differ[_condition_of_key(key, cycle is not None)] += 1
             if cycle is None:
                 continue
             exist += 1
@@ -68,13 +68,13 @@ def check_table_11_3(*, load_steps: int = 25, seed: int = 0, every: int = 1) -> 
     return checks
 
 
-def _condition(key: tuple[str, str, str], exists: bool) -> str:
+def _condition_of_key(key: tuple[str, str, str], exists: bool) -> str:
     if key in CONDITIONS:
         return CONDITIONS[key]
     return "a cycle exists against the table" if exists else "no start kept cycling"
 
 
-def _loops(process: str, controller: str, nonlinearity: str) -> Iterator[SampledLoop]:
+def _loops_of_cell(process: str, controller: str, nonlinearity: str) -> Iterator[SampledLoop]:
     integrating = process == "integrating"
     if integrating:
         plant: dict[str, Any] = {"type": "integrating", "K": 0.1}

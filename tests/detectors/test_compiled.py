@@ -127,15 +127,16 @@ def test_a_user_who_can_write_nowhere_has_kernels_all_the_same(monkeypatch):
 
 
 def test_light_kernels_give_the_same_bits_plain_and_compiled():
-    from simbench.detectors.signal.autocorrelation import _crossings, acf, decay_and_lasting
-    from simbench.detectors.signal.oscillation import _reversals
+    from simbench.detectors.signal.autocorrelation import _fill_crossings, acf, decay_and_lasting
+    from simbench.detectors.signal.oscillation import _fill_reversals
 
     rng = np.random.default_rng(5)
     for n in (120, 333, 4001):
         x = np.sin(2 * np.pi * np.arange(n) / 17.3) + 0.3 * rng.standard_normal(n)
         rho, at = acf(x - x.mean()), [np.empty(n), np.empty(n)]
         counts = [
-            kernel(rho, 0.05, to) for kernel, to in zip((_crossings, compiled(_crossings)), at)
+            kernel(rho, 0.05, to)
+            for kernel, to in zip((_fill_crossings, compiled(_fill_crossings)), at)
         ]
         assert counts[0] == counts[1] > 4
         assert np.array_equal(at[0][: counts[0]], at[1][: counts[0]])
@@ -145,7 +146,7 @@ def test_light_kernels_give_the_same_bits_plain_and_compiled():
         ]
         assert both[0] == both[1]
         turns = [np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)]
-        assert _reversals(x, 0.5, turns[0]) == compiled(_reversals)(x, 0.5, turns[1])
+        assert _fill_reversals(x, 0.5, turns[0]) == compiled(_fill_reversals)(x, 0.5, turns[1])
 
 
 SLOW = ("pandas", "matplotlib", "control", "scipy.stats", "scipy.signal", "scipy.optimize")

@@ -15,7 +15,7 @@ T = np.arange(4000) / 20
 
 def test_camel_density_is_the_integral_over_the_phase():
     width = h.BINS[1] - h.BINS[0]
-    camels = h._densities(1.0)[1]
+    camels = h._mean_densities(1.0)[1]
     A, sigma = np.meshgrid(np.linspace(1.0, 1.6, 13), np.geomspace(0.1, 1.0, 19))
     for k in (0, 57, 129):
         a, s = A.ravel()[k], sigma.ravel()[k]

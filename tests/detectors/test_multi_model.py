@@ -35,7 +35,7 @@ def test_jumps_of_a_long_record_equal_the_plain_kernel_bit_for_bit():
     u = np.cumsum(rng.standard_normal(90))
     r = np.repeat(u[::9], 9) + 0.3 * rng.standard_normal(90)
     plain = np.empty(90)
-    stenman._jumps(u, r, 0.4, plain)
+    stenman._follow_jumps(u, r, 0.4, plain)
     assert np.array_equal(best_jumps(u, r, 0.4), plain)
 
 

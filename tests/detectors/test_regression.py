@@ -54,7 +54,7 @@ def test_errors_are_those_of_plain_least_squares(swinging, q):
 
 def positions(op, valves, q=1):
     """Return the positions (n, valves) in standard deviations."""
-    v, _ = module._positions(op, np.array(valves, float), q, 1)
+    v, _ = module._average_positions(op, np.array(valves, float), q, 1)
     return np.concatenate(v, axis=1)[:, : len(valves)]
 
 

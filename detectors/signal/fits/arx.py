@@ -16,7 +16,7 @@ def fit_plant(
     delay of several.
     """
     estimate = np.empty(5)
-    if compiled(_plant)(
+    if compiled(_estimate_plant)(
         np.ascontiguousarray(x), np.ascontiguousarray(y), delays[0], delays[-1] + 1, estimate
     ):
         return (*estimate[:3].tolist(), int(estimate[3]), float(estimate[4]))
@@ -42,7 +42,7 @@ def fit_plant_by_columns(
     return best
 
 
-def _plant(x, y, least, most, estimate):
+def _estimate_plant(x, y, least, most, estimate):
     """Fill `estimate` with (a, b, c, delay, error) by the normal equations; return whether these
     were well conditioned.
     """

@@ -65,22 +65,22 @@ class _Hammerstein:
     ends: _Ends  # where it ended under each map
 
     @cached_property
-    def _ranges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return _ranges(self.search, self.ends)
+    def _ranges_of_sizes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return _ranges_of_sizes(self.search, self.ends)
 
     @property
     def S_range(self) -> tuple[float, float]:
         """Values of S that fit about as well under either map: which of them a valve follows is not
         known.
         """
-        S, _, inside = self._ranges
+        S, _, inside = self._ranges_of_sizes
         both = np.append(S[inside], self.ends.S)
         return float(both.min()), float(both.max())
 
     @property
     def J_range(self) -> tuple[float, float]:
         """Values of J that fit about as well under the better map."""
-        _, J, inside = self._ranges
+        _, J, inside = self._ranges_of_sizes
         best = self.ends.error.argmin()
         J = J[best][inside[best]]
         return float(J.min()), float(J.max())
@@ -221,7 +221,7 @@ def fit_hammerstein(
         poles = np.append(full.poles(_TIMES), 1.0)
     # a valve without friction follows OP under either map
     linear = float(full.scan(0.0, 0.0, 0.0, MOVING_UP, poles, 0, full.delays.size)[0].min())
-    ends = _fit(short, full, poles)
+    ends = _fit_best_map(short, full, poles)
     best = int(ends.error.argmin())
     error, S, J, _, pole, d = (float(x[best, 0]) for x in ends)
     if pole == 1.0:
@@ -231,11 +231,11 @@ def fit_hammerstein(
     return _Hammerstein(S, J, error, linear, full.sign, float(T), d * full.q * Ts, short, ends)
 
 
-def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
+def _fit_best_map(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     """The best end under either map."""
     everywhere = full.delays.size
     integrating = poles.size == 1
-    S, J = _grid(_GRID, full.swing)
+    S, J = _grid_of_valves(_GRID, full.swing)
     stride = max(1, everywhere // 8)
     grid = _MAPS[:, None], S[:, None], J[:, None], MOVING_UP, poles[:, None]
     tried, at = short.scan(*grid, 0, -(-everywhere // stride), stride)
@@ -243,12 +243,12 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     column = np.arange(S.shape[1])
     tried = tried[_ROWS, which, column]
     at = at[_ROWS, which, column]
-    kept = _distinct(tried, S, J, 4)
+    kept = _distinct_best(tried, S, J, 4)
     S, J, tried, which, at = (x[_ROWS, kept] for x in (S, J, tried, which, at))
-    ends = _plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
+    ends = _improve_plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent
     # does not
-    S, J = _grid(_FINE_GRID, full.swing)
+    S, J = _grid_of_valves(_FINE_GRID, full.swing)
     for _ in range(_PASSES):
         best = ends.best(1)
         low, count = short.window(best.d, 1)
@@ -257,17 +257,17 @@ def _fit(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
         tried = np.array(
             [short.scan(stops, s, j, MOVING_UP, *plant)[0] for stops, s, j, *plant in rows]
         )
-        kept = _distinct(tried, S, J, 4)
+        kept = _distinct_best(tried, S, J, 4)
         pole = np.repeat(best.pole, 4, axis=1)
         d = np.repeat(best.d, 4, axis=1)
         more = _Ends.at(tried[_ROWS, kept], S[_ROWS, kept], J[_ROWS, kept], pole, d)
-        ends = _settle(short, ends.and_(more).best(_TOP), integrating, 0.006)
+        ends = _settle_ends(short, ends.and_(more).best(_TOP), integrating, 0.006)
         again = np.argsort(tried, axis=1, kind="stable")[:, :_AGAIN]
         S = S[_ROWS, again]
         J = J[_ROWS, again]
-    ends = _plants(full, _restart(full, ends), integrating).best(2)
-    ends = _settle(full, ends, integrating, 0.004).best(1)
-    return _settle(full, ends, integrating, 0.001)
+    ends = _improve_plants(full, _restart_ends(full, ends), integrating).best(2)
+    ends = _settle_ends(full, ends, integrating, 0.004).best(1)
+    return _settle_ends(full, ends, integrating, 0.001)
 
 
 class _Ends(NamedTuple):
@@ -306,28 +306,30 @@ class _Ends(NamedTuple):
         )
 
 
-def _combine(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _combine_shares(S: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.tile(np.repeat(S, shares.size), (2, 1)), np.tile(shares, (2, S.size))
 
 
-_GRID = _combine(_S_SHARES, _J_SHARES)
-_FINE_GRID = _combine(S_FINE, _J_FINE)
+_GRID = _combine_shares(_S_SHARES, _J_SHARES)
+_FINE_GRID = _combine_shares(S_FINE, _J_FINE)
 
 
-def _grid(shares: tuple[np.ndarray, np.ndarray], swing: float) -> tuple[np.ndarray, np.ndarray]:
+def _grid_of_valves(
+    shares: tuple[np.ndarray, np.ndarray], swing: float
+) -> tuple[np.ndarray, np.ndarray]:
     """S and J of every combination of shares of the swing and of S, a row for each map."""
     S = shares[0] * swing
     return S, S * shares[1]
 
 
-def _distinct(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> np.ndarray:
+def _distinct_best(errors: np.ndarray, S: np.ndarray, J: np.ndarray, count: int) -> np.ndarray:
     """Indices of the best candidates of each row that are not next to a better one."""
     kept = np.empty((len(errors), count), dtype=np.int64)
     quick(keep_apart)(errors.copy(), np.log(S), J / S, kept)
     return kept
 
 
-def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
+def _improve_plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
     """Improve the plants downstream of the valves: time constants around the present ones, any
     delay.
     """
@@ -349,7 +351,7 @@ def _plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
     )
 
 
-def _restart(
+def _restart_ends(
     search: _Search,
     ends: _Ends,
     starts: tuple[float, ...] = ((MOVING_UP,) + _REST_POSITIONS),
@@ -366,19 +368,19 @@ def _restart(
     return ends._replace(error=error[_ROWS, column, k], start=tried[column, k])
 
 
-def _settle(search: _Search, ends: _Ends, integrating: bool, least: float) -> _Ends:
+def _settle_ends(search: _Search, ends: _Ends, integrating: bool, least: float) -> _Ends:
     """Improve plants, valves and start states in turn."""
-    ends = search.descend(_plants(search, ends, integrating), 4.0 * least, least, 2)
-    rest = _restart(search, ends, _REST_POSITIONS, 2)
+    ends = search.descend(_improve_plants(search, ends, integrating), 4.0 * least, least, 2)
+    rest = _restart_ends(search, ends, _REST_POSITIONS, 2)
     moving = ends.start == MOVING_UP
     return ends.better(rest._replace(error=np.where(moving, rest.error, np.inf)))
 
 
-def _ranges(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _ranges_of_sizes(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """S, J and whether they fit about as well, a row for each map: for each J of a list, S and the
     plant make up for it.
     """
-    start = _restart(search, best)
+    start = _restart_ends(search, best)
     # first the valley itself, then one for every J
     ends = _Ends(*(np.repeat(x, 1 + len(_J_PROFILE), axis=1) for x in start))
     ends.J[:, 1:] = np.array(_J_PROFILE) * ends.S[:, 1:]

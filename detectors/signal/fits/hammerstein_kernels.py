@@ -102,7 +102,7 @@ def errors(record, valves, stride, out):
         x = rows(n + high - low)
         moves(record, valves, block, v, total)
         answers(record.half, valves, low, block, v, total, x)
-        _misfits(record, valves.count, low, stride, block, x, out)
+        _fill_misfits(record, valves.count, low, stride, block, x, out)
 
 
 def moves(record, valves, block, v, total):
@@ -203,7 +203,7 @@ def answers(half, valves, low, block, v, total, x):
                 x[place + np.uintp(c)] = now[group + c]
 
 
-def _misfits(record, count, low, stride, block, x, out):
+def _fill_misfits(record, count, low, stride, block, x, out):
     """Fill `out` for a block of valves from their plants' answers; PV's two gains come from the
     normal equations.
     """
@@ -232,7 +232,7 @@ def _misfits(record, count, low, stride, block, x, out):
         at[c] = 0.0
         wanted[c] = count[min(block + c, count.size - 1)]
         most = max(most, count[min(block + c, count.size - 1)])
-    _moments(record, m, first - low, x, sx, sxx, sxz, sxy)
+    _sum_moments(record, m, first - low, x, sx, sxx, sxz, sxy)
     for i in range(most):
         top = first - low - i * stride
         if i > 0 and stride > 1:
@@ -279,7 +279,7 @@ def _misfits(record, count, low, stride, block, x, out):
         out[block + c, 1] = at[c]
 
 
-def _moments(record, m, top, x, sx, sxx, sxz, sxy):
+def _sum_moments(record, m, top, x, sx, sxx, sxz, sxy):
     """Sums of x, its square, its product with itself one sample earlier and with y, over the `m`
     samples from `top` on.
     """
@@ -375,7 +375,7 @@ def descend(record, begin, points, steps, least, error):
                 starts[t] = begin.start[p]
                 delays[t] = begin.delay[p]
                 counts[t] = begin.count[p]
-                _advance(ahead, steps[p], least[p], np.inf)
+                _advance_search(ahead, steps[p], least[p], np.inf)
         n = active.size * each
         valves = Valves(maps[:n], S[:n], J[:n], starts[:n], pole[:n], delays[:n], counts[:n])
         # a plain 1 would be compiled to kernels of its own
@@ -386,7 +386,7 @@ def descend(record, begin, points, steps, least, error):
             for t in range(g * each, (g + 1) * each):
                 e = out[t, 0] if 0.0 < S[t] and 0.0 <= J[t] <= 1.5 * S[t] else 2.0
                 lost = search[p, _AT] != _FIRST and e < search[p, _TOP] - TIE
-                _advance(search[p], steps[p], least[p], e)
+                _advance_search(search[p], steps[p], least[p], e)
                 if lost or search[p, _AT] == _DONE:
                     break
             if search[p, _AT] != _DONE:
@@ -415,7 +415,7 @@ _BEST = 8
 _TRIAL = 11
 
 
-def _advance(search, steps, least, e):
+def _advance_search(search, steps, least, e):
     """Take the error `e` of the point that was tried into a pattern search, and say there what to
     try next.
     """

@@ -64,15 +64,15 @@ def regression(op: np.ndarray, pv: np.ndarray, period: float, beside: bool = Fal
     OP explains by any impulse response. Signals are averaged to some 30 samples a period; what
     counts are errors of one step ahead, each by one nat at most.
     """
-    data = _average(op, pv, period, beside)
+    data = _average_signals(op, pv, period, beside)
     if data is None:
         return Regression(0.0, np.empty((0, 3)))
-    found = _search(data, float(np.ptp(op)))
+    found = _search_valves(data, float(np.ptp(op)))
     best = min(found, key=lambda f: f[1][0])[0][0]
     return Regression(_gain_of(data, best, beside), np.vstack([points for points, _ in found]))
 
 
-def _average(op: np.ndarray, pv: np.ndarray, period: float, beside: bool) -> _Data | None:
+def _average_signals(op: np.ndarray, pv: np.ndarray, period: float, beside: bool) -> _Data | None:
     """Return the averages of signals that oscillate with a period (samples), as they are
     regressed.
     """
@@ -86,7 +86,9 @@ def _gain_of(data: _Data, valve: np.ndarray, beside: bool) -> float:
     """Return the nats that a valve (S, J, stops) explains beyond one that follows OP."""
     sticky, sound = data.left(np.vstack([valve, _FOLLOWS_OP]))
     sound = data.rest if beside else sound
-    return friction_nats(_nats(sticky), _nats(sound)) - 0.5 * _NUMBERS * math.log(sound.size)
+    return friction_nats(
+        _nats_of_errors(sticky), _nats_of_errors(sound)
+    ) - 0.5 * _NUMBERS * math.log(sound.size)
 
 
 def friction_nats(sticky: np.ndarray, sound: np.ndarray) -> float:
@@ -119,20 +121,22 @@ class _Data(NamedTuple):
         some = LANES * max(1, _ROOM // (LANES * self.pv.size))
         parts = [points[i : i + some] for i in range(0, len(points), some)]
         return np.concatenate(
-            [self._best(*self._move_valves(part))[0][: len(part)] for part in parts]
+            [self._best_delay(*self._move_valves(part))[0][: len(part)] for part in parts]
         )
 
     def left(self, points: np.ndarray) -> list[np.ndarray]:
         """Return what each valve (S, J, stops) leaves of PV."""
         v, squares = self._move_valves(points)
-        late = self._best(v, squares)[1]
-        return [self._without(v[i // LANES, :, i % LANES], late[i]) for i in range(len(points))]
+        late = self._best_delay(v, squares)[1]
+        return [
+            self._squares_without(v[i // LANES, :, i % LANES], late[i]) for i in range(len(points))
+        ]
 
     def _move_valves(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the positions of each valve (S, J, stops) and their sums as `_positions` does."""
-        return _positions(self.raw_op, points, self.q, self.pv.size - self.rest.size - 1)
+        """Return positions of each valve (S, J, stops) and their sums, see `_average_positions`."""
+        return _average_positions(self.raw_op, points, self.q, self.pv.size - self.rest.size - 1)
 
-    def _without(self, v: np.ndarray, late: int) -> np.ndarray:
+    def _squares_without(self, v: np.ndarray, late: int) -> np.ndarray:
         """Return what the positions (count,) of a valve leave of PV at a dead time."""
         if late < 0:
             return self.rest
@@ -142,10 +146,10 @@ class _Data(NamedTuple):
         taps -= (taps @ self.basis.T) @ self.basis
         return self.rest - np.linalg.lstsq(taps.T, self.rest, rcond=_TWO**0.5)[0] @ taps
 
-    def _best(self, v: np.ndarray, squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _best_delay(self, v: np.ndarray, squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the least squared error of PV with each valve, and the dead time at which it is
         left, -1 where PV's past knows where the valve stands; positions and their sums are those of
-        `_positions`.
+        `_average_positions`.
         """
         n = self.rest.size
         count = self.pv.size
@@ -155,7 +159,7 @@ class _Data(NamedTuple):
         # by dead time: the first position of each window, which came with it, and the one behind
         # its last, which went
         came, went = (v[:, end - 1 - np.arange(_LATE + 1)] for end in (first, count))
-        along = self.weights @ self._products(found, came, went)
+        along = self.weights @ self._sum_products(found, came, went)
         own = came**2 - went**2
         next_to = came[:, :-1] * came[:, 1:] - went[:, :-1] * went[:, 1:]
         own[:, 0] = squares[:, 0]
@@ -180,7 +184,7 @@ class _Data(NamedTuple):
         late = np.where(least < whole, late, -1)
         return whole * np.round(least / whole, _DIGITS).ravel(), late.ravel()
 
-    def _products(self, found: np.ndarray, came: np.ndarray, went: np.ndarray) -> np.ndarray:
+    def _sum_products(self, found: np.ndarray, came: np.ndarray, went: np.ndarray) -> np.ndarray:
         """Return the products (blocks, late, c, lanes) of the rows and the positions d + 1 averages
         before those that are predicted.
 
@@ -224,7 +228,7 @@ def _prepare_averages(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _
     u, y = ((x - x.mean()) / x.std() for x in (u, y))
     lags = [np.ones(n - first)] + [y[first - k : n - k] for k in range(1, past + 1)]
     lags = np.array(lags + [u[first - k : n - k] for k in range(1, _LATE + 1) if beside])
-    basis, weights = _orthonormal(lags, 1 + past)
+    basis, weights = _orthonormal_rows(lags, 1 + past)
     rest = y[first:] - (basis @ y[first:]) @ basis
     return _Data(op, q, y, u, lags, past, weights, basis, rest, _shift_rows(lags, past, rest, n))
 
@@ -247,7 +251,7 @@ def _shift_rows(lags: np.ndarray, past: int, rest: np.ndarray, count: int) -> np
     return out
 
 
-def _orthonormal(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndarray]:
+def _orthonormal_rows(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndarray]:
     """Return orthonormal rows (m, n) that span some rows, the first of them of PV and the others of
     OP, and what of each row (m, c) is in them.
     """
@@ -277,7 +281,7 @@ def _moves_at_all(x: np.ndarray) -> bool:
     return float(x.std()) > _FLAT * float(np.abs(x).max())
 
 
-def _search(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def _search_valves(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return of each map, Choudhury's and He's, the best different valves (S, J, stops), of a grid
     and points about its best, and their errors.
     """
@@ -287,7 +291,7 @@ def _search(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
         valves.append(np.column_stack([S.ravel(), (S * J).ravel(), np.full(S.size, stops)]))
     errors = np.split(data.errors(np.vstack(valves)), 2)
     for near in _NEAR:
-        more = [_about(*found, near) for found in zip(valves, errors, strict=True)]
+        more = [_valves_about(*found, near) for found in zip(valves, errors, strict=True)]
         of_more = np.split(data.errors(np.vstack(more)), 2)
         valves = [np.vstack(both) for both in zip(valves, more, strict=True)]
         errors = [np.concatenate(both) for both in zip(errors, of_more, strict=True)]
@@ -295,7 +299,7 @@ def _search(data: _Data, span: float) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(v[k], e[k]) for v, e, k in zip(valves, errors, kept, strict=True)]
 
 
-def _about(valves: np.ndarray, errors: np.ndarray, near: float) -> np.ndarray:
+def _valves_about(valves: np.ndarray, errors: np.ndarray, near: float) -> np.ndarray:
     """Return valves about the best, with S that differs by a share, and J as far."""
     best = valves[np.argsort(errors, kind="stable")[:_KEPT]]
     best = np.repeat(best, len(_AROUND), axis=0)
@@ -305,13 +309,13 @@ def _about(valves: np.ndarray, errors: np.ndarray, near: float) -> np.ndarray:
     return np.column_stack([S, J, best[:, 2]])
 
 
-def _nats(left: np.ndarray) -> np.ndarray:
+def _nats_of_errors(left: np.ndarray) -> np.ndarray:
     """Return the log-likelihood of each error, of unknown size, but for a constant."""
     power = float(np.mean(left * left)) + _SMALL**2
     return -0.5 * (np.log(power) + left * left / power)
 
 
-def _positions(
+def _average_positions(
     op: np.ndarray, points: np.ndarray, q: int, first: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the averaged positions (blocks, n, lanes) of valves (S, J, stops), side by side, in
@@ -341,7 +345,7 @@ def _positions(
 
 def _scale_positions(record, valves, block, least, first, v, total, sums):
     """Fill `v` with the averaged positions of a block of valves in standard deviations, 0 where
-    that is not above `least`, `total` as `moves` does, and `sums` as `_positions` says.
+    that is not above `least`, `total` as `moves` does, and `sums` as `_average_positions` says.
     """
     wide()
     moves(record, valves, block, v, total)

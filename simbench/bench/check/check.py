@@ -90,7 +90,7 @@ def check_books(
 
     # every rate of every method that both have, and the answers that changed
     basis = "equal" if pairs.same.all() else "other bits"
-    problems = _problems(now, before, pairs)
+    problems = _find_problems(now, before, pairs)
     rows: list[dict[str, Any]] = []
     flips: list[pd.DataFrame] = []
     for method in (m for m in before.methods if m in now.methods):
@@ -101,9 +101,9 @@ def check_books(
             alike = before.truth[truth][pairs.before] == now.truth[truth][pairs.now]
             at = pairs.now[alike]
             was_at = pairs.before[alike]
-            sides = _answers(before, j, truth, was_at), _answers(now, i, truth, at)
-            rows += [{"method": method, "truth": truth, **row} for row in _tests(*sides)]
-        flips.append(_flips(now, i, before, j, pairs))
+            sides = _select_answers(before, j, truth, was_at), _select_answers(now, i, truth, at)
+            rows += [{"method": method, "truth": truth, **row} for row in _test_method(*sides)]
+        flips.append(_list_flips(now, i, before, j, pairs))
 
     # sizes of stiction as further rates, and all of them with p corrected for their number
     of_sizes, untold = compared(now, before, pairs)
@@ -153,15 +153,17 @@ def check_books(
 
     # in words
     said = (
-        f"{_basis(now, before, pairs, margin)}. {say_power(tests, basis)}. Benchmark:"
+        f"{_describe_rule(now, before, pairs, margin)}. {say_power(tests, basis)}. Benchmark:"
         f" {benchmark_version(now.manifest)}"
     )
     if exact:
         problems += _find_changes(now, before, pairs, every)
-    return Check(said, tuple(problems), tests, every, _bits(pairs, before, every), unseen=unseen)
+    return Check(
+        said, tuple(problems), tests, every, _count_equal_bits(pairs, before, every), unseen=unseen
+    )
 
 
-def _bits(pairs: Pairs, before: RunArrays, flips: pd.DataFrame) -> dict[str, int]:
+def _count_equal_bits(pairs: Pairs, before: RunArrays, flips: pd.DataFrame) -> dict[str, int]:
     """Return how many loops have equal bits, other bits with the same verdicts, and another
     verdict.
     """
@@ -203,7 +205,7 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     return "\n".join(lines)
 
 
-def _problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
+def _find_problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
     found = []
     for m in before.methods:
         if m not in now.methods:
@@ -254,7 +256,7 @@ def _find_changes(
             yield f"exact: {other.sum()} of {pairs.now.size} scores of {method} changed"
 
 
-def _basis(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
+def _describe_rule(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
     tests = f"a rate may fall by {points(margin)} (exact paired tests with Holm's correction)"
     if copies := before.manifest.get(COPIES):
         tests += f"; {copies} copies of records with the same labels do not count"
@@ -279,7 +281,7 @@ def _round_scores(score: np.ndarray) -> np.ndarray:
     return np.ldexp(np.round(mantissa * 2.0**_SCORE_BITS), exponent - _SCORE_BITS)
 
 
-def _answers(
+def _select_answers(
     book: RunArrays, method: int, truth: str, at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return label, verdict, score and whether the method covers the loop, of some loops."""
@@ -292,7 +294,7 @@ def _answers(
     )
 
 
-def _good(positive: np.ndarray, said: np.ndarray) -> dict[str, np.ndarray]:
+def _mark_good_answers(positive: np.ndarray, said: np.ndarray) -> dict[str, np.ndarray]:
     """Return for each kind of answer that is counted whether it was given, loop by loop."""
     found = {}
     for what, (among, good) in COUNTED.items():
@@ -304,20 +306,20 @@ def _good(positive: np.ndarray, said: np.ndarray) -> dict[str, np.ndarray]:
     return found
 
 
-def _tests(before: tuple, now: tuple) -> Iterator[dict[str, Any]]:
+def _test_method(before: tuple, now: tuple) -> Iterator[dict[str, Any]]:
     """Yield the tests of one method and truth."""
     # a loop that the method covered before counts: what it gives up now it has lost
     used = before[3] & (before[0] >= 0)
     truth, said_a, score_a = (x[used] for x in before[:3])
     said_b, score_b = (x[used] for x in now[1:3])
     positive = truth == 1
-    old = _good(positive, said_a)
-    new = _good(positive, said_b)
+    old = _mark_good_answers(positive, said_a)
+    new = _mark_good_answers(positive, said_b)
     for what in COUNTED:
         a = old[what]
         b = new[what]
         paired = Paired.of(a, b)
-        row = {"what": what, "n": paired.n, "before": _share(a), "now": _share(b)}
+        row = {"what": what, "n": paired.n, "before": _share_right(a), "now": _share_right(b)}
         yield {**row, "lost": paired.win, "won": paired.loss, "p": paired.p_worse}
     yield {
         "what": "AUC",
@@ -328,13 +330,13 @@ def _tests(before: tuple, now: tuple) -> Iterator[dict[str, Any]]:
     }
 
 
-def _share(right: np.ndarray) -> float:
+def _share_right(right: np.ndarray) -> float:
     if right.size:
         return float(right.mean())
     return float("nan")
 
 
-def _flips(now: RunArrays, i: int, before: RunArrays, j: int, pairs: Pairs) -> pd.DataFrame:
+def _list_flips(now: RunArrays, i: int, before: RunArrays, j: int, pairs: Pairs) -> pd.DataFrame:
     changed = now.verdict[i][pairs.now] != before.verdict[j][pairs.before]
     at = pairs.now[changed]
     was_at = pairs.before[changed]

@@ -119,7 +119,7 @@ class Check:
             flips = _worst_first(self)
             names = ["scenario_id", "method", "was", "now", "cycled", "disturbance"]
             kept = [name for name in names if name in flips]
-            lines += ["", f"{_number(flips)} changed{_cut(self, most)}"]
+            lines += ["", f"{_count_verdicts(flips)} changed{_describe_cut(self, most)}"]
             lines += _short_lines(flips[kept].head(most))
             first = str(flips["scenario_id"].iloc[0])
             lines += ["", "To simulate one of them again:", command_again(self, first)]
@@ -130,11 +130,11 @@ class Check:
         lines = [f"### Detector check: {self.result}", "", self.basis, ""]
         lines += [f"- {r}" for r in self.reasons] + [""] * bool(self.reasons)
         moved = _table_of_moves(self)
-        lines.append(_markdown(moved) if len(moved) else "No rate moved.")
+        lines.append(_to_markdown(moved) if len(moved) else "No rate moved.")
         if len(self.flips):
             shown = _worst_first(self).head(_SHOWN)
-            title = f"{_number(self.flips)} changed{_cut(self, _SHOWN)}"
-            lines += ["", f"<details><summary>{title}</summary>", "", _markdown(shown), "", ""]
+            title = f"{_count_verdicts(self.flips)} changed{_describe_cut(self, _SHOWN)}"
+            lines += ["", f"<details><summary>{title}</summary>", "", _to_markdown(shown), "", ""]
             again = command_again(self, str(shown["scenario_id"].iloc[0]))
             lines += [f"`{again}`", "", "</details>"]
         return "\n".join(lines) + "\n"
@@ -198,11 +198,11 @@ def _worst_first(check: Check) -> pd.DataFrame:
     return order.drop(columns="_order")
 
 
-def _number(flips: pd.DataFrame) -> str:
+def _count_verdicts(flips: pd.DataFrame) -> str:
     return f"{len(flips)} verdict{'s' * (len(flips) != 1)}"
 
 
-def _cut(check: Check, most: int) -> str:
+def _describe_cut(check: Check, most: int) -> str:
     if len(check.flips) > most:
         return f", the first {most}:"
     return ":"
@@ -241,17 +241,17 @@ def headline(row: dict[str, Any]) -> str:
     return f"{row['method']} {clause}, before {before:.1f} %{cases} ({row_of})"
 
 
-def _texts(frame: pd.DataFrame) -> pd.DataFrame:
+def _format_numbers(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a table with its numbers as texts."""
     return frame.map(lambda x: f"{x:.3g}" if isinstance(x, float) else str(x))
 
 
 def _short_lines(frame: pd.DataFrame) -> list[str]:
     """Return a table in lines that fit a terminal."""
-    return lines_of(_texts(frame).map(lambda text: text[:_NAME]))
+    return lines_of(_format_numbers(frame).map(lambda text: text[:_NAME]))
 
 
-def _markdown(frame: pd.DataFrame) -> str:
+def _to_markdown(frame: pd.DataFrame) -> str:
     """Return a table as Markdown; a bar in a name ends no cell."""
-    escaped = _texts(frame).map(lambda text: text.replace("|", "\\|"))
+    escaped = _format_numbers(frame).map(lambda text: text.replace("|", "\\|"))
     return escaped.to_markdown(index=False, disable_numparse=True)

@@ -182,7 +182,7 @@ def add_to_run(
             if add:
                 run_scored(folder, work / _ADDED, asked.values(), jobs, **options)
                 additions.append(_read_added(folder, work / _ADDED))
-            scores = _join(folder, work / _JOINED, stated, additions, with_reference)
+            scores = _write_joined_run(folder, work / _JOINED, stated, additions, with_reference)
 
             # from this one change of a name on, the run has the further methods
             (work / _JOINED).replace(work / WHOLE)
@@ -300,7 +300,7 @@ def _join_answers(folder: Path, file: Path, answers: Answers) -> _Addition:
     return _Addition(about, {}, as_table(rows, VERDICT_SCHEMA), "; ".join(told))
 
 
-def _join(
+def _write_joined_run(
     folder: Path,
     into: Path,
     stated: Mapping[str, Any],

@@ -61,7 +61,7 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
     """
     answers: Answers = {}
     lines: dict[tuple[str, str], int] = {}
-    for line, row in _rows(Path(file)):
+    for line, row in _read_rows(Path(file)):
         where = f"{file}, line {line}"
         method = row["method"]
         record = row["record"]
@@ -83,10 +83,10 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
             )
         lines[method, record] = line
         if row["score"]:
-            score = _number(row["score"], where, "score")
+            score = _read_number(row["score"], where, "score")
         else:
             score = math.nan
-        S, J = (_level(row[name], where, name) for name in ("S", "J"))
+        S, J = (_read_level(row[name], where, name) for name in ("S", "J"))
         answers.setdefault(method, {})[record] = Verdict(
             method, row["verdict"], score, S=S, J=J, reason="as answered"
         )
@@ -95,7 +95,7 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
     return answers
 
 
-def _rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
+def _read_rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """Yield the rows of the file by column, each with its line; columns that are not there are
     empty.
     """
@@ -160,7 +160,7 @@ def _refuse_name(where: str, method: str) -> None:
         )
 
 
-def _number(text: str, where: str, name: str) -> float:
+def _read_number(text: str, where: str, name: str) -> float:
     try:
         return float(text)
     except ValueError:
@@ -169,11 +169,11 @@ def _number(text: str, where: str, name: str) -> float:
         ) from None
 
 
-def _level(text: str, where: str, name: str) -> Level:
+def _read_level(text: str, where: str, name: str) -> Level:
     """Return the size in a cell: a number, the ends of an interval, or None."""
     if not text or text.lower() == "nan":
         return None
-    ends = [_number(part, where, name) for part in text.split(_BETWEEN, 1)]
+    ends = [_read_number(part, where, name) for part in text.split(_BETWEEN, 1)]
     if not 0.0 <= ends[0] <= ends[-1] <= _LARGEST:
         raise ParameterError(
             f"{where}: {name} = {text[:80]!r}; a size from 0 to {_LARGEST:g}, or"

@@ -206,7 +206,7 @@ def simulated(scenario: Scenario, error: str | None, group: int) -> SimulatedSce
     try:
         if error is None:
             run, cycled = simulate_with_truth(scenario.loop, scenario.seed)
-            columns = _theory(scenario.loop)
+            columns = _predict_cycle(scenario.loop)
     # whatever a model or a plug-in does on unusual numbers: one scenario, not the run
     except (Exception, SystemExit) as fault:
         error = error_text(fault)
@@ -215,7 +215,7 @@ def simulated(scenario: Scenario, error: str | None, group: int) -> SimulatedSce
     return SimulatedScenario(scenario, scenario.id, group, run, cycled, columns, error)
 
 
-def _theory(loop: Loop) -> Theory:
+def _predict_cycle(loop: Loop) -> Theory:
     """Return what theory predicts for a loop: predicted, refined, exists, period, amplitude, and
     why there is none of it.
     """
@@ -244,11 +244,11 @@ def _judge_scenario(
     prepared, answers = judge_record(it.run.record, chosen)
     if oracle:
         since = time.perf_counter()
-        answers.append(Answer(*_oracle(it.scenario, it.run), time.perf_counter() - since))
+        answers.append(Answer(*_ask_oracle(it.scenario, it.run), time.perf_counter() - since))
     return prepared, answers
 
 
-def _oracle(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
+def _ask_oracle(scenario: Scenario, run: Run) -> tuple[Verdict, str | None]:
     """Return what the oracle says of a run, and the error where a plug-in gives it no answer."""
     try:
         return judge_oracle(scenario, run), None

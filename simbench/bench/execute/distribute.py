@@ -63,9 +63,13 @@ def workers(
         stack.enter_context(_workers_heard())
         stack.enter_context(safe_path())
         settings = {
-            "loky": lambda: {"n_jobs": jobs, "initializer": _begin, "inner_max_num_threads": 1},
-            "dask": lambda: _dask(address, stack),
-            "ray": lambda: _ray(address, jobs, stack),
+            "loky": lambda: {
+                "n_jobs": jobs,
+                "initializer": _set_up_worker,
+                "inner_max_num_threads": 1,
+            },
+            "dask": lambda: _join_dask(address, stack),
+            "ray": lambda: _join_ray(address, jobs, stack),
         }[backend]()
         stack.enter_context(parallel_config(backend, **settings))
         # ray hands nothing back before all is done
@@ -115,7 +119,7 @@ def _work_in_copies(jobs: int, task: _PieceTask, missing: _Pieces) -> Iterator[R
     task.load(*missing[0])
     others = multiprocessing.active_children()
     context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(min(jobs, len(missing)), context, _begin) as pool:
+    with ProcessPoolExecutor(min(jobs, len(missing)), context, _set_up_worker) as pool:
         try:
             working = [pool.submit(task, number, groups) for number, groups in missing]
             for done in as_completed(working):
@@ -128,7 +132,7 @@ def _work_in_copies(jobs: int, task: _PieceTask, missing: _Pieces) -> Iterator[R
             raise
 
 
-def _dask(address: str | None, stack: contextlib.ExitStack) -> dict[str, Any]:
+def _join_dask(address: str | None, stack: contextlib.ExitStack) -> dict[str, Any]:
     """Return the settings of joblib for a running scheduler of dask."""
     if address is None:
         raise RunError("backend dask needs --address, the scheduler's tcp://HOST:PORT")
@@ -151,7 +155,7 @@ def _dask(address: str | None, stack: contextlib.ExitStack) -> dict[str, Any]:
     return {"client": client, "n_jobs": -1, "wait_for_workers_timeout": _WORKERS}
 
 
-def _ray(address: str | None, jobs: int, stack: contextlib.ExitStack) -> dict[str, Any]:
+def _join_ray(address: str | None, jobs: int, stack: contextlib.ExitStack) -> dict[str, Any]:
     """Return the settings of joblib for a cluster of ray, or for ray on this machine."""
     try:
         import ray  # type: ignore[import-not-found]
@@ -172,16 +176,16 @@ def _ray(address: str | None, jobs: int, stack: contextlib.ExitStack) -> dict[st
     return {"n_jobs": jobs}
 
 
-def _begin() -> None:
+def _set_up_worker() -> None:
     """Set up a worker process: Ctrl-C reaches the whole process group, and the parent alone decides
     what becomes of it.
     """
-    signal.signal(signal.SIGINT, _tell)
+    signal.signal(signal.SIGINT, _tell_current)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
 
 
-def _tell(*_: object) -> None:
+def _tell_current(*_: object) -> None:
     """Tell what this worker is judging: a detector that hangs is found by that."""
     if met := describe_judging():
         os.write(2, f"a worker is interrupted {met}\n".encode())

@@ -58,7 +58,9 @@ def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
     if plan.content.loop is not None:
         n = float(plan.content.loop.get("sampling", {}).get("n", 4000))
     else:
-        n = sum(_samples(plan, block) for block in plan.content.block) / len(plan.content.block)
+        n = sum(_samples_of_record(plan, block) for block in plan.content.block) / len(
+            plan.content.block
+        )
     long = max(n / 1500.0, 0.2)  # the constants are for records of this length
     seconds = (
         scenarios * long * (_SECONDS + _FAST_METHOD_SECONDS * fast + _FULL_METHOD_SECONDS * slow)
@@ -103,13 +105,13 @@ def refuse_wrong_parts(plan: Grid) -> None:
     """Raise one error that names every wrong disturbance, valve and effect of a grid, and try a
     cell of each block.
     """
-    say(plan.name, list(dict.fromkeys(_wrong(plan))))
+    say(plan.name, list(dict.fromkeys(_find_wrong_parts(plan))))
     with naming(f"grid {plan.name}"):
         for index in plan.samples():
             refuse_unsettled(plan.group(index))
 
 
-def _samples(plan: Grid, block: Any) -> float:
+def _samples_of_record(plan: Grid, block: Any) -> float:
     def middle(key: str) -> float:
         value = block.axes.get(key) or block.draw.get(key) or plan.content.draw.get(key) or 40.0
         if isinstance(value, tuple):
@@ -121,7 +123,7 @@ def _samples(plan: Grid, block: Any) -> float:
     return middle("samples_per_period") * middle("periods")
 
 
-def _wrong(plan: Grid) -> Iterator[str]:
+def _find_wrong_parts(plan: Grid) -> Iterator[str]:
     content = plan.content
     for name, load in content.disturbances.items():
         where = f"disturbance {name!r}"
@@ -129,7 +131,7 @@ def _wrong(plan: Grid) -> Iterator[str]:
             yield f"{where}: type = {load.type!r} is unknown, {suggestion(load.type, DISTURBANCES)}"
             continue
         given = {"amplitude": load.amplitude, "period": load.period, **load.parameters}
-        yield from _parameters(
+        yield from _check_parameters(
             where, OF_LOADS[load.type], given, ("amplitude", "period", "lag", "start")
         )
     known = VALVES.names()
@@ -148,20 +150,20 @@ def _wrong(plan: Grid) -> Iterator[str]:
         ("effect", EFFECTS, content.effects),
     ):
         for name, part in parts.items():
-            yield from _part(f"{kind} {name!r}", folder, name, part)
+            yield from _check_part(f"{kind} {name!r}", folder, name, part)
 
 
-def _part(where: str, folder: Any, name: str, part: More) -> Iterator[str]:
+def _check_part(where: str, folder: Any, name: str, part: More) -> Iterator[str]:
     asked = part.name or name
     if asked not in folder.names():
         yield f"{where}: {asked!r} is unknown, {suggestion(asked, folder.names())}"
     else:
-        yield from _parameters(
+        yield from _check_parameters(
             where, folder.load(asked).PARAMETERS, part.parameters, tuple(part.scale)
         )
 
 
-def _parameters(
+def _check_parameters(
     where: str, schema: Mapping[str, Any], given: Mapping[str, Any], scaled: Sequence[str]
 ) -> Iterator[str]:
     for key, value in given.items():

@@ -89,16 +89,16 @@ def write_records(
     shutil.rmtree(half, ignore_errors=True)  # of a call that was killed
     make_folder(half)
     try:
-        written = _write(half, plan)
+        written = _write_records(half, plan)
         half.replace(out)
     finally:
         shutil.rmtree(half, ignore_errors=True)
     return written
 
 
-def _write(folder: Path, plan: Grid) -> int:
+def _write_records(folder: Path, plan: Grid) -> int:
     """Write both files of the folder, and return the number of records."""
-    records = _records(plan)
+    records = _yield_records(plan)
     left_out = []
     known = []
     with (
@@ -114,7 +114,7 @@ def _write(folder: Path, plan: Grid) -> int:
                 if isinstance(one, Refusal):
                     left_out.append(one.reason)
             if there:
-                writer.write_table(_samples(there))
+                writer.write_table(_stack_samples(there))
             for name, r in there.items():
                 known.append((name, r.Ts, r.process, *(r.op_span or ("", ""))))
     if left_out:
@@ -132,7 +132,7 @@ def _write(folder: Path, plan: Grid) -> int:
 _SCHEMA = pa.schema([("record", pa.string())] + [(name, pa.float64()) for name in _SIGNALS])
 
 
-def _records(plan: Grid) -> Iterator[tuple[str, LoopRecord | Refusal]]:
+def _yield_records(plan: Grid) -> Iterator[tuple[str, LoopRecord | Refusal]]:
     """Yield id and record of every scenario, or why there is none, in the order of ids."""
     scenarios = []
     for group in plan.groups():
@@ -154,7 +154,7 @@ def _record_of(scenario: Scenario) -> LoopRecord | Refusal:
         return Refusal(error_text(fault))
 
 
-def _samples(records: Mapping[str, LoopRecord]) -> pa.Table:
+def _stack_samples(records: Mapping[str, LoopRecord]) -> pa.Table:
     """Return the samples of records one below the other."""
     names = np.repeat(list(records), [r.n for r in records.values()])
     signals = (np.concatenate([getattr(r, name) for r in records.values()]) for name in _SIGNALS)

@@ -151,7 +151,7 @@ def run_scored(
             settings = PieceSettings(tuple(names), files, parts, own)
             task = _Task(plan, folder, run_key(manifest), settings)
             shown = options.get("progress")
-            with _Bar(shown, len(plan)) as bar, _stoppable(), _resumable(folder):
+            with _Bar(shown, len(plan)) as bar, _stop_on_sigterm(), _tell_how_to_resume(folder):
                 receipts = _work_pieces(
                     folder, task, run, bar, dict(enumerate(range(*piece) for piece in chunks(plan)))
                 )
@@ -250,7 +250,7 @@ def choose_with_oracle(methods: Iterable[str], added: Sequence[str]) -> list[str
 def _refuse_wrong_run(plan: Grid, names: Sequence[str]) -> None:
     """Refuse, before anything is simulated, what would fail in every worker."""
     refuse_wrong_forms(names)
-    refuse_too_large(size_of(plan, *_budgets(names)), plan.name)
+    refuse_too_large(size_of(plan, *_count_slow_methods(names)), plan.name)
     refuse_wrong_parts(plan)
     tell_copies(plan)
 
@@ -314,7 +314,7 @@ def _worker_died(error: Exception) -> bool:
 
 
 @contextlib.contextmanager
-def _stoppable() -> Iterator[None]:
+def _stop_on_sigterm() -> Iterator[None]:
     """Let SIGTERM end a run like Ctrl-C does."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -328,7 +328,7 @@ def _stoppable() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _resumable(folder: Path) -> Iterator[None]:
+def _tell_how_to_resume(folder: Path) -> Iterator[None]:
     """Let whatever stops a run tell how much of it is on disk."""
     try:
         yield
@@ -377,6 +377,6 @@ def _all_there(*kinds: Sequence[str]) -> Iterator[str]:
     return (f for files in kinds for f in files if Path(f).is_file())
 
 
-def _budgets(names: Sequence[str]) -> tuple[int, int]:
+def _count_slow_methods(names: Sequence[str]) -> tuple[int, int]:
     slow = sum(n != ORACLE and registry.load(n).METHOD.budget == "full" for n in names)
     return len(names) - slow, slow

@@ -53,7 +53,7 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     )
     # the valve rests under the OP before the first
     record = Stretch(np.append(setup.op0, op), left, 1, 0, 0, n, 1.0, 0.0, 100.0)
-    b, a, delay = _transfer(setup)
+    b, a, delay = _transfer_function(setup)
 
     def misfits(S: np.ndarray, J: np.ndarray) -> np.ndarray:
         none = np.zeros(S.size)
@@ -112,7 +112,7 @@ def _best_valve(
     return S, J, best
 
 
-def _transfer(setup: Setup) -> tuple[np.ndarray, np.ndarray, int]:
+def _transfer_function(setup: Setup) -> tuple[np.ndarray, np.ndarray, int]:
     """Return numerator and denominator of the sampled plant in powers of 1/z, of one length, and
     the samples by which it is late.
     """

@@ -77,20 +77,22 @@ def settle(group: Group) -> list[Scenario | None]:
             loops[id(own)] = _own_sampling(own, twin, cycle)
         loop = loops[id(own)]
         found.append(
-            Scenario(loop=loop, seed=draft.seed, tags=_tags(draft, loop), asked=draft.id)
+            Scenario(loop=loop, seed=draft.seed, tags=_tags_of(draft, loop), asked=draft.id)
             if draft.echo is None
-            else _echo(draft, draft.echo, loop, _units(twin, cycle))
+            else _make_echo(draft, draft.echo, loop, _measure_units(twin, cycle))
         )
     return found
 
 
-def _units(twin: Loop, cycle: Cycle) -> dict[str, float]:
+def _measure_units(twin: Loop, cycle: Cycle) -> dict[str, float]:
     """Return what the parameters of a cell are measured in."""
     S, J = band(twin)
     return {"S": S, "J": J, "period": cycle.period, "pv": cycle.pv_std}
 
 
-def _echo(draft: Draft, wanted: Echo, sibling: Loop, unit: Mapping[str, float]) -> Scenario | None:
+def _make_echo(
+    draft: Draft, wanted: Echo, sibling: Loop, unit: Mapping[str, float]
+) -> Scenario | None:
     """Return the healthy loop that moves as its sibling does; None where the sibling does not
     cycle, or with no seed but its own.
     """
@@ -112,7 +114,7 @@ def _echo(draft: Draft, wanted: Echo, sibling: Loop, unit: Mapping[str, float]) 
     seed = seed_of_echo(loop, draft.seed)
     if seed is None:
         return None
-    return Scenario(loop=loop, seed=seed, tags=_tags(draft, loop), asked=draft.id)
+    return Scenario(loop=loop, seed=seed, tags=_tags_of(draft, loop), asked=draft.id)
 
 
 def seed_of_echo(loop: Loop, first: int) -> int | None:
@@ -312,7 +314,7 @@ def _apply_rules(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
             # of its own periods, or of the sticky sibling's where these are longer
             longer = min(max(cycle.period / own, 1.0), _LONGEST_WARM_UP)
             table["sampling"]["warm_up"] = round(per * rules.warm_up * longer)
-    unit = _units(twin, cycle)
+    unit = _measure_units(twin, cycle)
     table["valve"] = _valve_of(draft, unit)
     if rules.noise_ratio is not None:
         table["noise"] = {"std": significant(rules.noise_ratio * cycle.pv_std)}
@@ -395,7 +397,7 @@ def _move_setpoint(
     table["steps"] = steps
 
 
-def _tags(draft: Draft, loop: Loop) -> dict[str, Any]:
+def _tags_of(draft: Draft, loop: Loop) -> dict[str, Any]:
     # a valve without friction has no place on the axis of stick bands
     if VALVES.load(loop.valve.name).FRICTION:
         return draft.tags

@@ -83,7 +83,7 @@ def _find_cycling(run: Run, loop: Loop, seed: int, period: float | None) -> Cycl
     found = None
     twin = healthy_twin(loop)
     for quiet in _quiet_moments(loop, period / Ts):
-        tail, moved = _tail(loop, seed, period / Ts, bar, quiet)
+        tail, moved = _simulate_tail(loop, seed, period / Ts, bar, quiet)
         said = _goes_on_by_itself(twin, seed, tail, moved, bar, quiet)
         if said == YES:
             return Cycled(YES, moved.period * Ts, moved.swing)
@@ -129,7 +129,7 @@ def healthy_twin(loop: Loop) -> Loop:
     return loop.model_copy(update={"valve": valve, "effect": kept})
 
 
-def _samples(period: float) -> int:
+def _samples_of_tail(period: float) -> int:
     return min(max(math.ceil(_TAIL_PERIODS * period), 3 * _TAIL_PERIODS), _MAX_TAIL)
 
 
@@ -141,14 +141,16 @@ def _quiet_moments(loop: Loop, period: float) -> list[int]:
     return sorted({max(n - round(share * period), 0) for share in _MOMENTS}, reverse=True)
 
 
-def _tail(
+def _simulate_tail(
     loop: Loop, seed: int, period: float, bar: float, quiet: int | None
 ) -> tuple[np.ndarray, Motion]:
-    samples = _samples(period)
+    samples = _samples_of_tail(period)
     while True:
         tail = valve_tail(loop, seed, samples, quiet)
         moved = motion(tail, bar / 4)
-        wanted = _samples(moved.period if moved.reversals > 2 else 2.0 * samples / _TAIL_PERIODS)
+        wanted = _samples_of_tail(
+            moved.period if moved.reversals > 2 else 2.0 * samples / _TAIL_PERIODS
+        )
         # a cycle that is slower than expected needs a longer tail; a valve that stands still does
         # not
         if np.ptp(tail[samples // 2 :]) < bar or wanted <= 1.25 * samples or samples >= _MAX_TAIL:
@@ -162,7 +164,7 @@ def _goes_on_by_itself(
     """Say whether the valve goes on moving in one noise-free tail, and by itself: more than its
     healthy twin does.
     """
-    if _swings(moved, bar) and moved.lasting >= _FADING:
+    if _keeps_swinging(moved, bar) and moved.lasting >= _FADING:
         healthy = valve_tail(twin, seed, tail.size, quiet)
         own = _TWIN * largest_sine(tail, moved.period) > largest_sine(healthy, moved.period)
         return YES if own and moved.lasting >= _LASTING else _UNCLEAR
@@ -178,15 +180,15 @@ def _moves_steadily(
     """Whether the valve moves steadily all the same: undisturbed in the record, or as long as the
     noise goes on.
     """
-    if not _is_driven(run) and _swings(late, bar) and late.lasting >= _LASTING:
+    if not _is_driven(run) and _keeps_swinging(late, bar) and late.lasting >= _LASTING:
         return True
     if undisturbed(loop).noise_std == 0:
         return False
-    _, moved = _tail(loop, seed, period, bar, None)
-    return _swings(moved, bar) and moved.lasting >= _FADING
+    _, moved = _simulate_tail(loop, seed, period, bar, None)
+    return _keeps_swinging(moved, bar) and moved.lasting >= _FADING
 
 
-def _swings(moved: Motion, bar: float) -> bool:
+def _keeps_swinging(moved: Motion, bar: float) -> bool:
     return moved.reversals >= MIN_REVERSALS and moved.swing >= bar
 
 

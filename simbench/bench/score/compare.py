@@ -97,7 +97,7 @@ class Comparison:
             if np.isfinite(p[i, j]):
                 star = "*" if p[i, j] < _LEVEL else ""
                 text[i, j] = f"{wins[i, j]:.0f}-{ties[i, j]:.0f}-{losses[i, j]:.0f}{star}"
-                text[j, i] = _p(p[i, j]) + star
+                text[j, i] = _format_p(p[i, j]) + star
         return pd.DataFrame(text, names, names)
 
     def as_text(self) -> str:
@@ -107,7 +107,7 @@ class Comparison:
             f"all {self.cases} loops with a label against {self.truth!r}, oscillating or not; share"
             " right with 95 % interval"
         ]
-        lines += self._accuracies()
+        lines += self._accuracy_lines()
         for row in self.ranking[self.ranking["failed"] > 0].itertuples():
             lines.append(
                 f"! {row.method} failed on {row.failed} of {row.n} records, which count as wrong"
@@ -135,7 +135,7 @@ class Comparison:
         DataFrame
             First, Second, n, Win (only the first right), Tie, Loss, p with a star below .05.
         """
-        p = [f"{_p(r.p)}{'*' * r.differ}" for r in self.pairs.itertuples()]
+        p = [f"{_format_p(r.p)}{'*' * r.differ}" for r in self.pairs.itertuples()]
         shown = self.pairs.drop(columns=["p", "differ"]).assign(p=p).astype(str)
         return shown.rename(columns=lambda name: name if len(name) == 1 else name.capitalize())
 
@@ -153,24 +153,26 @@ class Comparison:
         """Return a line for every pair."""
         return [self.legend, ""] + lines_of(self.listed().rename(columns=str.lower))
 
-    def _names(self) -> list[str]:
+    def _number_methods(self) -> list[str]:
         """Return the methods with a number, and a mark where one failed."""
         names = []
         for k, r in enumerate(self.ranking.itertuples(), 1):
             names.append(f"{k} {r.method}{'!' if r.failed else ''}")
         return names
 
-    def _accuracies(self) -> list[str]:
+    def _accuracy_lines(self) -> list[str]:
         r = self.ranking
         share = "{:.3f}".format
-        table = pd.DataFrame({"method": self._names(), "n": r.n, "accuracy": r.accuracy.map(share)})
+        table = pd.DataFrame(
+            {"method": self._number_methods(), "n": r.n, "accuracy": r.accuracy.map(share)}
+        )
         table["95 %"] = r.accuracy_lo.map(share) + "-" + r.accuracy_hi.map(share)
         return lines_of(table)
 
     def _matrix_lines(self) -> list[str]:
         """Return the matrix, in parts as wide as a line."""
         # the columns have the numbers of their methods
-        names = self._names()
+        names = self._number_methods()
         numbers = [str(k) for k in range(1, len(names) + 1)]
         table = self.cells().set_axis(numbers, axis=1)
         for k in range(len(numbers)):
@@ -209,10 +211,10 @@ class Comparison:
         return page_part(f"{self!r}; {self.legend}", shown)
 
 
-def _p(p: float) -> str:
+def _format_p(p: float) -> str:
     """Return a p-value as papers print it.
 
-    >>> _p(0.0126), _p(0.00002), _p(1.0)
+    >>> _format_p(0.0126), _format_p(0.00002), _format_p(1.0)
     ('.013', '<.001', '1')
     """
     if p < 0.001:
@@ -259,7 +261,7 @@ def compare(
     pairs = pd.DataFrame(rows, columns=list(_PAIR[:-2]))
     pairs["p"] = holm([paired.p for paired in found])
     pairs["differ"] = pairs["p"] < _LEVEL
-    return Comparison(truth, side.right.shape[1], _ranking(book, side), pairs)
+    return Comparison(truth, side.right.shape[1], _rank_side(book, side), pairs)
 
 
 class _Side(NamedTuple):
@@ -283,7 +285,7 @@ def plain(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return frame.astype(object).where(frame.notna(), None).to_dict("records")
 
 
-def _ranking(book: RunArrays, side: _Side) -> pd.DataFrame:
+def _rank_side(book: RunArrays, side: _Side) -> pd.DataFrame:
     failed = failures(book)
     rows = []
     for method, right, applies in zip(book.methods, side.right, side.applies, strict=True):

@@ -63,12 +63,14 @@ def out_of_fold(features: np.ndarray, label: np.ndarray, groups: np.ndarray) -> 
     than it is asked about.
     """
     arrays = (np.asarray(features, float), label > 0, folds_of(groups))
-    return _boost(features.shape[1], *(x.tobytes() for x in arrays)).copy()
+    return _boost_folds(features.shape[1], *(x.tobytes() for x in arrays)).copy()
 
 
 # `run` scores what it wrote, and then what it reads: the two classifiers learn once
 @lru_cache(maxsize=2)
-def _boost(columns: int, feature_bytes: bytes, label_bytes: bytes, fold_bytes: bytes) -> np.ndarray:
+def _boost_folds(
+    columns: int, feature_bytes: bytes, label_bytes: bytes, fold_bytes: bytes
+) -> np.ndarray:
     """Return what `out_of_fold` does, of folds, for arrays of floats, bools and integers."""
     label = np.frombuffer(label_bytes, bool)
     fold = np.frombuffer(fold_bytes, int)

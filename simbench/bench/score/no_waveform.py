@@ -71,8 +71,8 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
         period = period_s / record.Ts
     else:
         period = 0.0
-    of_op = _signal(op, fifth)
-    of_pv = _signal(pv, fifth)
+    of_op = _features_of_signal(op, fifth)
+    of_pv = _features_of_signal(pv, fifth)
     values = {f"op_{name}": value for name, value in of_op.items()} | {
         f"pv_{name}": value for name, value in of_pv.items()
     }
@@ -89,7 +89,7 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
     return np.array([values[name] for name in FEATURES + EXTREMES])
 
 
-def _signal(x: np.ndarray, fifth: int) -> dict[str, float]:
+def _features_of_signal(x: np.ndarray, fifth: int) -> dict[str, float]:
     std = centred(x)[1]
     unit = max(std, _SMALLEST)
     begin = x[:fifth]

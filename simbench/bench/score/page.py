@@ -83,9 +83,9 @@ def write_page(
     """
     manifest = scores.manifest
     sections = [
-        Section("ranking", "Ranking", _rank(scores, truth, failed)),
-        Section("maps", "Maps", _map(scores, truth)),
-        Section("roc", "ROC", _trade(scores.book)),
+        Section("ranking", "Ranking", _draw_ranking(scores, truth, failed)),
+        Section("maps", "Maps", _draw_maps(scores, truth)),
+        Section("roc", "ROC", _draw_roc_curves(scores.book)),
         Section("causes", "False positives by cause", _list_causes(scores)),
         Section("provenance", "Provenance", _tell_origin(manifest, str(folder))),
     ]
@@ -95,7 +95,7 @@ def write_page(
     write(path, title, origin, sections, footer=f"Every number: {origin}.")
 
 
-def _rank(scores: Scores, truth: str, failed: str) -> list[Part]:
+def _draw_ranking(scores: Scores, truth: str, failed: str) -> list[Part]:
     """Draw what each method is right on and costs, and list the ranking as the text does."""
     # the sentences of the text
     rows = scores.rows(truth)
@@ -151,7 +151,7 @@ def tabulate(rows: pd.DataFrame) -> Table:
     return Table(table, formats, beside=beside)
 
 
-def _map(scores: Scores, truth: str) -> list[Part]:
+def _draw_maps(scores: Scores, truth: str) -> list[Part]:
     """Draw one map per method and kind of plant: accuracy over dead time and S/2J."""
     # the kinds of plants that the grid has
     pictures = []
@@ -221,7 +221,7 @@ def draw_maps(rates: pd.DataFrame, axis: str) -> Figure:
     return figure
 
 
-def _trade(book: RunArrays | None) -> list[Part]:
+def _draw_roc_curves(book: RunArrays | None) -> list[Part]:
     """Draw one ROC curve per detector, the largest area first, with the point that its published
     threshold sits on.
     """

@@ -54,7 +54,7 @@ def ranking_text(scores: Any, truth: str = "cycled") -> pd.DataFrame:
         else:
             rank = f"{r['rank']:.0f}{'=' if r['shared'] else ''}"
         name = r["method"] + HOME_MARKS[r["home"]]
-        cells = {"Rank": rank, "Method": name, "n": str(r["n"]), **_shares(r, _SHARES)}
+        cells = {"Rank": rank, "Method": name, "n": str(r["n"]), **_format_shares(r, _SHARES)}
         rows.append({"Group": r["group"], **cells})
     return pd.DataFrame(rows)
 
@@ -67,7 +67,9 @@ def along_text(rates: pd.DataFrame) -> pd.DataFrame:
         place = {}
         for name in axes:
             place[name] = r[name]
-        rows.append({"Method": r["method"], **place, "n": str(r["n"]), **_shares(r, _SHARES[1:])})
+        rows.append(
+            {"Method": r["method"], **place, "n": str(r["n"]), **_format_shares(r, _SHARES[1:])}
+        )
     return pd.DataFrame(rows)
 
 
@@ -127,7 +129,7 @@ def _format_table(kind: str, text: pd.DataFrame, about: str) -> str:
     return f"% {about}\n% needs the package booktabs\n{table}"
 
 
-def _shares(row: dict[str, Any], names: Sequence[str]) -> dict[str, str]:
+def _format_shares(row: dict[str, Any], names: Sequence[str]) -> dict[str, str]:
     """Return shares as text with their intervals, by the name of their column."""
     cells = {}
     for name in names:

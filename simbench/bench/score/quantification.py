@@ -111,14 +111,14 @@ def compared(
         for what, column in ((MEDIAN_ERROR, "error"), (COVERAGE, "held")):
             a, b = (np.asarray(side[column], dtype=float) for side in sides)
             if np.isfinite(a).any():
-                test = _test(what, a, b)
+                test = _test_errors(what, a, b)
                 rows.append(
                     {"method": method, "truth": f"{parameter} of {family}", "what": what, **test}
                 )
     return rows, untold
 
 
-def _test(what: str, before: np.ndarray, now: np.ndarray) -> dict[str, Any]:
+def _test_errors(what: str, before: np.ndarray, now: np.ndarray) -> dict[str, Any]:
     """Test loop by loop whether errors grew, or intervals hold less often."""
     # an interval that is no longer given holds nothing
     known = np.isfinite(before)

@@ -298,14 +298,14 @@ class Scores:
             "benchmark": self.manifest.get("benchmark"),
             "undecided": self.undecided,
             **{key: n for key, n in self.counts.items() if key == SAMPLED},
-            "rows": _records(table[list(_ROWS)] if len(table) else table),
-            "intervals": _records(table[list(_INTERVALS)] if len(table) else table),
+            "rows": _as_records(table[list(_ROWS)] if len(table) else table),
+            "intervals": _as_records(table[list(_INTERVALS)] if len(table) else table),
             "resolution": None if math.isnan(resolution) else resolution,
-            "by_axis": _records(self.by_axis),
-            "disagreement": _records(self.disagreement),
-            "left_out": _records(self.left_out),
-            "by_cause": _records(self.by_cause),
-            "quantification": _records(self.quantification),
+            "by_axis": _as_records(self.by_axis),
+            "disagreement": _as_records(self.disagreement),
+            "left_out": _as_records(self.left_out),
+            "by_cause": _as_records(self.by_cause),
+            "quantification": _as_records(self.quantification),
         }
 
     def to_frame(self) -> pd.DataFrame:
@@ -341,7 +341,7 @@ class Scores:
         ParameterError
             For what is no axis of this run, or more than two.
         """
-        return self._of_chosen(_along(self._answers(), axis, truth))
+        return self._of_chosen(_rates_along(self._stored_answers(), axis, truth))
 
     def compare(self, truth: str = "cycled") -> Comparison:
         """Compare every two methods, scenario by scenario.
@@ -362,9 +362,9 @@ class Scores:
         UserError
             For an unknown truth.
         """
-        return compare(self._answers(), truth, self.chosen)
+        return compare(self._stored_answers(), truth, self.chosen)
 
-    def _answers(self) -> RunArrays:
+    def _stored_answers(self) -> RunArrays:
         """Return the answers, without which scores are tables alone."""
         if self.book is None:
             raise UserError("these scores hold no answers; score the folder of a run")
@@ -401,11 +401,11 @@ class Scores:
             write_file(folder / f"{name}.csv", csv_text(frame, float_format="%.5g").encode())
 
 
-def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
+def _as_records(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return json.loads(frame.to_json(orient="records", double_precision=6))
 
 
-def _along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") -> pd.DataFrame:
+def _rates_along(book: RunArrays, axis: str | Sequence[str], truth: str = "cycled") -> pd.DataFrame:
     """Return rates by method and value of one axis or two."""
     # one axis or two of the run
     if isinstance(axis, str):

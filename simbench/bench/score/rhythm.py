@@ -43,13 +43,13 @@ def rhythm_features(record: LoopRecord, period_s: float) -> np.ndarray:
         count = record.n // size
         means.append(x[: size * count].reshape(count, size).mean(axis=1))
         values += _of_signal(x, means[-1], period)
-    return np.nan_to_num(np.array(values + [_correlation(*means)]))
+    return np.nan_to_num(np.array(values + [_correlate_neighbours(*means)]))
 
 
 def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
     """Return `_OF_EACH` of one signal."""
     off, std = centred(x)
-    fundamental = _band(off, period)
+    fundamental = _band_of_period(off, period)
     before = np.flatnonzero((fundamental[:-1] < 0.0) & (fundamental[1:] >= 0.0))
     if before.size < 3 or not std > 0.0:
         return [0.0] * len(_OF_EACH)
@@ -58,17 +58,17 @@ def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
     lengths = np.diff(before + a / (a - b))
     sizes = np.maximum.reduceat(np.abs(fundamental), before + 1)[:-1]
     return [
-        _spread(lengths),
+        _relative_spread(lengths),
         _correlate_next(lengths),
         _correlate_next(lengths, 2),
-        _spread(sizes),
+        _relative_spread(sizes),
         _correlate_next(sizes),
         centred(means)[1] / std,
         _correlate_next(means),
     ]
 
 
-def _spread(x: np.ndarray) -> float:
+def _relative_spread(x: np.ndarray) -> float:
     mean = np.add.reduce(x) / x.size
     if mean > 0.0:
         return float(centred(x)[1] / mean)
@@ -76,10 +76,10 @@ def _spread(x: np.ndarray) -> float:
 
 
 def _correlate_next(x: np.ndarray, step: int = 1) -> float:
-    return _correlation(x[:-step], x[step:])
+    return _correlate_neighbours(x[:-step], x[step:])
 
 
-def _correlation(x: np.ndarray, y: np.ndarray) -> float:
+def _correlate_neighbours(x: np.ndarray, y: np.ndarray) -> float:
     if x.size < _LEAST:
         return 0.0
     x, x_std = centred(x)
@@ -89,7 +89,7 @@ def _correlation(x: np.ndarray, y: np.ndarray) -> float:
     return 0.0
 
 
-def _band(x: np.ndarray, period: float) -> np.ndarray:
+def _band_of_period(x: np.ndarray, period: float) -> np.ndarray:
     """Return what of a signal oscillates with about the period (samples), without delay."""
     # a cosine transform is the spectrum of the signal and its mirror image at half the cost
     frequency = np.arange(x.size) * (0.5 * period / x.size)

@@ -99,15 +99,15 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
         block = sample.block(np.isin(process, of) & np.isin(going_on, going), labels[truth])
         # where nothing oscillates no score tells loops apart
         each = _of_each(counts, key, len(everyone))
-        found = _rows(block, sample, each, zip(_KEY, key), undecided, going != _RESTING)
-        standing[key] = _rank(block, sample.answers, found, undecided, failing)
+        found = _score_block(block, sample, each, zip(_KEY, key), undecided, going != _RESTING)
+        standing[key] = _write_ranks(block, sample.answers, found, undecided, failing)
         rows += found
     by_axis = list(_by_axis(book, answers, sample, undecided)) or [
         {"axis": "", "value": "", **rows[0]}
     ]
     frames = [_frame_of_rows(rows), _frame_of_rows(by_axis)]
     other = (
-        _disagreement(book),
+        _count_disagreements(book),
         _count_left_out(book, answers, everyone),
         _count_by_cause(book, answers, everyone),
         quantification(book),
@@ -185,7 +185,7 @@ class _Block(NamedTuple):
     blind: np.ndarray
 
 
-def _rows(
+def _score_block(
     block: _Block,
     sample: _Sample,
     counts: Sequence[dict[str, Any]],
@@ -201,12 +201,14 @@ def _rows(
     for a, c in zip(sample.answers, counts, strict=True):
         row: dict[str, Any] = {"method": a.method, **where}
         row |= {key: getattr(a, key) for key in _ABOUT} | {key: c[key] for key in _COUNTED}
-        row["missed"] = _share(c["missed"], c["sticky"])
-        row["no_decision_positives"] = _share(c["open_sticky"], c["sticky"])
-        row["no_decision_negatives"] = _share(c["open_other"], c["applicable"] - c["sticky"])
+        row["missed"] = _divide_counts(c["missed"], c["sticky"])
+        row["no_decision_positives"] = _divide_counts(c["open_sticky"], c["sticky"])
+        row["no_decision_negatives"] = _divide_counts(
+            c["open_other"], c["applicable"] - c["sticky"]
+        )
         wrong = c["applicable"] - c["right"] - (1.0 - cost) * c["open"]
-        of_all = _share(wrong, c["applicable"]), c["applicable"]
-        row |= _orders(block, a, cost, of_all, interval)
+        of_all = _divide_counts(wrong, c["applicable"]), c["applicable"]
+        row |= _score_orders(block, a, cost, of_all, interval)
         row["errors"] = c["errors"]
         times = a.runtime[block.use]
         if times.size:
@@ -217,13 +219,13 @@ def _rows(
     return rows
 
 
-def _share(part: float, whole: int) -> float:
+def _divide_counts(part: float, whole: int) -> float:
     if whole:
         return part / whole
     return math.nan
 
 
-def _orders(
+def _score_orders(
     block: _Block, a: Answers, cost: float, of_all: tuple[float, int], interval: bool
 ) -> dict[str, float]:
     """Return what needs an order of the loops or their spread; `of_all` are the mean cost of all
@@ -234,7 +236,7 @@ def _orders(
         here, positive, groups, folds, blind = block
     else:
         here, positive, groups, folds, blind = (x[applies] for x in block)
-    earned = _earnings(a.said[here], positive, cost)
+    earned = _earn_answers(a.said[here], positive, cost)
     ranges = {"cost": _mean_of_groups(1.0 - earned, groups, 0.0, *of_all)}
     score = a.score[here]
     if interval:
@@ -246,7 +248,7 @@ def _orders(
             found = rate(0, 0)
         ranges |= {
             "cost_over_no_waveform": _mean_of_groups(
-                _earnings(blind, positive, cost) - earned, groups, -1.0
+                _earn_answers(blind, positive, cost) - earned, groups, -1.0
             ),
             "sensitivity_at_5": found,
         }
@@ -262,7 +264,7 @@ def _orders(
     return row | dict(zip(("auc", "auc_lo", "auc_hi"), auc(score, positive), strict=True))
 
 
-def _earnings(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
+def _earn_answers(said: np.ndarray, positive: np.ndarray, cost: float) -> np.ndarray:
     """Return 1 where right, 0 where wrong, 1 less its cost where nothing was decided, and NaN where
     it is not known what was said.
     """
@@ -311,7 +313,7 @@ def _by_axis(
             place = {"axis": axis, "value": value, "truth": "cycled"}.items()
             block = sample.block(codes == k, label)
             each = _of_each(counts, k, len(sample.answers))
-            yield from _rows(block, sample, each, place, cost, interval=False)
+            yield from _score_block(block, sample, each, place, cost, interval=False)
 
 
 def _count_left_out(
@@ -369,7 +371,7 @@ def _count_by_cause(
     return with_names(table, everyone, "role")
 
 
-def _rank(
+def _write_ranks(
     block: _Block,
     everyone: list[Answers],
     rows: list[dict[str, Any]],
@@ -421,7 +423,7 @@ def _earnings_with_gaps(block: _Block, a: Answers, cost: float) -> np.ndarray:
     """Return what a method earns on each loop of a block: where it does not answer, what it earns
     elsewhere, so that a gap neither helps nor harms it.
     """
-    earned = _earnings(a.said[block.use], block.positive, cost)
+    earned = _earn_answers(a.said[block.use], block.positive, cost)
     applies = a.applies[block.use]
     return np.where(applies, earned, earned[applies].mean() if applies.any() else 0.0)
 
@@ -439,7 +441,7 @@ def _rank_where_it_answers(
     return int(ranks.rank[peers.index(own)])
 
 
-def _disagreement(book: RunArrays) -> pd.DataFrame:
+def _count_disagreements(book: RunArrays) -> pd.DataFrame:
     import pandas as pd
 
     def word(codes: np.ndarray) -> np.ndarray:

@@ -68,16 +68,16 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
     """
     # above the ranking: advice, the run, what counts as stiction
     rows = scores.rows(truth)
-    title = _advice(scores, rows) + _title(scores, whole)
+    title = _advise_on_methods(scores, rows) + _describe_run(scores, whole)
     if rows.empty:
-        return title + _sentences(scores, truth, where)
-    title += _label(rows, truth)
+        return title + _closing_sentences(scores, truth, where)
+    title += _label_ranking(rows, truth)
 
     # below it: what the columns mean, and which differences are resolved
     tail = (
         wrap(_LEGEND.format(undecided=scores.undecided))
-        + _references(rows, whole)
-        + _sentences(scores, truth, where, whole)
+        + _describe_references(rows, whole)
+        + _closing_sentences(scores, truth, where, whole)
     )
 
     # as many methods as a screen has room for
@@ -91,12 +91,16 @@ def headline(scores: Any, truth: str = "cycled", where: str = "", whole: bool = 
 def opening_lines(scores: Any, truth: str) -> list[str]:
     """Return the sentences around a ranking, a paragraph each."""
     rows = scores.rows(truth)
-    parts = _advice(scores, rows), _title(scores, True), _label(rows, truth) if len(rows) else []
-    around = parts + (_references(rows, True), _sentences(scores, truth, ""))
+    parts = (
+        _advise_on_methods(scores, rows),
+        _describe_run(scores, True),
+        _label_ranking(rows, truth) if len(rows) else [],
+    )
+    around = parts + (_describe_references(rows, True), _closing_sentences(scores, truth, ""))
     return [" ".join(filter(None, lines)) for lines in around if lines]
 
 
-def _label(rows: pd.DataFrame, truth: str) -> list[str]:
+def _label_ranking(rows: pd.DataFrame, truth: str) -> list[str]:
     """Return how many loops the ranking is on, and what counts as stiction."""
     first = rows.iloc[0]
     return wrap(
@@ -105,7 +109,7 @@ def _label(rows: pd.DataFrame, truth: str) -> list[str]:
     )
 
 
-def _advice(scores: Any, rows: pd.DataFrame) -> list[str]:
+def _advise_on_methods(scores: Any, rows: pd.DataFrame) -> list[str]:
     """Return on which method to rely for loops like those of a run that was made from records, or
     that none is worth more than no answer; nothing of another run, or of some methods alone.
     """
@@ -139,7 +143,7 @@ def _advice(scores: Any, rows: pd.DataFrame) -> list[str]:
     return wrap(f"No method is known to be worth more here than no answer: {about}.") + [""]
 
 
-def _references(rows: pd.DataFrame, whole: bool) -> list[str]:
+def _describe_references(rows: pd.DataFrame, whole: bool) -> list[str]:
     """Return what the reference rows are; where a run was stored without what they see, that."""
     if NO_WAVEFORM not in rows.method.tolist():
         return wrap(NO_REFERENCES)
@@ -154,7 +158,9 @@ def along_lines(rates: pd.DataFrame, axes: Sequence[str], grid: str) -> list[str
     for name, title in _TITLES.items():
         if name != "cost":
             titles[name] = title
-    table = _rates(rates, titles, "n", intervals=("accuracy", "sensitivity", "false_positives"))
+    table = _format_rates(
+        rates, titles, "n", intervals=("accuracy", "sensitivity", "false_positives")
+    )
     table.insert(0, axes[0], rates[axes[0]])
     about = f"grid {grid}, all loops with a label; -: fewer than {LEAST} loops, or no such loop"
     return wrap(about) + lines_of(table)
@@ -181,7 +187,7 @@ def two_way_lines(
                 title = str(method)
             else:
                 title = f"{method}: {_TITLES[name]}"
-            cells = [_cell(r[name], loops_of(r, name)) for r in of.to_dict("records")]
+            cells = [_format_cell(r[name], loops_of(r, name)) for r in of.to_dict("records")]
             square = of.assign(cell=cells).pivot(index=down, columns=across, values="cell")
             square = square.reindex(of[down].unique()).reindex(columns=values).fillna("-")
             square.insert(0, title, square.index)
@@ -189,10 +195,10 @@ def two_way_lines(
     return lines
 
 
-def _cell(share: float, n: int) -> str:
+def _format_cell(share: float, n: int) -> str:
     """Return a share with the number of loops it is of.
 
-    >>> _cell(0.5, 24), _cell(0.5, 12), _cell(math.nan, 0)
+    >>> _format_cell(0.5, 24), _format_cell(0.5, 12), _format_cell(math.nan, 0)
     ('.50 24', '(.50) 12', '-')
     """
     if math.isnan(share):
@@ -202,7 +208,7 @@ def _cell(share: float, n: int) -> str:
     return f"{rate_text(share)} {n}"
 
 
-def _title(scores: Any, whole: bool) -> list[str]:
+def _describe_run(scores: Any, whole: bool) -> list[str]:
     """Return what a run is; of the `whole` text also how many loops cycle and were left out."""
     # the run, and what is particular about it
     m = scores.manifest
@@ -253,7 +259,7 @@ def _title(scores: Any, whole: bool) -> list[str]:
     return lines
 
 
-def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list[str]:
+def _closing_sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list[str]:
     """Return which differences are resolved, and where the report is."""
     # methods without a rank
     standing = scores.standing[truth, ALL, OF_OSCILLATING]
@@ -270,7 +276,7 @@ def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list
     # what the ranks tell, or why there are none
     if math.isnan(standing.resolution):
         said.append(f"There is no ranking: {why_not(scores, rows)}.")
-    elif not scores.chosen and _rivals(rows) < 2:
+    elif not scores.chosen and _count_rivals(rows) < 2:
         said.append("Only one method covers these loops, so it has no rival to be ranked against.")
     else:
         ranks = (
@@ -286,7 +292,7 @@ def _sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list
     return lines
 
 
-def _rivals(rows: pd.DataFrame) -> int:
+def _count_rivals(rows: pd.DataFrame) -> int:
     """Return how many methods are ranked with each other on the same loops."""
     ranked = rows[(rows.kind < 2) & rows["rank"].notna() & ~rows.partial]
     if len(ranked):
@@ -314,10 +320,10 @@ def ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
     then the last methods.
     """
     # what fits, one line kept for how many do not; reference rows and the user's own methods stay
-    too_many = _height(rows) - room
+    too_many = _count_lines(rows) - room
     if too_many > 0:
         rows = rows.loc[~rows.method.isin(CONSTANTS)]
-        too_many = _height(rows) - room
+        too_many = _count_lines(rows) - room
     spare = rows.index[(rows.kind != 2) & ~rows.own][::-1]
     if too_many > 0:
         dropped = spare[: too_many + 1]
@@ -326,31 +332,31 @@ def ranking(rows: pd.DataFrame, scores: Any, room: int = 10_000) -> list[str]:
     rows = rows.drop(index=dropped)
 
     # each group below its name
-    head, *body = _cells(rows)
+    head, *body = _format_rows(rows)
     lines = [head]
-    for line, group, begins in zip(body, rows.group, _begins(rows), strict=True):
+    for line, group, begins in zip(body, rows.group, _begins_group(rows), strict=True):
         if begins:
             lines.append(f"-- {group}")
         lines.append(line)
     return lines + ([f"... and {len(dropped)} more methods: --full"] if len(dropped) else [])
 
 
-def _begins(rows: pd.DataFrame) -> pd.Series:
+def _begins_group(rows: pd.DataFrame) -> pd.Series:
     """Return which rows are the first of a group with a name."""
     return rows.group.ne(rows.group.shift(fill_value=""))
 
 
-def _height(rows: pd.DataFrame) -> int:
+def _count_lines(rows: pd.DataFrame) -> int:
     """Return how many lines rows take with the names of their groups."""
-    return len(rows) + int(_begins(rows).sum())
+    return len(rows) + int(_begins_group(rows).sum())
 
 
-def _cells(rows: pd.DataFrame) -> list[str]:
+def _format_rows(rows: pd.DataFrame) -> list[str]:
     """Return a head and one line a row; of too wide a table the intervals of all but the cost are
     left out.
     """
     for intervals in (("cost", "accuracy", "no_decision"), ("cost",)):
-        table = _rates(rows, _TITLES, intervals=intervals).drop(columns="n")
+        table = _format_rates(rows, _TITLES, intervals=intervals).drop(columns="n")
         table.insert(0, "rank", _rank_texts(rows))
         lines = lines_of(table)
         if max(map(len, lines)) <= LINE_WIDTH:
@@ -397,14 +403,14 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
                 f" {rows.iloc[0].positives} positive)"
             )
             lines += ["", title] + (ranking(rows, scores) if rows.iloc[0].n >= LEAST else [])
-            lines.append(_resolution(scores, truth, process))
+            lines.append(_describe_resolution(scores, truth, process))
 
     # what else the scores hold, each below a title
     sections = (
-        _still(scores, truth),
-        _causes(scores),
+        _still_table(scores, truth),
+        _cause_table(scores),
         _over_no_waveform(scores, truth),
-        _details(scores, truth),
+        _detail_table(scores, truth),
         _left_out(scores),
         _dead_band(scores),
         _pair_S_and_J(scores),
@@ -414,7 +420,7 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     return lines + [line for section in sections if section for line in ("", *section)]
 
 
-def _resolution(scores: Any, truth: str, process: str) -> str:
+def _describe_resolution(scores: Any, truth: str, process: str) -> str:
     standing = scores.standing[truth, process, OF_OSCILLATING]
     if math.isnan(standing.resolution):
         return f"There is no ranking: {why_not(scores, scores.rows(truth, process=process))}."
@@ -425,7 +431,7 @@ def _resolution(scores: Any, truth: str, process: str) -> str:
     )
 
 
-def _rates(
+def _format_rates(
     rows: pd.DataFrame,
     titles: Mapping[str, str],
     n: str = "applicable",
@@ -447,23 +453,23 @@ def _rates(
     return table
 
 
-def _still(scores: Any, truth: str) -> list[str]:
+def _still_table(scores: Any, truth: str) -> list[str]:
     """Return the second table: false positives and no decision on loops that do not oscillate."""
     rows = scores.rows(truth, population=OF_NOT_OSCILLATING)
     if rows.empty or rows.iloc[0].n < LEAST:
         return []
     title = f"loops that do not oscillate ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
     titles = {"false_positives": "false positives", "no_decision": "no decision"}
-    return [title] + lines_of(_rates(rows[rows.role != ROLE_YARDSTICK], titles))
+    return [title] + lines_of(_format_rates(rows[rows.role != ROLE_YARDSTICK], titles))
 
 
-def _causes(scores: Any) -> list[str]:
+def _cause_table(scores: Any) -> list[str]:
     """Return false positives by what makes a loop oscillate whose valve does not."""
     rows = _at_home(scores, scores.by_cause)
     if rows.empty:
         return []
     of_each = "; ".join(f"{c} {n}" for c, n in rows.groupby("cause", sort=False).n.max().items())
-    table = _rates(rows, {"false_positives": "share"}, "n").assign(cause=rows.cause)
+    table = _format_rates(rows, {"false_positives": "share"}, "n").assign(cause=rows.cause)
     wide = table.pivot(index="method", columns="cause", values="share").fillna("")
     wide = wide.loc[table.method.unique(), rows.cause.unique()].reset_index()
     title = f"false positives by cause, loops that the valve does not make cycle ({of_each})"
@@ -492,7 +498,7 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     # the difference with its interval, and whether it is resolved
     lo = rows.cost_over_no_waveform_lo
     hi = rows.cost_over_no_waveform_hi
-    table = _rates(rows, {})
+    table = _format_rates(rows, {})
     table["cost over no_waveform"] = rows.cost_over_no_waveform.map("{:+.2f}".format)
     table["95 %"] = lo.map("{:+.2f}".format) + " to " + hi.map("{:+.2f}".format)
     answers = np.select([hi < 0, lo > 0], ["yes", "no"], "cannot tell")
@@ -500,7 +506,7 @@ def _over_no_waveform(scores: Any, truth: str) -> list[str]:
     return [f"cost less that of {NO_WAVEFORM} on the same oscillating loops"] + lines_of(table)
 
 
-def _details(scores: Any, truth: str) -> list[str]:
+def _detail_table(scores: Any, truth: str) -> list[str]:
     """Return what the headline leaves out, over all loops."""
     rows = scores.rows(truth, population=ALL)
     if rows.empty:
@@ -512,7 +518,7 @@ def _details(scores: Any, truth: str) -> list[str]:
     }
 
     # the rank before the rates
-    table = _rates(rows, titles)
+    table = _format_rates(rows, titles)
     table.insert(0, "rank", _rank_texts(rows))
     title = f"all loops, truth {truth!r} ({rows.iloc[0].n}, {rows.iloc[0].positives} positive)"
     legend = (
@@ -533,7 +539,7 @@ def _left_out(scores: Any) -> list[str]:
     titles = {}
     for name in ("stiction", "no_stiction", "no_decision"):
         titles[name] = name.replace("_", " ")
-    table = _rates(rows, titles, "n", intervals=("stiction",))
+    table = _format_rates(rows, titles, "n", intervals=("stiction",))
     table.insert(1, "loops", rows.of)
     title = (
         "not in any row above: answers on entrained and unclear loops, and on those a method does"

@@ -88,10 +88,10 @@ def tallied(counts: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     kinds["open"] = kinds["open_sticky"] | kinds["open_other"]
     parts = pd.DataFrame({name: counts[_COUNT].where(kind, 0) for name, kind in kinds.items()})
     table = pd.DataFrame(parts.groupby([counts[name] for name in by]).sum())
-    return pd.concat([table] + _rates(table), axis=1)
+    return pd.concat([table] + _rates_of_sums(table), axis=1)
 
 
-def _rates(t: pd.DataFrame) -> list[pd.DataFrame]:
+def _rates_of_sums(t: pd.DataFrame) -> list[pd.DataFrame]:
     """Return `RATES` of the sums of `tallied`."""
     # where a method does not apply it does not decide: nothing right is added
     of = (

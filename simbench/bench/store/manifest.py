@@ -48,10 +48,10 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
         "format": FORMAT,
         **settings,
         "code": code_hash(),
-        "commit": _commit(),
+        "commit": _read_commit(),
         "versions": {
             "python": platform.python_version(),
-            **{name: _version(name) for name in _LIBRARIES},
+            **{name: _installed_version(name) for name in _LIBRARIES},
         },
         "machine": f"{platform.system()} {platform.machine()}",
         "processor": processor(),
@@ -169,9 +169,8 @@ def refuse_to_mix(where: Path, manifest: Mapping[str, Any]) -> None:
     old = read_manifest(where)
     for key in _BINDING:
         if old.get(key) != manifest[key]:
-            raise RunError(
-                f"{where} cannot be resumed: {_difference(key, old.get(key), manifest[key])}"
-            )
+            difference = _describe_difference(key, old.get(key), manifest[key])
+            raise RunError(f"{where} cannot be resumed: {difference}")
 
 
 def refuse_other_code(where: object, stated: Mapping[str, Any]) -> None:
@@ -183,7 +182,7 @@ def refuse_other_code(where: object, stated: Mapping[str, Any]) -> None:
         if stated[key] != here[key]:
             raise RunError(
                 f"no method can be asked about the loops of {where}:"
-                f" {_difference(key, stated[key], here[key])}; run it again"
+                f" {_describe_difference(key, stated[key], here[key])}; run it again"
             )
 
 
@@ -237,7 +236,7 @@ def processor() -> dict[str, str]:
     }
 
 
-def _difference(key: str, old: Any, new: Any) -> str:
+def _describe_difference(key: str, old: Any, new: Any) -> str:
     if isinstance(old, dict) and isinstance(new, dict):
         gone = [k for k in old if k not in new]
         come = [k for k in new if k not in old]
@@ -268,7 +267,7 @@ def _describe_change(name: str, old: Any, new: Any) -> str:
     return f"{name} was {old}, is {new}"
 
 
-def _version(name: str) -> str:
+def _installed_version(name: str) -> str:
     try:
         return version(name)
     except PackageNotFoundError:
@@ -276,7 +275,7 @@ def _version(name: str) -> str:
 
 
 @cache
-def _commit() -> str | None:
+def _read_commit() -> str | None:
     """Return the commit of the checkout that this file is in, read without git."""
     git = Path(__file__).resolve().parents[3] / ".git"
     try:

@@ -271,8 +271,8 @@ class RunArrays:
         for part in _parts_for_arrays(folder, "verdicts", manifest):
             size = part.num_rows // max(len(methods), 1)
             some = ids[start : start + size]
-            match = _follow(part.column("scenario_id"), some, np.repeat, len(methods))
-            match &= _follow(part.column("method"), list(methods), np.tile, size)
+            match = _follows_names(part.column("scenario_id"), some, np.repeat, len(methods))
+            match &= _follows_names(part.column("method"), list(methods), np.tile, size)
             said.append(dict(_of_verdicts(part, (len(methods), size))) if match else {})
             start += size
         if not start == len(ids) == n or not all(said):
@@ -296,16 +296,16 @@ def _of_scenarios(table: pa.Table) -> Iterator[tuple[str, Any]]:
     axes = {}
     for name in WORD_COLUMNS:
         axes[name] = _of_words(table.column(name))
-    yield "axes", axes | {name: _numbers(table.column(name)) for name in _NUMBERS}
+    yield "axes", axes | {name: _read_numbers(table.column(name)) for name in _NUMBERS}
     truth = {}
     for name in ("sticky", "predicted"):
-        truth[name] = _flags(table.column(name))
-    truth["cycled"] = _codes(table.column("cycled"), _CYCLED)
+        truth[name] = _read_flags(table.column(name))
+    truth["cycled"] = _encode_words(table.column("cycled"), _CYCLED)
     yield "truth", truth | {"cycled_word": _of_words(table.column("cycled"))}
-    yield "oscillating", _flags(table.column("oscillating")) == 1
+    yield "oscillating", _read_flags(table.column("oscillating")) == 1
     yield "groups", table.column("group").to_numpy()
-    yield "design", _lists(table.column("no_waveform"))
-    yield "friction", np.column_stack([_numbers(table.column(name)) for name in "SJ"])
+    yield "design", _read_lists(table.column("no_waveform"))
+    yield "friction", np.column_stack([_read_numbers(table.column(name)) for name in "SJ"])
 
 
 def _own_axes(manifest: Mapping[str, Any]) -> list[str]:
@@ -342,16 +342,16 @@ def _of_verdicts(table: pa.Table, shape: tuple[int, int]) -> Iterator[tuple[str,
     def by_method(values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values.reshape(shape[::-1]).T)
 
-    yield "verdict", by_method(_codes(table.column("verdict"), CODES))
-    yield "score", by_method(_numbers(table.column("score")))
-    yield "applicable", by_method(_flags(table.column("applicable")))
+    yield "verdict", by_method(_encode_words(table.column("verdict"), CODES))
+    yield "score", by_method(_read_numbers(table.column("score")))
+    yield "applicable", by_method(_read_flags(table.column("applicable")))
     yield "failed", by_method(table.column("error").is_valid().to_numpy())
-    yield "runtime", by_method(_numbers(table.column("runtime_s")).astype(np.float32))
-    ends = [by_method(_numbers(table.column(end)).astype(np.float32)) for end in ENDS]
+    yield "runtime", by_method(_read_numbers(table.column("runtime_s")).astype(np.float32))
+    ends = [by_method(_read_numbers(table.column(end)).astype(np.float32)) for end in ENDS]
     yield "sizes", np.array(ends)
 
 
-def _follow(column: pa.ChunkedArray, names: list[str], repeated: Any, times: int) -> bool:
+def _follows_names(column: pa.ChunkedArray, names: list[str], repeated: Any, times: int) -> bool:
     """Return whether a column holds names in their order, each of them or all so many times."""
     if not len(column):  # of a piece whose echoes were all left out
         return not len(names) * times
@@ -381,21 +381,21 @@ def _of_words(column: pa.ChunkedArray) -> np.ndarray:
     return np.array(names + [""], dtype=object)[places]
 
 
-def _codes(column: pa.ChunkedArray, codes: Mapping[str, int]) -> np.ndarray:
+def _encode_words(column: pa.ChunkedArray, codes: Mapping[str, int]) -> np.ndarray:
     """Return the codes of a column's words, -1 of others and for null."""
     names, places = _encode(column)
     return np.array([codes.get(name, -1) for name in names] + [-1], dtype=np.int8)[places]
 
 
-def _numbers(column: pa.ChunkedArray) -> np.ndarray:
+def _read_numbers(column: pa.ChunkedArray) -> np.ndarray:
     return column.cast(pa.float64()).to_numpy(zero_copy_only=False)
 
 
-def _flags(column: pa.ChunkedArray) -> np.ndarray:
+def _read_flags(column: pa.ChunkedArray) -> np.ndarray:
     return column.cast(pa.int8()).fill_null(-1).to_numpy(zero_copy_only=False).astype(np.int8)
 
 
-def _lists(column: pa.ChunkedArray) -> np.ndarray:
+def _read_lists(column: pa.ChunkedArray) -> np.ndarray:
     """Return a column's lists of numbers as rows; zeros where there is none."""
     there = column.is_valid().to_numpy()
     values = column.combine_chunks().flatten().to_numpy(zero_copy_only=False)

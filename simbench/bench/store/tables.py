@@ -55,7 +55,7 @@ _TYPES = {
 }
 
 
-def _columns(table: str) -> list[tuple[str, pa.DataType]]:
+def _typed_columns(table: str) -> list[tuple[str, pa.DataType]]:
     """Return the columns of lines that begin with a type, in their order."""
     lines = [line.split() for line in table.strip().splitlines()]
     columns = []
@@ -73,7 +73,7 @@ SCENARIOS = pa.schema(
         (name, pa.int64() if name in _COUNTS else _TEXT if name in WORD_COLUMNS else _NUMBER)
         for name in TAG_KEYS
     ]
-    + _columns("""
+    + _typed_columns("""
             count seed
             flag sticky
             number S J
@@ -91,7 +91,7 @@ SCENARIOS = pa.schema(
         """)
 )
 VERDICT_SCHEMA = pa.schema(
-    _columns("""
+    _typed_columns("""
         text scenario_id method verdict
         number score
         flag applicable
@@ -110,7 +110,9 @@ def encode(rows: Sequence[Mapping[str, Any]], schema: pa.Schema, number: int) ->
 
 def as_table(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
     """Return rows as a table; null where a row has no value, or NaN."""
-    arrays = [pa.array(_nulls([row.get(f.name) for row in rows]), type=f.type) for f in schema]
+    arrays = [
+        pa.array(_replace_nan([row.get(f.name) for row in rows]), type=f.type) for f in schema
+    ]
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
@@ -126,5 +128,5 @@ def as_parquet(table: pa.Table, number: int) -> bytes:
     return out.getvalue()
 
 
-def _nulls(values: list[Any]) -> list[Any]:
+def _replace_nan(values: list[Any]) -> list[Any]:
     return [None if isinstance(v, float) and math.isnan(v) else v for v in values]

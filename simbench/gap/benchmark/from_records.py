@@ -167,14 +167,14 @@ def grid_of_loops(
     """Return the grid of some loops that copy records; loads and noise of every cell are drawn
     `repeats` times.
     """
-    calls = [delayed(_scenarios)(n, one, name, seed, repeats) for n, one in loops.items()]
+    calls = [delayed(_scenarios_of_record)(n, one, name, seed, repeats) for n, one in loops.items()]
     rows = []
     group = 0
     for scenarios in run_parallel(calls, jobs, "scenarios settled"):
         for cell, ones in enumerate(scenarios):
             if cell and len(loops) < _FEWEST:
                 group += 1
-            rows += [_row(one, group) for one in ones]
+            rows += [_scenario_row(one, group) for one in ones]
         group += 1
     content = GridFile(
         title=title,
@@ -186,7 +186,7 @@ def grid_of_loops(
     return SettledGrid(name, content, {}, table_of(rows), len(rows))
 
 
-def _row(one: Scenario, group: int) -> dict[str, Any]:
+def _scenario_row(one: Scenario, group: int) -> dict[str, Any]:
     return {
         "group": group,
         "scenario_id": one.id,
@@ -215,7 +215,7 @@ def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | R
     return found
 
 
-def _scenarios(
+def _scenarios_of_record(
     name: str, near: NearLoop, grid: str, seed: int, repeats: int
 ) -> list[list[Scenario]]:
     """Return the scenarios of one record, those of each cell together: sticky and healthy."""
@@ -236,13 +236,13 @@ def _scenarios(
                     "repeat": repeat,
                 }
                 stream = [seed, cell, repeat]
-                members += _cell(near, min(S, _LARGEST), jump, tags, stream)
+                members += _draw_cell(near, min(S, _LARGEST), jump, tags, stream)
             if members:
                 found.append(members)
     return found
 
 
-def _cell(
+def _draw_cell(
     near: NearLoop, S: float, jump: float, tags: dict[str, Any], stream: list[int]
 ) -> list[Scenario]:
     """Return a sticky loop and its healthy sibling: an echo of one that cycles. Where none does as
@@ -255,10 +255,10 @@ def _cell(
     sticky = near.loop.model_copy(update={"valve": Part(name=_VALVE, parameters=valve)})
     try:
         cycles = simulate_with_truth(sticky, first)[1].answer == YES
-        found = [_scenario(near, sticky, first, {**tags, "member": "sticky"}, sticky)]
+        found = [_make_scenario(near, sticky, first, {**tags, "member": "sticky"}, sticky)]
         kind = str(rng.choice(ECHOES))
         if cycles:
-            healthy = _echo(near.loop, valve, kind, other)
+            healthy = _draw_echo(near.loop, valve, kind, other)
         else:
             healthy = None
         if healthy is None:
@@ -267,13 +267,15 @@ def _cell(
         if cycles or (tags["cell"] + tags["repeat"]) % 2 == 0:
             run_once(*healthy)
             told = {**tags, "member": "healthy", "echo": kind}
-            found.append(_scenario(near, *healthy, told, sticky))
+            found.append(_make_scenario(near, *healthy, told, sticky))
     except UserError:
         return []
     return found
 
 
-def _echo(loop: Loop, valve: dict[str, float], kind: str, first: int) -> tuple[Loop, int] | None:
+def _draw_echo(
+    loop: Loop, valve: dict[str, float], kind: str, first: int
+) -> tuple[Loop, int] | None:
     """Return the healthy loop that moves as a sticky one does, and a seed with which that cycles;
     None where none of a few does.
     """
@@ -285,7 +287,7 @@ def _echo(loop: Loop, valve: dict[str, float], kind: str, first: int) -> tuple[L
     return (healthy, seed)
 
 
-def _scenario(
+def _make_scenario(
     near: NearLoop, loop: Loop, seed: int, tags: dict[str, Any], sticky: Loop
 ) -> Scenario:
     """Return a scenario whose id is a hash of the record, the cell and the member."""

@@ -102,10 +102,11 @@ class GridGap:
         str
             The AUC before and after what helps.
         """
-        said = f"{self.grid} is told from these {self.records} records with AUC {_words(self.auc)}"
+        auc = _format_auc(self.auc)
+        said = f"{self.grid} is told from these {self.records} records with AUC {auc}"
         if not self.together:
             return f"{said}; no effect that was tried brings it nearer."
-        return f"{said}; with {self.after.name()} added, with AUC {_words(self.after.auc)}."
+        return f"{said}; with {self.after.name()} added, with AUC {_format_auc(self.after.auc)}."
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types.
@@ -140,8 +141,8 @@ class GridGap:
         lines = [self.sentence()]
         if self.singles:
             lines += ["", "With one effect or nuisance added to every loop of the grid:"]
-            rows = [("added", "AUC"), ("nothing", _words(self.auc))]
-            rows += [(one.name(), _words(one.auc)) for one in self.singles[:_SHOWN]]
+            rows = [("added", "AUC"), ("nothing", _format_auc(self.auc))]
+            rows += [(one.name(), _format_auc(one.auc)) for one in self.singles[:_SHOWN]]
             lines += columns(rows)
         lines += ["", f"{self.loops} loops, {self.records} records of {self.units} units."]
         if self.refused:
@@ -173,5 +174,5 @@ class GridGap:
         return figure
 
 
-def _words(auc: Estimate) -> str:
+def _format_auc(auc: Estimate) -> str:
     return f"{auc.value:.2f} ({auc.lo:.2f} to {auc.hi:.2f})"

@@ -47,15 +47,15 @@ def regress_law(op: np.ndarray, error: np.ndarray) -> Arx | None:
     """Return how changes of OP follow from their past and from the error; None where nothing that
     is stable fits.
     """
-    return _best(_stable_models(np.diff(op, prepend=op[0]), error, _LAW, first=0))
+    return _least_bic(_stable_models(np.diff(op, prepend=op[0]), error, _LAW, first=0))
 
 
 def regress_plant(position: np.ndarray, pv: np.ndarray) -> Arx | None:
     """Return how PV follows from its past and from a valve's position; of models with an integrator
     `past` holds it.
     """
-    found = [_best(_stable_models(pv, position, _PLANT, first=1))]
-    slope = _best(_stable_models(np.diff(pv, prepend=pv[0]), position, _VESSEL, first=1))
+    found = [_least_bic(_stable_models(pv, position, _PLANT, first=1))]
+    slope = _least_bic(_stable_models(np.diff(pv, prepend=pv[0]), position, _VESSEL, first=1))
     if slope is not None:
         past = -np.convolve(slope.den, [1.0, -1.0])[1:]
         found.append(Arx(past, slope.driven, 1, slope.constant, slope.left, slope.bic))
@@ -65,7 +65,7 @@ def regress_plant(position: np.ndarray, pv: np.ndarray) -> Arx | None:
 def regress_noise(noise: np.ndarray) -> Arx:
     """Return how a signal follows from its own past."""
     orders = [(order, 0) for order in range(9)]
-    found = _best(_stable_models(noise, np.zeros(noise.size), orders, first=1))
+    found = _least_bic(_stable_models(noise, np.zeros(noise.size), orders, first=1))
     if found is None:
         left = noise[_MOST:] - noise[_MOST:].mean()
         found = Arx(np.zeros(0), np.zeros(0), 1, float(noise[_MOST:].mean()), left, np.inf)
@@ -80,11 +80,11 @@ def in_samples(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     g = plants.sample(*plants.polynomials(plant), plant.Td, Ts)
     den = np.real(np.poly(g.A))
     late = np.zeros(g.delay)
-    new, old = (_numerator(g.A, B, g.C, den) for B in (g.B_new, g.B_old))
+    new, old = (_numerator_over(g.A, B, g.C, den) for B in (g.B_new, g.B_old))
     return np.concatenate([late, np.append(new, 0.0) + np.append(0.0, old)]), den
 
 
-def _numerator(A: np.ndarray, B: np.ndarray, C: np.ndarray, den: np.ndarray) -> np.ndarray:
+def _numerator_over(A: np.ndarray, B: np.ndarray, C: np.ndarray, den: np.ndarray) -> np.ndarray:
     """Return the numbers of C (zI - A)^-1 B over `den`, by its impulse response."""
     response = np.zeros(den.size)
     x = B
@@ -126,5 +126,5 @@ def _stable_models(
         yield Arx(b[:past], b[past:-1], first, float(b[-1]), left, float(bic))
 
 
-def _best(models: Iterable[Arx]) -> Arx | None:
+def _least_bic(models: Iterable[Arx]) -> Arx | None:
     return min(models, key=lambda one: one.bic, default=None)

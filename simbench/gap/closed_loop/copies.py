@@ -73,7 +73,9 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
     plant_shown = regress_plant(position, pv)
     if plant_shown is not None:
         tables.append((AS_SHOWN, _leave_by_regression(plant_shown, s, s.record.Ts)))
-    around = _surroundings(s, fitted, effects).replace(controller=controller_of(law, s.record.Ts))
+    around = _surrounding_loop(s, fitted, effects).replace(
+        controller=controller_of(law, s.record.Ts)
+    )
     of_op = {"op": (law.left + law.constant).tolist()}
     for copy in _redraw_loads(s, s.record.Ts, tables, around, of_op):
         yield copy._replace(loop=moved(copy.loop, kick))
@@ -90,7 +92,7 @@ def _redraw_loads(
     what a controller left of OP, in short pieces and in long ones.
     """
     for name, (plant, op0, left, law_of_left) in tables:
-        for piece in _pieces(s.op[: held_out(s)], left.size):
+        for piece in _piece_lengths(s.op[: held_out(s)], left.size):
             numbers = {"piece": piece * Ts, **of_op, "output": left.tolist()}
             if law_of_left is None:
                 numbers |= {}
@@ -131,7 +133,7 @@ def _with_shown_law(s: Situation, loop: Loop) -> Iterator[Copy]:
     left = (law.left + law.constant).tolist()
     # the period that the file states: that of the record may differ from it by its clock
     Ts = loop.sampling.Ts
-    piece = _pieces(op, law.left.size)[0] * Ts
+    piece = _piece_lengths(op, law.left.size)[0] * Ts
     load = Part(name="resampled", parameters={"piece": piece, "op": left})
     try:
         shown_law = loop.replace(
@@ -173,13 +175,13 @@ def archived(loop: Loop, s: Situation, held: bool) -> Loop:
         archive=Archiving(
             op_step=op_step,
             pv_step=pv_step,
-            op_held=_repeats(s.op) if held else None,
-            pv_held=_repeats(s.record.pv) if held else None,
+            op_held=_mark_repeats(s.op) if held else None,
+            pv_held=_mark_repeats(s.record.pv) if held else None,
         )
     )
 
 
-def _repeats(x: np.ndarray) -> tuple[int, ...] | None:
+def _mark_repeats(x: np.ndarray) -> tuple[int, ...] | None:
     """Return 1 for every sample that repeats the one before, and 0 for the others; None where none
     does.
     """
@@ -189,7 +191,7 @@ def _repeats(x: np.ndarray) -> tuple[int, ...] | None:
     return None
 
 
-def _surroundings(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> Loop:
+def _surrounding_loop(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> Loop:
     """Return a loop with the set point, the sampling and the valve of the fitted one, the effects
     on the valve and the limits of OP; its plant and controller are to be replaced.
     """
@@ -267,7 +269,7 @@ def _resting_op(op0: float, s: Situation) -> float:
     return float(np.clip(s.op.mean(), *WITHIN))
 
 
-def _pieces(op: np.ndarray, samples: int) -> list[int]:
+def _piece_lengths(op: np.ndarray, samples: int) -> list[int]:
     """Return the lengths of pieces (samples) that are tried."""
     # the mean spectrum of overlapping halves (Welch 1967)
     half = op.size // 2

@@ -32,14 +32,17 @@ def described(loop: Loop) -> list[str]:
     >>> described(loop)[1:]
     ['The controller is PI: Kc = 1, Ti = 10 s.', 'The gain margin is 5.9.']
     """
-    lines = [f"The plant {_plant(loop.plant)}.", f"The controller {controller_words(loop)}."]
+    lines = [
+        f"The plant {_describe_plant(loop.plant)}.",
+        f"The controller {controller_words(loop)}.",
+    ]
     margin = gain_margin(loop)
     if np.isfinite(margin):
         return lines + [f"The gain margin is {margin:.2g}."]
     return lines
 
 
-def _plant(plant: Plant) -> str:
+def _describe_plant(plant: Plant) -> str:
     like = plants.first_order_like(plant)
     numbers = {"K": f"{like.K:.3g}", "T": like.T and f"{like.T:.3g} s", "Td": f"{like.Td:.3g} s"}
     said = ", ".join(f"{name} = {value}" for name, value in numbers.items() if value)
@@ -84,7 +87,7 @@ def shown_words(copy: Copy, block: str) -> str:
     if block == "controller":
         return f"the controller {controller_words(copy.loop)}"
     if copy.plant == AS_SHOWN:
-        return f"the plant {_plant(copy.loop.plant)}"
+        return f"the plant {_describe_plant(copy.loop.plant)}"
     if block == "disturbance":
         return "the load is of another kind than the loop file states"
     return "a load that is drawn again from the record stands for it"

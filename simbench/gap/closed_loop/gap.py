@@ -124,7 +124,7 @@ def measure(
 
     # one ruler for all, or a noisier loop would look nearer
     least = least_spread(named, situation.record.n - start)
-    spread = _ruler(runs, least)
+    spread = _measure_ruler(runs, least)
     b, r, a = (distance(real, x, spread) for x in runs)
     f = max(floor_of(runs[2], spread), _LEAST_FLOOR)
     resolvable = b >= NEAR * f
@@ -133,7 +133,7 @@ def measure(
     per = {}
     for name, *numbers in zip(named, real, *ends, *off):
         per[name] = Compared(*map(float, numbers))
-    at_plant = f * _unsteadiness(situation, after, spread)
+    at_plant = f * _measure_unsteadiness(situation, after, spread)
     if not resolvable:
         return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per, at_plant)
     rng = np.random.default_rng([seed, 41])
@@ -145,7 +145,7 @@ def measure(
             x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])
         )
         keep = rng.integers(0, real.size, real.size)
-        ruler = _ruler([before_, runs[1], after_], least)
+        ruler = _measure_ruler([before_, runs[1], after_], least)
         far = np.minimum(
             np.abs(np.array([real - x.mean(axis=0) for x in (before_, after_)])) / ruler, CAP
         )[:, keep]
@@ -158,7 +158,7 @@ def measure(
     return Shrinkage(b, r, a, f, True, value, lo, hi, per, at_plant)
 
 
-def _unsteadiness(situation: Situation, runs: Runs, spread: np.ndarray) -> float:
+def _measure_unsteadiness(situation: Situation, runs: Runs, spread: np.ndarray) -> float:
     """Return how many times as far a record's features change along it otherwise than the mean of
     its simulations as those of one simulation do, at least 1.
 
@@ -166,14 +166,14 @@ def _unsteadiness(situation: Situation, runs: Runs, spread: np.ndarray) -> float
     """
     start = held_out(situation)
     sp = situation.sp
-    real = _changes(situation.op, situation.record.pv, sp, start)
-    simulated = _changes(runs.archived[:, 0], runs.archived[:, 1], sp, start)
+    real = _changes_along(situation.op, situation.record.pv, sp, start)
+    simulated = _changes_along(runs.archived[:, 0], runs.archived[:, 1], sp, start)
     away = sum(distance(r, x, spread) for r, x in zip(real, simulated))
     chance = sum(floor_of(x, spread) for x in simulated)
     return max(1.0, away / max(chance, 1e-9))
 
 
-def _changes(op: np.ndarray, pv: np.ndarray, sp: np.ndarray, start: int) -> np.ndarray:
+def _changes_along(op: np.ndarray, pv: np.ndarray, sp: np.ndarray, start: int) -> np.ndarray:
     """Return how far the features of two earlier stretches are off those of the held-out part, as
     long and from sample `start` on, shape (2, ..., m).
     """
@@ -186,7 +186,7 @@ def _changes(op: np.ndarray, pv: np.ndarray, sp: np.ndarray, start: int) -> np.n
     return np.array([at(first) - at(start) for first in (start - length, 0)])
 
 
-def _ruler(runs: list[np.ndarray], least: np.ndarray) -> np.ndarray:
+def _measure_ruler(runs: list[np.ndarray], least: np.ndarray) -> np.ndarray:
     """Return the standard deviation of each feature from seed to seed over several sets of runs."""
     return np.sqrt(np.mean([seed_spread(x, least) ** 2 for x in runs], axis=0))
 

@@ -110,16 +110,16 @@ def _with_fitted_load(
     """Return a loop under the load of `source` and the noise of `fit`; noise that remembers is a
     load on PV itself. `as_stated`: white noise is the baseline's.
     """
-    loads = _loads(situation, source, effects)
+    loads = _fitted_loads(situation, source, effects)
     std = 0.0
     if fit.theta["noise_std"] >= _LEAST * situation.data.floor:
-        if _remembers(source):
+        if _is_correlated(source):
             loads.append(_coloured_noise(source, situation.record.Ts))
         else:
             if as_stated:
                 std = situation.data.noise
             else:
-                std = _noise(situation, fit)
+                std = _fitted_noise(situation, fit)
     parts = tuple(Part.of("disturbance", load) for load in loads)
     return loop.replace(disturbance=parts, noise=loop.noise.replace(std=std))
 
@@ -133,7 +133,7 @@ def _resting_point(
     # on an integrating plant a ramp of the measurement is a load
     gain = plant.K if situation.data.T > 0 else np.inf
     led = shift_by_ramps(effects, half, gain)
-    op0 = clip(_rest(situation, fit) + led, *WITHIN)
+    op0 = clip(_resting_op(situation, fit) + led, *WITHIN)
     return OperatingPoint(op0=op0, pv0=float(situation.sp[0]))
 
 
@@ -152,7 +152,7 @@ def shift_by_ramps(
     )
 
 
-def _loads(
+def _fitted_loads(
     situation: Situation, source: Fit, effects: dict[str, dict[str, float | str]]
 ) -> list[dict[str, Any]]:
     """Return the fitted load as the disturbances of a loop file.
@@ -176,7 +176,7 @@ def _loads(
     return loads
 
 
-def _remembers(source: Fit) -> bool:
+def _is_correlated(source: Fit) -> bool:
     """Return whether the fitted noise is correlated from sample to sample."""
     return source.theta["colour"] > _COLOURED and "noise_std" not in source.spec.free
 
@@ -191,7 +191,7 @@ def _coloured_noise(source: Fit, Ts: float) -> dict[str, Any]:
     }
 
 
-def _noise(situation: Situation, fit: Fit) -> float:
+def _fitted_noise(situation: Situation, fit: Fit) -> float:
     """Return the fitted noise without what rounding adds to it, which a simulation does again; the
     stated one where an effect says how much more there is.
     """
@@ -225,7 +225,7 @@ def load_parts(theta: Mapping[str, float]) -> list[tuple[float, float, float]]:
     return [(std, period, lag if lag > SHORTEST_LAG else 0.0)]
 
 
-def _rest(situation: Situation, fit: Fit) -> float:
+def _resting_op(situation: Situation, fit: Fit) -> float:
     """Return OP at which PV rests on the first set point, mean load included."""
     d = situation.data
     sp = situation.sp

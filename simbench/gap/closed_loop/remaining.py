@@ -30,12 +30,12 @@ class _Kind(NamedTuple):
     blocks: tuple[str, str] = (_LOAD, _LOAD)
 
 
-def _percent(added: float) -> Callable[[float], float]:
+def _percent_of_log(added: float) -> Callable[[float], float]:
     """Return how a share follows from its logarithm, to which something was added."""
     return lambda x: 100.0 * max(round(float(np.exp(x)) - added, 9), 0.0)
 
 
-_share = _percent(REST)
+_share = _percent_of_log(REST)
 _SAMPLES = _SENSOR, _CONTROLLER
 _KINDS = {
     "size": _Kind("standard deviation of {}", "size", np.exp),
@@ -50,7 +50,9 @@ _KINDS = {
         "share of samples of {} at its largest or smallest value", "%", _share, _SAMPLES
     ),
     "band": _Kind("standard deviation of {} at periods of {}", "size", np.exp),
-    "sharpness": _Kind("power of {} in its three strongest frequencies", "%", _percent(PEAK)),
+    "sharpness": _Kind(
+        "power of {} in its three strongest frequencies", "%", _percent_of_log(PEAK)
+    ),
     "wander": _Kind("wandering of the mean of {} over its standard deviation", "", float),
     "memory": _Kind("correlation of {} with itself {} before", "", float),
     "op after pv": _Kind(

@@ -50,11 +50,13 @@ class ClosedLoops:
         """
         key = tuple(effects)
         if key not in self.levelled:
-            loop = level(self.fitted.situation, self.loop(effects), self._kick(effects), self.seed)
-            self.levelled[key] = moved(loop, self._kick(effects))
+            loop = level(
+                self.fitted.situation, self.loop(effects), self._find_kick(effects), self.seed
+            )
+            self.levelled[key] = moved(loop, self._find_kick(effects))
         return self.levelled[key]
 
-    def _kick(self, effects: Sequence[str]) -> float:
+    def _find_kick(self, effects: Sequence[str]) -> float:
         """Return the offset of OP (%) that starts a cycle under these effects: a sticky loop left
         at rest may stay there.
         """
@@ -93,11 +95,11 @@ class ClosedLoops:
             return f.final
         return next((f.candidates[e].fit for e in effects if e in f.candidates), f.base)
 
-    def _runs(
+    def _simulate_under(
         self, effects: Sequence[str], under: Sequence[str], plant: str = "fitted"
     ) -> Runs | None:
         loop = self.loop(effects, under, plant)
-        return simulate_runs(self.fitted.situation, loop, self.seed, self._kick(effects))
+        return simulate_runs(self.fitted.situation, loop, self.seed, self._find_kick(effects))
 
     def runs_with(self, effects: Sequence[str]) -> tuple[Runs, Runs, Runs]:
         """Return runs of the baseline, of the recalibrated loop and of that with some effects, all
@@ -105,13 +107,15 @@ class ClosedLoops:
         """
         key = tuple(effects)
         if key not in self.arms:
-            before, again = (self._runs([], effects, plant) for plant in ("baseline", "fitted"))
+            before, again = (
+                self._simulate_under([], effects, plant) for plant in ("baseline", "fitted")
+            )
             if before is None:
                 raise RecordError(
                     "the baseline cannot be simulated with this record's set point: it runs away"
                 )
             if key:
-                after = self._runs(effects, effects)
+                after = self._simulate_under(effects, effects)
             else:
                 after = again
             self.arms[key] = (before, again or before, after or before)
@@ -132,7 +136,7 @@ class ClosedLoops:
         cannot be simulated.
         """
         before, again, _ = self.runs_with(named)
-        after = self._runs(effects, named)
+        after = self._simulate_under(effects, named)
         if after is None:
             return None
         return measure(self.fitted.situation, before, again, after, seed=self.seed)

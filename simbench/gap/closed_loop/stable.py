@@ -23,11 +23,11 @@ def stable(loop: Loop) -> Loop:
         return loop
     if margin is None or margin >= 1.0:
         return loop
-    loads = tuple(_weaker(load, margin) for load in loop.disturbance)
+    loads = tuple(_weaken_load(load, margin) for load in loop.disturbance)
     return loop.replace(plant=loop.plant.with_gain(margin), disturbance=loads)
 
 
-def _weaker(load: Part, margin: float) -> Part:
+def _weaken_load(load: Part, margin: float) -> Part:
     """Return a load that moves PV as much behind a gain of `margin` times what it was."""
     p = load.parameters
     size = p.get("amplitude")

@@ -226,7 +226,7 @@ class _Examination:
                 self.Ti or np.inf,
                 reason="OP stands at its limits nearly all the time",
             )
-        self._fit()
+        self._fit_law()
         fit = self.fit
         law = Law(
             fit.residual,
@@ -256,7 +256,7 @@ class _Examination:
             return self._find_known_law(law)
         return self._find_hidden_law(law)
 
-    def _fit(self) -> None:
+    def _fit_law(self) -> None:
         """Fit the law, past a gap of the error and a lattice of OP: is nothing but it between error
         and OP (`plain`), does it explain OP (`exact`)?
         """

@@ -43,10 +43,10 @@ class Stated:
     @property
     def per_pv(self) -> float:
         """How far OP (%) moves at once with PV (PV units)."""
-        return abs(self.Kc) * (1.0 + (self._terms.kd if self._terms else 0.0))
+        return abs(self.Kc) * (1.0 + (self._terms_per_gain.kd if self._terms_per_gain else 0.0))
 
     @cached_property
-    def _terms(self) -> PID | None:
+    def _terms_per_gain(self) -> PID | None:
         """A PID's numbers per unit of Kc."""
         if self.settings is None:
             return None
@@ -65,25 +65,25 @@ class Stated:
         where `slope_of` is given.
         """
         e = sp - pv
-        p = self._terms
+        p = self._terms_per_gain
         if p is None:
             return e
-        gain = self._gain(op, pv, sp)
-        slope = self._slope(gain, pv if slope_of is None else slope_of, sp)
+        gain = self._scheduled_gain(op, pv, sp)
+        slope = self._derivative_term(gain, pv if slope_of is None else slope_of, sp)
         other = np.diff(gain * (e - (1.0 - p.b) * (sp - p.pv0)) + slope - e)
-        other += p.Ki * (self._adds(gain * e) - e[1:])
+        other += p.Ki * (self._integral_steps(gain * e) - e[1:])
         forget = 1.0 / (1.0 + p.Ki)
         return e + lfilter([forget], [1.0, -forget], np.append(0.0, other))
 
-    def _gain(self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> np.ndarray:
+    def _scheduled_gain(self, op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> np.ndarray:
         """Return a PID's scheduled gain (n,), over Kc."""
-        p = self._terms
+        p = self._terms_per_gain
         assert p is not None
         return np.interp((pv, np.append(op[0], op[:-1]), sp)[int(p.on)], p.at, p.factor)
 
-    def _slope(self, gain: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> np.ndarray:
+    def _derivative_term(self, gain: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> np.ndarray:
         """Return a PID's derivative term (n,), in PV units."""
-        p = self._terms
+        p = self._terms_per_gain
         assert p is not None
         rate = np.append(0.0, np.diff(sp - pv - (1.0 - p.c) * (sp - p.pv0)))
         return lfilter([1.0], [1.0, -p.fade], gain * p.kd * rate)
@@ -94,9 +94,11 @@ class Stated:
         """Return in which changes (n - 1,) OP of a PID rests but for its derivative, up to what the
         digits of OP and PV hide.
         """
-        p = self._terms
+        p = self._terms_per_gain
         assert p is not None
-        by_slope = self.Kc * np.diff(self._slope(self._gain(op, pv, sp), pv, sp))
+        by_slope = self.Kc * np.diff(
+            self._derivative_term(self._scheduled_gain(op, pv, sp), pv, sp)
+        )
         # a change of the slope is made of three readings, the middle one twice
         hidden = digits[0] + 2.0 * abs(self.Kc) * p.kd * digits[1] + _LAST_BITS
         return np.abs(np.diff(op) - by_slope) <= hidden
@@ -105,7 +107,7 @@ class Stated:
         """Return the change of PV (n,) that takes `change` (n,) from the error of the PI; None
         where a schedule keeps it from being told.
         """
-        p = self._terms
+        p = self._terms_per_gain
         if p is None:
             return change
         if p.at.size > 1:
@@ -116,7 +118,7 @@ class Stated:
         same = [1.0 + p.Ki * self.newest, p.Ki * (1.0 - self.newest) - 1.0]
         return lfilter(np.polymul(pi, fade), np.polymul(same, fade) + p.kd * second, change)
 
-    def _adds(self, e: np.ndarray) -> np.ndarray:
+    def _integral_steps(self, e: np.ndarray) -> np.ndarray:
         """Return what the integral adds up of an error (n - 1,)."""
         return self.newest * e[1:] + (1.0 - self.newest) * e[:-1]
 
@@ -131,12 +133,12 @@ class Stated:
         """Return a PID with the Ti that explains most changes of OP; None where the loop file's
         does, or none does.
         """
-        if self._terms is None or self._terms.at.size > 1 or not self.Ti:
+        if self._terms_per_gain is None or self._terms_per_gain.at.size > 1 or not self.Ti:
             return None
         du = np.diff(op)
         moves = np.diff(replace(self, Ti=None).error(op, pv, sp))
         free = du != 0.0
-        X = np.column_stack([moves, self._adds(sp - pv)])[free]
+        X = np.column_stack([moves, self._integral_steps(sp - pv)])[free]
         y = du[free]
         if y.size > 2:
             Kc, Ki = solve_by_majority(X, y)

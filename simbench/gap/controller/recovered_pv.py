@@ -73,7 +73,7 @@ def rest_of_mean(pv: np.ndarray, seen: np.ndarray) -> float:
     """Return what is left of an archive's PV after a mean of what the controller saw, over a
     sample or within one.
     """
-    weights = _weights(pv, seen)
+    weights = _fit_weights(pv, seen)
     one = abs(float(weights.sum()) - 1.0) < _SUM and float(weights.min()) > _LEAST_WEIGHT
     left = pv - pv.mean() - _shift_columns(seen - seen.mean()) @ weights
     rest = about_zero(left[2:-2]) / (float(np.std(np.diff(pv))) or 1.0)
@@ -84,7 +84,7 @@ def mean_like(pv: np.ndarray, seen: np.ndarray, other: np.ndarray) -> np.ndarray
     """Return `other` averaged over neighbouring samples in the way that makes what the controller
     saw nearest to the archive's PV.
     """
-    weights = _weights(pv, seen)
+    weights = _fit_weights(pv, seen)
     return _shift_columns(other) @ (weights / weights.sum())
 
 
@@ -92,7 +92,7 @@ def _shift_columns(x: np.ndarray, over: tuple[int, ...] = MEAN_OVER) -> np.ndarr
     return np.column_stack([np.roll(x, shift) for shift in over])
 
 
-def _weights(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _fit_weights(pv: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return solve_least_squares(_shift_columns(seen - seen.mean())[2:-2], (pv - pv.mean())[2:-2])
 
 

@@ -1,8 +1,9 @@
 """Fit all effects to one record, collect the evidence of every source as rows, and test what the
 best model leaves.
 
-The steps stand in `assess`: fit every effect (`_fit_effects`), read the rows off (`_rows`), choose
-one effect or two (`_choose_effects`), and ask what the best model leaves (`left_over`).
+The steps stand in `assess`: fit every effect (`_fit_effects`), read the rows off
+(`_evidence_rows`), choose one effect or two (`_choose_effects`), and ask what the best model
+leaves (`left_over`).
 """
 
 from __future__ import annotations
@@ -108,13 +109,13 @@ def assess(
 
     # what MV shows, and every effect fitted to PV
     maps, mv_strays = valve_maps(situation)
-    engine, bare, maps = _model(situation, maps)
+    engine, bare, maps = _fit_model(situation, maps)
     s = _add_proven(situation, engine, bool(maps))
     fits = _fit_effects(s, engine, bare, bool(maps))
     parameters = _numbers_of_effects(s, fits, maps)
 
     # one effect or two, by the evidence of every source
-    rows = _rows(s, fits.candidates, maps, parameters, alone)
+    rows = _evidence_rows(s, fits.candidates, maps, parameters, alone)
     chosen, final, on_top = _choose_effects(s, rows, engine, fits.base, fits.candidates, friction)
     if len(chosen) == 2 and chosen[1] in fits.candidates:
         parameters[chosen[1]] = recogniser(chosen[1]).numbers(final, s)
@@ -183,13 +184,13 @@ def _numbers_of_effects(s: Situation, fits: _EffectFits, maps: Maps) -> dict[str
     return numbers | {**s.proven, **{e: p for e, (_, p) in maps.items()}}
 
 
-def _model(s: Situation, maps: Maps) -> tuple[Engine, Fit, Maps]:
+def _fit_model(s: Situation, maps: Maps) -> tuple[Engine, Fit, Maps]:
     """Return the engine, its fit without effect, and what MV says.
 
     Of what a baseline's plant may have in it already, MV shows that it is there, and PV whether the
     simulation lacks it: the plant then answers MV, and otherwise OP, as the baseline says.
     """
-    engine = _engine(s, maps)
+    engine = _make_engine(s, maps)
     base = engine.base()
     if not maps or not s.trusted:
         return engine, base, maps
@@ -197,7 +198,7 @@ def _model(s: Situation, maps: Maps) -> tuple[Engine, Fit, Maps]:
     nats, p = maps[seen]
     if NOT_IN_PLANT not in recogniser(seen).needs or nats <= BY_MV:
         return engine, base, maps
-    given = _engine(by_op(s), {})
+    given = _make_engine(by_op(s), {})
     without = given.base()
     more = base.loglik - without.loglik
     # what else MV could be is less likely than this
@@ -207,7 +208,7 @@ def _model(s: Situation, maps: Maps) -> tuple[Engine, Fit, Maps]:
     return (given, without, maps)
 
 
-def _engine(s: Situation, maps: Maps) -> Engine:
+def _make_engine(s: Situation, maps: Maps) -> Engine:
     """Return the engine of a record."""
     return Engine(by_stem(s, maps), load_memory(s))
 
@@ -242,7 +243,7 @@ def _split_candidates(
     )
 
 
-def _rows(
+def _evidence_rows(
     s: Situation,
     candidates: Mapping[str, Candidate],
     maps: Maps,

@@ -47,7 +47,7 @@ def left_over(
     """
     # the same tests of the record and of simulations
     engine = Engine(s.data, load_memory(s))
-    [seen] = _tests([engine], [fits])
+    [seen] = _test_records([engine], [fits])
     simulated = _simulated_tests(s, fits, effects, seed)
     if not simulated:
         return ()
@@ -57,16 +57,16 @@ def left_over(
     for name, block in _BLOCKS.items():
         others = np.array([tests[name] for tests in simulated])
         beyond = seen[name] - float(others.mean())
-        p = _chance(beyond, others)
+        p = _chance_beyond(beyond, others)
         message = (
             f"the best model does not explain everything ({name}: {seen[name]:.0f} nats, in"
             f" {len(others)} simulations of it {others.min():.0f} to {others.max():.0f})"
         )
-        out.append(Left(_probability(p, beyond, explained), block, message))
+        out.append(Left(_probability_of_unknown(p, beyond, explained), block, message))
     return tuple(out)
 
 
-def _chance(beyond: float, others: np.ndarray) -> float:
+def _chance_beyond(beyond: float, others: np.ndarray) -> float:
     """Return the chance that one of the three tests of a record lies so far beyond the mean of its
     simulations.
     """
@@ -74,7 +74,7 @@ def _chance(beyond: float, others: np.ndarray) -> float:
     return min(len(_BLOCKS) * float(stdtr(TAILS, -beyond / scatter)), 1.0)
 
 
-def _probability(chance: float, beyond: float, explained: float) -> float:
+def _probability_of_unknown(chance: float, beyond: float, explained: float) -> float:
     """Return the probability that something unknown is lacking, which a test can only raise.
 
     A chance of p makes it 1 / (-e p ln p) times as likely at most (Sellke, Bayarri and Berger
@@ -89,7 +89,9 @@ def _probability(chance: float, beyond: float, explained: float) -> float:
     return min(float(expit(before + max(by_test, 0.0))), float(EDGE))
 
 
-def _tests(engines: Sequence[Engine], fits: Sequence[tuple[Fit, Fit]]) -> list[dict[str, float]]:
+def _test_records(
+    engines: Sequence[Engine], fits: Sequence[tuple[Fit, Fit]]
+) -> list[dict[str, float]]:
     """Return the tests of one model on several records."""
     jumps = shifts(engines[0], [other for _, other in fits])
     tests = []
@@ -126,5 +128,5 @@ def _simulated_tests(
     for e in engines:
         refits.append((e.at(fits[0].spec, fits[0].theta), e.at(fits[1].spec, fits[1].theta)))
     if engines:
-        return _tests(engines, refits)
+        return _test_records(engines, refits)
     return []

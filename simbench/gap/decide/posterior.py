@@ -159,10 +159,10 @@ def posterior(
     for e, g in nats.items():
         if is_friction(e):
             bands[e] = g
-    p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | _shares(others, alone, least)
+    p = dict.fromkeys((*EFFECTS, NONE, UNKNOWN), 0.0) | _share_probability(others, alone, least)
     pairs = {}
     for one, brought in on_top.items():
-        pairs[one] = _shares(brought, alone, SECOND_NATS)
+        pairs[one] = _share_probability(brought, alone, SECOND_NATS)
     beside = pairs.get(first, {})
     share = friction or 0.0
     if not apart:
@@ -201,7 +201,7 @@ def posterior(
     return out.with_friction((1.0 - q) * share + q * float(expit(TEMPERATURE * alone_nats)))
 
 
-def _shares(nats: Mapping[str, float], alone: str, least: float) -> dict[str, float]:
+def _share_probability(nats: Mapping[str, float], alone: str, least: float) -> dict[str, float]:
     """Return the probability of each effect, and of none of them, which has the `least` nats."""
     chances = softmax(TEMPERATURE * np.array([*nats.values(), least]))
     return {e: float(x) for e, x in zip((*nats, alone), chances)}

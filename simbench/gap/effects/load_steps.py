@@ -28,15 +28,15 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     Where jumps explain more that fade as the load does, they are kicks of the load, and no steps.
     """
     n = engine.data.n
-    best = _jumping(engine, base)
+    best = _add_jumps(engine, base)
     if best is not base:
         kicks = engine.fit(replace(best.spec, fade=True), best.theta, steps=8)
         best = max(best, kicks, key=lambda f: f.loglik)
     # their std is one more number
-    return best, _price(best, n) / size_penalty(n, 1.0) + 1.0
+    return best, _price_of_jumps(best, n) / size_penalty(n, 1.0) + 1.0
 
 
-def _price(fit: Fit, n: int) -> float:
+def _price_of_jumps(fit: Fit, n: int) -> float:
     """Return the nats that its jumps must bring: in so many ways they could have been placed; no
     height is fitted.
     """
@@ -44,12 +44,12 @@ def _price(fit: Fit, n: int) -> float:
     return float(gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1))
 
 
-def _jumping(engine: Engine, base: Fit) -> Fit:
+def _add_jumps(engine: Engine, base: Fit) -> Fit:
     """Return the fit with jumps added as long as they are worth their price."""
     n = engine.data.n
     best = base
     while True:
-        places, height = _jumps(engine, best)
+        places, height = _find_jumps(engine, best)
         better = best
         while places and better is best:
             trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *places)))
@@ -59,7 +59,10 @@ def _jumping(engine: Engine, base: Fit) -> Fit:
                 engine,
                 engine.fit(trial, engine.fit(trial, start, search=SMOOTH, steps=8).theta, steps=4),
             )
-            if one.loglik - best.loglik >= _price(one, n) - _price(best, n) + _NATS_OF_A_JUMP:
+            if (
+                one.loglik - best.loglik
+                >= _price_of_jumps(one, n) - _price_of_jumps(best, n) + _NATS_OF_A_JUMP
+            ):
                 better = one
             # of those detected together some may have been the same
             places = places[: len(places) // 2]
@@ -83,7 +86,7 @@ def _prune_jumps(engine: Engine, fit: Fit) -> Fit:
     return engine.fit(replace(fit.spec, jumps=kept), fit.theta, steps=4)
 
 
-def _jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
+def _find_jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     """Return samples at which a jump of the load explains the innovations, the clearest first, and
     the std of their heights.
     """

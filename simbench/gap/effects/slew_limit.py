@@ -14,18 +14,18 @@ from simbench.gap.likelihood.search import fit_likeliest, plants
 from simbench.gap.likelihood.valve_map import MapFit, MapSearch
 
 
-def _moves(d: Data) -> float:
+def _typical_move(d: Data) -> float:
     return float(np.std(np.diff(d.u))) or 1.0
 
 
-_RATE = Free("rate", lambda d: 1e-3 * _moves(d), lambda d: 10.0 * _moves(d), log=True)
+_RATE = Free("rate", lambda d: 1e-3 * _typical_move(d), lambda d: 10.0 * _typical_move(d), log=True)
 
 
 def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     """Scan the rate, then refine it with the nuisances."""
     moves = Moves(lambda u, p: limit_rate(u, p["rate"], p["rate"]), (_RATE,))
     spec = base.spec.join(Spec(moves=moves))
-    rates = _moves(engine.data) * np.geomspace(0.02, 3.0, 14)
+    rates = _typical_move(engine.data) * np.geomspace(0.02, 3.0, 14)
     points = []
     for rate in rates:
         for plant in plants(engine, base):

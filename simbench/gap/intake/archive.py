@@ -39,10 +39,10 @@ def why_no_law(s: Seen, archive: Archive, mismatch: str) -> str:
     if not archive.faithful or s.law.gap > 0.0:
         return mismatch
     quick = s.baseline.controller.Td and EXACT < s.law.residual < _FASTER
-    return mismatch or s.law.foreign or ("" if quick else s.law.reason or _astray(s))
+    return mismatch or s.law.foreign or ("" if quick else s.law.reason or _op_strays(s))
 
 
-def _astray(s: Seen) -> str:
+def _op_strays(s: Seen) -> str:
     """Return that OP strays from a law which holds exactly elsewhere, but for the set point, ends
     and samples not archived.
     """
@@ -106,11 +106,11 @@ def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:
     # a mean over a sample is the archive's and no effect: the controller saw PV
     hidden = seen is not None and (law.averaged or (law.apart and (step or band)))
     plant_pv = seen if hidden else pv
-    spikes, plant_pv, mismatch = _spikes(s, plant_pv, band > 0.0 or law.averaged)
+    spikes, plant_pv, mismatch = _find_spikes(s, plant_pv, band > 0.0 or law.averaged)
     return Archive((step, place) if step else None, band, spikes), plant_pv, mismatch
 
 
-def _spikes(
+def _find_spikes(
     s: Seen, plant_pv: np.ndarray, thinned: bool
 ) -> tuple[tuple[float, float, str] | None, np.ndarray, str]:
     """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP

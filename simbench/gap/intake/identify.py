@@ -55,17 +55,17 @@ def identify(
             shown = float(np.sign(law.Kc))
         else:
             shown = 0.0
-        plant, noise = _plant(record, shown if controller is None else controller.sign)
+        plant, noise = _identify_plant(record, shown if controller is None else controller.sign)
     if controller is None:
         sign = float(np.sign(plant.K))
         if not (law.known or sign == guess):
             law = law_of(record, sign)
         if not (np.isfinite(law.Kc) and law.Kc != 0.0):
             raise RecordError(
-                f"{_where(record)}: no controller can be identified: OP does not answer to PV (Kc ="
-                f" {abs(law.Kc):g})"
+                f"{_name_record(record)}: no controller can be identified: OP does not answer to PV"
+                f" (Kc = {abs(law.Kc):g})"
             )
-        controller = _controller(law, sign, record.Ts)
+        controller = _identified_controller(law, sign, record.Ts)
     return Loop(
         plant=plant,
         controller=controller,
@@ -74,7 +74,7 @@ def identify(
     )
 
 
-def _where(r: LoopRecord) -> str:
+def _name_record(r: LoopRecord) -> str:
     if r.tag:
         return f"record {r.tag!r}"
     return "record"
@@ -88,7 +88,7 @@ def law_of(r: LoopRecord, sign: float = 1.0) -> Law:
     return examine_law(op, r.pv, r.sp, guess, trusted=False)
 
 
-def _controller(law: Law, sign: float, Ts: float) -> Controller:
+def _identified_controller(law: Law, sign: float, Ts: float) -> Controller:
     direction = "reverse" if sign > 0 else "direct"
     Kc = abs(law.Kc)
     if law.known and np.isinf(law.Ti):
@@ -100,7 +100,7 @@ def _controller(law: Law, sign: float, Ts: float) -> Controller:
     return Controller(type="PI", Kc=Kc, Ti=Ti, direction=direction)
 
 
-def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
+def _identify_plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
     """Return the plant, its gain of a sign where that is not 0, and the standard deviation of the
     noise; of an unknown process the likelier, friction allowed to both.
     """
@@ -122,7 +122,7 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
                 T = 0.0
             else:
                 T = fit.theta["T"]
-            engine = _engine(u, pv, fit.K, T, fit.theta["Td"], samples.digits)
+            engine = _make_engine(u, pv, fit.K, T, fit.theta["Td"], samples.digits)
             friction = fit_candidates(engine, fit, [_BAND])[_BAND].log_likelihood_gain
             score += max(0.0, friction)
         tries.append((score, integrating, fit))
@@ -133,7 +133,7 @@ def _plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
         K = fit.K
     if not (np.isfinite(K) and K != 0.0):
         raise NoAnswer(
-            f"{_where(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"
+            f"{_name_record(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"
         )
     dead = fit.theta["Td"] * r.Ts
     noise = fit.theta["noise_std"]
@@ -152,14 +152,14 @@ def fit_plant(
     tries = []
     for T in (0.0,) if integrating else (0.5, 1.5, 4.0, 10.0, 30.0):
         for Td in (0.0, 1.0, 3.0, 8.0):
-            engine = _engine(u, pv, gain, T, Td, resolution)
+            engine = _make_engine(u, pv, gain, T, Td, resolution)
             tries.append((engine, engine.at(Spec(), engine.start())))
     engine, best = max(tries, key=lambda t: (t[1].K * sign >= 0.0, t[1].loglik))
     fit = engine.fit(Spec(), best.theta, steps=40)
     return engine, fit if fit.K * sign >= 0.0 or best.K * sign < 0.0 else best
 
 
-def _engine(
+def _make_engine(
     u: np.ndarray, pv: np.ndarray, K: float, T: float, Td: float, resolution: float
 ) -> Engine:
     data = Data(u, pv, K, T, Td, 0.0, resolution, trusted=False)

@@ -42,7 +42,9 @@ def stated_noise(baseline: Loop, Ts: float) -> float:
     counted in, behind the filter that it states.
     """
     coloured = [load["amplitude"] for load in coloured_on_pv(baseline, Ts, slow=False)]
-    return float(np.linalg.norm([baseline.noise.std] + coloured) * _passes(baseline, Ts))
+    return float(
+        np.linalg.norm([baseline.noise.std] + coloured) * _share_through_filter(baseline, Ts)
+    )
 
 
 def _filter_of(baseline: Loop, Ts: float) -> float:
@@ -51,7 +53,7 @@ def _filter_of(baseline: Loop, Ts: float) -> float:
     return tau / Ts
 
 
-def _passes(baseline: Loop, Ts: float) -> float:
+def _share_through_filter(baseline: Loop, Ts: float) -> float:
     """Return the share of the standard deviation of white noise that passes the stated filter."""
     tau = _filter_of(baseline, Ts)
     if tau > 0.0:
@@ -194,7 +196,7 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
         early=early,
         shape=beyond_first_order(baseline.plant, r.Ts),
         resolution=resolution,
-        noise=seen.noise / _passes(baseline, r.Ts),
+        noise=seen.noise / _share_through_filter(baseline, r.Ts),
         trusted=seen.trusted,
         late=seen.law.late,
     )

@@ -107,7 +107,7 @@ def complete_baseline(
     notes = []
     for name in _NEEDED:
         if name in missing:
-            numbers = _numbers(identified, name)
+            numbers = _describe_numbers(identified, name)
             notes.append(f"baseline: no [{name}] given, identified from the record{numbers}")
     given = both - missing
     if "plant" in missing:
@@ -124,7 +124,7 @@ def complete_baseline(
     return loop, given, notes
 
 
-def _numbers(loop: Loop, section: str) -> str:
+def _describe_numbers(loop: Loop, section: str) -> str:
     numbers = getattr(loop, section).model_dump(exclude_none=True, exclude={"n", "direction"})
     return ": " + ", ".join(
         f"{k} = {v:.3g}" if isinstance(v, float) else str(v) for k, v in numbers.items()

@@ -52,10 +52,10 @@ def refuse_pv_units(record: LoopRecord, baseline: Loop, where: str) -> None:
     levels = np.array([stated.value] + [level for _, level in stated.steps], dtype=float)
     file = np.array([levels.min(), levels.max()])
     seen = np.array([record.sp.min(), record.sp.max()])
-    if _agree(seen, file):
+    if _ranges_agree(seen, file):
         return
     for unit in _KNOWN:
-        if _agree(seen, unit.gain * file + unit.offset) and np.abs(file).max() > 0.0:
+        if _ranges_agree(seen, unit.gain * file + unit.offset) and np.abs(file).max() > 0.0:
             raise RecordError(
                 f"{where}: SP runs from {seen[0]:g} to {seen[1]:g}, in the loop file from"
                 f" {file[0]:g} to {file[1]:g}: the record seems to be in {unit.record}, the loop"
@@ -66,7 +66,7 @@ def refuse_pv_units(record: LoopRecord, baseline: Loop, where: str) -> None:
             )
 
 
-def _agree(one: np.ndarray, other: np.ndarray) -> bool:
+def _ranges_agree(one: np.ndarray, other: np.ndarray) -> bool:
     """Return whether two ranges are the same, within a share of what they span."""
     span = max(float(np.ptp(other)), _LEAST_SPAN * float(np.abs(other).max()))
     return bool(np.abs(one - other).max() <= _CLOSE * span)

@@ -137,7 +137,7 @@ class Engine:
         """Return the penalised log-likelihood."""
         return self.at(spec, theta).loglik
 
-    def _terms(
+    def _likelihood_terms(
         self, spec: Spec, theta: Mapping[str, float]
     ) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, np.ndarray]:
         """Return what the likelihood is made of: -log-likelihood = |left|^2 / 2 + level.
@@ -145,15 +145,15 @@ class Engine:
         `left` holds the innovations, then the priors' residuals; `level` the log variances; further
         the linear coefficients, the whitened and the raw channels (PV first).
         """
-        channels = self._channels(spec, theta)
-        white, level = self._whiten(spec, theta, channels)
+        channels = self._input_channels(spec, theta)
+        white, level = self._whiten_channels(spec, theta, channels)
         used = white[:, kernels.SKIP :]
-        beta, surprise = self._linear(spec, used @ used.T)
+        beta, surprise = self._fit_linear(spec, used @ used.T)
         residual = used[0] - beta @ used[1:]
-        left = np.concatenate([residual, [surprise], self._surprises(spec, theta)])
+        left = np.concatenate([residual, [surprise], self._prior_distances(spec, theta)])
         return left, level, beta, white, channels
 
-    def _channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
+    def _input_channels(self, spec: Spec, theta: Mapping[str, float]) -> np.ndarray:
         """Return PV as deviation from its start, the plant's answer to MV, and every other signal
         that enters linearly.
         """
@@ -179,7 +179,7 @@ class Engine:
         g, *begin = kernels.plants(np.array(inputs), T, theta["Td"], tau)
         return np.array([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
 
-    def _whiten(
+    def _whiten_channels(
         self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray
     ) -> tuple[np.ndarray, float]:
         """Return the channels' innovations over their standard deviation, and the part of
@@ -209,15 +209,15 @@ class Engine:
             theta["walk"] if spec.walk else 0.0,
         )
 
-    def _linear(self, spec: Spec, N: np.ndarray) -> tuple[np.ndarray, float]:
+    def _fit_linear(self, spec: Spec, N: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the linear coefficients and how far, in standard deviations, the gain lies outside
         its prior.
         """
-        A = _regular(N[1:, 1:])
+        A = _regularise(N[1:, 1:])
         b = N[1:, 0].copy()
         beta = np.linalg.solve(A, b)
         K = self.data.K
-        low, high = self._gains(spec)
+        low, high = self._gain_limits(spec)
         if not self.data.trusted or low <= beta[0] <= high:
             return beta, 0.0
         edge = low if beta[0] < low else high
@@ -227,7 +227,7 @@ class Engine:
         beta = np.linalg.solve(A, b)
         return beta, float((beta[0] - edge) / (_EDGE * K))
 
-    def _gains(self, spec: Spec) -> tuple[float, float]:
+    def _gain_limits(self, spec: Spec) -> tuple[float, float]:
         """Return the smallest and the largest gain that the plant may have."""
         least = 1.0 - NOMINAL
         most = 1.0 + NOMINAL
@@ -239,7 +239,7 @@ class Engine:
         low, high = sorted((self.data.K * least, self.data.K * most))
         return low, high
 
-    def _surprises(self, spec: Spec, theta: Mapping[str, float]) -> list[float]:
+    def _prior_distances(self, spec: Spec, theta: Mapping[str, float]) -> list[float]:
         """Return how far, in standard deviations, each parameter lies outside its prior."""
         d = self.data
         out = [theta["colour"] / _COLOURED]
@@ -249,18 +249,18 @@ class Engine:
             memory = theta["load_time"] + theta.get("load_lag", 0.0)
             out.append(min(np.log(memory / (_QUICK * self.longest_load)), 0.0) / _QUICKER)
             if d.T > 0 and "T" not in spec.free:
-                out.append(_over(np.log(theta["T"] / d.T), np.log1p(NOMINAL), _EDGE))
+                out.append(_excess_over(np.log(theta["T"] / d.T), np.log1p(NOMINAL), _EDGE))
             if "Td" not in spec.free:
                 # an archive that lags by a sample hides one sample of dead time
                 wide = NOMINAL * d.Td + d.late / 2 + 0.05
-                out.append(_over(theta["Td"] - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03))
+                out.append(_excess_over(theta["Td"] - d.Td + d.late / 2, wide, _EDGE * d.Td + 0.03))
         if d.measured:
             out.append(max(np.log(load_std(theta) / d.most_load), 0.0) / _LOAD_EDGE)
         if d.noise > 0 and "noise_std" not in spec.free:
             # what rounding adds to the stated noise is no effect
             stated = np.hypot(d.noise, d.resolution / np.sqrt(12.0))
             within = _NOISE_MEASURED if d.measured else _NOISE
-            out.append(_over(np.log(theta["noise_std"] / stated), np.log1p(within), _EDGE))
+            out.append(_excess_over(np.log(theta["noise_std"] / stated), np.log1p(within), _EDGE))
         return out
 
     def fit(
@@ -288,13 +288,13 @@ class Engine:
         x = np.array([theta.get(m, 0.0) for m in names])
         x[logs] = np.log(np.maximum(x[logs], 1e-300))
         x = np.clip(x, box[:, 0], box[:, 1])
-        now = self._terms(spec, unpack(x))
+        now = self._likelihood_terms(spec, unpack(x))
         value = 0.5 * float(now[0] @ now[0]) + now[1]
         damping = 1e-2
         for _ in range(steps):
-            J, slope = self._derivatives(spec, names, x, box, unpack, now)
+            J, slope = self._differentiate_terms(spec, names, x, box, unpack, now)
             gradient = J @ now[0] + slope
-            curvature = self._curvature(now, J, slope)
+            curvature = self._curvature_of(now, J, slope)
             free = ~(((x <= box[:, 0]) & (gradient > 0)) | ((x >= box[:, 1]) & (gradient < 0)))
             gained = 0.0
             for _ in range(6):
@@ -306,7 +306,7 @@ class Engine:
                 trial = x.copy()
                 trial[free] -= np.clip(np.linalg.solve(H, gradient[free]), -_LONGEST, _LONGEST)
                 trial = np.clip(trial, box[:, 0], box[:, 1])
-                then = self._terms(spec, unpack(trial))
+                then = self._likelihood_terms(spec, unpack(trial))
                 new = 0.5 * float(then[0] @ then[0]) + then[1]
                 if new < value:
                     gained = value - new
@@ -318,7 +318,7 @@ class Engine:
                 damping *= 10.0
             if gained < _LAST_STEP_NATS:
                 break
-        return _fit(spec, unpack(x), now)
+        return _make_fit(spec, unpack(x), now)
 
     def _search_space(
         self, spec: Spec, names: tuple[str, ...], theta: Mapping[str, float]
@@ -337,7 +337,7 @@ class Engine:
 
         return logs, box, unpack
 
-    def _derivatives(
+    def _differentiate_terms(
         self,
         spec: Spec,
         names: tuple[str, ...],
@@ -346,8 +346,8 @@ class Engine:
         unpack: Callable,
         now: tuple,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the derivatives of `left` (p, n) and `level` (p,), see `_terms`, with the linear
-        coefficients held.
+        """Return the derivatives of `left` (p, n) and `level` (p,), with the linear
+        coefficients held, see `_likelihood_terms`.
         """
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
@@ -363,18 +363,18 @@ class Engine:
             theta = unpack(moved)
             changed = error
             if name in shaping:
-                signals = self._channels(spec, theta)
+                signals = self._input_channels(spec, theta)
                 changed = signals[0] - beta @ signals[1:]
-            white, higher = self._whiten(spec, theta, changed[None, :])
+            white, higher = self._whiten_channels(spec, theta, changed[None, :])
             J[i, :count] = white[0, kernels.SKIP :]
             J[i, count] = left[count]
-            J[i, count + 1 :] = self._surprises(spec, theta)
+            J[i, count + 1 :] = self._prior_distances(spec, theta)
             J[i] -= left
             J[i] /= h
             slope[i] = (higher - level) / h
         return J, slope
 
-    def _curvature(self, now: tuple, J: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    def _curvature_of(self, now: tuple, J: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """Return the likelihood's curvature (p, p) from the derivatives of its terms."""
         J = self._without_linear(now, J)
         return J @ J.T + (2.0 / self.data.n) * np.outer(slope, slope)
@@ -390,11 +390,11 @@ class Engine:
         if left[count] != 0.0:
             # the gain lies at the edge of its prior, which holds it
             X[0, count] = -1.0 / (_EDGE * self.data.K)
-        return J - np.linalg.solve(_regular(X @ X.T), X @ J.T).T @ X
+        return J - np.linalg.solve(_regularise(X @ X.T), X @ J.T).T @ X
 
     def at(self, spec: Spec, theta: Mapping[str, float]) -> Fit:
         """Return the fit at given nonlinear parameters."""
-        return _fit(spec, dict(theta), self._terms(spec, theta))
+        return _make_fit(spec, dict(theta), self._likelihood_terms(spec, theta))
 
     def scan(
         self, spec: Spec, theta: Mapping[str, float], kind: int, points: np.ndarray
@@ -403,7 +403,7 @@ class Engine:
         fine grid costs little.
         """
         gy, gg, level = self._scan_maps(spec, theta, kind, points)
-        low, high = self._gains(spec)
+        low, high = self._gain_limits(spec)
         seen = gg > 1e-12
         K = np.where(seen, np.clip(gy / np.where(seen, gg, 1.0), low, high), 0.0)
         return K * gy - 0.5 * K * K * gg - level
@@ -445,14 +445,14 @@ class Engine:
         return sorted(fits, key=lambda fit: -fit.loglik)[:keep]
 
 
-def _fit(spec: Spec, theta: dict[str, float], terms: tuple) -> Fit:
-    """Return the fit whose likelihood is made of some terms, see `Engine._terms`."""
+def _make_fit(spec: Spec, theta: dict[str, float], terms: tuple) -> Fit:
+    """Return the fit whose likelihood is made of some terms, see `Engine._likelihood_terms`."""
     left, level, beta, white, _ = terms
     loglik = -0.5 * float(left @ left) - level
     return Fit(spec, loglik, theta, beta, white[0] - beta @ white[1:])
 
 
-def _regular(squares: np.ndarray) -> np.ndarray:
+def _regularise(squares: np.ndarray) -> np.ndarray:
     """Return products of channels (m, m) that a channel that does nothing (no step yet, a zone
     never met) does not make singular.
     """
@@ -461,5 +461,5 @@ def _regular(squares: np.ndarray) -> np.ndarray:
     return out
 
 
-def _over(x: float, width: float, edge: float) -> float:
+def _excess_over(x: float, width: float, edge: float) -> float:
     return max(abs(x) - width, 0.0) / edge

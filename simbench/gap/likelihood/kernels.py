@@ -104,11 +104,11 @@ def valve(u, kind, p0, p1, p2):
     `start` is the offset of MV from OP before the first sample.
     """
     v = np.empty(u.size)
-    compiled(_through)(u, kind, float(p0), float(p1), float(p2), v)
+    compiled(_move_valve)(u, kind, float(p0), float(p1), float(p2), v)
     return v
 
 
-def _through(u, kind, p0, p1, p2, v):
+def _move_valve(u, kind, p0, p1, p2, v):
     """Fill `v` as `valve` returns it."""
     lo = -np.inf
     hi = np.inf
@@ -150,7 +150,7 @@ def limit_rate(u, up, down):
 
 
 @njit_cached
-def _respond(v, T, Td, out, weight):
+def _add_response(v, T, Td, out, weight):
     """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to each row of `v`
     less its start, held.
     """
@@ -214,15 +214,15 @@ def plants(v, T, Td, tau):
     """
     out = np.zeros(v.shape)
     if tau <= 1e-3:
-        _respond(v, T, Td, out, 1.0)
+        _add_response(v, T, Td, out, 1.0)
     elif T > 0.0:
         if abs(tau - T) < 1e-3 * T:
             tau = T * 1.002
-        _respond(v, T, Td, out, T / (T - tau))
-        _respond(v, tau, Td, out, -tau / (T - tau))
+        _add_response(v, T, Td, out, T / (T - tau))
+        _add_response(v, tau, Td, out, -tau / (T - tau))
     else:
-        _respond(v, 0.0, Td, out, 1.0)
-        _respond(v, tau, Td, out, -tau)
+        _add_response(v, 0.0, Td, out, 1.0)
+        _add_response(v, tau, Td, out, -tau)
     return out
 
 
@@ -253,7 +253,7 @@ def scan(u, kind, points, Td, model, rest, basis, jumps):
 
 
 @njit_cached
-def _riccati(kalman):
+def _step_covariance(kalman):
     """Take one step of the covariance and write the filter's gain; return the innovation's
     variance.
     """
@@ -301,7 +301,7 @@ def follow(kalman, level, size, gains, variances, covariances):
         if i < _NEAR:
             for j in range(kalman.h.size):
                 copied(kalman.P[j], covariances[i, j])
-        variances[i] = _riccati(kalman)
+        variances[i] = _step_covariance(kalman)
         copied(kalman.gain, gains[i])
         if i > 20 and abs(variances[i] - variances[i - 1]) < _SETTLED * variances[i]:
             return i
@@ -397,7 +397,7 @@ def _state_space(model, jumps):
 
 
 @njit_cached
-def _gains(kalman, level, late, jumps, n):
+def _filter_gains(kalman, level, late, jumps, n):
     """Return the filter's gain (n, s) and innovation variance (n,) at each sample, and the sum of
     the variances' logarithms; nothing of this depends on what is measured.
 
@@ -443,7 +443,7 @@ def _gains(kalman, level, late, jumps, n):
                 # a jump between two samples is part of one at each
                 P[level, level] += jump * jump
             S_old = S
-            S = _riccati(kalman)
+            S = _step_covariance(kalman)
             if last >= 0 and k - start >= _NEAR:
                 live = False
                 since = min(_NEAR, last)
@@ -463,7 +463,7 @@ def _gains(kalman, level, late, jumps, n):
 
 
 @njit_cached
-def _innovations(channels, F, h, gains, variances):
+def _filter_channels(channels, F, h, gains, variances):
     """Return what the filter does not foresee of each channel (m, n), over its standard
     deviation.
     """
@@ -543,8 +543,8 @@ def whiten(channels, model, jumps):
     kalman, level = _filter_of(model, jumps)
     # one more pole is one more sample on the way
     late = int(model.tau > 1e-3)
-    gains, variances, log_var = _gains(kalman, level, late, jumps, channels.shape[1])
-    return _innovations(channels, kalman.F, kalman.h, gains, variances), log_var
+    gains, variances, log_var = _filter_gains(kalman, level, late, jumps, channels.shape[1])
+    return _filter_channels(channels, kalman.F, kalman.h, gains, variances), log_var
 
 
 @njit_cached

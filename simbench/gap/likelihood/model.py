@@ -102,13 +102,13 @@ def before_filter(y: np.ndarray, tau: float) -> np.ndarray:
     return np.concatenate([y[:1], (y[1:] - (1.0 - follow) * y[:-1]) / follow])
 
 
-def _nothing(d: Data) -> float:
+def _no_size(d: Data) -> float:
     return 0.0
 
 
-BAND = Free("S", _nothing, lambda d: 1.5 * d.span)
-JUMP = Free("J", _nothing, lambda d: d.span)
-WIDTH = Free("D", _nothing, lambda d: 2.0 * d.span)
+BAND = Free("S", _no_size, lambda d: 1.5 * d.span)
+JUMP = Free("J", _no_size, lambda d: d.span)
+WIDTH = Free("D", _no_size, lambda d: 2.0 * d.span)
 CENTRE = Free("c", lambda d: float(d.u.min()), lambda d: float(d.u.max()))
 RATIO = Free("R", lambda d: 0.01, lambda d: 100.0, log=True)
 TAU = Free("tau", lambda d: 0.05, lambda d: d.n / 5, log=True)

@@ -28,11 +28,11 @@ class Regressed(NamedTuple):
 
 def friction_regressed(op: np.ndarray, pv: np.ndarray) -> Regressed:
     """Return what a valve with friction explains of PV (n,), without a model of the loop."""
-    return _of(np.asarray(op, float).tobytes(), np.asarray(pv, float).tobytes())
+    return _regress_valves(np.asarray(op, float).tobytes(), np.asarray(pv, float).tobytes())
 
 
 @lru_cache(maxsize=2)  # both kinds of plant, and the conclusion, ask about the same record
-def _of(op_bytes: bytes, pv_bytes: bytes) -> Regressed:
+def _regress_valves(op_bytes: bytes, pv_bytes: bytes) -> Regressed:
     op, pv = (np.frombuffer(x) for x in (op_bytes, pv_bytes))
     swing = find_oscillation(op, pv, 1.0)
     if np.isfinite(swing.period_s):

@@ -78,9 +78,9 @@ def draw_traces(signal: str, traces: Traces, part: slice) -> Figure:
 
 def fill_traces(panels: Iterable[Axes], signal: str, traces: Traces, part: slice) -> None:
     """Draw one signal over time, a panel each, as `draw_traces`."""
-    limits = _limits([_signal(trace, signal)[part] for trace in traces.values()])
+    limits = _limits_around([_signal_of(trace, signal)[part] for trace in traces.values()])
     for axes, (name, trace) in zip(panels, traces.items()):
-        x = _signal(trace, signal)[part]
+        x = _signal_of(trace, signal)[part]
         last = name == list(traces)[-1]
         if signal == "PV" and trace.sp is not None:
             axes.plot(trace.t[part], trace.sp[part], color=GREY, linestyle=":", linewidth=1.0)
@@ -102,8 +102,8 @@ def draw_loops(across: str, traces: Traces, part: slice) -> Figure:
     figure, grid = panels(rows, 2, PHONE_WIDTH, 0.3 + 1.85 * rows, sharex=True, sharey=True)
     both = {}
     for name, t in traces.items():
-        both[name] = (t.op[part], _signal(t, across)[part])
-    sideways, upwards = (_limits(signals) for signals in zip(*both.values()))
+        both[name] = (t.op[part], _signal_of(t, across)[part])
+    sideways, upwards = (_limits_around(signals) for signals in zip(*both.values()))
 
     # the loops, and a word where one runs away
     for axes in grid.flat[len(both) :]:
@@ -165,11 +165,11 @@ def fill_bars(axes: Axes, values: Mapping[str, float], colours: Sequence[str]) -
     axes.bar_label(bars, fmt="%.2f", padding=4, fontsize=8, bbox=ground)
 
 
-def _signal(trace: LoopRecord, name: str) -> np.ndarray:
+def _signal_of(trace: LoopRecord, name: str) -> np.ndarray:
     return getattr(trace, name.lower())
 
 
-def _limits(signals: Sequence[np.ndarray]) -> tuple[float, float]:
+def _limits_around(signals: Sequence[np.ndarray]) -> tuple[float, float]:
     """Return limits that hold the record, which comes first, and what is not far off it."""
     lo = float(signals[0].min())
     hi = float(signals[0].max())

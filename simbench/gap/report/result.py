@@ -135,7 +135,10 @@ class GapReport:
         import pandas as pd
 
         lines = pd.DataFrame(
-            [{**asdict(r), "parameters": self._sizes(r.effect, r.parameters)} for r in self.ranking]
+            [
+                {**asdict(r), "parameters": self._format_sizes(r.effect, r.parameters)}
+                for r in self.ranking
+            ]
         )
         return lines.drop(columns="group")
 
@@ -223,16 +226,16 @@ class GapReport:
         if self.effect == NONE:
             late = any(note.startswith("clock:") for note in self.notes)
             once = ", once PV, which is stamped late, is moved back" if late else ""
-            return f"{_hedge('no unmodelled effect is needed', p)} ({p:.2f}){once}."
+            return f"{_hedge_sentence('no unmodelled effect is needed', p)} ({p:.2f}){once}."
         if self.effect == UNKNOWN:
-            said = _hedge("no known effect explains what is missing", p)
+            said = _hedge_sentence("no known effect explains what is missing", p)
             said += f" ({p:.2f}; block: {self.block})"
             shown = self.behind.shown
             return said + ("." if shown is None else f": {shown_words(shown, self.block)}.")
 
         # one effect or two
         first, *second = (
-            words(e["effect"]) + "{}" + self._sizes(e["effect"], e["parameters"], ": ")
+            words(e["effect"]) + "{}" + self._format_sizes(e["effect"], e["parameters"], ": ")
             for e in self.effects
         )
         likely = "The simulation lacks " if p > LIKELIER else "Nothing is likely; the likeliest is "
@@ -301,7 +304,7 @@ class GapReport:
         shown = [r for r in self.ranking[:_MOST_ANSWERS] if r.probability >= LEAST_SHOWN]
         lines += ["", "probability  effect"]
         for r in shown:
-            sizes = self._sizes(r.effect, r.parameters)
+            sizes = self._format_sizes(r.effect, r.parameters)
             lines.append(f"{r.probability:11.3f}  {r.effect:24s}{sizes}".rstrip())
         lines += [""] + joined(self.gap_lines()) + self.next_line()
         lines += [f"note: {n}" for n in self.notes]
@@ -332,7 +335,9 @@ class GapReport:
             lines.append(f"Of what is missing, by block: {', '.join(shares)}.")
         return lines
 
-    def _sizes(self, effect: str, parameters: dict[str, float | str], begin: str = "") -> str:
+    def _format_sizes(
+        self, effect: str, parameters: dict[str, float | str], begin: str = ""
+    ) -> str:
         """Return an effect's parameters with their units; those of OP are the record's."""
         return numbers(effect, parameters, begin, self.op_unit)
 
@@ -401,7 +406,7 @@ def joined(sentences: list[str]) -> list[str]:
     return []
 
 
-def _hedge(said: str, p: float) -> str:
+def _hedge_sentence(said: str, p: float) -> str:
     """Return a sentence without its stop as one that is likely, or as the likeliest of many."""
     if p > LIKELIER:
         return said[0].upper() + said[1:]

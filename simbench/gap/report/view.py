@@ -64,10 +64,10 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
 
     # from the answer to the commands
     sections = [
-        Section("answer", "The answer", _answer(report)),
-        Section("look", "Record and simulation", _look(report, situation)),
-        Section("remaining", "What remains", _remaining(report)),
-        Section("which", "Which effect", _which(report)),
+        Section("answer", "The answer", _answer_section(report)),
+        Section("look", "Record and simulation", _picture_section(report, situation)),
+        Section("remaining", "What remains", _remaining_section(report)),
+        Section("which", "Which effect", _effect_section(report)),
         Section(
             "reproduce",
             "How to reproduce",
@@ -78,7 +78,7 @@ def write_page(report: GapReport, path: str | Path, command: Sequence[str] = ())
     write(path, title, "Sim-to-real gap of one control loop", sections)
 
 
-def _answer(report: GapReport) -> list[Part]:
+def _answer_section(report: GapReport) -> list[Part]:
     """Return what is missing, whether the valve sticks, how far the gap shrinks, and the notes."""
     sizes = gap_sizes(report)
     caption = "Gap: " + ", ".join(f"{name} {size:.2f}" for name, size in sizes.items())
@@ -94,7 +94,7 @@ def _answer(report: GapReport) -> list[Part]:
     )
 
 
-def _look(report: GapReport, situation: Situation) -> list[Part]:
+def _picture_section(report: GapReport, situation: Situation) -> list[Part]:
     """Return the record and its simulations in pictures: over time and over OP."""
     # the pictures
     runs = compared(report)
@@ -123,7 +123,7 @@ def _look(report: GapReport, situation: Situation) -> list[Part]:
     return [Text(says), Pictures(drawn)]
 
 
-def _remaining(report: GapReport) -> list[Part]:
+def _remaining_section(report: GapReport) -> list[Part]:
     """Return in which features the record differs from its simulations, the answer in them."""
     if not report.remaining:
         return []
@@ -143,7 +143,7 @@ def _remaining(report: GapReport) -> list[Part]:
     ]
 
 
-def _which(report: GapReport) -> list[Part]:
+def _effect_section(report: GapReport) -> list[Part]:
     """Return every effect with its probability, and what each says."""
     # the ranking with what each effect means
     frame = report.to_frame()

@@ -80,10 +80,10 @@ class CandidateLoops:
         """Time constant (s) and damping of a valve that overshoots OP without friction, as MV shows
         it; None where it does not, or was not recorded.
         """
-        if self._mv is None:
+        if self._search_mv is None:
             found = None
         else:
-            found = positioner(self._mv)
+            found = positioner(self._search_mv)
         if found is None:
             return None
         return found[1]
@@ -91,16 +91,16 @@ class CandidateLoops:
     @cached_property
     def slow(self) -> SlowValve | None:
         """The valve whose speed is limited, as MV shows it; None as for `positioner`."""
-        if self._mv is None:
+        if self._search_mv is None:
             found = None
         else:
-            found = slow_valve(self._mv)
+            found = slow_valve(self._search_mv)
         if found is None:
             return None
         return found[1]
 
     @cached_property
-    def _mv(self) -> MapSearch | None:
+    def _search_mv(self) -> MapSearch | None:
         """The search for what the valve makes of OP; None where MV was not recorded."""
         if self.closed is None:
             s = None

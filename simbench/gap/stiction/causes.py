@@ -137,14 +137,14 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
     if claimed:
         moves = None
     else:
-        moves = _positioner(loops) or _slow(loops)
+        moves = _judge_positioner(loops) or _judge_slow_valve(loops)
     if moves is not None:
         return Causes(moves, (moves,))
     swing = prepared.oscillation
     tuning, outside = _weigh_oscillation(prepared, loops)
-    sticking = _stiction(loops, prepared.record.S_unit)
-    sensor = _sensor(prepared, loops)
-    nothing = _nothing(loops, swing, tuning)
+    sticking = _judge_stiction(loops, prepared.record.S_unit)
+    sensor = _judge_sensor(prepared, loops)
+    nothing = _judge_rest(loops, swing, tuning)
     weighed = sorted((sticking, tuning, outside, sensor, nothing), key=lambda c: -c.confidence)
     return _name_cause(loops, sticking, tuple(weighed))
 
@@ -165,7 +165,7 @@ def _see_in_samples(prepared: Prepared) -> Cause | None:
     return Cause(STEPPED, 0.8, (f"{sent}: a threshold in the controller or what sends OP",))
 
 
-def _positioner(loops: CandidateLoops) -> Cause | None:
+def _judge_positioner(loops: CandidateLoops) -> Cause | None:
     """Return the positioner as the cause where MV overshoots OP without friction."""
     found = loops.positioner
     if found is None:
@@ -177,7 +177,7 @@ def _positioner(loops: CandidateLoops) -> Cause | None:
     return Cause(POSITIONER, 0.9, (why,))
 
 
-def _slow(loops: CandidateLoops) -> Cause | None:
+def _judge_slow_valve(loops: CandidateLoops) -> Cause | None:
     """Return a slow valve as the cause where MV stays behind OP without friction."""
     if loops.probability > LIKELIER or loops.slow is None:
         return None
@@ -213,7 +213,7 @@ def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause
     elif keeps <= regularity.of_friction(loops):
         as_much = f"{_BEYOND_SOUND}, and as much as with it"
     return (
-        _tuning(known, swing, line, keeps),
+        _judge_tuning(known, swing, line, keeps),
         _blame_outside(loops, as_much, keeps, periods),
     )
 
@@ -222,7 +222,7 @@ def _without_line(
     known: Margins | None, prepared: Prepared, why: str, open_to: float
 ) -> tuple[Cause, Cause]:
     """Return tuning and an external oscillation where no line of the load can be seen."""
-    tuning = _ringing(known, prepared) or Cause(TIGHT, open_to, (), (why,))
+    tuning = _judge_ringing(known, prepared) or Cause(TIGHT, open_to, (), (why,))
     return tuning, Cause(FROM_OUTSIDE, open_to, (), (why,))
 
 
@@ -244,7 +244,7 @@ def _leave_open(why: str, weighed: tuple[Cause, ...]) -> Causes:
     return Causes(Cause(NOT_TOLD, 0.0, (), (why,)), weighed)
 
 
-def _stiction(loops: CandidateLoops, unit: str) -> Cause:
+def _judge_stiction(loops: CandidateLoops, unit: str) -> Cause:
     p = loops.probability
     word = "better" if loops.gain > 0 else "worse"
     better = (
@@ -263,7 +263,7 @@ def _stiction(loops: CandidateLoops, unit: str) -> Cause:
     return Cause(STICKING, p, (better,))
 
 
-def _tuning(known: Margins | None, swing: Oscillation, line: bool, keeps: float) -> Cause:
+def _judge_tuning(known: Margins | None, swing: Oscillation, line: bool, keeps: float) -> Cause:
     if known is None:
         return Cause(TIGHT, 0.0, (), ("margins of this loop are unknown",))
     swings = f"{known.sentence()}; the loop swings with {swing.period_s:.3g} s"
@@ -276,7 +276,7 @@ def _tuning(known: Margins | None, swing: Oscillation, line: bool, keeps: float)
     return Cause(TIGHT, _sure_of_tuning(known), (swings,))
 
 
-def _ringing(known: Margins | None, prepared: Prepared) -> Cause | None:
+def _judge_ringing(known: Margins | None, prepared: Prepared) -> Cause | None:
     """Return tuning as the cause of what a loop does after steps of its set point, where it is
     close to instability; None where it is not, or its set point does not move.
     """
@@ -307,7 +307,7 @@ def _blame_outside(loops: CandidateLoops, as_much: str, keeps: float, periods: f
     return Cause(FROM_OUTSIDE, sure, (why, *([gained] if loops.outside > 0 else [])))
 
 
-def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
+def _judge_sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
     if "spikes" in prepared.flags:
         return Cause(SENSOR, 0.7, (prepared.flags["spikes"].evidence,))
     op = prepared.record.op
@@ -324,7 +324,7 @@ def _sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
     return Cause(SENSOR, 0.05, (), (noisy,))
 
 
-def _nothing(loops: CandidateLoops, swing: Oscillation, tuning: Cause) -> Cause:
+def _judge_rest(loops: CandidateLoops, swing: Oscillation, tuning: Cause) -> Cause:
     if tuning.confidence >= NAMED_FROM:
         return Cause(NO_CAUSE, 0.0, (), tuning.speaks_for)
     if swing.sustained:

@@ -240,7 +240,7 @@ def from_posterior(
             " them: is it this loop's, with its units?"
         )
     if answer == STICTION or (answer == NO_DECISION and test is None):
-        to_do = _open_to_do(answer, _swings(assessment), shown)
+        to_do = _open_to_do(answer, _record_swings(assessment), shown)
     elif test is not None:
         to_do = test
     elif first == NONE:
@@ -271,7 +271,7 @@ def _open_to_do(answer: str, swings: bool, shown: Deniable | None) -> str:
     return _TO_TELL if swings else _AT_REST
 
 
-def _swings(assessment: Assessment) -> bool:
+def _record_swings(assessment: Assessment) -> bool:
     s = assessment.situation
     return find_oscillation(s.op, np.asarray(s.record.pv), s.record.Ts).sustained
 

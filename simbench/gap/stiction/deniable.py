@@ -71,7 +71,7 @@ def deniable(view: Assessment) -> Deniable:
             f"{pace:.2g} samples per period are too few to rule friction out",
             f"record OP and PV every {swing.period_s / _PACE:.2g} s or faster",
         )
-    if not swing.sustained and not _integrates(_without_friction(view), s.record.duration):
+    if not swing.sustained and not _integral_acts(_without_friction(view), s.record.duration):
         return Deniable(
             math.inf,
             "friction cannot be ruled out: no integral action moves OP until a valve that sticks"
@@ -124,6 +124,6 @@ def largest_asked(op: np.ndarray) -> float:
     return 0.0
 
 
-def _integrates(loop: Loop, duration: float) -> bool:
+def _integral_acts(loop: Loop, duration: float) -> bool:
     Ti = loop.controller.Ti
     return Ti is not None and Ti < INTEGRAL * duration

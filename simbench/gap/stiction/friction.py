@@ -181,7 +181,7 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     mv = np.asarray(record.mv, dtype=float)
     if standing(op, mv) is not None:
         return replace(alone, told=Told(alone.log_odds, replace(record, mv=None), (FROZEN,)))
-    true = chance_of_position(*_worth(alone, mv), alone.log_odds)
+    true = chance_of_position(*_worth_of_mv(alone, mv), alone.log_odds)
     by_mv, scale = _in_scale(record, known, alone.fitted)
     p = true * by_mv.probability + (1.0 - true) * alone.probability
     if record.op_percent is not None:
@@ -201,7 +201,7 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     return replace(main, told=Told(float(logit(p)), believed, tuple(filter(None, notes))))
 
 
-def _worth(alone: Friction, mv: np.ndarray) -> tuple[float, float]:
+def _worth_of_mv(alone: Friction, mv: np.ndarray) -> tuple[float, float]:
     """Return the nats by which PV follows from MV rather than from OP through a sound and through a
     sticking valve; none where the archive holds PV, which has fewer samples than MV then.
     """
@@ -306,7 +306,7 @@ def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
     s = check(record, whole, trusted=False, tuned="controller" in given)
     # MV is compared with OP by the whole diagnosis alone
     if record.mv is None:
-        return _likeliest_view([_few(s)])
+        return _likeliest_view([_assess_few(s)])
     return _seen_in_mv(assess(s))
 
 
@@ -342,12 +342,12 @@ def without_last_bits(record: LoopRecord) -> LoopRecord:
     """Return the record with OP, and with PV and SP, on a decimal grid a hundred millionth as fine
     as their range: what another unit or another addition rounds differently decides nothing.
     """
-    of_op, of_pv = (_GRID * _decade(x) for x in (record.op, record.pv))
+    of_op, of_pv = (_GRID * _decade_of(x) for x in (record.op, record.pv))
     given = (("op", record.op, of_op), ("pv", record.pv, of_pv), ("sp", record.sp, of_pv))
     return replace(record, **{m: snapped(x, unit) for m, x, unit in given if x is not None})
 
 
-def _decade(x: np.ndarray) -> float:
+def _decade_of(x: np.ndarray) -> float:
     """Return the power of ten next to a signal's range, which is not 0."""
     return 10.0 ** float(np.round(np.log10(np.ptp(x))))
 
@@ -362,7 +362,7 @@ def _assess_both_kinds(record: LoopRecord) -> list[Assessment]:
     for process in PROCESSES:
         try:
             loop = identify(replace(record, process=process), law=law)
-            views.append(_few(check(record, loop, trusted=False)))
+            views.append(_assess_few(check(record, loop, trusted=False)))
         except UserError as why:
             refused = why
     if not views:
@@ -371,7 +371,7 @@ def _assess_both_kinds(record: LoopRecord) -> list[Assessment]:
     return views
 
 
-def _few(s: Situation) -> Assessment:
+def _assess_few(s: Situation) -> Assessment:
     """Return the assessment of a record without MV in which only friction and an oscillation from
     outside were tried: of an identified plant nobody knows how far a load jumps or drifts.
     """
@@ -397,7 +397,7 @@ def _likeliest_view(views: Sequence[Assessment]) -> Friction:
     gain = friction_nats(sticky, none)
     known = []
     for i, v in enumerate(views):
-        if _is(v, v.situation.record.process):
+        if _is_kind(v, v.situation.record.process):
             known.append(i)
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
     data = views[first].situation.data
@@ -445,7 +445,7 @@ def largest_reversal(op: np.ndarray) -> float:
     return min(rise, fall)
 
 
-def _is(view: Assessment, process: str | None) -> bool:
+def _is_kind(view: Assessment, process: str | None) -> bool:
     """Return whether the plant of a view is of a kind; any is where none is known."""
     return process is None or view.situation.integrating == (process == "integrating")
 

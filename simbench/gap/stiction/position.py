@@ -126,11 +126,11 @@ def scale_of(search: MapSearch, fitted: tuple[float, float] | None) -> tuple[Sca
     parts = [slice(k, k + _PART) for k in range(0, max(op.size - _PART, 0) + 1, _PART // 2)]
     part = max(parts, key=lambda here: float(np.abs(np.diff(mv[here])).sum()))
     grid = [(S, S * j, S * b) for S, j, b in product(_BANDS * float(np.ptp(op)), _SHARES, _STARTS)]
-    near = _lowest(op[part], mv[part], np.array(grid), 2 * _KEPT)
+    near = _refine_lowest(op[part], mv[part], np.array(grid), 2 * _KEPT)
     valves = [(0.0, 0.0), *(() if fitted is None else (fitted,)), *near[:, :2]]
     # where MV stands when the record begins is another number than in its part
     begun = np.array([(S, J, S * b) for S, J in valves for b in _STARTS + _NEARER])
-    left, gain, offset = min(_scale_to_mv(op, mv, x) for x in _lowest(op, mv, begun, _KEPT))
+    left, gain, offset = min(_scale_to_mv(op, mv, x) for x in _refine_lowest(op, mv, begun, _KEPT))
     level = 0.5 * op.size * np.log(left + search.fine)
     nats = search.healthy - level - size_penalty(op.size, _NUMBERS)
     middle = offset + (gain - 1.0) * float(op.mean())
@@ -140,7 +140,7 @@ def scale_of(search: MapSearch, fitted: tuple[float, float] | None) -> tuple[Sca
     return (Scale(gain, offset), float(nats))
 
 
-def _lowest(op: np.ndarray, mv: np.ndarray, starts: np.ndarray, kept: int) -> np.ndarray:
+def _refine_lowest(op: np.ndarray, mv: np.ndarray, starts: np.ndarray, kept: int) -> np.ndarray:
     """Return the valves (kept, 3) that leave least of MV near the best of some (p, 3)."""
     levels = np.array([_scale_to_mv(op, mv, x)[0] for x in starts])
     followed = [

@@ -33,15 +33,15 @@ def of_friction(loops: CandidateLoops) -> float:
     """
     if loops.sticky is None or loops.fitted is None:
         return 0.0
-    return _largest(loops.sticky, kick=loops.fitted[0])
+    return _largest_regularity(loops.sticky, kick=loops.fitted[0])
 
 
 def of_tuning(loops: CandidateLoops) -> float:
     """Return the largest regularity that the sound loop reaches by itself."""
-    return _largest(loops.alone, kick=0.0)
+    return _largest_regularity(loops.alone, kick=0.0)
 
 
-def _largest(loop: Loop, kick: float) -> float:
+def _largest_regularity(loop: Loop, kick: float) -> float:
     # what a set point that swings does comes from outside
     runs = run_with_seeds(steady(loop), 0, _SEEDS, kick)
     if runs is None:

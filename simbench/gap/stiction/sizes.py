@@ -74,7 +74,7 @@ def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:
         levels = _by_pv(assessment, effect)
     else:
         return None
-    size, jump = _spread(levels, S, J)
+    size, jump = _spread_of_sizes(levels, S, J)
     return (size if passes(S, s.op) else replace(size, hi=np.inf)), jump
 
 
@@ -101,7 +101,7 @@ def _by_mv(search: MapSearch) -> Levels:
     return levels
 
 
-def _spread(levels: Levels, S: float, J: float) -> tuple[Size, Size]:
+def _spread_of_sizes(levels: Levels, S: float, J: float) -> tuple[Size, Size]:
     """Return S and J with the range of the valves that explain nearly as much as the best."""
     if J > 0.0:
         shares = [J / S, *_SHARES]

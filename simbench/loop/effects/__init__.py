@@ -117,28 +117,28 @@ class Vocabulary(Mapping[str, Effect]):
         self._only = only
 
     def __getitem__(self, name: str) -> Effect:
-        return self._all[name]
+        return self._describe_all[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._all)
+        return iter(self._describe_all)
 
     def __len__(self) -> int:
-        return len(self._all)
+        return len(self._describe_all)
 
     def forget_all(self) -> None:
         """Read the files again when next asked: one was added, or taken out."""
-        self.__dict__.pop("_all", None)
+        self.__dict__.pop("_describe_all", None)
 
     @cached_property
-    def _all(self) -> dict[str, Effect]:
+    def _describe_all(self) -> dict[str, Effect]:
         names = self._only or [*ORDER, *(name for name in PLUGINS.names() if name not in ORDER)]
-        return {name: _describe(PLUGINS.load(name)) for name in names}
+        return {name: _describe_effect(PLUGINS.load(name)) for name in names}
 
 
 EFFECTS = Vocabulary()
 
 
-def _describe(module: ModuleType) -> Effect:
+def _describe_effect(module: ModuleType) -> Effect:
     first = (module.__doc__ or "").strip().partition("\n\n")[0]
     # "Dead-band: backlash between OP and MV." says what the effect is behind its name
     says = " ".join(first.partition(": ")[2].split()).rstrip(".")

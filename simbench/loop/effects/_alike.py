@@ -55,13 +55,15 @@ def indistinguishable(effect: str, here: Circumstances) -> frozenset[str]:
     itself included.
     """
     if effect in EFFECTS:
-        own = _groups(EFFECTS[effect], here)
+        own = _groups_here(EFFECTS[effect], here)
     else:
         own = set()
-    return frozenset({effect} | {e for e, other in EFFECTS.items() if own & _groups(other, here)})
+    return frozenset(
+        {effect} | {e for e, other in EFFECTS.items() if own & _groups_here(other, here)}
+    )
 
 
-def _groups(effect: Effect, here: Circumstances) -> set[str]:
+def _groups_here(effect: Effect, here: Circumstances) -> set[str]:
     groups = set()
     for group in effect.alike:
         if group not in _HOLDS or _HOLDS[group](effect.block, here):
@@ -97,11 +99,11 @@ def circumstances(
         noise_shows=bool(2 * noise**2 >= NOISE_SHOWS * change.var()) and noise > 0,
         op_jitter=float(1.4826 * np.median(np.abs(jitter - np.median(jitter)))),
         J=float(jump) if "friction" in known.alike and jump is not None else None,
-        **_pace(known, p, plant, noise),
+        **_pace_of_load(known, p, plant, noise),
     )
 
 
-def _pace(
+def _pace_of_load(
     effect: Effect, p: Mapping[str, Any], plant: Mapping[str, Any], noise: float
 ) -> dict[str, bool]:
     if not {"slow", "ramp"} & set(effect.alike) or plant.get("K") is None or plant.get("T") is None:

@@ -71,13 +71,13 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     """Return (position, rate, error) one step h later; error 1 is what is allowed. Dormand and
     Prince (1980), 5(4).
     """
-    k1 = _pull(u, x, r, d, fs, fd, vs, a, w2)
+    k1 = _acceleration(u, x, r, d, fs, fd, vs, a, w2)
     r2 = r + h * (k1 / 5.0)
-    k2 = _pull(u, x + h * (r / 5.0), r2, d, fs, fd, vs, a, w2)
+    k2 = _acceleration(u, x + h * (r / 5.0), r2, d, fs, fd, vs, a, w2)
     r3 = r + h * (3.0 / 40.0 * k1 + 9.0 / 40.0 * k2)
-    k3 = _pull(u, x + h * (3.0 / 40.0 * r + 9.0 / 40.0 * r2), r3, d, fs, fd, vs, a, w2)
+    k3 = _acceleration(u, x + h * (3.0 / 40.0 * r + 9.0 / 40.0 * r2), r3, d, fs, fd, vs, a, w2)
     r4 = r + h * (44.0 / 45.0 * k1 - 56.0 / 15.0 * k2 + 32.0 / 9.0 * k3)
-    k4 = _pull(
+    k4 = _acceleration(
         u, x + h * (44.0 / 45.0 * r - 56.0 / 15.0 * r2 + 32.0 / 9.0 * r3), r4, d, fs, fd, vs, a, w2
     )
     c1 = 19372.0 / 6561.0
@@ -85,14 +85,14 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     c3 = 64448.0 / 6561.0
     c4 = -212.0 / 729.0
     r5 = r + h * (c1 * k1 + c2 * k2 + c3 * k3 + c4 * k4)
-    k5 = _pull(u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4), r5, d, fs, fd, vs, a, w2)
+    k5 = _acceleration(u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4), r5, d, fs, fd, vs, a, w2)
     c1 = 9017.0 / 3168.0
     c2 = -355.0 / 33.0
     c3 = 46732.0 / 5247.0
     c4 = 49.0 / 176.0
     c5 = -5103.0 / 18656.0
     r6 = r + h * (c1 * k1 + c2 * k2 + c3 * k3 + c4 * k4 + c5 * k5)
-    k6 = _pull(
+    k6 = _acceleration(
         u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4 + c5 * r5), r6, d, fs, fd, vs, a, w2
     )
     c1 = 35.0 / 384.0
@@ -102,7 +102,7 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     c6 = 11.0 / 84.0
     x1 = x + h * (c1 * r + c3 * r3 + c4 * r4 + c5 * r5 + c6 * r6)
     r1 = r + h * (c1 * k1 + c3 * k3 + c4 * k4 + c5 * k5 + c6 * k6)
-    k7 = _pull(u, x1, r1, d, fs, fd, vs, a, w2)
+    k7 = _acceleration(u, x1, r1, d, fs, fd, vs, a, w2)
     e1 = 71.0 / 57600.0
     e3 = -71.0 / 16695.0
     e4 = 71.0 / 1920.0
@@ -114,7 +114,7 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     return x1, r1, max(error_x / TOLERANCE_X, error_r / (TOLERANCE_R * max(abs(r1), vs)))
 
 
-def _pull(u, x, r, d, fs, fd, vs, a, w2):
+def _acceleration(u, x, r, d, fs, fd, vs, a, w2):
     """Return the acceleration (%/s2) of a valve that moves in direction d against Stribeck and
     viscous friction.
     """

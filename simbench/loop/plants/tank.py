@@ -37,12 +37,12 @@ def step(w_old, w_new, state, p):
     push = p.K * (early * w_old + (1.0 - early) * w_new)
     h = p.Ts / p.T
     x = state[0]
-    a = push - _out(x, p.pv0)
-    b = push - _out(x + 0.5 * h * a, p.pv0)
-    c = push - _out(x + 0.5 * h * b, p.pv0)
-    d = push - _out(x + h * c, p.pv0)
+    a = push - _outflow_change(x, p.pv0)
+    b = push - _outflow_change(x + 0.5 * h * a, p.pv0)
+    c = push - _outflow_change(x + 0.5 * h * b, p.pv0)
+    d = push - _outflow_change(x + h * c, p.pv0)
     return (max(x + h / 6.0 * (a + 2.0 * (b + c) + d), -p.pv0),)
 
 
-def _out(x, level):
+def _outflow_change(x, level):
     return 2.0 * level * (sqrt(max(1.0 + x / level, 0.0)) - 1.0)

@@ -90,7 +90,7 @@ def test_noise_goes_off_at_the_end_and_up_to_three_quarters_of_a_period_before()
     [(6, 1.0, True), (5, 1.0, False), (6, 0.99, False), (60, 3.0, True), (0, 0.0, False)],
 )
 def test_a_valve_swings_that_turns_six_times_by_the_least(reversals, swing, expected):
-    assert truth._swings(SimpleNamespace(reversals=reversals, swing=swing), 1.0) is expected
+    assert truth._keeps_swinging(SimpleNamespace(reversals=reversals, swing=swing), 1.0) is expected
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_the_commit_is_read_from_a_checkout_on_a_branch_off_it_and_from_a_linked
         monkeypatch.setattr(
             manifest, "__file__", str(tree / "simbench" / "bench" / "store" / "manifest.py")
         )
-        return manifest._commit.__wrapped__()
+        return manifest._read_commit.__wrapped__()
 
     git = tmp_path / "main" / ".git"
     (git / "refs" / "heads").mkdir(parents=True)

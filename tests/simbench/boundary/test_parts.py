@@ -182,7 +182,7 @@ def published(here, monkeypatch):
             for name in folder.outside():
                 folder.forget(name)
             folder.__dict__.pop("_entry_points", None)
-        VOCABULARY.__dict__.pop("_all", None)
+        VOCABULARY.__dict__.pop("_describe_all", None)
 
     yield publish
     monkeypatch.undo()

@@ -121,7 +121,7 @@ def test_without_a_plant_the_tuning_is_still_judged_and_what_is_left_open_is_not
 )
 def test_a_window_is_cut_out_of_the_record(window, length):
     record = LoopRecord(op=np.arange(200.0), pv=np.arange(200.0), Ts=1.0)
-    assert command._cut(record, window, "loop.csv").n == length
+    assert command._cut_window(record, window, "loop.csv").n == length
 
 
 def test_healthy_records_are_read_noted_and_repeated_on_the_page(place, tmp_path):

@@ -15,7 +15,14 @@ from simbench.loop.parameters import VALVES, valve_parameters
 from simbench.theory import table_check
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.describing import deadzone, first_harmonic, intersections, measured, stiction
-from simbench.theory.half_cycle import _move, _product, _residual, _solve, half_cycles, standing
+from simbench.theory.half_cycle import (
+    _move_states,
+    _multiply_into,
+    _residual_by_kernel,
+    _solve_half_cycle,
+    half_cycles,
+    standing,
+)
 from simbench.theory.predict import as_text
 from simbench.theory.sampled import mapped_valve, sampled_loop, ultimate_gain
 from simbench.theory.tables import CONDITIONS, cell, refined, table_11_3
@@ -92,7 +99,7 @@ def test_a_product_of_small_arrays():
     rng = np.random.default_rng(1)
     a, b = rng.normal(size=(3, 3)), rng.normal(size=(3, 4))
     out = np.full((3, 4), np.nan)
-    _product.py_func(a, b, out)
+    _multiply_into.py_func(a, b, out)
     np.testing.assert_allclose(out, a @ b, rtol=1e-12)
 
 
@@ -105,7 +112,7 @@ def test_the_head_of_a_half_cycle_is_the_march_with_the_valve_set_free(loop, Ti)
     m, c = made.delay + 3, made.order + 2
     head = np.full((c, c + 1), np.nan)
     plant = made.A, made.B_old, made.B_new, made.C
-    _move.py_func(plant, (made.integral, made.beta), made.fd, made.delay, m, head)
+    _move_states.py_func(plant, (made.integral, made.beta), made.fd, made.delay, m, head)
     start = np.array([0.7, 2.0, 5.0])
     x, u, v, w = start[:1], start[1], [start[2]] * (made.delay + 3), float(made.C @ start[:1])
     for k in range(1, m + made.delay + 3):
@@ -124,8 +131,10 @@ def test_the_residual_of_a_half_cycle_is_that_of_the_whole_arrays(loop, q):
         powers.append(powers[-1] @ powers[-1])
     head = np.random.default_rng(3).normal(size=(c, c + 1))
     room = np.empty((3, c, c + 1))
-    residual = _residual.py_func(head, T, np.array(powers), made.fs, q, *room)
-    assert residual == pytest.approx(_solve(head, T, powers, made.fs, np.array([q]))[0][0])
+    residual = _residual_by_kernel.py_func(head, T, np.array(powers), made.fs, q, *room)
+    assert residual == pytest.approx(
+        _solve_half_cycle(head, T, powers, made.fs, np.array([q]))[0][0]
+    )
 
 
 def test_the_first_harmonic_of_valves_whose_answer_is_known():
@@ -213,7 +222,7 @@ def test_a_cell_s_loops_are_counted_by_what_they_do(monkeypatch):
     is wrong of the last.
     """
     reached = {"b": repeat(False), "c": cycle_through([True, False]), "d": repeat(True)}
-    monkeypatch.setattr(table_check, "_loops", lambda *key: iter("abcd"))
+    monkeypatch.setattr(table_check, "_loops_of_cell", lambda *key: iter("abcd"))
     monkeypatch.setattr(
         table_check, "exact_cycle", lambda loop: None if loop == "a" else loop.upper()
     )
@@ -234,7 +243,7 @@ def test_the_checked_loops_have_the_integral_times_they_promise():
         ("integrating", {10.0, 20.0, 40.0}),
         ("self-regulating", {5.0, 10.0, 20.0}),
     ):
-        made = list(table_check._loops(process, "PI", "dead-band"))
+        made = list(table_check._loops_of_cell(process, "PI", "dead-band"))
         assert {round(loop.Ts / loop.beta, 9) for loop in made} == times
         assert {round(loop.Td, 9) for loop in made} == (
             {0.0, 1.0, 4.0} if process == "integrating" else {0.0, 2.0, 10.0}

@@ -9,7 +9,7 @@ import pytest
 from simbench.theory.cycle import exact_cycle
 from simbench.theory.predict import as_text, predict
 from simbench.theory.sampled import sampled_loop, ultimate_gain
-from simbench.theory.table_check import _loops, check_table_11_3
+from simbench.theory.table_check import _loops_of_cell, check_table_11_3
 from simbench.theory.tables import TABLE_11_2, TABLE_11_3, refined, table_11_3, truth_columns
 
 EIGHT = [
@@ -110,7 +110,7 @@ def test_checked_table_has_eight_cells_and_theory_meets_its_conditions():
 
 
 def test_the_table_is_checked_on_the_600_loops_that_are_stated():
-    cells = {key: list(_loops(*key)) for key in TABLE_11_3}
+    cells = {key: list(_loops_of_cell(*key)) for key in TABLE_11_3}
     assert [len(loops) for loops in cells.values()] == 2 * [15, 60, 45, 180]
     for process in ("self-regulating", "integrating"):
         loops = cells[process, "P", "stick-slip"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from labels import cycled, friction_band, refined, table_11_3
 
-from simbench.bench.execute.compute_piece import _theory as theory
+from simbench.bench.execute.compute_piece import _predict_cycle as theory
 from simbench.bench.scenario.resolve import resolve
 from simbench.bench.scenario.truth import simulate_with_truth
 from simbench.scenarios.grid import load_grid

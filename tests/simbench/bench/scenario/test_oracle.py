@@ -64,7 +64,7 @@ def test_right_about_healthy_and_sticky_valves_under_any_load(plant, load, noise
 
 def response(setup, inflow):
     """Return PV's answer to an inflow, both as deviations."""
-    b, a, late = oracle_room._transfer(setup)
+    b, a, late = oracle_room._transfer_function(setup)
     return np.append(np.zeros(late), lfilter(b, a, inflow[: inflow.size - late]))
 
 
@@ -85,8 +85,8 @@ def test_the_kernel_has_the_squares_of_one_valve_after_the_other(plant):
     record = Stretch(np.append(setup.op0, op), left, 1, 0, 0, op.size, 1.0, 0.0, 100.0)
     asked = (record, Valves(none, S, J, none, none, none, none), np.array(run.load_in))
     plain, fast = np.empty(S.size), np.empty(S.size)
-    oracle_room.squares_left(*asked, *oracle_room._transfer(setup), plain)
-    compiled(oracle_room.squares_left)(*asked, *oracle_room._transfer(setup), fast)
+    oracle_room.squares_left(*asked, *oracle_room._transfer_function(setup), plain)
+    compiled(oracle_room.squares_left)(*asked, *oracle_room._transfer_function(setup), fast)
     assert fast.tolist() == plain.tolist()
     assert fast == pytest.approx(slowly, rel=1e-9)
 

@@ -9,7 +9,7 @@ import pytest
 
 from simbench.detectors.signal.filters import lfilter
 from simbench.gap.decide.assess import assess
-from simbench.gap.decide.left_over import _chance, left_over
+from simbench.gap.decide.left_over import _chance_beyond, left_over
 from simbench.gap.intake.check import check
 from simbench.gap.thresholds import LIKELIER
 from simbench.loop.simulate import simulate
@@ -52,8 +52,8 @@ def test_what_no_effect_makes_of_pv_lies_beyond_all_simulations():
 
 
 def test_the_farther_beyond_the_simulations_the_smaller_is_the_chance():
-    chances = [_chance(beyond, OTHERS) for beyond in (-5.0, 0.0, 5.0, 50.0)]
+    chances = [_chance_beyond(beyond, OTHERS) for beyond in (-5.0, 0.0, 5.0, 50.0)]
     assert chances[:2] == [1.0, 1.0]
     assert 0.0 < chances[3] < chances[2] < 0.15
     # simulations without noise are all the same: a nat is the least by which a test scatters
-    assert _chance(1.0, np.zeros(24)) > 0.1
+    assert _chance_beyond(1.0, np.zeros(24)) > 0.1

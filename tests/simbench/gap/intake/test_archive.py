@@ -11,7 +11,7 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.law import Law
-from simbench.gap.intake.archive import _spikes, find_archive
+from simbench.gap.intake.archive import _find_spikes, find_archive
 from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.sensor.samples import Samples
 from simbench.gap.situation import Archive
@@ -109,7 +109,10 @@ def test_samples_that_were_lost_and_bridged_are_no_spikes_of_op_or_pv():
     # the controller saw another PV there, or in the sample beside, where OP was lost as well
     saw = PV.copy()
     saw[k - np.array([0, 1, 1])] += 2.0
-    assert _spikes(seen_in(replace(LAW, recovered_pv=saw), PLAIN, pv), pv, False)[::2] == (None, "")
+    assert _find_spikes(seen_in(replace(LAW, recovered_pv=saw), PLAIN, pv), pv, False)[::2] == (
+        None,
+        "",
+    )
 
 
 @pytest.mark.parametrize(
@@ -119,6 +122,8 @@ def test_op_that_sees_spikes_which_pv_does_not_show_is_a_mismatch_unless_they_ar
     height, reason
 ):
     seen = hit(heights=height * np.sign(HEIGHTS))
-    spikes, plant_pv, mismatch = _spikes(seen_in(replace(LAW, recovered_pv=seen), PLAIN), PV, False)
+    spikes, plant_pv, mismatch = _find_spikes(
+        seen_in(replace(LAW, recovered_pv=seen), PLAIN), PV, False
+    )
     assert (spikes, mismatch) == (None, reason)
     assert np.array_equal(plant_pv, PV if reason else seen)

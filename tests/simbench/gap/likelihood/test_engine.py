@@ -107,10 +107,10 @@ def test_derivatives_are_those_of_the_profile_likelihood(e, spec, theta):
     def moved(i, h):
         y = x.copy()
         y[i] += h
-        return e._terms(spec, unpack(y))
+        return e._likelihood_terms(spec, unpack(y))
 
-    now = e._terms(spec, theta)
-    J, slope = e._derivatives(spec, names, x, np.column_stack([x - 9, x + 9]), unpack, now)
+    now = e._likelihood_terms(spec, theta)
+    J, slope = e._differentiate_terms(spec, names, x, np.column_stack([x - 9, x + 9]), unpack, now)
     gradient, J = J @ now[0] + slope, e._without_linear(now, J)
     # the linear coefficients are fitted anew on either side
     h = 1e-3

@@ -6,7 +6,7 @@ import numpy as np
 from recorded import LOADED_FAST
 
 from simbench.gap.stiction.candidate_loops import candidate_loops
-from simbench.gap.stiction.sizes import Size, _spread, describe_sizes
+from simbench.gap.stiction.sizes import Size, _spread_of_sizes, describe_sizes
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 
@@ -35,7 +35,7 @@ def test_what_explains_nothing_has_an_interval_down_to_none():
     def flat(points):
         return np.zeros(len(points))
 
-    size, jump = _spread(flat, 2.0, 1.0)
+    size, jump = _spread_of_sizes(flat, 2.0, 1.0)
     assert size.lo == 0.0
     assert size.hi > 5.0
     assert jump.lo < 0.1 < 2.0 < jump.hi
