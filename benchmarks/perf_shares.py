@@ -17,7 +17,7 @@ import numpy as np
 import simbench.bench.execute.compute_piece as piece_module
 import simbench.loop.kernel
 from simbench.bench.execute import pieces
-from simbench.bench.scenario import kept
+from simbench.bench.scenario import truth
 from simbench.bench.scenario.oracle import ORACLE
 from simbench.bench.store import tables
 from simbench.bench.store.manifest import MANIFEST
@@ -73,11 +73,11 @@ class Meter:
 def metered(meter: Meter, names: list[str]) -> list[tuple[Any, str, Any]]:
     """Put the meter into everything that has a line in the table; return what must be put back."""
     alone = "simulate, without its kernel"
-    simulate = meter.wrap(alone, kept.simulate)
+    simulate = meter.wrap(alone, truth.simulate)
     compiled = simbench.loop.kernel.compiled
     places = [
         (simbench.loop.kernel, "compiled", lambda *a: meter.wrap("loop kernel", compiled(*a))),
-        (kept, "simulate", simulate),
+        (truth, "simulate", simulate),
         (piece_module, "settled", meter.wrap("loops of the table", piece_module.settled)),
         (SettledGrid, "group", meter.wrap("loops of the table", SettledGrid.group)),
         (

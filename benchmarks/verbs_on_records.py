@@ -22,8 +22,7 @@ from simbench.cli import main as simbench
 from simbench.detectors.records.folder import read_labels
 from simbench.detectors.verdict import PROBABILITY
 from simbench.detectors.views import columns
-from simbench.gap.stiction.by_loop import count_agreement, group_conclusions
-from simbench.gap.stiction.conclusion import WORDS
+from simbench.gap.stiction.conclusion import WORDS, count_agreement, group_conclusions
 
 _VERBS = {
     "detect": "detect FILE --method likelihood",

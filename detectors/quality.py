@@ -10,12 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbench.detectors.record import MOST_OUTSIDE, LoopRecord
-from simbench.detectors.signal.holds import frozen, holds, still
+from simbench.detectors.signal.holds import frozen, holds, still, straight
 from simbench.detectors.signal.lattice import lattice, written_unit
-from simbench.detectors.signal.lines import straight
 from simbench.detectors.signal.oscillation import Oscillation, find_oscillation
-from simbench.detectors.signal.spikes import find_spikes, off_line
-from simbench.detectors.signal.tails import heavy_tails
+from simbench.detectors.signal.spikes import find_spikes, heavy_tails, off_line
 
 _SATURATED = 0.05  # share of samples at a limit
 _OPERATOR = 0.01  # changes of OP per sample, below which a person and not a controller moves it

@@ -11,7 +11,7 @@ import scipy
 
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
-from simbench.detectors.signal.phase import phase_locking
+from simbench.detectors.signal.filters import phase_locking
 
 _NEAR = 0.12  # logarithm of the ratio of two periods up to which they may be one
 _LOCKED = 0.95  # mean resultant length of the phase difference from which two oscillations are one

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from simbench.confirm.expected import Phase, measure
 from simbench.confirm.gain_change import (
     LONGEST,
     NUDGES,
@@ -20,7 +21,6 @@ from simbench.confirm.gain_change import (
     settled_parts,
     shift_of,
 )
-from simbench.confirm.phase import Phase, measure
 from simbench.confirm.rig import run_rig
 from simbench.detectors.errors import ParameterError
 from simbench.scenarios.spec import Loop

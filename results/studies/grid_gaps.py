@@ -23,9 +23,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.folder import read_folder, read_labels
 from simbench.detectors.views import columns
 from simbench.gap.benchmark import measure
-from simbench.gap.benchmark.classifier import tell_apart
 from simbench.gap.benchmark.from_records import grid_from_records
-from simbench.gap.benchmark.loops import describe, draw_loops, with_nuisances
+from simbench.gap.benchmark.measure import describe, draw_loops, tell_apart, with_nuisances
 from simbench.gap.benchmark.nuisances import ADDITIONS
 from simbench.parallel import run_parallel
 from simbench.scenarios.expansion import Grid

@@ -18,12 +18,13 @@ import numpy as np
 
 from simbench.bench.execute.settle_group import settled
 from simbench.bench.scenario.truth import CYCLED, NO, YES, simulate_with_truth
-from simbench.bench.score.folds import folds_of, out_of_fold
 from simbench.bench.score.no_waveform import (
     EXTREMES,
     FEATURE_SETS,
     FEATURES,
     features_without_waveform,
+    folds_of,
+    out_of_fold,
 )
 from simbench.bench.score.rhythm import RHYTHM, rhythm_features
 from simbench.bench.statistics import auc

@@ -21,8 +21,7 @@ from scipy.stats import kurtosis, norm, rankdata
 from results.studies.grid_gaps import read
 from simbench.detectors.views import columns
 from simbench.files import whole_file
-from simbench.gap.benchmark.from_records import grid_from_records, grid_of_loops
-from simbench.gap.benchmark.near_loop import NearLoop
+from simbench.gap.benchmark.from_records import NearLoop, grid_from_records, grid_of_loops
 from simbench.scenarios.columns import RESIDUALS
 from simbench.scenarios.settled import table_file
 from simbench.scenarios.spec import Loop

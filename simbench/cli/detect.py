@@ -128,7 +128,7 @@ def detect(
         show(text.removeprefix("".join(printed)).removeprefix("\n"), False)
     if labels is not None and report.conclusions:
         from simbench.detectors.records.folder import read_labels
-        from simbench.gap.stiction.by_loop import as_lines
+        from simbench.gap.stiction.conclusion import as_lines
 
         print("\n".join([""] + as_lines(report.conclusions, read_labels(labels))))
     if as_json or len(report.groups()) > 1:  # of one record the text has them

@@ -10,8 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbench.bench.scenario.truth import healthy_twin
-from simbench.confirm.expected import Expected, expect_change, odds_of_friction, with_friction
-from simbench.confirm.phase import Phase, interval, measure, plain, ratio_error
+from simbench.confirm.expected import (
+    Expected,
+    Phase,
+    expect_change,
+    interval,
+    measure,
+    odds_of_friction,
+    plain,
+    ratio_error,
+    with_friction,
+)
 from simbench.confirm.rig import Trace, draw_trace, lengthen_loop, run_rig
 from simbench.detectors.errors import ParameterError
 from simbench.loop.resolve import resolve_loop

@@ -24,16 +24,15 @@ from simbench.gap.closed_loop.identified import IdentifiedLoops
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import NOISE_EFFECT, Assessment, assess
 from simbench.gap.decide.posterior import Posterior, posterior
-from simbench.gap.intake.check import check
+from simbench.gap.intake.check import SAME_TS, check, refuse_unfit
 from simbench.gap.intake.healthy import Healthy, check_healthy, learn
 from simbench.gap.intake.partial import Partial, complete_baseline, read_baseline
-from simbench.gap.intake.refuse import SAME_TS, refuse_unfit
 from simbench.gap.report.result import GapReport
 from simbench.gap.reporting import report
 from simbench.gap.situation import Situation
-from simbench.gap.stiction.altered import FRICTION
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, judged
+from simbench.gap.stiction.deniable import FRICTION
 from simbench.gap.stiction.friction import as_believed, friction_of, refuse_unweighable
 from simbench.gap.stiction.probability import pool_log_odds
 from simbench.loop import resolve

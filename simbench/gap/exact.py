@@ -18,7 +18,7 @@ from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.holds import holds, runs_of
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.controller.examine import stated_controller
-from simbench.gap.controller.regression import FORMS
+from simbench.gap.controller.law import FORMS
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import MEAN_EXPLAINS, TERM_EXPLAINS, TERM_NATS
 from simbench.loop.effects import block_of

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from simbench.confirm.expected import expect_change, kept, odds_of_friction, with_friction
+from simbench.confirm.expected import (
+    Phase,
+    expect_change,
+    kept,
+    measure,
+    odds_of_friction,
+    with_friction,
+)
 from simbench.confirm.gain_change import (
     TOLD_FROM,
     GainChange,
@@ -18,7 +25,6 @@ from simbench.confirm.gain_change import (
     shift_of,
     unfit,
 )
-from simbench.confirm.phase import Phase, measure
 from simbench.confirm.recorded import controller_gain, travel_recorded
 from simbench.confirm.rig import Trace
 from simbench.confirm.travel import TravelTest

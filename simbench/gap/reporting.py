@@ -12,11 +12,9 @@ from simbench.gap.closed_loop.gap import Shrinkage, within_reach
 from simbench.gap.closed_loop.remaining import Remaining, remaining
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
-from simbench.gap.decide.evidence import known_by
-from simbench.gap.decide.posterior import Posterior
+from simbench.gap.decide.posterior import Posterior, known_by
 from simbench.gap.effects import is_friction
-from simbench.gap.report.next_test import tell_apart
-from simbench.gap.report.ranked import Gap, Ranked
+from simbench.gap.report.ranked import Gap, Ranked, tell_apart
 from simbench.gap.report.result import DiagnosisDetails, GapReport
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.conclusion import at_rest, from_posterior, from_record, without

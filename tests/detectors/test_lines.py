@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.detectors.signal.lines import on_line, straight
+from simbench.detectors.signal.holds import on_line, straight
 
 KEPT = np.random.default_rng(0).standard_normal(101)
 DRAWN = np.interp(np.arange(1001), np.arange(0, 1001, 10), KEPT)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.detectors.signal.phase import coherence, phase_locking
+from simbench.detectors.signal.filters import coherence, phase_locking
 
 T = np.arange(4000.0)
 SINE = np.sin(2 * np.pi * T / 40)

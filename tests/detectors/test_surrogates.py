@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from simbench.detectors.compiled import compiled
 from simbench.detectors.errors import ParameterError
-from simbench.detectors.signal import look_alikes
+from simbench.detectors.signal import surrogates
 from simbench.detectors.signal.surrogates import (
     iaaft,
     nonlinearity_index,
@@ -61,7 +61,7 @@ def test_prediction_error_equals_that_of_a_tree(n, E, H, k):
 
 def test_plain_kernel_equals_the_compiled_one_bit_for_bit():
     x = np.random.default_rng(4).standard_normal(70)
-    assert look_alikes.prediction_errors(x, 5, 3, 4) == prediction_error(x, 5, 3, 4)
+    assert surrogates.prediction_errors(x, 5, 3, 4) == prediction_error(x, 5, 3, 4)
 
 
 def test_look_alikes_equally_far_all_count():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbench.detectors.signal.tails import heavy_tails
+from simbench.detectors.signal.spikes import heavy_tails
 
 
 def test_heavy_tails_are_distinguished_from_gaussian_noise_with_spikes():

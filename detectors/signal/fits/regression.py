@@ -15,7 +15,7 @@ import numpy as np
 
 from simbench.detectors.compiled import LANES, compiled, lanes, rows, wide
 from simbench.detectors.signal.fits.hammerstein_kernels import Stretch, Valves, moves
-from simbench.valve.search import distinct_valves
+from simbench.valve.maps import distinct_valves
 
 _SAMPLES = 30  # per period, after averaging
 _PAST = 36  # averages of PV before one that is predicted

@@ -27,8 +27,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import NO_STICTION, STICTION
+from simbench.gap.stiction.deniable import resample_record
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.measured import resample_record
 from simbench.gap.stiction.probability import log_odds, probability, verdict
 from simbench.progress import Progress
 from simbench.usage import exit_code

@@ -17,7 +17,7 @@ from results.studies.plant.stiction_probability import GRID, member
 from results.studies.withheld.world import TestPlan
 from results.studies.worlds import load_world
 from simbench.bench.statistics import wilson
-from simbench.confirm.phase import measure
+from simbench.confirm.expected import measure
 from simbench.detectors.errors import UserError
 from simbench.detectors.record import LoopRecord
 from simbench.gap.gain_pair import gain_change_recorded

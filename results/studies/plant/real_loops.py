@@ -22,8 +22,7 @@ from simbench.detectors.errors import UserError
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
 from simbench.detectors.views import columns
 from simbench.gap import conclude
-from simbench.gap.stiction.by_loop import group_conclusions
-from simbench.gap.stiction.conclusion import WORDS, Conclusion, without
+from simbench.gap.stiction.conclusion import WORDS, Conclusion, group_conclusions, without
 from simbench.gap.thresholds import LIKELIER
 from simbench.usage import exit_code
 

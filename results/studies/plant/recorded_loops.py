@@ -22,8 +22,8 @@ from simbench.detectors.record import PROCESSES, LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import STICTION
 from simbench.files import folder
+from simbench.gap.stiction.deniable import resample_record
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.measured import resample_record
 from simbench.gap.stiction.probability import pool_log_odds, probability
 from simbench.gap.thresholds import CLAIMED_FROM
 from simbench.progress import Progress

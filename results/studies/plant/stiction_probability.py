@@ -34,8 +34,8 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.records.io import read_record
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.files import folder
+from simbench.gap.stiction.deniable import resample_record
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.measured import resample_record
 from simbench.gap.stiction.probability import FrictionEvidence, log_odds, probability, regressors
 from simbench.loop.resolve import resolve_loop
 from simbench.loop.simulate import simulate

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import ks_2samp
 
 from results.studies.recorded_grid import like, one_a_unit, without_columns
-from simbench.gap.benchmark.near_loop import NearLoop
+from simbench.gap.benchmark.from_records import NearLoop
 from simbench.scenarios.columns import RESIDUALS
 from simbench.scenarios.settled import settled_grid
 from simbench.scenarios.spec import Loop

@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from simbench.bench.score.answers import RATES
 from simbench.bench.score.names import OF_NOT_OSCILLATING
 from simbench.bench.score.scoring import score_run
-from simbench.bench.score.tally import RATES
 from simbench.bench.store.benchmark import LOOP_KEYS
 from simbench.bench.store.folder import PIECES, RunError, digest, visible_names, write_file
 from simbench.bench.store.manifest import MANIFEST, read_manifest, write_manifest

@@ -22,8 +22,8 @@ from simbench.bench.check.check_power import (
     unseen_losses,
 )
 from simbench.bench.check.check_result import Check, sentence
+from simbench.bench.score.compare import Paired, Pairs, pair
 from simbench.bench.score.names import ALL
-from simbench.bench.score.pairing import Paired, Pairs, pair
 from simbench.bench.score.quantification import COVERAGE, MEDIAN_ERROR, compared
 from simbench.bench.statistics import auc, auc_drop, holm
 from simbench.bench.store.benchmark import benchmark_version, refuse_other_benchmark

@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simbench.bench.execute.settle_group import settled
-from simbench.bench.scenario.kept import prepare_once
 from simbench.bench.scenario.oracle import ORACLE, judge_oracle
-from simbench.bench.scenario.truth import Cycled, simulate_with_truth
+from simbench.bench.scenario.truth import Cycled, prepare_once, simulate_with_truth
 from simbench.bench.score.no_waveform import features_without_waveform
 from simbench.bench.score.rhythm import rhythm_features
 from simbench.bench.store import tables

@@ -12,8 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from simbench.bench.scenario.kept import prepare_once, run_once
-from simbench.bench.scenario.truth import YES, least_swing, simulate_with_truth
+from simbench.bench.scenario.truth import (
+    YES,
+    least_swing,
+    prepare_once,
+    run_once,
+    simulate_with_truth,
+)
 from simbench.detectors.errors import ParameterError
 from simbench.detectors.signal.oscillation import oscillation_of
 from simbench.loop import echo, plant

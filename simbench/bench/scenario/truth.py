@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbench.bench.scenario.kept import run_once
+from simbench.detectors.prepared import Prepared, prepare
+from simbench.detectors.record import LoopRecord
 from simbench.loop.motion import MIN_REVERSALS, Motion, largest_sine, motion
 from simbench.loop.motion import least_swing as least_swing_of
 from simbench.loop.resolve import friction, undisturbed
 from simbench.loop.run import Run
-from simbench.loop.simulate import valve_tail
+from simbench.loop.simulate import simulate, valve_tail
 from simbench.scenarios.parts import Part
 from simbench.scenarios.spec import Loop
 
@@ -195,3 +196,31 @@ def _keeps_swinging(moved: Motion, bar: float) -> bool:
 def _is_driven(run: Run) -> bool:
     late = slice(run.record.n // 2, run.record.n)
     return any(np.ptp(signal[late]) > 0 for signal in (run.load_in, run.load_out, run.record.sp))
+
+
+# --- Runs and prepared records of the last few loops: the rules of a group are settled by running
+# its loops, and the last run of each is the scenario's.
+
+_MOST_KEPT = 32  # loops of a group
+_runs: deque[tuple[Loop, int, Run]] = deque(maxlen=_MOST_KEPT)
+_prepared: deque[tuple[LoopRecord, Prepared]] = deque(maxlen=_MOST_KEPT)
+
+
+def run_once(loop: Loop, seed: int) -> Run:
+    """Return `simulate(loop, seed)`; the run of a loop that was just run is kept."""
+    for known, its, run in _runs:
+        if known is loop and its == seed:
+            return run
+    run = simulate(loop, seed)
+    _runs.append((loop, seed, run))
+    return run
+
+
+def prepare_once(record: LoopRecord) -> Prepared:
+    """Return a record without MV made ready for judging; that of a run just made is kept."""
+    for known, prepared in _prepared:
+        if known is record:
+            return prepared
+    prepared = prepare(record.without_mv())
+    _prepared.append((record, prepared))
+    return prepared

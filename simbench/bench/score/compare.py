@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from simbench.bench.score.answers import failures, home_of
-from simbench.bench.score.pairing import Paired
-from simbench.bench.statistics import holm, rate
+from simbench.bench.statistics import holm, mcnemar, rate
 from simbench.bench.store.reading import TRUTHS, RunArrays
 from simbench.detectors.errors import UserError, nearest
 from simbench.detectors.views import page_part
@@ -296,3 +295,50 @@ def _rank_side(book: RunArrays, side: _Side) -> pd.DataFrame:
     table = pd.DataFrame(rows, columns=columns)
     table["home"] = [home_of(method, book) for method in book.methods]
     return table.sort_values("accuracy", ascending=False, kind="stable", ignore_index=True)
+
+
+# --- Compare the same loops: which loop of one run is which of another, the one that has its id,
+# and what two sets of answers to the same loops win and lose against each other.
+
+
+class Pairs(NamedTuple):
+    """The loops two runs have in common."""
+
+    # now, before: (m,) where each stands in either run
+    now: np.ndarray
+    before: np.ndarray
+    same: np.ndarray  # (m,) whether the two records are the same, bit for bit
+
+
+def pair(now: RunArrays, before: RunArrays) -> Pairs:
+    """Pair the loops of two runs."""
+    _, at, was_at = np.intersect1d(now.ids, before.ids, return_indices=True)
+    return Pairs(at, was_at, now.hashes[at] == before.hashes[was_at])
+
+
+class Paired(NamedTuple):
+    """Of n loops: where only the first of two answers was right (win), only the second (loss), both
+    or neither (tie).
+    """
+
+    n: int
+    win: int
+    tie: int
+    loss: int
+
+    @classmethod
+    def of(cls, first: np.ndarray, second: np.ndarray) -> Paired:
+        """Count two sets of answers, each (n,) right or not."""
+        win = int((first & ~second).sum())
+        loss = int((~first & second).sum())
+        return cls(first.size, win, first.size - win - loss, loss)
+
+    @property
+    def p(self) -> float:
+        """Exact McNemar p-value of "both are right equally often"."""
+        return mcnemar(self.loss, self.win)
+
+    @property
+    def p_worse(self) -> float:
+        """That of "the second is not right less often", one-sided."""
+        return mcnemar(self.win, self.loss, worse=True)

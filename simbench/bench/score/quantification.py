@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbench.bench.score.pairing import Paired, Pairs
+from simbench.bench.score.compare import Paired, Pairs
 from simbench.bench.store.reading import RunArrays
 
 if TYPE_CHECKING:

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbench.bench.score import picture
-from simbench.bench.score.answers import answers_of, axis_codes
+from simbench.bench.score.answers import (
+    RATES,
+    answers_of,
+    axis_codes,
+    counted,
+    long_table,
+    tallied,
+    with_names,
+)
 from simbench.bench.score.compare import Comparison, compare
 from simbench.bench.score.names import (
     ALL,
@@ -25,7 +33,6 @@ from simbench.bench.score.names import (
 )
 from simbench.bench.score.ranks import UNDECIDED, Ranks
 from simbench.bench.score.table import full_text, headline
-from simbench.bench.score.tally import RATES, counted, long_table, tallied, with_names
 from simbench.bench.store.folder import write_file
 from simbench.bench.store.manifest import unmatched
 from simbench.bench.store.reading import COPIES, TRUTHS, RunArrays

@@ -11,27 +11,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from simbench.bench.score.answers import (
+    RATES,
     Answers,
     answers_of,
     axis_codes,
-    failing_methods,
-    reference_answers,
-)
-from simbench.bench.score.folds import folds_of, found_at, sample_of
-from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING, SAMPLED, kind_of
-from simbench.bench.score.quantification import quantification
-from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
-from simbench.bench.score.result import Scores
-from simbench.bench.score.shipped import read_joined, with_shipped
-from simbench.bench.score.tally import (
-    RATES,
     counted,
+    failing_methods,
     long_table,
+    reference_answers,
     share_frame,
     share_of,
     tallied,
     with_names,
 )
+from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING, SAMPLED, kind_of
+from simbench.bench.score.no_waveform import folds_of, found_at, sample_of
+from simbench.bench.score.quantification import quantification
+from simbench.bench.score.ranks import RANKED_LOOPS, UNDECIDED, Ranks, rank_methods
+from simbench.bench.score.result import Scores
+from simbench.bench.score.shipped import read_joined, with_shipped
 from simbench.bench.statistics import area, auc, dense_ranks, rate
 from simbench.bench.store.reading import CODES, TRUTHS, RunArrays
 from simbench.detectors.signal.conditioning import median

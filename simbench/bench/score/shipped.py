@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simbench.bench.score.pairing import pair
+from simbench.bench.score.compare import pair
 from simbench.bench.store.benchmark import refuse_other_benchmark
 from simbench.bench.store.reading import CODES, RunArrays, read_table
 from simbench.detectors.errors import ParameterError, nearest

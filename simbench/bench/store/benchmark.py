@@ -47,7 +47,6 @@ _LEFT_OUT = (
     "asked",
     "compare",
     "page",
-    "pairing",
     "paper",
     "part_files",
     "public_loop",

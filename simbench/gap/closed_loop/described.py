@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.gap.closed_loop.arx import in_samples
-from simbench.gap.closed_loop.copies import AS_SHOWN, Copy
+from simbench.gap.closed_loop.copies import AS_SHOWN, Copy, in_samples
 from simbench.loop import plant as plants
 from simbench.scenarios.plant import Controller, Plant
 from simbench.scenarios.spec import Loop

@@ -11,8 +11,7 @@ from simbench.gap.candidates import Fitted
 from simbench.gap.closed_loop.copies import copies
 from simbench.gap.closed_loop.described import described
 from simbench.gap.closed_loop.gap import Runs, Shrinkage, measure, simulate_runs
-from simbench.gap.closed_loop.nearest import Near, nearest
-from simbench.gap.closed_loop.runs import ClosedLoops
+from simbench.gap.closed_loop.runs import ClosedLoops, Near, nearest
 from simbench.gap.effects import is_friction
 from simbench.scenarios.spec import Loop
 

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simbench.gap.closed_loop.gap import Compared, held_out
-from simbench.gap.closed_loop.summary_features import BANDS, HANN, PEAK, REST
+from simbench.gap.closed_loop.gap import BANDS, HANN, PEAK, REST, Compared, held_out
 from simbench.gap.situation import Situation
 from simbench.gap.thresholds import PLAINLY
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbench.detectors.signal.holds import on_line
 from simbench.detectors.signal.lattice import read_lattice, written_unit
-from simbench.detectors.signal.lines import on_line
-from simbench.gap.controller.law import Law
+from simbench.gap.controller.law import EXACT, FORMS, Law, about_zero, by_steps, by_sums, spread
 from simbench.gap.controller.pid_law import Stated
 from simbench.gap.controller.recovered_pv import (
     FAITHFUL,
@@ -21,7 +21,6 @@ from simbench.gap.controller.recovered_pv import (
     recover_pv,
     rest_of_mean,
 )
-from simbench.gap.controller.regression import EXACT, FORMS, about_zero, by_steps, by_sums, spread
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 from simbench.gap.sensor.samples import exception_band
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from simbench.detectors.signal.filters import lfilter
-from simbench.gap.controller.regression import FORMS, about_zero, solve_by_majority
+from simbench.gap.controller.law import FORMS, about_zero, solve_by_majority
 from simbench.loop.controller import PID, pid_numbers
 from simbench.scenarios.plant import Controller
 

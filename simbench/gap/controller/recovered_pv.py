@@ -12,7 +12,7 @@ from scipy.special import expit
 
 from simbench.detectors.signal.filters import lfilter
 from simbench.detectors.signal.holds import runs_of
-from simbench.gap.controller.regression import about_zero, solve_least_squares
+from simbench.gap.controller.law import about_zero, solve_least_squares
 
 # misfit where the archive keeps PV exactly, relative to the misfit elsewhere, below which OP is
 # believed

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
-from simbench.gap.controller.regression import EXACT, about_zero, solve_by_majority
+from simbench.gap.controller.law import EXACT, about_zero, solve_by_majority
 
 # pairs of samples at one extreme of OP, from which it is a limit if OP rests nowhere else: without
 # it one of 11 limits in 164 records is overlooked

@@ -22,8 +22,8 @@ from simbench.gap.candidates import (
     meaningful,
     possible_effects,
 )
-from simbench.gap.decide.evidence import ALONE, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.left_over import Left, left_over
+from simbench.gap.decide.posterior import ALONE, LAW, MV, PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.decide.recorded_mv import Maps, by_op, by_stem, valve_maps
 from simbench.gap.effects import NOT_IN_PLANT, Parameters, is_friction, recogniser
 from simbench.gap.intake.other_loop import refuse_other_plant

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import expit, softmax
 
-from simbench.gap.decide.evidence import ALONE, Evidence, known_by, nats_of
-from simbench.gap.effects import is_friction
+from simbench.gap.effects import Parameters, is_friction
 from simbench.gap.thresholds import (
     AFAR,
     EDGE,
@@ -205,3 +204,37 @@ def _share_probability(nats: Mapping[str, float], alone: str, least: float) -> d
     """Return the probability of each effect, and of none of them, which has the `least` nats."""
     chances = softmax(TEMPERATURE * np.array([*nats.values(), least]))
     return {e: float(x) for e, x in zip((*nats, alone), chances)}
+
+
+# --- One row of evidence: what one source shows of one effect.
+
+LAW = "controller's law"
+SAMPLES = "single samples"
+MV = "MV"
+PV = "PV beside OP"
+ALONE = "OP and PV without a model"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What one source shows of one effect: nats over no effect, and the effect's numbers in the
+    units of the loop file.
+    """
+
+    effect: str
+    source: str
+    nats: float
+    numbers: Parameters = field(default_factory=dict)
+
+
+def known_by(rows: Iterable[Evidence]) -> list[str]:
+    """Return the effects that the controller's law or single samples show: every model has them."""
+    return list(dict.fromkeys(row.effect for row in rows if row.source in (LAW, SAMPLES)))
+
+
+def nats_of(rows: Iterable[Evidence]) -> dict[str, float]:
+    """Return the sum of every effect's rows."""
+    total: dict[str, float] = {}
+    for row in rows:
+        total[row.effect] = total.get(row.effect, 0.0) + row.nats
+    return total

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simbench.detectors.signal.phase import coherence
+from simbench.detectors.signal.filters import coherence
 from simbench.gap.effects._recogniser import Parameters, Recogniser, clip
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit, Spec, input_gain

@@ -11,8 +11,7 @@ from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Fit
 from simbench.gap.likelihood.search import band_sizes, better, promising, search_map
-from simbench.gap.likelihood.valve_map import MapFit, MapSearch
-from simbench.gap.likelihood.valves import friction_regressed
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch, friction_regressed
 from simbench.gap.situation import Situation
 
 _JUMPS = (0.06, 0.15, 0.27, 0.42, 0.6, 0.78, 0.95)  # shares J/S scanned

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbench.detectors.signal.holds import on_line
 from simbench.detectors.signal.lattice import hides_nothing
-from simbench.detectors.signal.lines import on_line
 from simbench.detectors.signal.spikes import cleaned, find_spikes
-from simbench.gap.controller.regression import EXACT
+from simbench.gap.controller.law import EXACT
 from simbench.gap.situation import Archive, Seen
 from simbench.gap.thresholds import ORDINARY_CARD
 from simbench.loop.controller import derivative_filter

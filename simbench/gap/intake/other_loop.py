@@ -8,8 +8,7 @@ import numpy as np
 
 from simbench.detectors.errors import RecordError
 from simbench.gap.candidates import fit_candidates, possible_effects
-from simbench.gap.controller.law import Law
-from simbench.gap.controller.regression import EXACT
+from simbench.gap.controller.law import EXACT, Law
 from simbench.gap.effects import is_friction
 from simbench.gap.intake.identify import fit_plant
 from simbench.gap.likelihood.engine import Engine

@@ -12,7 +12,7 @@ import numpy as np
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec
-from simbench.valve.search import SIZES_APART, distinct_valves
+from simbench.valve.maps import SIZES_APART, distinct_valves
 
 SMOOTH = (
     "load_time",

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import cmath
 import math
+from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from simbench.detectors.compiled import compiled
 from simbench.detectors.signal.filters import lfilter
+from simbench.detectors.signal.fits.regression import regression
 from simbench.detectors.signal.lattice import written_unit
+from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.model import size_penalty
 from simbench.gap.likelihood.search import refine_peaks
 from simbench.gap.sensor.samples import exception_band
+from simbench.gap.thresholds import OVERSHOOTS
 
 _PEAKS = 4  # number of best points of a grid over valve maps that are refined
 _SHARES = (
@@ -204,3 +212,106 @@ def lag_signal(op: np.ndarray, tau: float, first: float | None = None) -> np.nda
     else:
         start = first
     return start + lfilter([1.0 - a], [1.0, -a], op - start, (1.0 - a) * (start - op[0]))
+
+
+# --- Find the valves that explain PV under a load of any spectrum, by regression.
+
+_CYCLES = 8.0  # of which a record without a rhythm is taken to consist
+
+
+class Regressed(NamedTuple):
+    """What a valve with friction explains of PV in place of OP and beside it.
+
+    `gain` (nats) of both together; `valves` (p, 3) the best of both, as in `Regression`; `cycles`
+    of the record, and its `pace`, the samples per period of an oscillation, 0 where it has none.
+    """
+
+    gain: float
+    valves: np.ndarray
+    cycles: float
+    pace: float
+
+
+def friction_regressed(op: np.ndarray, pv: np.ndarray) -> Regressed:
+    """Return what a valve with friction explains of PV (n,), without a model of the loop."""
+    return _regress_valves(np.asarray(op, float).tobytes(), np.asarray(pv, float).tobytes())
+
+
+@lru_cache(maxsize=2)  # both kinds of plant, and the conclusion, ask about the same record
+def _regress_valves(op_bytes: bytes, pv_bytes: bytes) -> Regressed:
+    op, pv = (np.frombuffer(x) for x in (op_bytes, pv_bytes))
+    swing = find_oscillation(op, pv, 1.0)
+    if np.isfinite(swing.period_s):
+        period = swing.period_s
+    else:
+        period = op.size / _CYCLES
+    period = float(np.clip(period, 4, op.size / 2))
+    found = [regression(op, pv, period, beside) for beside in (False, True)]
+    valves = np.vstack([f.valves for f in found])
+    pace = swing.period_s if swing.sustained else 0.0
+    return Regressed(sum(f.gain for f in found), valves, op.size / period, pace)
+
+
+# --- Fit a valve or positioner of second order without friction to recorded OP and MV: it
+# overshoots, and what it does between samples looks like a band.
+
+_TIMES = np.geomspace(0.3, 60.0, 24)  # samples, 1/omega that are tried
+_CLEAR = 10.0  # nats from which a valve that overshoots is believed
+_MEET = 1e-9  # 1/samples between two poles that count as one
+_DAMPINGS = (0.08, 0.15, 0.3, 0.5, 0.8)
+
+
+def second_order(search: MapSearch) -> MapFit:
+    """Return the nats over the baseline's valve and the numbers: `tau` (s), the inverse of the
+    natural frequency, and `damping`.
+    """
+
+    def level(x: np.ndarray) -> float:
+        return search.level(
+            lag_second_order(search.op, *np.exp(np.clip(x, -4.0, 6.0)), search.mv[0])
+        )
+
+    tried = [np.log((tau, damping)) for tau, damping in product(_TIMES, _DAMPINGS)]
+    best = min(tried, key=level)
+    found = scipy.optimize.minimize(
+        level, best, method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-2}
+    )
+    tau, damping = np.exp(np.clip(found.x, -4.0, 6.0))
+    numbers: dict[str, float | str] = {"tau": float(tau) * search.Ts, "damping": float(damping)}
+    return search.priced(float(found.fun), numbers, 2.0)
+
+
+def positioner(search: MapSearch) -> MapFit | None:
+    """Return nats and numbers of a valve that overshoots without friction; None where MV does not
+    overshoot.
+    """
+    gain, numbers = second_order(search)
+    if float(numbers["damping"]) > OVERSHOOTS or gain <= _CLEAR:
+        return None
+    return (gain, numbers)
+
+
+def lag_second_order(op: np.ndarray, tau: float, damping: float, first: float) -> np.ndarray:
+    """Return OP (n,) after a second-order lag under an input held over each sample, at rest at
+    `first` before it.
+    """
+    b, a = held(tau, damping)
+    # where it stands at the end of each sample, as MV is the position there
+    return first + lfilter(b, a, op - first)
+
+
+def held(tau: float, damping: float) -> tuple[list[float], list[float]]:
+    """Return numerator and denominator in powers of 1/z of 1/(tau^2 s^2 + 2 damping tau s + 1)
+    under an input held over each sample of length 1, without the sample of delay.
+
+    Astrom and Wittenmark (1997), Computer-Controlled Systems, table 2.1.
+    """
+    decay = damping / tau
+    turn = cmath.sqrt(damping * damping - 1.0) / tau
+    one = cmath.exp(turn - decay)
+    other = cmath.exp(-turn - decay)
+    even = 0.5 * (one + other).real
+    # at critical damping the poles meet, and (one - other)/(2 turn) is their value
+    odd = decay * ((one - other) / (2.0 * turn) if abs(turn) > _MEET else one).real
+    both = math.exp(-2.0 * decay)
+    return [1.0 - even - odd, both - even + odd], [1.0, -2.0 * even, both]

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbench.detectors.signal.holds import holds, stuck
+from simbench.detectors.signal.holds import holds, share_on_lines, stuck
 from simbench.detectors.signal.lattice import read_lattice
-from simbench.detectors.signal.lines import share_on_lines
-from simbench.detectors.signal.spikes import find_spikes, off_line
-from simbench.detectors.signal.tails import heavy_tails
+from simbench.detectors.signal.spikes import find_spikes, heavy_tails, off_line
 
 # An archive that reports by exception stores no move within its band: none is smaller, where moves
 # that are not filtered so would be as many within it as in the width next to it.

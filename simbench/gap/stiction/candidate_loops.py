@@ -15,10 +15,9 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.partial import Partial
-from simbench.gap.likelihood.second_order import positioner
+from simbench.gap.likelihood.valve_map import positioner
 from simbench.gap.likelihood.valve_map import MapSearch
-from simbench.gap.stiction.altered import steady
-from simbench.gap.stiction.deniable import Deniable
+from simbench.gap.stiction.deniable import Deniable, steady
 from simbench.gap.stiction.friction import (
     FRICTION,
     OUTSIDE,

@@ -11,13 +11,12 @@ import numpy as np
 
 from simbench.detectors.errors import Refusal
 from simbench.detectors.prepared import Prepared
+from simbench.detectors.signal.filters import coherence
 from simbench.detectors.signal.oscillation import Oscillation
-from simbench.detectors.signal.phase import coherence
 from simbench.gap.stiction import regularity
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.margins import Margins, margins_among
 from simbench.gap.stiction.sizes import describe_sizes
-from simbench.gap.stiction.stepping import least_step
 from simbench.gap.thresholds import (
     CLAIMED_FROM,
     DENIED_BELOW,
@@ -31,6 +30,8 @@ from simbench.gap.thresholds import (
     NOISY,
     RESONANT,
     RINGS,
+    STEP_LEAST,
+    STEP_RESTS,
     TIGHT_OPEN,
     TIGHT_SURE,
 )
@@ -334,3 +335,25 @@ def _judge_rest(loops: CandidateLoops, swing: Oscillation, tuning: Cause) -> Cau
         return Cause(NO_CAUSE, 1.0 - p, (), ("friction is not ruled out",))
     at_rest = "the loop does not oscillate, and nothing else asks for a cause"
     return Cause(NO_CAUSE, 1.0 - p, (at_rest,))
+
+
+# --- Recognise an OP that is sent only after a change of a least size: a threshold in the
+# controller.
+
+_FEWEST = 8  # moves
+_LATTICE = 0.05  # of the least move, within which all moves are multiples of it: that is rounding
+
+
+def least_step(op: np.ndarray) -> float | None:
+    """Return the least size (unit of OP) by which OP (n,) moves, where it rests in between and
+    moves by any larger size; None where it does not.
+    """
+    moves = np.abs(np.diff(op))
+    moved = moves[moves > 0.0]
+    if moved.size < _FEWEST or moved.size > (1.0 - STEP_RESTS) * moves.size:
+        return None
+    least = float(moved.min())
+    if least < STEP_LEAST * float(np.ptp(op)):
+        return None
+    ratio = moved / least
+    return None if np.all(np.abs(ratio - np.round(ratio)) <= _LATTICE) else least

@@ -6,12 +6,13 @@ Every verb shows this conclusion; detectors and the chapter's procedure stand be
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import escape
 from typing import Any
 
 import numpy as np
+from scipy.special import logit
 
 from simbench.detectors.errors import Refusal, UserError
 from simbench.detectors.prepared import Prepared
@@ -19,6 +20,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.repaired import repair_record
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.detectors.verdict import NO_DECISION, NO_STICTION, STICTION
+from simbench.detectors.views import columns
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.decide.posterior import Posterior
 from simbench.gap.effects import is_friction
@@ -27,7 +29,7 @@ from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loop
 from simbench.gap.stiction.causes import Cause, Causes, find_causes
 from simbench.gap.stiction.deniable import Deniable
 from simbench.gap.stiction.friction import stands
-from simbench.gap.stiction.probability import verdict
+from simbench.gap.stiction.probability import probability, verdict
 from simbench.gap.stiction.sizes import Size, describe_sizes, sizes_of
 from simbench.gap.thresholds import CLAIMED_FROM, LIKELIER, SEIZED
 from simbench.loop.effects import EFFECTS, NONE, UNKNOWN
@@ -284,4 +286,69 @@ def without(reason: str, named: Sequence[str]) -> Conclusion:
             others.append(e.replace("_", " "))
     return Conclusion(
         NO_DECISION, None, " and ".join(others) or why.NOT_TOLD, reason, _RECORD_AGAIN
+    )
+
+
+# --- Combine the conclusions of all records of a loop, and count how they agree with labels.
+
+_HEAD = ("loop", "label", "records", "probability of stiction", "conclusion")
+
+
+def as_lines(
+    conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]]
+) -> list[str]:
+    """Return how often loops and units agree with their labels, below a table of one line per loop
+    where one has several records.
+
+    The probability of a loop is that of the mean of its records' log-odds; a record that cannot be
+    judged has none.
+    """
+    loops = group_conclusions(conclusions, labels, "loop")
+    rows = []
+    for (name, label), (n, p, answer) in loops.items():
+        rows.append((name, label, str(n), "" if p is None else f"{p:.2f}", WORDS[answer]))
+    several = any(n > 1 for n, _, _ in loops.values())
+    return [
+        *(columns([_HEAD] + rows) if several else ()),
+        count_agreement("loop", loops),
+        count_agreement("unit", group_conclusions(conclusions, labels, "unit_group")),
+    ]
+
+
+def group_conclusions(
+    conclusions: Mapping[str | None, Conclusion], labels: Mapping[str, Mapping[str, str]], key: str
+):
+    """Return records, probability and verdict of each group of records that share a key and a
+    label.
+    """
+    groups: dict[tuple[str, str], list[float | None]] = {}
+    for name in (name for name in conclusions if name in labels):
+        group = labels[name][key], labels[name]["label"]
+        groups.setdefault(group, []).append(conclusions[name].probability)
+    out = {}
+    for group, each in groups.items():
+        odds = [float(logit(p)) for p in each if p is not None]
+        if odds:
+            p = probability(sum(odds) / len(odds))
+        else:
+            p = None
+        out[group] = len(each), p, NO_DECISION if p is None else verdict(p)
+    return out
+
+
+def count_agreement(
+    what: str, groups: Mapping[tuple[str, str], tuple[int, float | None, str]]
+) -> str:
+    """Return in one sentence how often the conclusions agree with the labels."""
+    labelled = []
+    for (_, label), (_, _, answer) in groups.items():
+        if label not in ("", "unknown"):
+            labelled.append((label == STICTION, answer))
+    sticky = [answer for sticks, answer in labelled if sticks]
+    others = [answer for sticks, answer in labelled if not sticks]
+    open_ = (sticky + others).count(NO_DECISION)
+    return (
+        f"Conclusion by {what}: stiction in {sticky.count(STICTION)} of {len(sticky)} with stiction"
+        f" and in {others.count(STICTION)} of {len(others)} without; {open_} of {len(labelled)}"
+        " cannot tell."
     )

@@ -7,19 +7,21 @@ to move.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
+from simbench.detectors.quality import steps
+from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.holds import share_on_lines
 from simbench.detectors.signal.oscillation import find_oscillation
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.decide.recorded_mv import least_band
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.altered import FRICTION
-from simbench.gap.stiction.measured import op_range
 from simbench.gap.thresholds import (
     FEWEST_PER_PERIOD,
     INTEGRAL,
@@ -29,6 +31,7 @@ from simbench.gap.thresholds import (
     REVERSALS,
     WORTH_REPAIRING,
 )
+from simbench.scenarios.parts import Part, SetPoint
 from simbench.scenarios.spec import Loop
 
 _PACE = 30.0  # samples per period that are asked for
@@ -127,3 +130,72 @@ def largest_asked(op: np.ndarray) -> float:
 def _integral_acts(loop: Loop, duration: float) -> bool:
     Ti = loop.controller.Ti
     return Ti is not None and Ti < INTEGRAL * duration
+
+
+# --- Alter an identified loop: with friction, without some effects, at a constant set point.
+
+FRICTION = "stiction"
+
+
+def with_friction(loop: Loop, S: float, J: float) -> Loop:
+    """Return a loop whose stiction is replaced by S and J (%); S = 0 removes it."""
+    sound = without(loop, (FRICTION,))
+    if S <= 0:
+        return sound
+    stuck = Part(name=FRICTION, parameters={"S": float(S), "J": float(J)})
+    return sound.model_copy(update={"effect": sound.effect + (stuck,)})
+
+
+def without(loop: Loop, names: tuple[str, ...]) -> Loop:
+    """Return a loop without some effects."""
+    kept = tuple(part for part in loop.effect if part.name not in names)
+    return loop.model_copy(update={"effect": kept})
+
+
+def steady(loop: Loop) -> Loop:
+    """Return a loop at a constant set point."""
+    return loop.model_copy(update={"setpoint": SetPoint(value=loop.setpoint.value)})
+
+
+# --- Keep of a record the samples that were measured, and tell how many there are.
+
+_REGULAR = 0.9  # share of PV's changes that fall on every k-th sample, where PV is held for k
+HELD = 100  # samples that are left of a PV that is held, at least
+
+
+def unheld(record: LoopRecord) -> LoopRecord:
+    """Return a record whose PV is held for k samples with the first of each k alone; the same where
+    it is not held.
+    """
+    changes = np.flatnonzero(np.diff(np.asarray(record.pv))) + 1
+    if changes.size < HELD:
+        return record
+    k = int(np.median(np.diff(changes)))
+    phase = int(np.bincount(changes % k).argmax())
+    regular = k > 1 and np.mean(changes % k == phase) >= _REGULAR
+    if regular:
+        return resample_record(record, lambda x: x[phase::k], k)
+    return record
+
+
+def measured_samples(record: LoopRecord) -> int:
+    """Return how many samples of PV were measured: an archive repeats the others, or draws straight
+    lines between them.
+    """
+    pv = np.asarray(record.pv)
+    drawn = share_on_lines(pv, steps(pv, record.op)) + float(np.mean(np.diff(pv) == 0.0))
+    return round(pv.size * max(1.0 - drawn, 0.0))
+
+
+def resample_record(
+    record: LoopRecord, change: Callable[[np.ndarray], np.ndarray], k: int
+) -> LoopRecord:
+    """Return a record in which every signal but MV, which is left out, has one sample in place of
+    k.
+    """
+    return replace(record, mv=None).with_signals(change, Ts=record.Ts * k)
+
+
+def op_range(op: np.ndarray) -> float:
+    """Return the range of OP (n,) without its rarest hundredths."""
+    return float(np.quantile(op, 0.99) - np.quantile(op, 0.01))

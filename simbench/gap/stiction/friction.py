@@ -20,26 +20,29 @@ from simbench.detectors.signal.fits.regression import friction_nats
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.candidates import fit_candidates, possible_effects
 from simbench.gap.decide.assess import Assessment, assess
-from simbench.gap.decide.evidence import nats_of as nats_of_rows
+from simbench.gap.decide.posterior import nats_of as nats_of_rows
 from simbench.gap.effects import is_friction, recogniser
-from simbench.gap.intake.check import check
+from simbench.gap.intake.check import check, refuse_unfit
 from simbench.gap.intake.identify import NoAnswer, identify, law_of
 from simbench.gap.intake.partial import Partial, complete_baseline
-from simbench.gap.intake.refuse import refuse_unfit
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import SKIP
-from simbench.gap.likelihood.valve_map import MapSearch
-from simbench.gap.likelihood.valves import friction_regressed
+from simbench.gap.likelihood.valve_map import MapSearch, friction_regressed
 from simbench.gap.situation import Situation, load_memory
-from simbench.gap.stiction.altered import FRICTION
-from simbench.gap.stiction.any_spectrum import nats_of
-from simbench.gap.stiction.deniable import Deniable, deniable
-from simbench.gap.stiction.measured import measured_samples, op_range, unheld
+from simbench.gap.stiction.deniable import (
+    FRICTION,
+    Deniable,
+    deniable,
+    measured_samples,
+    op_range,
+    unheld,
+)
 from simbench.gap.stiction.position import (
     Scale,
     answers,
     chance_of_position,
     may_answer,
+    nats_of,
     price_of,
     repeats,
     scale_of,

@@ -5,11 +5,11 @@ is more regular than they are speaks for something outside.
 from __future__ import annotations
 
 from simbench.detectors.record import LoopRecord
+from simbench.detectors.signal.filters import coherence
 from simbench.detectors.signal.oscillation import find_oscillation
-from simbench.detectors.signal.phase import coherence
 from simbench.gap.closed_loop.level import run_with_seeds
-from simbench.gap.stiction.altered import steady
 from simbench.gap.stiction.candidate_loops import CandidateLoops
+from simbench.gap.stiction.deniable import steady
 from simbench.gap.thresholds import FEWEST_PERIODS
 from simbench.scenarios.spec import Loop
 

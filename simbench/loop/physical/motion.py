@@ -6,7 +6,7 @@ distance of the valve from where it would come to rest if it went on sliding. Th
 any damping.
 """
 
-from math import atan, cos, exp, inf, log, nan, pi, sin, sqrt
+from math import atan, ceil, cos, exp, inf, log, nan, pi, sin, sqrt
 
 # phases of motion within one sample; only an almost undamped valve on a stiff spring needs more
 # than a few
@@ -170,3 +170,57 @@ def arrival_time(z, r, d, target, a, w2, T):
         else:
             hi = t
     return hi
+
+
+# --- Fixed sub-steps for any of the dry friction laws: slow and first-order, the obvious twin of
+# the exact motion.
+
+
+def slide_in_substeps(u, x, r, fs, fd, vs, a, w2, rest, T, substep):
+    """Return (position in %, rate in %/s) after T s under OP `u` (%), in equal steps of at most
+    `substep` s.
+
+    Euler for the rate, its mean over the step for the position. A step that would reverse the
+    motion, or end it at `rest` or slower, ends at rate zero; a valve at rate zero leaves only when
+    |OP - position| > fs. Friction falls from fs to fd with speed over vs (%/s, Stribeck), at once
+    for vs = 0. Each sub-step is taken, standing or not.
+    """
+    n = ceil(T / substep - 1e-9)
+    h = T / n
+    for _ in range(n):
+        if r == 0.0:
+            if abs(u - x) <= fs:
+                continue
+            d = 1.0 if u > x else -1.0
+        else:
+            d = 1.0 if r > 0.0 else -1.0
+        friction = fd
+        if vs > 0.0:
+            friction = fd + (fs - fd) * exp(-(r / vs) * (r / vs))
+        r1 = r + h * (w2 * (u - x - d * friction) - 2.0 * a * r)
+        if d * r1 <= rest:
+            r1 = 0.0
+        x = min(max(x + 0.5 * h * (r + r1), 0.0), 100.0)
+        r = r1
+    return x, r
+
+
+# --- One sample of an actuator with dry friction: exact by default, in fixed sub-steps when
+# asked.
+
+
+def move(u, state, S, J, p):
+    """Return the state (v, rate) after one sample p.Ts under OP `u` (%), with the friction of a
+    band S, J (%).
+
+    `p` holds Fv, m, k, stroke, dv and substep as in actuator.py; v in %, rate in %/s.
+    """
+    x = min(max(u, 0.0), 100.0)
+    fs = 0.5 * (S + J)
+    fd = 0.5 * (S - J)
+    a = 0.5 * p.Fv / p.m
+    w2 = p.k / p.m
+    rest = 100.0 * p.dv / p.stroke
+    if p.substep > 0.0:
+        return slide_in_substeps(x, state[0], state[1], fs, fd, 0.0, a, w2, rest, p.Ts, p.substep)
+    return slide(x, state[0], state[1], fs, fd, a, w2, rest, p.Ts)

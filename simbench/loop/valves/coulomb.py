@@ -18,7 +18,7 @@ overshoot, and hit their end stops without bouncing.
 from simbench.loop.parameters import Number
 from simbench.loop.physical import actuator
 from simbench.loop.physical.actuator import ACTUATOR, SUBSTEP, complete_actuator
-from simbench.loop.physical.sample import move
+from simbench.loop.physical.motion import move
 
 SOURCE = actuator.SOURCE
 FRICTION = True

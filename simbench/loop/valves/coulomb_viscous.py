@@ -18,7 +18,7 @@ from simbench.loop.physical.actuator import (
     SUBSTEP,
     refuse_large_substep,
 )
-from simbench.loop.physical.sample import move
+from simbench.loop.physical.motion import move
 
 SOURCE = actuator.SOURCE
 FRICTION = True

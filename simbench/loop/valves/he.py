@@ -14,7 +14,7 @@ does (K = 1 + its overshoot ratio). The published form has no limits; here OP an
 """
 
 from simbench.loop.parameters import FOLLOWS, Number
-from simbench.loop.physical.mapping import complete_band
+from simbench.loop.physical.actuator import complete_band
 from simbench.valve.maps import creep
 
 SOURCE = (

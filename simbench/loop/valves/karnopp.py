@@ -12,7 +12,7 @@ own fixed steps are `substep` > 0. S and J may be given instead of Fs and Fc.
 from simbench.loop.parameters import Number
 from simbench.loop.physical import actuator
 from simbench.loop.physical.actuator import ACTUATOR, SUBSTEP, complete_actuator
-from simbench.loop.physical.sample import move
+from simbench.loop.physical.motion import move
 
 SOURCE = (
     "Karnopp (1985), J. Dynamic Systems, Measurement and Control 107, 100-103; actuator: "

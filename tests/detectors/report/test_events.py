@@ -7,7 +7,7 @@ import numpy as np
 from simbench.detectors.prepared import Prepared
 from simbench.detectors.record import LoopRecord
 from simbench.detectors.report.events import event_numbers, same_time, shared_oscillations
-from simbench.detectors.signal.phase import coherence
+from simbench.detectors.signal.filters import coherence
 
 T = np.arange(2000.0)
 WEEK = 7 * 86400.0

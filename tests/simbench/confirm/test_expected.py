@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from simbench.confirm.expected import Expected, kept
+from simbench.confirm.expected import Expected, Phase, kept
 from simbench.confirm.gain_change import judge_change
-from simbench.confirm.phase import Phase
 
 BEFORE = Phase(1.0, 10.0, 1.0, False, 0.05)
 

@@ -10,7 +10,7 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnosis
 from simbench.gap.closed_loop.gap import Shrinkage
-from simbench.gap.decide.evidence import PV, SAMPLES, Evidence, known_by, nats_of
+from simbench.gap.decide.posterior import PV, SAMPLES, Evidence, known_by, nats_of
 from simbench.gap.diagnosis import diagnose
 from simbench.gap.stiction.candidate_loops import CandidateLoops
 from simbench.gap.stiction.probability import pool_log_odds, probability

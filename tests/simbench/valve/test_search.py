@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbench.valve.search import distinct_valves
+from simbench.valve.maps import distinct_valves
 
 
 def test_of_neighbours_the_best_is_kept_and_the_best_come_first():

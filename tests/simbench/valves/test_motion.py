@@ -7,10 +7,9 @@ import pytest
 from scipy.integrate import RK45
 from scipy.linalg import expm
 
-from simbench.loop.physical.bristles import slide_bristles
-from simbench.loop.physical.motion import fall_time, free, slide, stop_time
-from simbench.loop.physical.substeps import slide_in_substeps
-from simbench.loop.physical.tail import TOLERANCE_R, TOLERANCE_X, runge_kutta, slide_stribeck
+from simbench.loop.physical.motion import fall_time, free, slide, slide_in_substeps, stop_time
+from simbench.loop.valves.lugre import slide_bristles
+from simbench.loop.valves.stribeck import TOLERANCE_R, TOLERANCE_X, runge_kutta, slide_stribeck
 
 W2 = 400.0  # natural frequency 20 rad/s
 DAMPING = [0.0, 3.0, 19.99, 20.0, 20.01, 60.0]

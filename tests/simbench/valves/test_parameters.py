@@ -1,7 +1,7 @@
 import pickle
 
 from simbench.loop.parameters import Number, resolve
-from simbench.loop.physical.mapping import complete_band
+from simbench.loop.physical.actuator import complete_band
 
 SCHEMA = {
     "S": Number("% of travel", low=0.0, high=100.0, says="band"),

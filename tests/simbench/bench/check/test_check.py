@@ -12,8 +12,8 @@ from bench_fixtures import change_answers
 from typer.testing import CliRunner
 
 from simbench.bench.check.check import check_books, check_run, update_baseline
+from simbench.bench.check.check_power import smallest_loss_found
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score.power import smallest_loss_found
 from simbench.bench.statistics import mcnemar
 from simbench.bench.store.reading import RunError, read_book
 from simbench.cli import app

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbench.bench.scenario.kept import prepare_once, run_once
+from simbench.bench.scenario.truth import prepare_once, run_once
 from simbench.detectors.prepared import prepare
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.bench.score.folds import folds_of, found_at
+from simbench.bench.score.no_waveform import folds_of, found_at
 from simbench.bench.score.ranks import rank_methods
 
 

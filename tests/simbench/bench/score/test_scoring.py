@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from simbench.bench.execute.run import run_grid
-from simbench.bench.score import folds
+from simbench.bench.score import no_waveform
 from simbench.bench.score.answers import home_of
 from simbench.bench.score.names import ALL, OF_NOT_OSCILLATING, OF_OSCILLATING
 from simbench.bench.score.scoring import score_book, score_run
@@ -180,10 +180,10 @@ def test_a_large_run_counts_all_loops_and_orders_a_sample_of_whole_groups(book, 
     run = replace(book(verdict, truth), groups=np.repeat(np.arange(n // 3), 3))
     run = replace(run, score=truth + rng.normal(size=(2, n)), design=rng.normal(size=(n, 6)))
     whole = score_book(run)
-    monkeypatch.setattr(folds, "MOST_ORDERED", 1500)
+    monkeypatch.setattr(no_waveform, "MOST_ORDERED", 1500)
     run = replace(run)
     part = score_book(run)
-    taken = np.bincount(run.groups[folds.sample_of(run.groups)], minlength=n // 3)
+    taken = np.bincount(run.groups[no_waveform.sample_of(run.groups)], minlength=n // 3)
     assert set(taken) == {0, 3}
     assert part.counts["sampled"] == taken.sum() == 1500
     one, other = (x.rows().set_index("method") for x in (whole, part))

@@ -5,8 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from simbench.bench.score.answers import Answers
-from simbench.bench.score.tally import counted, long_table
+from simbench.bench.score.answers import Answers, counted, long_table
 
 N = 400
 

@@ -17,9 +17,9 @@ from simbench.gap.benchmark.from_records import (
     JUMPS,
     SIZES,
     grid_from_records,
+    near_loop,
     plan_of_records,
 )
-from simbench.gap.benchmark.near_loop import near_loop
 from simbench.loop.effects import EFFECTS
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.benchmark.classifier import tell_apart
-from simbench.gap.benchmark.loops import describe, draw_loops, with_nuisances
-from simbench.gap.benchmark.measure import grid
+from simbench.gap.benchmark.measure import describe, draw_loops, grid, tell_apart, with_nuisances
 from simbench.gap.benchmark.nuisances import ADDITIONS
 from simbench.scenarios.settled import settled_grid
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from simbench.gap.closed_loop.arx import regress_law, regress_plant
+from simbench.gap.closed_loop.copies import regress_law, regress_plant
 
 N = 1500
 RNG = np.random.default_rng(4)

@@ -4,7 +4,7 @@ all others are left alone.
 
 import pytest
 
-from simbench.gap.closed_loop.stable import stable
+from simbench.gap.closed_loop.loop_from_fit import stable
 from simbench.scenarios.spec import Loop
 from simbench.theory.sampled import sampled_loop, ultimate_gain
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.gap.closed_loop.summary_features import (
+from simbench.gap.closed_loop.gap import (
     features,
 )
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.gap.controller.regression import (
+from simbench.gap.controller.law import (
     about_zero,
     by_steps,
     spread,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbench.gap.controller.regression import spread
+from simbench.gap.controller.law import spread
 from simbench.gap.controller.standstill import error_gap, limits_of, skips_scans
 
 

@@ -5,8 +5,7 @@ only what it should.
 import numpy as np
 import pytest
 
-from simbench.gap.decide.evidence import PV, SAMPLES, Evidence
-from simbench.gap.decide.posterior import posterior
+from simbench.gap.decide.posterior import PV, SAMPLES, Evidence, posterior
 from simbench.gap.thresholds import (
     DENIED_BELOW,
     OF_TWO,

@@ -10,9 +10,9 @@ import pytest
 from simbench.detectors.errors import RecordError
 from simbench.gap.closed_loop.as_archived import as_archived
 from simbench.gap.closed_loop.loop_from_fit import fixed_loop
+from simbench.gap.decide import left_over
 from simbench.gap.intake.check import check
 from simbench.gap.intake.other_loop import refuse_other_plant
-from simbench.gap.likelihood import residual_tests
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.situation import load_memory
 from simbench.loop.simulate import simulate
@@ -171,7 +171,7 @@ def test_a_stated_filter_is_taken_off_pv_whose_noise_is_then_the_stated_one():
 
 def residual_free(situation):
     engine = Engine(situation.data, load_memory(situation))
-    found = residual_tests.memory_and_input(engine.base(), engine.data)
+    found = left_over.memory_and_input(engine.base(), engine.data)
     return max(found.values()) < 18.0
 
 

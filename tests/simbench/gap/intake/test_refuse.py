@@ -11,7 +11,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.controller.law import Law
 from simbench.gap.intake import other_loop
 from simbench.gap.intake.archive import stands_out
-from simbench.gap.intake.refuse import (
+from simbench.gap.intake.check import (
     refuse_op_units,
     refuse_other_pace,
     refuse_unfit,

@@ -7,8 +7,7 @@ from simbench.detectors.errors import RecordError
 from simbench.detectors.record import LoopRecord
 from simbench.gap import diagnose
 from simbench.gap.controller.law import Law
-from simbench.gap.intake.clock import on_one_clock, pv_late
-from simbench.gap.intake.units import refuse_pv_units, refuse_time_units
+from simbench.gap.intake.check import on_one_clock, pv_late, refuse_pv_units, refuse_time_units
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 

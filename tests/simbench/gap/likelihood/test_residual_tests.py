@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from simbench.detectors.signal.filters import lfilter
+from simbench.gap.decide.left_over import memory_and_input, shifts
 from simbench.gap.likelihood import kernels
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data
-from simbench.gap.likelihood.residual_tests import memory_and_input, shifts
 
 N = 4000 + kernels.SKIP
 RNG = np.random.default_rng(0)

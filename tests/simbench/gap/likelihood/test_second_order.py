@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter, lsim
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.likelihood.second_order import lag_second_order
+from simbench.gap.likelihood.valve_map import lag_second_order
 from simbench.gap.stiction import causes
 from simbench.gap.stiction.conclusion import judged
 

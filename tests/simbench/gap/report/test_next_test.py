@@ -2,8 +2,7 @@
 
 import pytest
 
-from simbench.gap.report.next_test import tell_apart
-from simbench.gap.report.ranked import Ranked
+from simbench.gap.report.ranked import Ranked, tell_apart
 from simbench.loop.effects import block_of
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbench.cli import main
-from simbench.gap.stiction.by_loop import as_lines
+from simbench.gap.stiction.conclusion import as_lines
 from tests.simbench.boundary.test_hostile import write
 
 

@@ -10,8 +10,8 @@ from simbench.detectors.records.io import read_record
 from simbench.detectors.verdict import NO_STICTION, STICTION
 from simbench.gap.diagnosis import conclude
 from simbench.gap.stiction.conclusion import judged
+from simbench.gap.stiction.deniable import op_range
 from simbench.gap.stiction.friction import friction
-from simbench.gap.stiction.measured import op_range
 from simbench.loop.simulate import simulate
 from simbench.scenarios.spec import Loop
 

@@ -14,9 +14,9 @@ from simbench.detectors.record import LoopRecord
 from simbench.detectors.verdict import STICTION
 from simbench.gap import diagnose
 from simbench.gap.likelihood.kernels import SKIP
-from simbench.gap.likelihood.valves import Regressed
-from simbench.gap.stiction import any_spectrum as spectrum
+from simbench.gap.likelihood.valve_map import Regressed
 from simbench.gap.stiction import friction as module
+from simbench.gap.stiction import position as spectrum
 from simbench.gap.stiction.conclusion import judged
 from simbench.gap.stiction.friction import FRICTION, friction, without_last_bits
 from simbench.scenarios.spec import Loop

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simbench.detectors.record import LoopRecord
-from simbench.gap.stiction.measured import HELD, unheld
+from simbench.gap.stiction.deniable import HELD, unheld
 
 
 @pytest.mark.parametrize(("k", "phase"), [(2, 0), (4, 3)])

@@ -7,8 +7,8 @@ import pytest
 
 from simbench.detectors.record import LoopRecord
 from simbench.gap.stiction import causes
+from simbench.gap.stiction.causes import least_step
 from simbench.gap.stiction.conclusion import judged
-from simbench.gap.stiction.stepping import least_step
 
 
 def sent(x, change):
