@@ -405,6 +405,7 @@ def _source_of(path: str) -> bytes:
 @lru_cache(maxsize=1)
 def cache_folder() -> Path:
     """Return a folder that this user alone can write: what lies there is executed."""
+    # A folder of the user's own, closed to others
     try:
         base = (
             Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "stiction-simbench"
@@ -414,8 +415,12 @@ def cache_folder() -> Path:
             if base.stat().st_uid != os.getuid():
                 raise PermissionError
             base.chmod(0o700)
+
+        # A file is tried in it: a full or read-only disk shows here
         with tempfile.TemporaryFile(dir=base):
             return base
+
+    # None such: a passing folder, removed when the process ends
     except (OSError, RuntimeError):  # RuntimeError: a user without a home folder
         passing = tempfile.mkdtemp(prefix="stiction-simbench-")
         atexit.register(shutil.rmtree, passing, ignore_errors=True)

@@ -43,6 +43,8 @@ def example_loop(**settings: Any) -> LoopRecord:
     (600,)
     """
     S, J, process, K, T, Td, Kc, Ti, Ts, n, noise, load, kick, seed, kind = ExampleLoop(**settings)
+
+    # Noise and load, the sampled plant, and the valve's two bands
     random = np.random.default_rng(seed).standard_normal(n) * noise
     if load is None:
         load = np.zeros(n)
@@ -55,6 +57,8 @@ def example_loop(**settings: Any) -> LoopRecord:
     delay = round(Td / Ts)
     fs = (S + J) / 2.0
     fd = (S - J) / 2.0
+
+    # The state of plant, valve and controller at rest at 50 %
     x = 0.0
     valve = 50.0
     way = 0
@@ -64,6 +68,8 @@ def example_loop(**settings: Any) -> LoopRecord:
     op = np.empty(n)
     pv = np.empty(n)
     mv = np.empty(n)
+
+    # Sample by sample: PI controller with anti-windup, valve, plant
     for k in range(n):
         pv[k] = 50.0 + x + random[k]
         error = 50.0 - pv[k]
@@ -71,6 +77,8 @@ def example_loop(**settings: Any) -> LoopRecord:
         wanted = 50.0 + Kc * error + integral
         u = min(max(wanted, 0.0), 100.0)
         integral += u - wanted
+
+        # The valve stops where OP turns, and slips once OP has crossed the stick band
         if moving and (u - before) * way <= 0:
             moving = False
         if not moving and abs(u - valve) > fs:
@@ -80,6 +88,8 @@ def example_loop(**settings: Any) -> LoopRecord:
                 way, moving = (-1, True)
         if moving:
             valve = u - way * fd
+
+        # The plant answers to the valve one dead time ago
         before = u
         op[k] = u
         mv[k] = valve

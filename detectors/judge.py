@@ -122,6 +122,7 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
 
     Once per plug-in. What else it does wrong there, the records will show.
     """
+    # Only detectors of others are asked, each once a process
     known = set(registry.names())
     for name in dict.fromkeys(n.partition("@")[0] for n in names):
         if name not in known:
@@ -129,6 +130,8 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
         module = registry.load(name)
         if registry.built_in(name) or vars(module).setdefault("form_is_right", False):
             continue
+
+        # One plain record with a sticky valve; without MV where the method needs none
         record = example_record("stiction", module.METHOD.process[0])
         prepared = Prepared(record if module.METHOD.needs_mv else record.without_mv())
         JUDGING["record"] = "an example record"
@@ -249,6 +252,7 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
     """Return a verdict whose S and J are as wide as the archive leaves them, or not stated where it
     hides them.
     """
+    # What the archive hides of OP and PV; nothing where it hides nothing
     if verdict.S is None and verdict.J is None:
         return verdict
     record = prepared.record
@@ -260,6 +264,8 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
     lines = "compressed" in prepared.flags and isinstance(verdict.S, (int, float))
     if op == 0.0 and pv == 0.0 and not lines:
         return verdict
+
+    # Straight lines of an archive leave no size; rounding widens each size by its band
     changes: dict[str, Level] = {}
     hidden = (
         "an archive drew straight lines between the values it kept: no size is stated"
@@ -285,6 +291,8 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
                 f"the archive keeps OP to {op:.2g} and PV to {pv:.0%} of its range, which hides"
                 f" {key}"
             )
+
+    # One size that is hidden hides the other: both come from one fit
     if hidden:
         changes = {"S": None, "J": None}
     return verdict.but(

@@ -73,6 +73,7 @@ class Prepared:
         MV where it was recorded, else PV of a flow loop or, `applicable` None, of a loop of unknown
         kind.
         """
+        # MV itself, where it is recorded
         record = self.record
         if record.mv is not None:
             return record.mv, True, "MV"
@@ -85,10 +86,14 @@ class Prepared:
                     " position"
                 ),
             )
+
+        # PV of a flow loop follows the valve; of an unknown loop it may
         if record.kind == "flow":
             return self._turned_pv(), True, "PV of a flow loop as MV"
         if record.kind is None:
             return self._turned_pv(), None, "PV as MV, kind of loop unknown"
+
+        # PV of any other loop lags the valve
         loop = f"{'an' if record.kind[0] in 'aeiou' else 'a'} {record.kind} loop"
         return (
             None,
@@ -129,6 +134,8 @@ class Prepared:
         range upward first.
         """
         turn = self.share("searchable turn", lambda: _first_way(self.record.op))
+
+        # PV about the middle of its range, turned as OP first moves
         if name == "pv":
             pv = self.record.pv
             low = float(pv.min())
@@ -137,6 +144,8 @@ class Prepared:
                 "searchable pv",
                 lambda: turn * snapped((pv - 0.5 * (low + high)) / ((high - low) or 1.0)),
             )
+
+        # OP in % of travel, rounded so that rounding of the record decides nothing
         if self.record.op_percent is None:
             return turn * self.record.op
         travel = self.signal("travel")

@@ -129,6 +129,8 @@ class Diagnosis:
     indices: dict[str, float] = field(default_factory=dict)
 
     @property
+
+    # PV about the middle of its range, turned as OP first moves
     def reason(self) -> str:
         """The last answers in one sentence."""
         decisive = []
@@ -137,6 +139,8 @@ class Diagnosis:
                 decisive.append(s)
         if decisive[-1].step != "valve":
             return decisive[-1].evidence
+
+        # OP in % of travel, rounded so that rounding of the record decides nothing
         return f"{decisive[-2].evidence}; {decisive[-1].evidence}"
 
     def __repr__(self) -> str:
@@ -210,6 +214,7 @@ class ProcedureRules:
 
 def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
     """Take a prepared record through the procedure; result as `diagnose`."""
+    # From question to question until a conclusion stands
     course = _Course(prepared, rules)
     steps = []
     now = "quality"
@@ -218,6 +223,8 @@ def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
         answer, evidence, reason = getattr(course, now)()
         steps.append(_Step(now, question, answer, evidence, reason))
         now = answers[answer]
+
+    # The conclusion, with sizes only where stiction is found
     verdict, following = CONCLUSIONS[now]
     sticky = verdict == STICTION
     return Diagnosis(
@@ -263,6 +270,7 @@ class _Course:
         )
 
     def oscillation(self) -> tuple[str, str, str]:
+        # Without an oscillation the loop is judged by its valve
         o = self.prepared.oscillation
         self.indices |= {"regularity": o.regularity, "period_s": o.period_s}
         if not o.sustained:
@@ -272,6 +280,8 @@ class _Course:
                 f"no sustained oscillation ({o.evidence})",
                 "Look at the valve itself, where it is seen.",
             )
+
+        # Where only a part of the record oscillates, it is named
         part = self.prepared.part
         if part:
             where = f", in samples {part[0]} to {part[1] - 1}"
@@ -284,6 +294,7 @@ class _Course:
         )
 
     def valve(self) -> tuple[str, str, str]:
+        # Without sight of the valve nothing can be said
         position, fits, note = self.prepared.valve_position()
         if position is None or not fits:
             return (
@@ -291,6 +302,8 @@ class _Course:
                 note,
                 "Without an oscillation and without sight of the valve there is nothing to find.",
             )
+
+        # How much better a dead band follows OP than a straight valve does
         op, limits = _travel_of(self.prepared.record)
         follow: Follow = valve_follow(op, position, limits)
         self.indices["follow"] = follow.score
@@ -300,6 +313,8 @@ class _Course:
             f" {1 - follow.error_linear:.0%}"
         )
         numbers += f", {follow.reversals} reversals"
+
+        # No dead band is seen
         if follow.score < self.rules.follow_min:
             says = "No dead band is seen: the valve has none, or OP gave it too little to do."
             return "no", numbers, says
@@ -318,6 +333,7 @@ class _Course:
         return "no", "OP keeps off its limits", "Saturation is not the cause."
 
     def nonlinearity(self) -> tuple[str, str, str]:
+        # The bicoherence of the control error
         record = self.prepared.record
         period = self.prepared.oscillation.period_s / record.Ts
         test = self.prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
@@ -327,6 +343,8 @@ class _Course:
                 "too short for the bicoherence",
                 "Go on: the detectors look at the waves themselves.",
             )
+
+        # A significant peak is a nonlinearity
         self.indices |= {"ngi": test.ngi, "nli": test.nli}
         numbers = (
             f"non-Gaussianity index {test.ngi:.3f}, nonlinearity index {test.nli:.3f} (peak"
@@ -334,6 +352,8 @@ class _Course:
         )
         if test.nonlinear():
             return "yes", numbers, "The oscillation is born or bent inside a nonlinear element."
+
+        # None is a veto where the rules say so, else only no evidence
         if self.rules.veto:
             self.score = _QUIET
             return "no", numbers, "A linear loop oscillates by its tuning or from outside."
@@ -361,12 +381,15 @@ class _Course:
         return ("stiction" if yes > no else "no stiction"), numbers, "The majority decides."
 
     def _weigh_evidence(self) -> tuple[str, str, str]:
+        # The prior odds, then every method that counts as evidence or witness
         case = self.prepared.integrating
         odds = BIAS[case]
         terms = []
         used = 0
         for method in (*dict.fromkeys(e.method for e in EVIDENCE[case]), *WITNESSES[case]):
             self._ask_method(method)
+
+        # Each index adds its log-odds
         for e in EVIDENCE[case]:
             counted = e.weight * e.count(self.verdicts[e.method])
             if counted != 0.0:
@@ -374,6 +397,8 @@ class _Course:
                 used += 1
                 terms.append(f"index {e.index} of {e.method} {counted:+.1f}")
         self.score = self.indices["log_odds"] = float(odds)
+
+        # The votes are told beside the odds
         votes = [v.verdict for v in self.verdicts.values()]
         count = (
             f"{votes.count(STICTION)} stiction, {votes.count(NO_STICTION)} no stiction,"
@@ -383,8 +408,12 @@ class _Course:
             f"log-odds of stiction {odds:+.1f}, from {', '.join(terms) or 'no index'} (methods:"
             f" {count})"
         )
+
+        # Nothing to weigh
         if used == 0:
             return "undecided", numbers, "No detector could cope with this record."
+
+        # Sizes are those of the Hammerstein fit
         level = self.verdicts["hammerstein"]
         self.S = level.S
         self.J = level.J
@@ -399,12 +428,15 @@ class _Course:
         return "undecided", numbers, "The evidence is too even."
 
     def level(self) -> tuple[str, str, str]:
+        # A size in other units than % of travel says nothing about harm
         if self.S is None or self.prepared.record.op_percent is None:
             return (
                 "cannot tell",
                 "S is not known in % of travel",
                 "Confirm before any work on the valve.",
             )
+
+        # The range of S as text
         if isinstance(self.S, tuple):
             lo, hi = self.S
         else:
@@ -413,6 +445,8 @@ class _Course:
             size = f"S = {lo:.2g} %"
         else:
             size = f"S = {lo:.2g} to {hi:.2g} %"
+
+        # All of the range on one side of what does little harm, or across it
         if hi < _S_SMALL:
             return "no", size, "Stiction of this size does little harm."
         if lo < _S_SMALL:

@@ -195,9 +195,12 @@ def saturation(
     no limit), twice or for a quarter of the record, while PV moves on (at rest there is no limit
     either).
     """
+    # Runs of equal values, and the value of each
     best = (0.0, float("nan"))
     length = holds(op)
     value = op[np.cumsum(length) - 1]
+
+    # At each extreme of OP: how long it stays there, and elsewhere
     for extreme, certain in (
         (op.min(), percent is not None and percent.min() <= 1e-6),
         (op.max(), percent is not None and percent.max() >= 100.0 - 1e-6),
@@ -211,6 +214,8 @@ def saturation(
             stays = length[at]
         else:
             stays = length[at][length[at] >= 3]
+
+        # Share of the time; a limit that is not known must hold PV off, and return
         share = stays.sum() / op.size
         if share <= best[0]:
             continue

@@ -102,10 +102,13 @@ class LoopRecord:
 
     def __post_init__(self) -> None:
         """Check every field once, so that no later code has to."""
+        # The name that errors begin with
         if self.tag:
             where = f"record {self.tag!r}"
         else:
             where = "record"
+
+        # Signals: equal lengths, finite numbers, write-protected
         n = np.size(self.pv)
         for name in RECORDED_SIGNALS:
             value = getattr(self, name)
@@ -113,6 +116,8 @@ class LoopRecord:
                 object.__setattr__(self, name, _check_signal(value, name, n, where))
         if n < 3:
             raise RecordError(f"{where}: {n} samples; at least 3 are needed")
+
+        # The sampling period
         Ts = float(self.Ts)
         if not (np.isfinite(Ts) and Ts > 0):
             raise RecordError(
@@ -122,6 +127,8 @@ class LoopRecord:
             raise RecordError(
                 f"{where}: Ts = {Ts:g} s; a sampling period is {_FASTEST:g} to {_SLOWEST:g} s"
             )
+
+        # Words of the fixed vocabularies, and the spans
         object.__setattr__(self, "Ts", Ts)
         object.__setattr__(
             self, "process", _check_word(self.process, "process", PROCESSES, {}, where)
@@ -334,6 +341,7 @@ class LoopRecord:
 
 
 def _check_signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
+    # A one-dimensional array of numbers
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -342,6 +350,8 @@ def _check_signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
         raise RecordError(
             f"{where}: {name.upper()} has shape {array.shape}; one dimension is needed"
         )
+
+    # As long as PV, and finite
     if array.size != n:
         raise RecordError(f"{where}: {name.upper()} has {array.size} samples, PV has {n}")
     if not np.isfinite(array).all():
@@ -349,10 +359,14 @@ def _check_signal(value: Any, name: str, n: int, where: str) -> np.ndarray:
         raise RecordError(
             f"{where}: {name.upper()} is {array[bad]} at sample {bad}; finite numbers are needed"
         )
+
+    # Sizes whose squares are still numbers
     largest = float(np.abs(array).max(initial=0.0))
     if largest > LARGEST or 0.0 < largest < _SMALLEST:
         allowed = f"0, or sizes from {_SMALLEST:g} to {LARGEST:g}, are needed"
         raise RecordError(f"{where}: the largest {name.upper()} is {largest:g} in size; {allowed}")
+
+    # Nobody writes into a record
     array.flags.writeable = False
     return array
 

@@ -109,24 +109,33 @@ def as_record(
     **about: Any,
 ) -> LoopRecord:
     """Return the record that arrays, a table, a run, a record or a file hold."""
+    # The arrays that were given by name
     signals = {}
     for name, s in zip(RECORDED_SIGNALS, (op, pv, sp, mv)):
         if s is not None:
             signals[name] = s
+
+    # Arrays alone need OP, PV and the sampling period
     if source is None:
         missing = [name for name in ("op", "pv") if name not in signals] + ["Ts"] * (Ts is None)
         if missing or Ts is None:
             raise RecordError(f"no {' and no '.join(missing)} given; a record is needed, {_HINT}")
         return read_columns(signals, Ts=Ts, **about)
+
+    # Arrays and a source at once contradict each other
     if signals:
         raise RecordError(
             f"{', '.join(signals)} given beside a {type(source).__name__}; one of both is needed,"
             f" {_HINT}"
         )
+
+    # A file, or a table of columns
     if isinstance(source, (str, Path)):
         return read_record(source, **about, **({} if Ts is None else {"Ts": Ts}))
     if isinstance(source, Mapping) or (hasattr(source, "columns") and hasattr(source, "index")):
         return read_columns(source, Ts=Ts, **about)
+
+    # A record, or a run that has one
     if isinstance(source, LoopRecord):
         record = source
     else:
@@ -136,6 +145,8 @@ def as_record(
             f"{type(source).__name__} is no record; a LoopRecord, a simulated run or a file is"
             f" needed, {_HINT}"
         )
+
+    # What was stated besides changes the record
     if Ts is None:
         changes = about
     else:
@@ -149,9 +160,12 @@ def named_methods(methods: Methods) -> tuple[list[str], dict[str, Any]]:
     """Return the ids of methods, and by their ids those that are functions or objects of the
     caller.
     """
+    # One method or several
     single = isinstance(methods, str) or callable(methods) or hasattr(methods, "detect")
     names: list[str] = []
     custom: dict[str, Any] = {}
+
+    # A name is looked up later; a function or an object is called by its name
     for method in [methods] if single else methods:  # type: ignore[union-attr]
         if isinstance(method, str):
             names.append(method)
@@ -177,6 +191,7 @@ def split_names(texts: Iterable[str]) -> list[str]:
 
 
 def _name_of(detector: Any) -> str:
+    # An instance or a function, not a class
     if isinstance(detector, type) or not (
         callable(detector) or callable(getattr(detector, "detect", None))
     ):
@@ -185,6 +200,8 @@ def _name_of(detector: Any) -> str:
             f"{detector!r:.60} is no detector; {form}, for example detect(record, ['horch',"
             " my_function])"
         )
+
+    # A name that can stand in a table and a file
     name = str(
         getattr(detector, "name", None) or getattr(detector, "__name__", type(detector).__name__)
     ).lower()
@@ -226,18 +243,23 @@ def _fresh_copy(detector: Any) -> Callable[..., Any]:
 
 
 def _verdict_of(name: str, answer: Any) -> Verdict:
+    # A verdict as it is, or a word with or without a score
     if isinstance(answer, Verdict):
         return answer.but(method=name)
     if isinstance(answer, Sequence) and not isinstance(answer, str) and len(answer) == 2:
         word, score = answer
     else:
         word, score = (answer, None)
+
+    # Truth values stand for the words
     if isinstance(word, np.bool_):
         word = bool(word)
     if word is None or isinstance(word, bool):
         verdict = _WORDS.get(word)
     else:
         verdict = in_data(word)
+
+    # Anything else is refused with an example
     if verdict not in VERDICTS or not (score is None or isinstance(score, numbers.Real)):
         form = (
             f"a Verdict, one of {', '.join(VERDICTS)}, true, false or None, or one of them with a"
@@ -246,6 +268,8 @@ def _verdict_of(name: str, answer: Any) -> Verdict:
         raise AnswerError(
             f"answers {answer!r:.60}; {form}, for example: return record.pv.std() > 0.5"
         )
+
+    # A word without a score is certain
     certain = {STICTION: 1.0, NO_STICTION: 0.0}.get(str(verdict), math.nan)
     return Verdict(
         name,

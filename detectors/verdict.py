@@ -138,6 +138,7 @@ def _as_plain(value: Any) -> Any:
 
 def wrong_types(v: Any) -> Iterator[str]:
     """Say what of an answer is not as `Verdict` describes it."""
+    # The type, the word, the reason
     if not isinstance(v, Verdict):
         yield f"answers {v!r}, a simbench.detectors.verdict.Verdict is needed"
         return
@@ -145,6 +146,8 @@ def wrong_types(v: Any) -> Iterator[str]:
         yield f"answers {v.verdict!r}, allowed: {', '.join(VERDICTS)}"
     if not isinstance(v.reason, str) or not v.reason.strip():
         yield f"gives no reason for {v.verdict!r}"
+
+    # The score, NaN only without a decision
     if not _is_real_number(v.score):
         yield f"gives the score {v.score!r}, a finite number is needed"
     elif not math.isfinite(v.score) and not (v.verdict == NO_DECISION and math.isnan(v.score)):
@@ -152,6 +155,8 @@ def wrong_types(v: Any) -> Iterator[str]:
             f"gives the score {float(v.score)!r} with {v.verdict!r}, a finite number is needed (NaN"
             f" with {NO_DECISION!r} alone)"
         )
+
+    # The indices
     if not isinstance(v.indices, dict) or not all(
         isinstance(k, str) and _is_real_number(x) for k, x in v.indices.items()
     ):
@@ -159,6 +164,8 @@ def wrong_types(v: Any) -> Iterator[str]:
     else:
         for name in (k for k, x in v.indices.items() if math.isinf(x)):
             yield f"gives the index {name} = {float(v.indices[name])!r}, a finite number is needed"
+
+    # The sizes and whether the method applies
     for key, level in (("S", v.S), ("J", v.J)):
         if isinstance(level, tuple):
             ends = level

@@ -132,13 +132,18 @@ def cell_group(
     where: str,
 ) -> tuple[Loop, Rules, tuple[Draft, ...]]:
     """Build the sticky twin of a cell and the drafts of its members."""
+    # The loop of the cell, and how long and fine it is simulated
     settings = {"speed": 1.0, "step": 0.0, "excitation": "setpoint", "tuning": "medium", **settings}
     table = _loop_table(settings, where)
     rules = _rules_of(settings)
     if rules.samples_per_period is None or rules.periods is None:
         raise SpecError(f"{where}: samples_per_period and periods are needed, as axis or draw")
+
+    # The sticky loop from which periods and sizes are measured
     twin_valve = _valve_of("choudhury", settings, where)
     twin = overridden(Loop.from_table({**table, "valve": twin_valve}, where), overrides)
+
+    # Each member of the cell: its tuning, valve and, where it is one, the echo of its sibling
     names = (
         "Td_over_T",
         "Td_over_Ti",
@@ -166,9 +171,13 @@ def cell_group(
             sibling = next(d for d in drafts if d.tags["member"] == own["of"])
             cut = settings.get("cut")
             echo = Echo(sibling, own["echo"], None if cut is None else float(cut))
+
+        # The loop itself, with what was changed on the command line
         loop = overridden(
             Loop.from_table({**_loop_table(mine, where), "valve": valve}, where), overrides
         )
+
+        # The axes' values as tags of the scenario
         found = {}
         for key in names:
             found[key] = own.get(key)
@@ -187,6 +196,8 @@ def cell_group(
             S=0.0 if valve["model"] == "ideal" else mine["S"],
         )
         told = {**tags, **found}
+
+        # What the draft still needs in order to be settled
         more = (
             own["valve"],
             mine["effects"],
@@ -225,6 +236,7 @@ def _rules_of(settings: Mapping[str, Any]) -> Rules:
 
 def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
     """Return the grid axes that a whole loop shows by itself."""
+    # S over 2 J of the valve, infinite without a slip jump, 0 without friction
     plant = loop.plant
     Ti = loop.controller.Ti
     S = loop.valve.parameters.get("S")
@@ -237,6 +249,8 @@ def loop_axes(loop: Loop) -> dict[str, float | int | str | None]:
             ratio = S / (2 * J)
         else:
             ratio = math.inf
+
+    # The axes; None where the loop has no such ratio
     return {
         "Td_over_T": plant.Td / plant.T if plant.T else None,
         "Td_over_Ti": plant.Td / Ti if plant.integrating and Ti else None,
@@ -259,12 +273,15 @@ def with_ratios(loop: Loop, ratios: Mapping[str, Value], where: str) -> Loop:
     Td_over_T and Td_over_Ti set the dead time. S_over_2J sets J beside the valve's S: inf is a
     dead-band, and 0 a healthy valve.
     """
+    # Each ratio is a number from 0
     for name, value in ratios.items():
         if isinstance(value, (bool, str)) or not isinstance(value, (int, float)) or not value >= 0:
             raise SpecError(f"{where}: {name} = {value!r}; a number from 0 is needed")
         if name == "S_over_2J":
             loop = _with_slip_jump(loop, float(value), where)
             continue
+
+        # The dead time follows from its ratio to T or Ti
         unit, scale = {
             "Td_over_T": ("plant.T", loop.plant.T),
             "Td_over_Ti": ("controller.Ti", loop.controller.Ti),

@@ -295,12 +295,15 @@ class Grid:
     def _draw_disturbance(
         self, name: Value, rng: np.random.Generator
     ) -> tuple[dict[str, Any], ...]:
+        # A disturbance's numbers are drawn, its parameters in the order of their names
         if name == "none":
             return ()
         d = self._part_named("disturbance", self.content.disturbances, name)
         more = {}
         for key, value in sorted(d.parameters.items()):
             more[key] = draw(value, rng)
+
+        # A table as [[disturbance]] has it
         return (
             {
                 "type": d.type,
@@ -360,8 +363,11 @@ def _tag_of(value: Any) -> float | int | str:
     """Return an axis value as a tag: a table by the name of its part, or written out like a
     list.
     """
+    # A number or a word is its own tag
     if not isinstance(value, (dict, list, tuple)):
         return value
+
+    # A table's name comes first, then what else it holds
     names = []
     for k in ("model", "type", "name"):
         if isinstance(value, dict) and k in value:

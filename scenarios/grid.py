@@ -43,6 +43,7 @@ def load_grid(
     most_cells: int = MOST_CELLS,
 ) -> Grid:
     """Read a grid by name or from a file; one with more cells is refused."""
+    # A grid of the package, as it is or with changes
     if str(name) in grid_names():
         grid = packaged_grid(str(name))
         if not (sets or axes):
@@ -55,6 +56,8 @@ def load_grid(
             )
         label = str(name)
         table = packaged_table(str(name))
+
+    # A file, with the columns that its loop names
     elif Path(name).suffix == ".toml" or Path(name).exists():
         label = Path(name).stem
         table = read_toml(name)
@@ -65,6 +68,8 @@ def load_grid(
             f"unknown grid {str(name)!r}: {suggestion(str(name), grid_names())}; a TOML file or the"
             " folder of a run is a grid, too"
         )
+
+    # Errors of the package's own grids are about what was asked of them
     try:
         return make_grid(table, label, sets, axes, most_cells)
     except SpecError as error:
@@ -72,6 +77,8 @@ def load_grid(
             raise SpecError(
                 f"{error}; for example --set repeats=2, --axis noise_ratio=0.1,0.3"
             ) from None
+
+        # Errors of a file that has no block and no loop show the smallest grids
         if {"block", "loop"} & set(table):
             raise
         raise SpecError(

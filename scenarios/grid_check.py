@@ -79,6 +79,7 @@ def say(name: str, mistakes: list[str]) -> None:
 
 
 def _find_mistakes(content: Any) -> Iterator[str]:
+    # The names that each word may have
     known = {
         "disturbance": ("none", *content.disturbances),
         "effect": ("none", *content.effects),
@@ -87,6 +88,8 @@ def _find_mistakes(content: Any) -> Iterator[str]:
         "tuning": tuple(FOPTD_LAG),
         "excitation": EXCITATIONS,
     }
+
+    # The draws, and the numbers of loads and parts
     yield from _check_settings("[draw]", content.draw, known)
     for name, load in content.disturbances.items():
         where = f"disturbance {name!r}"
@@ -102,12 +105,16 @@ def _find_mistakes(content: Any) -> Iterator[str]:
         for name, part in parts.items():
             for key, value in part.parameters.items():
                 yield from _check_range(f"{kind} {name!r}: {key}", value)
+
+    # A grid of one loop has axes only
     if content.loop is not None:
         axes = dict(content.axes)
         if "S_over_2J" in axes:  # of a whole loop, 0 is a healthy valve
             axes["S_over_2J"] = tuple(v for v in axes["S_over_2J"] if v != 0) or (1.0,)
         yield from _check_axes("", axes, {})
         return
+
+    # Blocks: their names, their words, axes and draws
     for name, count in _count_names(b.name for b in content.block):
         if count > 1:
             yield f"{count} blocks are called {name!r}"
@@ -119,6 +126,8 @@ def _find_mistakes(content: Any) -> Iterator[str]:
         yield from _check_settings(f"{where}draw", block.draw, known)
         if not block.member:
             yield f"{where}it has no [[block.member]]; at least one is needed"
+
+        # The members of a block
         for member in block.member:
             at = f"{where}member {member.name!r}: "
             words = {
@@ -190,6 +199,7 @@ def _check_limits(where: str, key: str, value: float) -> Iterator[str]:
 def _check_settings(
     where: str, ranges: Mapping[str, Any], known: Mapping[str, tuple]
 ) -> Iterator[str]:
+    # A setting of words takes words
     for key, value in ranges.items():
         place = f"{where} {key}"
         if key in TAG_WORDS:
@@ -198,6 +208,8 @@ def _check_settings(
                 if _is_words(value)
                 else [f"{place} = {value!r}; words are needed"]
             )
+
+        # A setting of numbers takes no word
         elif key in SETTINGS and (isinstance(value, str) or _is_words(value)):
             yield f"{place} = {value!r}; a number, or [lo, hi], is needed"
         else:
@@ -215,16 +227,21 @@ def _is_words(value: Any) -> bool:
 
 def _check_range(where: str, value: Any) -> Iterator[str]:
     """A fixed number, or (lo, hi), drawn evenly in logarithm."""
+    # A single number is finite
     if isinstance(value, str):
         return
     if not isinstance(value, tuple):
         if not math.isfinite(value):
             yield f"{where} = {value:g}; a finite number is needed"
         return
+
+    # Words need at least one
     if _is_words(value):
         if not value:
             yield f"{where} = []; a number, [lo, hi] or names are needed"
         return
+
+    # A range is drawn evenly in logarithm
     lo, hi = value
     if not (0.0 < lo <= hi < math.inf):
         yield (

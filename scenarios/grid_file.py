@@ -139,14 +139,19 @@ class GridFile(TomlTable):
 
     @model_validator(mode="after")
     def _one_form(self) -> Self:
+        # Blocks or one loop, not both
         if bool(self.block) == (self.loop is not None):
             raise ValueError("a grid has either [[block]] tables or one [loop] with [axes]")
+
+        # Every axis and draw is a setting, or a key of the loop
         for block in self.block:
             for key in (*self.draw, *block.axes, *block.draw):
                 if key not in SETTINGS and not is_of_loop(key):
                     raise ValueError(
                         f"block {block.name!r}: unknown axis {key!r}, {suggestion(key, SETTINGS)}"
                     )
+
+            # What a member is kept to is an axis of its block
             for member in block.member:
                 for key in member.where:
                     if key not in block.axes:

@@ -92,11 +92,14 @@ class Outer(TomlTable):
 
     @model_validator(mode="after")
     def _check_feedback(self) -> Self:
+        # Only the package's plants and controllers, in s
         if self.plant.type not in PLANT_TYPES or self.controller.type not in CONTROLLER_TYPES:
             kinds = f"plants {', '.join(PLANT_TYPES)} and controllers {', '.join(CONTROLLER_TYPES)}"
             raise ValueError(f"an outer loop takes no plug-in; {kinds} are allowed")
         if self.plant.dt or self.controller.dt:
             raise ValueError("an outer loop takes no part in powers of z; one in s is needed")
+
+        # Set points that rise, and negative feedback
         if not self.sp_span[0] < self.sp_span[1]:
             raise ValueError(
                 f"sp_span = {list(self.sp_span)}; the set points at 0 and 100 % are needed, rising"

@@ -49,6 +49,7 @@ class Plant(TomlTable):
 
     @model_validator(mode="after")
     def _check_whole(self) -> Self:
+        # Keys that this type of plant has
         if self.K == 0:
             raise ValueError("K = 0; the valve must act on PV")
         for name in ("num", "den", "dt"):
@@ -57,11 +58,15 @@ class Plant(TomlTable):
                     f"{name} belongs to a plant of type 'tf'; {self.type} needs"
                     f" K{', T' * (self.type == 'foptd')}"
                 )
+
+        # A dead time of whole samples in powers of z
         if self.dt is not None and abs(self.Td / self.dt - round(self.Td / self.dt)) > SAME_DT:
             raise ValueError(
                 f"Td = {self.Td:g} s is no whole number of samples of dt = {self.dt:g} s, which a"
                 " plant in powers of z needs"
             )
+
+        # The time constant that this type needs, or must not have
         if self.type == "foptd" and self.T is None:
             raise ValueError("T is missing; foptd needs a time constant above 0 s")
         if self.type == "integrating" and self.T is not None:
@@ -147,6 +152,7 @@ class Controller(TomlTable):
 
     @model_validator(mode="after")
     def _check_whole(self) -> Self:
+        # Keys that this type of controller has
         if self.type in ("PI", "PID") and self.Ti is None:
             raise ValueError(
                 f"Ti is missing; a {self.type} controller needs an integral time above 0 s"
@@ -162,6 +168,8 @@ class Controller(TomlTable):
                     f"{name} = {getattr(self, name)}; a {self.type} controller has none, type 'PID'"
                     " is needed"
                 )
+
+        # A schedule has rising values, and something it depends on
         points = [x for x, _ in self.schedule or ()]
         if self.schedule is not None and (not points or points != sorted(set(points))):
             raise ValueError("schedule needs [[value, factor], ...] with rising values")
@@ -205,6 +213,7 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
     """Return a table of num and den with the K, and of a first-order plant the T, that follow from
     them.
     """
+    # The file states polynomials, not K or T
     given = []
     for name in ("K", "T"):
         if table.get(name) is not None:
@@ -214,6 +223,8 @@ def _read_tf(table: dict[str, Any]) -> dict[str, Any]:
             f"{given[0]} = {table[given[0]]}; a plant of type 'tf' has num, den and Td"
         )
     _refuse_missing(table, "plant", "s")
+
+    # K is the steady gain, or the rate of an integrator; T is that of a first-order plant
     num, den = checked_polynomials(table["num"], table["den"])
     order = den.size - 1
     integrating = den[-1] == 0.0

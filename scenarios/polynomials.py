@@ -20,23 +20,30 @@ def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return both as arrays without leading zeros, or raise ValueError that says why they are no
     plant.
     """
+    # Both as arrays; the valve acts on PV in the end
     num, den = (_check_numbers(name, values, "s") for name, values in (("num", num), ("den", den)))
     if num.size == 0 or num[-1] == 0.0:
         raise ValueError(
             "num has no constant term: the valve has no lasting effect on PV; a last number besides"
             " 0 is needed"
         )
+
+    # An order that can be simulated, a leading number that can be divided by
     _refuse_order(den)
     if not math.isfinite(float(max(np.abs(num).max(), np.abs(den).max())) / abs(float(den[0]))):
         raise ValueError(
             f"den begins with {den[0]:g}, which is too small: num and den divided by it must be"
             " finite numbers"
         )
+
+    # PV never answers at once
     if num.size >= den.size:
         raise ValueError(
             "it acts without any lag (not strictly proper); add the valve's or the sensor's time"
             " constant"
         )
+
+    # Stable poles, at most one integrator
     poles = np.roots(den)
     at_zero = np.abs(poles) < 1e-9 * max(1.0, float(np.abs(poles).max()))
     unstable = poles[~at_zero & (poles.real >= 0)]
@@ -58,6 +65,7 @@ def checked_sampled(num: Any, den: Any, lags: int) -> tuple[np.ndarray, np.ndarr
     """Return both in powers of z as arrays, den beginning with 1 and num as long as den less `lags`
     (1 of a plant, 0 of a controller), or raise ValueError that says why they are none.
     """
+    # Both as arrays; the answer comes as late as it must
     num, den = (_check_numbers(name, values, "z") for name, values in (("num", num), ("den", den)))
     _refuse_order(den)
     if num.size == 0:
@@ -67,6 +75,8 @@ def checked_sampled(num: Any, den: Any, lags: int) -> tuple[np.ndarray, np.ndarr
             f"num has {num.size} numbers, den {den.size}; at most {den.size - lags} are needed:"
             f" {'PV answers after a sample' if lags else 'no OP answers to an error to come'}"
         )
+
+    # No pole outside the unit circle
     poles = np.roots(den)
     worst = poles[np.argmax(np.abs(poles))]
     if abs(worst) > 1.0 + _AT_ONE:
@@ -94,6 +104,7 @@ def _refuse_order(den: np.ndarray) -> None:
 
 
 def _check_numbers(name: str, values: Any, power: str) -> np.ndarray:
+    # A plain list of numbers
     if isinstance(values, np.ndarray):
         listed = values.tolist()
     else:
@@ -106,6 +117,8 @@ def _check_numbers(name: str, values: Any, power: str) -> np.ndarray:
         raise ValueError(
             f"{name} = {listed!r}; a list of numbers in falling powers of {power} is needed"
         )
+
+    # Finite, without leading zeros
     array = np.array(listed, dtype=float)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} = {listed!r}; finite numbers are needed")

@@ -86,6 +86,7 @@ class SettledGrid(Grid):
 
     def group(self, index: int) -> Group:
         """Return a group with nothing left to settle."""
+        # The rows of the group, as drafts with nothing to settle
         drafts = []
         for row in self._rows_of_file.get(index, ()):
             drafts.append(
@@ -98,6 +99,8 @@ class SettledGrid(Grid):
                 )
             )
         drafts = tuple(drafts)
+
+        # A group without rows still has a loop of the grid's kind
         first = next(iter(self._rows_of_file.values()))[0]
         if drafts:
             twin = drafts[0].loop

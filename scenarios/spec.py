@@ -166,6 +166,7 @@ class Loop(TomlTable):
         SpecError
             One sentence: the key, its value, what is allowed, the nearest known key.
         """
+        # Parts that have names: one valve, lists of the others
         table = with_columns(table, Path(), where)
         for section, key in NAME_KEY.items():
             if section in table:
@@ -251,6 +252,7 @@ class Loop(TomlTable):
         SpecError
             As `with_`.
         """
+        # Sections as a whole first, so that dotted keys change what they hold
         if not changes:
             return self
         table = self.to_table()
@@ -262,6 +264,8 @@ class Loop(TomlTable):
                 or not (name or isinstance(value, (dict, list, tuple)))
             ):
                 raise SpecError(_no_key(key, value))
+
+            # A dotted key changes one number of a section
             if not name:
                 table[section] = value
                 continue
@@ -271,6 +275,8 @@ class Loop(TomlTable):
                     " [...] sets it whole"
                 )
             table[section] = {**table.get(section, {}), name: value}
+
+        # The changed table is checked like a file
         return type(self).from_table(
             table, f"with {', '.join(f'{key} = {value}' for key, value in changes.items())}"
         )
@@ -352,8 +358,11 @@ def _read_parts(value: Part | tuple[Part, ...]) -> tuple[Part, ...]:
 
 
 def _read_part(table: Any, section: str, key: str, where: str) -> dict[str, Any]:
+    # A part as it is
     if isinstance(table, Part):
         return table.model_dump()
+
+    # A table needs the key that names its part
     if not isinstance(table, dict) or key not in table:
         if isinstance(table, dict):
             have = sorted(table)
@@ -364,6 +373,8 @@ def _read_part(table: Any, section: str, key: str, where: str) -> dict[str, Any]
         else:
             wrong = ""
         raise SpecError(f"{where}: [{section}] lacks the key {key!r}, which is needed{wrong}")
+
+    # Everything else is a parameter
     parameters = {}
     for k, v in table.items():
         if k != key:

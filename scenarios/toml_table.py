@@ -78,11 +78,14 @@ def checked(model: type[M], table: dict[str, Any], where: str) -> M:
 
 def _yield_sentences(model: type[BaseModel], errors: list[Any], table: Any) -> str:
     """One clause per key; where several forms are allowed, each complains of the same key."""
+    # Errors by the key at which they stand
     by_key: dict[tuple, list[Any]] = {}
     for error in errors:
         by_key.setdefault(
             _key_of_place(error["loc"], table, error["type"] == "missing"), []
         ).append(error)
+
+    # One error has its own sentence; several are of a value that fits no form
     clauses = []
     for key, found in by_key.items():
         if len(found) == 1:
@@ -95,6 +98,8 @@ def _yield_sentences(model: type[BaseModel], errors: list[Any], table: Any) -> s
                 f"{'.'.join(map(str, key))} = {shorten(value)}; a number, [lo, hi] or names are"
                 " needed"
             )
+
+    # Few clauses fit on a screen
     return "; ".join(clauses[:_MOST_CLAUSES]) + (
         "; and more" if len(clauses) > _MOST_CLAUSES else ""
     )
@@ -118,6 +123,7 @@ def _key_of_place(loc: tuple, table: Any, missing: bool) -> tuple:
 
 
 def _sentence_of(model: type[BaseModel], error: Any) -> str:
+    # The place as a file writes it
     path = []
     for p in error["loc"]:
         if isinstance(p, (str, int)):
@@ -125,12 +131,16 @@ def _sentence_of(model: type[BaseModel], error: Any) -> str:
     if path[1:] and path[-1] == "name":  # the file's own word for it
         path[-1] = NAME_KEY.get(str(path[0]), "name")
     place = ".".join(str(p) for p in path)
+
+    # A key too many, or missing
     kind = error["type"]
     value = error.get("input")
     if kind == "extra_forbidden":
         return f"unknown key {place!r}: {suggestion(str(path[-1]), _field_names(model, path[:-1]))}"
     if kind == "missing":
         return f"{'key' if len(path) > 1 else 'section'} {place!r} is missing, which is needed"
+
+    # The message of the model, where it has one
     message = str(error["msg"]).removeprefix("Value error, ")
     if kind == "value_error" and message == "a number is needed":
         return f"{place} = {shorten(value)}; {message}"

@@ -67,6 +67,7 @@ class FileError(UserError, OSError):
 @contextlib.contextmanager
 def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     """Open a file for writing that appears under its name only when all of it is on disk."""
+    # A special file is written straight, all others beside their name
     path = local_path(path)
     special = path.exists() and not path.is_file()
     if len(os.fsencode(path.name)) < _LONG_NAME:
@@ -77,6 +78,8 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
         temporary = path
     else:
         temporary = path.with_name(f".{name}.{HOST}.{os.getpid()}")
+
+    # All of it is on disk before the name is taken
     try:
         if path.is_dir():
             raise IsADirectoryError(21, "it is a folder")
@@ -91,6 +94,8 @@ def whole_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
         raise FileError(
             f"{path} cannot be written: {(error.strerror or str(error)).lower()}"
         ) from error
+
+    # Nothing half is left
     finally:
         if not special:
             with contextlib.suppress(OSError):
@@ -154,6 +159,7 @@ def refuse_own_input(
     """Refuse, before any work, to write over what is read, two things into one file, or where
     nothing can stand.
     """
+    # Every file that the command reads
     wanted = [Path(p) for p in outputs if p is not None]
     if not wanted:
         return
@@ -167,6 +173,8 @@ def refuse_own_input(
         else:
             inside = [path]
         read |= {_real_path(f) for f in inside}
+
+    # Each output: not read, not named twice, a place that can be written
     for path in map(local_path, wanted):
         if _real_path(path) in read:
             raise FileError(

@@ -58,6 +58,7 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     >>> detect(Prepared(LoopRecord(op=saw, pv=saw, Ts=1.0)), **METHOD.defaults()).verdict
     'stiction'
     """
+    # The bicoherence of the control error, which the procedure shares
     record = prepared.record
     period = prepared.oscillation.period_s / record.Ts
     test = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
@@ -67,6 +68,8 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
             NO_DECISION,
             reason="too short: fewer than twelve cycles of the oscillation",
         )
+
+    # A symmetric cycle has no even harmonics: what is not seen is no proof of a linear loop
     nonlinear = test.nonlinear(ngi_low, nli_low)
     numbers = f"NGI = {test.ngi:.3f}, NLI = {test.nli:.3f}, peak {test.height:.2f} times its bound"
     conclusion = (

@@ -79,14 +79,19 @@ def detect(prepared: Prepared, *, ratio_low: float, line_low: float) -> Verdict:
     >>> detect(Prepared(LoopRecord(np.sin(t), np.sin(t - 0.7), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
+    # A signal that stands still has no ellipse
     op = prepared.record.op
     pv = prepared.record.pv
     if np.ptp(op) == 0.0 or np.ptp(pv) == 0.0:
         return Verdict("gbt44693", NO_DECISION, reason="OP or PV does not move")
+
+    # Axes of the ellipse, and how well a line fits
     ratio = axis_ratio(op, pv)
     fit = float(np.corrcoef(op, pv)[0, 1] ** 2)
     indices = {"axis_ratio": ratio, "line_fit": fit}
     numbers = f"short over long axis {ratio:.2f}, squared correlation of PV and OP {fit:.2f}"
+
+    # No long axis, no answer; else an open ellipse means stiction
     if fit < line_low:
         return Verdict(
             "gbt44693",

@@ -85,15 +85,20 @@ def _one_step(
     """Return the S and J whose valve leaves the smallest one-step errors of y(k) = a y(k-1) + b
     v(k-1-nd) + c, on a grid.
     """
+    # Averages, so that a cycle has few samples
     q = max(1, int(period / _SAMPLES))
     n = op.size // q
     u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
     delays = range(max(2, round(0.5 * period / q)))
+
+    # Every valve of a small grid with its best plant, and no valve at all
     tried = [(0.0, 0.0)] + [(s * usual, s * j * usual) for s in _SHARES for j in _JUMPS]
     error, S, J = min(
         (fit_plant(valve_position(u, S, J, limits=(-np.inf, np.inf)), y, delays)[4], S, J)
         for S, J in tried
     )
+
+    # How much of the straight line's error the best valve takes off
     straight = fit_plant(u, y, delays)[4]
     if straight > 0.0:
         gain = max(1.0 - error / straight, 0.0)

@@ -100,12 +100,15 @@ def detect(
     >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'stiction'
     """
+    # Half cycles of OP, or of PV where the plant integrates
     name = "PV" if prepared.integrating else "OP"
     humps = prepared.half_cycles(name.lower(), cleaned > 0.5)
     if len(humps) < 4:
         return Verdict(
             "he", NO_DECISION, reason=f"{len(humps)} half cycles in {name}; at least 4 are needed"
         )
+
+    # Triangles come from a sticky valve, sines do not
     free_apex, lines = triangle_indices(humps)
     eta = lines if two_line > 0.5 else free_apex
     if eta >= eta_high:
@@ -117,5 +120,7 @@ def detect(
     else:
         verdict = NO_DECISION
         shape = "between triangle and sine"
+
+    # The verdict with its index
     reason = f"{name} is {shape}: eta = {eta:.2f} over {len(humps)} half cycles"
     return Verdict("he", verdict, eta, {"eta": free_apex, "eta_two_line": lines}, reason=reason)

@@ -68,9 +68,12 @@ def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
     >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'no_stiction'
     """
+    # The signal that stands for the valve position
     signal, _, note = prepared.valve_position()
     if signal is None:
         return Verdict("kano_a", NO_DECISION, applicable=False, reason=note)
+
+    # Where the valve rests, by a threshold above the noise
     record = prepared.record
     period = prepared.period
     op = prepared.smooth_op()
@@ -80,6 +83,8 @@ def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
         return Verdict(
             "kano_a", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})"
         )
+
+    # Intervals in which the valve rests while OP moves
     length, moved = stuck_intervals(op, still, period, op_min * swing)
     share = float(length.sum() / record.n)
     if moved.size:
@@ -87,12 +92,16 @@ def detect(prepared: Prepared, *, share_min: float, op_min: float) -> Verdict:
     else:
         mean = 0.0
     verdict = STICTION if share > share_min else NO_STICTION
+
+    # S is what OP moved in such an interval, in % of travel where the span is known
     S = None
     if verdict == STICTION:
         if record.op_span is None:
             S = mean
         else:
             S = mean * 100.0 / (record.op_span[1] - record.op_span[0])
+
+    # The verdict with both indices
     reason = (
         f"the valve stands still in {share:.0%} of the time while OP moves by {mean:.3g} ({note})"
     )

@@ -90,9 +90,12 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'no_stiction'
     """
+    # The signal that stands for the valve position
     signal, _, note = prepared.valve_position()
     if signal is None:
         return Verdict("kano_b", NO_DECISION, applicable=False, reason=note)
+
+    # Where the valve rests, by a threshold above the noise
     record = prepared.record
     period = prepared.period
     op = prepared.smooth_op()
@@ -102,6 +105,8 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
         return Verdict(
             "kano_b", NO_DECISION, reason=f"noise hides whether the valve stands still ({note})"
         )
+
+    # Distance of the parallelogram's slanted sides, as a share of OP's swing
     distance = side_distance(op, clean, ~still)
     if not np.isfinite(distance) or swing == 0.0:
         return Verdict("kano_b", NO_DECISION, reason="the valve does not move both ways")
@@ -109,6 +114,8 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     flat = float(still.mean())
     score = float(np.sqrt(width * flat))
     indices = {"width": width, "still": flat}
+
+    # Wide and flat is stiction; flat alone cannot tell
     S = None
     if width > width_min and flat > still_min:
         verdict = STICTION
@@ -123,6 +130,8 @@ def detect(prepared: Prepared, *, width_min: float, still_min: float) -> Verdict
     else:
         verdict = NO_STICTION
         shape = "no flat sides"
+
+    # The verdict with both indices
     reason = (
         f"valve position over OP has {shape}: width {width:.2f} of the swing, still in {flat:.0%}"
         f" ({note})"

@@ -90,6 +90,7 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
     >>> detect(Prepared(LoopRecord(np.cos(t), np.sin(t), 0.1)), bound=0.21).verdict
     'no_stiction'
     """
+    # Half cycles of PV
     humps = prepared.half_cycles("pv", cleaned=False)
     if len(humps) < 4:
         return Verdict(
@@ -97,6 +98,8 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
             NO_DECISION,
             reason=f"{len(humps)} half cycles in PV; at least 4 are needed",
         )
+
+    # A relay's answer fits better under stiction, a sine without
     index = relay_index(humps, left_out)
     if index > bound:
         verdict = STICTION
@@ -107,5 +110,7 @@ def detect(prepared: Prepared, *, bound: float, left_out: float = 0.1) -> Verdic
     else:
         verdict = NO_DECISION
         shape = "between sine and relay's answer"
+
+    # The verdict with its index
     reason = f"PV is {shape}: eta_rossi = {index:.2f} over {len(humps)} half cycles"
     return Verdict("rossi_scali", verdict, 0.5 + 0.5 * index, {"eta_rossi": index}, reason=reason)

@@ -157,6 +157,7 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
     >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'stiction'
     """
+    # Too few samples per cycle have no shape
     period = prepared.period
     if period < 8:
         return Verdict(
@@ -164,6 +165,8 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
             NO_DECISION,
             reason=f"{period:.1f} samples per cycle; at least 8 are needed",
         )
+
+    # The shape of every cycle of OP and PV
     shares = {}
     indices = {}
     for name in ("OP", "PV"):
@@ -179,6 +182,8 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
             f"{name.lower()}_{label}": float(s)
             for label, s in zip(SHAPES, shares[name], strict=True)
         }
+
+    # The shape that most cycles have, a sawtooth counted as a triangle
     decisive = "PV" if prepared.integrating else "OP"
     score = 1.0 - float(shares[decisive][SHAPES.index("sine")])
     seen = {}
@@ -188,12 +193,16 @@ def detect(prepared: Prepared, *, by_kind: float = 0.0) -> Verdict:
     looks = ", ".join(
         f"{n} looks like a {seen[n]} ({shares[n].max():.0%} of the cycles)" for n in ("OP", "PV")
     )
+
+    # Pairs that Table 11.2 lists for this kind of plant
     if prepared.integrating:
         pairs = _LEVEL
     else:
         pairs = FAST | SLOW
     if by_kind > 0.5 and not prepared.integrating:
         pairs = COLUMNS.get(str(prepared.record.kind), pairs)
+
+    # A pair of the table is stiction, two sines are none
     if pair in pairs:
         return Verdict(
             "srinivasan", STICTION, score, indices, reason=f"{looks}: a pair of Table 11.2"

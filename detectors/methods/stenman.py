@@ -142,12 +142,15 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     >>> detect(Prepared(LoopRecord(op, pv, 1.0)), **METHOD.defaults()).verdict
     'stiction'
     """
+    # Too few samples per cycle hide a jump
     record = prepared.record
     period = prepared.period
     if period < 8:
         return Verdict(
             "stenman", NO_DECISION, reason=f"{period:.1f} samples per cycle; at least 8 are needed"
         )
+
+    # The most regular stretch, averaged to few samples per cycle
     q = max(1, int(period / _SAMPLES))
     start, stop = strongest_segment(
         prepared.searchable("travel"), period, min(record.n, _LENGTH * q)
@@ -159,15 +162,21 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     )
     period /= q
     y = pv - moving_mean(pv, max(round(period / 2), 1))
+
+    # OP in units of its swing, PV of its standard deviation
     scale = swing(op, period)
     if not (scale > 0 and y.any()):
         return Verdict("stenman", NO_DECISION, reason="OP or PV stands still in most cycles")
     u = (op - op.mean()) / scale
     y = y / y.std()
+
+    # A linear plant, and the best course of jumps from several first guesses
     delays = range(max(2, round(0.5 * period)))
     linear = fit_plant(u, y, delays)
     best = min((_alternate_fits(u, y, band, delays) for band in _FIRST_GUESSES), key=lambda f: f[0])
     cost, x = best
+
+    # The score: what jumps take off the error, times how long the valve rests
     jumps = int(np.count_nonzero(np.diff(x)))
     gain = max(1.0 - cost / linear[4], 0.0)
     stuck = 1.0 - jumps / (n - 1)
@@ -188,13 +197,18 @@ def _alternate_fits(
     u: np.ndarray, y: np.ndarray, band: float, delays: range
 ) -> tuple[float, np.ndarray]:
     """Estimate plant and jumps in turn; returns the error with the jumps' price, and the valve."""
+    # The first guess of the valve position
     x = np.empty(u.size)
     quick(_first_guess)(u, band, x)
     best = (np.inf, x)
+
+    # Plant and jumps in turn, as long as the price falls
     for _ in range(_ROUNDS):
         a, b, c, d, error = fit_plant(x, y, delays)
         price = _PRICE * error * np.log(u.size)
         cost = error + price * np.count_nonzero(np.diff(x)) / u.size
+
+        # A plant that does not answer leaves nothing to explain by jumps
         best = min(best, (cost, x), key=lambda f: f[0])
         if abs(b) < 1e-6:
             break

@@ -199,6 +199,7 @@ class PluginFolder:
 
     def _load_published(self, name: str) -> ModuleType | None:
         """Return what another distribution publishes under a name, or its replacement here."""
+        # None of that name is published
         point = self._entry_points.get(name)
         if point is None:
             return None
@@ -208,6 +209,7 @@ class PluginFolder:
             Exception,
             SystemExit,
         ) as error:  # it may fail in any way; the user needs its distribution's name
+            # The sentence names the distribution at fault
             if point.dist:
                 whose = point.dist.name
             else:
@@ -229,6 +231,7 @@ class PluginFolder:
         )
 
     def _check_module(self, module: ModuleType, name: str) -> ModuleType:
+        # Every attribute that a plug-in needs is there
         missing = []
         for a in self.required:
             if not hasattr(module, a):
@@ -238,11 +241,15 @@ class PluginFolder:
                 f"{self.kind} {name!r} ({module.__file__}) lacks {', '.join(missing)}, which it"
                 " needs"
             )
+
+        # Those with a lower-case name are functions
         for a in (a for a in self.required if a.islower() and not callable(getattr(module, a))):
             raise ParameterError(
                 f"{self.kind} {name!r} ({module.__file__}): {a} = {getattr(module, a)!r:.60} is no"
                 " function"
             )
+
+        # The folder's own condition, for parts of others
         if self.refuse is not None and not self.built_in(name):
             self.refuse(name, module)
         return module
@@ -261,18 +268,23 @@ class _Detectors(PluginFolder):
 
     def load(self, name: str) -> ModuleType:
         """Import one detector, or the published variant of one; see `PluginFolder.load`."""
+        # The name has a variant after an @, or none
         base, at, variant = name.partition("@")
         if at and variant not in (PUBLISHED, _CHAPTER):
             raise UnknownName(self.kind, name, self.names() + self.variants())
         module = super().load(base)
         if not at:
             return module
+
+        # A variant of the chapter exists only where the chapter has one
         if variant == _CHAPTER and not module.METHOD.chapter:
             chapters = []
             for n in self.names():
                 if super().load(n).METHOD.chapter:
                     chapters.append(f"{n}@{_CHAPTER}")
             raise UnknownName(self.kind, name, [f"{base}@{PUBLISHED}"] + chapters)
+
+        # The same detector with the thresholds of that variant
         shown = ModuleType(name, module.__doc__)
         shown.__dict__.update(
             METHOD=module.METHOD.as_published(variant == _CHAPTER),

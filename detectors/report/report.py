@@ -206,6 +206,7 @@ class Report:
         """Return what was concluded of each loop, in the order of `groups`, then why files were
         refused.
         """
+        # A row for every loop, in the order of the groups
         rows = []
         for name, _, _ in self.groups():
             if name in self.conclusions:
@@ -218,6 +219,8 @@ class Report:
                 told[key] = c.get(key)
             event = self.events.get(str(name))
             rows.append({**of_loop, PROBABILITY: c.get("probability"), "event": event, **told})
+
+        # Files that hold no record come last, with their reason
         refused = [
             {"record": name, "conclusion": "no record", "reason": why}
             for name, why in self.refused.items()

@@ -65,6 +65,7 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     - B^2 = 1, in the partitioned form of Halir & Flusser (1998). Not for short arcs with noise: the
     fit leans to small, flat ellipses.
     """
+    # Both signals centred and scaled; one that stands still has no ellipse
     mx = float(x.mean())
     my = float(y.mean())
     u, sx = centred(x)
@@ -73,14 +74,20 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
         return None
     u = u / sx
     v = v / sy
+
+    # Scatter matrices of the quadratic and the linear part (Halir and Flusser 1998, eq. 21 to 25)
     D1 = np.array([u * u, u * v, v * v])
     D2 = np.array([u, v, np.ones(u.size)])
     S1 = D1 @ D1.T
     S2 = D1 @ D2.T
     S3 = D2 @ D2.T
+
+    # Points on a line have no ellipse
     spread = np.linalg.eigvalsh(S3)
     if spread[-1] > _FLAT * spread[0]:
         return None
+
+    # The one eigenvector that fulfils the ellipse condition 4 A C - B^2 > 0
     T = -np.linalg.solve(S3, S2.T)
     M = (S1 + S2 @ T)[[2, 1, 0]] * np.array([[0.5], [-1.0], [0.5]])
     _, vectors = np.linalg.eig(M)
@@ -88,6 +95,8 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     elliptic = np.flatnonzero(4.0 * vectors[0] * vectors[2] - vectors[1] ** 2 > 0.0)
     if elliptic.size == 0:
         return None
+
+    # Its centre, and the conic divided by its level there
     A, B, C = vectors[:, elliptic[0]].tolist()
     D, E, F = (T @ vectors[:, elliptic[0]]).tolist()
     bend = 4.0 * A * C - B * B
@@ -95,6 +104,8 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     level = -(F + 0.5 * (D * centre[0] + E * centre[1]))
     if level == 0.0 or A / level <= 0.0:
         return None
+
+    # Back to the units of the signals
     A = A / level / sx**2
     B = B / level / (sx * sy)
     C = C / level / sy**2

@@ -151,10 +151,13 @@ def _fill_reversals(x, least, at):
     """Fill `at` with the places where a signal turns and then goes back by more than `least`;
     return their number.
     """
+    # The last extremes, and which way the signal goes (0: not known yet)
     count = 0
     low = 0
     high = 0
     way = 0
+
+    # A new high moves the high; a fall by more than `least` makes it a reversal
     for k in range(1, x.size):
         if way >= 0:
             if x[k] > x[high]:
@@ -165,6 +168,8 @@ def _fill_reversals(x, least, at):
                 way = -1
                 low = k
                 continue
+
+        # The same below
         if way <= 0:
             if x[k] < x[low]:
                 low = k
@@ -191,6 +196,7 @@ def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
     """Return `oscillation_of` of every row, shape (m, n): what is done to one at a time costs as
     much for several.
     """
+    # A row that stands still, or is too short, does not oscillate
     rows = detrended(rows)
     n = rows.shape[1]
     best = [NOTHING] * len(rows)
@@ -200,10 +206,14 @@ def oscillations_of(rows: np.ndarray, Ts: float = 1.0) -> list[Oscillation]:
         live = []
     if len(live) == 0:
         return best
+
+    # The autocorrelation of all rows at once
     size = fast_size(n + n // 2)
     power = np.abs(np.fft.rfft(rows[live], size)) ** 2
     for i, rho in zip(live, np.fft.irfft(power, size)[:, : n // 2], strict=True):
         best[i] = _judge_acf(rows[i], rho / rho[0], Ts)
+
+    # Those that do not oscillate are asked again without slow parts, the weakest filter first
     for i, spectrum in zip(live, power, strict=True):
         for rho in (
             ()

@@ -140,11 +140,16 @@ def heavy_tails(x: np.ndarray, most: float = 0.5) -> bool:
     """Return whether Student's t is likelier than Gaussian samples of which a share, `most` at
     most, are far wider.
     """
+    # Squared samples in units of a robust standard deviation
     scale = 1.4826 * float(np.median(np.abs(x)))
     if scale == 0.0:
         return False
     z2 = (x / scale) ** 2
+
+    # The best Student's t
     t = max(_loglik_t(z2, df) for df in _DEGREES)
+
+    # The mixture by expectation and maximisation, from a small share of wide samples
     share = min(0.02, most)
     narrow = 1.0
     wide = float(np.quantile(z2, 0.99)) + 1.0
@@ -156,6 +161,8 @@ def heavy_tails(x: np.ndarray, most: float = 0.5) -> bool:
         share = float(np.clip(odds.mean(), 1e-6, most))
         wide = max(float(odds @ z2 / max(odds.sum(), 1e-12)), narrow)
         narrow = max(float((1.0 - odds) @ z2 / (1.0 - odds).sum()), _NARROWEST)
+
+    # Which of both is likelier
     mixture = float(np.log(far + near + 1e-300).sum()) - 0.5 * z2.size * np.log(2.0 * np.pi)
     return bool(t > mixture)
 

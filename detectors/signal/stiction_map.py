@@ -24,11 +24,14 @@ def valve_position(
     Compiled at the first call (then read from numba's disk cache); bit-equal to calling
     `simbench.valve.maps.stick` sample by sample, of which `state` is a state.
     """
+    # Sizes are finite numbers
     for name, value in (("S", S), ("J", J)):
         if not 0.0 <= value < np.inf:
             raise ParameterError(
                 f"valve_position: {name} = {value}; a finite number >= 0 is needed"
             )
+
+    # The valve rests where OP begins, or as the state says
     op = np.array(op, dtype=float)
     v = np.empty(op.size)
     if op.size:

@@ -143,11 +143,14 @@ def prediction_errors(x, embedding, horizon, neighbours):
     Pieces of `embedding` samples that overlap are no look-alikes. Of look-alikes equally far, the
     last that fit all count.
     """
+    # Room for the distances of all look-alikes
     m = x.size - horizon - embedding + 1
     far = np.empty(m)
     nearest = np.empty(neighbours)
     ahead = x[embedding - 1 + horizon :]
     total = 0.0
+
+    # Squared distance of every stretch to this one; those that overlap it are none
     for i in range(m):
         far[:] = 0.0
         for t in range(embedding):
@@ -156,6 +159,8 @@ def prediction_errors(x, embedding, horizon, neighbours):
             for j in range(m):
                 far[j] += (here - there[j]) * (here - there[j])
         far[max(i - embedding + 1, 0) : i + embedding] = np.inf
+
+        # The distance of the last neighbour, by insertion
         nearest[:] = np.inf  # the least distances, in order
         for j in range(m):
             if far[j] < nearest[neighbours - 1]:
@@ -164,6 +169,8 @@ def prediction_errors(x, embedding, horizon, neighbours):
                     nearest[place] = nearest[place - 1]
                     place -= 1
                 nearest[place] = far[j]
+
+        # The mean of what followed the neighbours is the guess
         guess = count = 0.0
         for j in range(m):
             if far[j] <= nearest[neighbours - 1] and far[j] < np.inf:

@@ -75,6 +75,7 @@ def entry() -> None:
 
 
 def _run_command(arguments: list[str] | None) -> int | None:
+    # The words of the command line, none of them empty
     command = typer.main.get_command(app)
     if arguments is None:
         words = sys.argv[1:]
@@ -85,6 +86,8 @@ def _run_command(arguments: list[str] | None) -> int | None:
             f"argument {words.index('') + 1} is empty, as of a shell variable that is not set; a"
             " path or a value is needed"
         )
+
+    # Errors of the parser are errors of the command
     try:
         return command.main(args=words or ["--help"], prog_name="simbench", standalone_mode=False)
     except CommandError as error:

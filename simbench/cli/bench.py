@@ -280,6 +280,7 @@ def figure(
 
 def write_asked(asked: Asked, path: Path) -> None:
     """Write one table or picture; the kind follows from the file's name."""
+    # A picture is of the ranking alone
     if asked.paired and asked.axes:
         raise ParameterError(f"--to {path}: one table is written; give one of --paired and --by")
     if path.suffix.lower() in (".svg", ".pdf", ".png"):
@@ -290,6 +291,8 @@ def write_asked(asked: Asked, path: Path) -> None:
             )
         write_picture(sides(asked.scores.rows(asked.truth)).figure, path)
         return
+
+    # One table: of pairs, over an axis, or of the ranking
     paper.table_kind(path)
     about = paper.caption(asked.scores, asked.truth)
     version = benchmark_version(asked.scores.manifest)
@@ -309,4 +312,6 @@ def write_asked(asked: Asked, path: Path) -> None:
     else:
         numbers = paper.ranking_numbers(asked.scores, asked.truth)
         text = paper.ranking_text(asked.scores, asked.truth)
+
+    # The table states its benchmark version
     paper.write(path, numbers.assign(benchmark=version), text, about)

@@ -298,6 +298,7 @@ def refuse_picture(path: Path | None, *read: Path | None) -> None:
 
 def pairs(words: list[str], option: str, text: bool = False) -> dict[str, Any]:
     """Return NAME=VALUE words as a table; an axis may be written as in the book."""
+    # Each word is NAME=VALUE, and no name comes twice
     pairs = {}
     for word in words:
         name, equals, value = word.partition("=")

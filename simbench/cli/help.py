@@ -71,6 +71,7 @@ class GroupedCommand(TyperCommand):
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments first, then the options of each group."""
+        # The options by their headings
         listed: dict[str, list[tuple[str, str]]] = {}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)
@@ -81,6 +82,8 @@ class GroupedCommand(TyperCommand):
                 else:
                     heading = "Arguments"
                 listed.setdefault(heading, []).append(record)
+
+        # Headings in a fixed order; how a record is read is explained at one verb
         for heading in ("Arguments", COMMON, *GROUPS):
             if heading not in listed:
                 continue

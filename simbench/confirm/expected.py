@@ -186,9 +186,12 @@ def _simulate_phase(
     From rest not every cycle starts, and one that went on before the change goes on: other starts
     are tried.
     """
+    # Longer by the transient, with the changed gain
     length = n * _TRANSIENT // (_TRANSIENT - 1)
     changed = loop.with_("controller.Kc", loop.controller.Kc * factor).with_("sampling.n", length)
     kick, nudge = start
+
+    # From the loop at rest, from a kick, and from a light push of the load
     phase = None
     starts = ((0.0 if nudge else kick, nudge), (kick, 0.0), (0.0, _LIGHT * kick))
     for offset, step in dict.fromkeys(starts):
@@ -198,6 +201,8 @@ def _simulate_phase(
             op = run_setup(setup, kick=offset).record.op
         except UserError:
             return None
+
+        # The first start that goes on decides
         phase = measure(np.asarray(op)[length - n :], Ts, factor)
         if phase.goes_on or kick == 0.0:
             break

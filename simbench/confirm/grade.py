@@ -68,6 +68,7 @@ def grade(loop: Loop, test: TravelTest | None = None) -> list[_Grade]:
     dead-band. Stiction: small steps in the direction of the last big one until PV moves, up to one
     step too large.
     """
+    # One travel test in manual gives all four measures
     test = test or travel_test(loop)
     rest = round(test.wait / test.Ts)
     last = int(np.flatnonzero(test.phase == 0)[-1])

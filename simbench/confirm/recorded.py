@@ -86,11 +86,14 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
     of OP after a reversal that moves nothing. MV is read where it was recorded and PV does not
     contradict it.
     """
+    # Where OP rests long enough to read PV
     op = record.op if record.op_percent is None else record.op_percent
     starts = np.concatenate([[0], np.flatnonzero(np.diff(op)) + 1])
     lengths = np.diff(np.append(starts, op.size))
     starts = starts[lengths >= _HELD]
     lengths = lengths[lengths >= _HELD]
+
+    # A staircase has several levels
     if starts.size < _FEWEST:
         raise ParameterError(
             f"travel test: OP rests {starts.size} times for {_HELD} samples or more; at least"
@@ -100,6 +103,8 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
         raise ParameterError(
             f"travel test: OP rests at {op[starts][0]:g} % alone; two levels at least are needed"
         )
+
+    # S and J by PV, or by MV where that agrees with it
     holds = op, starts, lengths
     by_pv = _read_holds(record.pv, record.Ts, *holds, slope=record.process == "integrating")
     if _moves_beyond_noise(by_pv):
@@ -114,12 +119,16 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
             told = None
         if told is not None and bands is not None and _intervals_meet(told.S, bands.S):
             bands = told
+
+    # Whether the valve sticks, in words
     increment = float(np.abs(np.diff(by_pv.op))[np.diff(by_pv.op) != 0.0].min())
     sticky, reason = _in_words(bands, increment, by_pv.settled)
     if bands is None:
         S, J = (None, None)
     else:
         S, J = (bands.S, bands.J)
+
+    # The middle of each range is the estimate
     return TravelTest(
         None if J is None else _middle_of(J),
         None if S is None else _middle_of(S),
@@ -270,16 +279,21 @@ def _in_words(bands: _Bands | None, increment: float, settled: bool) -> tuple[bo
     """Return whether the valve sticks, None where that is open, and why; `increment` is the
     smallest step (%).
     """
+    # PV that never moved says nothing
     if bands is None:
         return None, "PV did not move on any step: the valve stands, or noise hides what it does"
     lo, hi = bands.S
     J = bands.J
+
+    # A band wider than the steps is seen for sure
     if lo > (1.0 - _SURE) * increment and settled:
         sizes = (
             f"stick band S = {_middle_of(bands.S):.3g} % ({lo:.3g} to {hi:.3g}), slip-jump J ="
             f" {_middle_of(J):.3g} % ({J[0]:.3g} to {J[1]:.3g})"
         )
         return True, f"the valve sticks: {sizes}"
+
+    # A band that small steps would have shown is absent
     if lo < increment and hi <= min(2.0 * increment, _HARMLESS):
         return False, f"PV follows small steps both ways: S is at most {hi:.3g} %"
     if lo < increment and hi <= 2.0 * increment:
@@ -287,6 +301,8 @@ def _in_words(bands: _Bands | None, increment: float, settled: bool) -> tuple[bo
             f"PV follows steps of {increment:.3g} % both ways: S is at most {hi:.3g} %, and smaller"
             " steps tell more"
         )
+
+    # PV that still moved is no reading
     if not settled:
         return None, (
             "PV had not settled when the next step came, which looks like lost motion: larger"

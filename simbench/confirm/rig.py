@@ -80,10 +80,13 @@ def run_rig(
     """Run one or more loops side by side, sample by sample, in plain Python: bit-equal to the
     compiled loop.
     """
+    # Loops side by side share their clock
     n = setups[0].sp.size
     Ts = setups[0].Ts
     if any(s.sp.size != n or s.Ts != Ts for s in setups):
         raise ParameterError("loops that run side by side need the same sampling period and length")
+
+    # Sample by sample: all controllers first, then all plants
     loops = [LiveLoop(s) for s in setups]
     for k in range(n):
         for i, loop in enumerate(loops):
@@ -106,12 +109,15 @@ class LiveLoop:
     """The state of one loop between two samples."""
 
     def __init__(self, setup: Setup) -> None:
+        # The loop's parts, as the simulation has them
         n = setup.sp.size
         parts = parts_of(setup)
         self.setup = setup
         self.steps = parts.steps
         self.stages = parts.stages
         self.plant_p, self.control_p, self.gap_p, self.sensor_p, self.valve_p = parts.numbers
+
+        # The plant's input over the dead time, and the state of every part at rest
         self.lag = parts.sampled.delay + 1
         self.w = np.zeros(n + self.lag)
         self.x: Any = plant_start(setup, parts, setup.pv0)
@@ -119,10 +125,14 @@ class LiveLoop:
         full = self.steps["sensor_step"] is sensor.full_step
         self.s: Any = (sensor.full_start if full else sensor.plain_start)(setup.pv0)
         self.v = []
+
+        # The stages of the valve rest on OP, one after the other
         u = setup.op0
         for module, p in setup.valves:
             self.v.append(tuple(float(x) for x in module.start(u, p)))
             u = self.v[-1][0]
+
+        # Room for the signals
         self.op = np.empty(n)
         self.pv = np.empty(n)
         self.mv = np.empty(n)
@@ -132,11 +142,14 @@ class LiveLoop:
         """Measure PV of sample `k`, and move the valve by the controller (Kc times `gain`) or to
         the OP (%) set by hand.
         """
+        # PV as plant, load and sensor make it
         setup = self.setup
         steps = self.steps
         y = steps["plant_output"](self.x, self.plant_p) + setup.load_out[k]
         self.deviation = y - setup.pv0
         self.s = steps["sensor_step"](y, setup.pv_add[k], self.s, self.sensor_p)
+
+        # OP by the controller, or by hand
         if by_hand is None:
             p = self.control_p._replace(Kc=gain * self.control_p.Kc)
             if setup.Ti is not None:
@@ -147,9 +160,13 @@ class LiveLoop:
         else:
             u = by_hand
         self.op[k] = u
+
+        # Through every stage of the valve
         for i, step in enumerate(self.stages):
             self.v[i] = step(u, self.v[i], self.valve_p[i])
             u = self.v[i][0]
+
+        # What is recorded
         self.pv[k] = self.s[0]
         self.mv[k] = u
 

@@ -47,6 +47,7 @@ def correlation(op: np.ndarray, pv: np.ndarray, Ts: float, reach: float) -> pd.D
 
 def marks(table: pd.DataFrame) -> _Marks:
     """Find Horch's points on a drawn cross-correlation."""
+    # The crossings on either side of lag 0, interpolated
     lag = table["lag (s)"].to_numpy()
     phi = table["Phi (-)"].to_numpy()
     zero = int(np.argmin(np.abs(lag)))
@@ -56,9 +57,13 @@ def marks(table: pd.DataFrame) -> _Marks:
         while phi[k] * phi[k + side] > 0:
             k += side
         crossing.append(abs(lag[k] + (lag[k + side] - lag[k]) * phi[k] / (phi[k] - phi[k + side])))
+
+    # The extreme between them
     near = phi[(lag >= -crossing[0]) & (lag <= crossing[1])]
     top = float(np.sign(phi[zero]) * np.abs(near).max())
     tau_l, tau_r = map(float, crossing)
+
+    # Horch's two differences
     now = float(phi[zero])
     dtau = abs(tau_l - tau_r) / (tau_l + tau_r)
     drho = abs(now - top) / abs(now + top)

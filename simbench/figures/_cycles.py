@@ -21,6 +21,7 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
     """Return whole periods of a sticky loop's cycle, begun where OP crosses its mean
     upwards.
     """
+    # A run that is long enough for the exact cycle
     Ts = loop.sampling.Ts
     exact = exact_cycle(sampled_loop(loop))
     if exact is None:
@@ -28,6 +29,8 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
     else:
         length = round((2 * periods + 2) * exact.period / Ts)
     record = simulate(loop.with_("sampling.n", length), start=cycle_start(loop)).record
+
+    # Rising crossings of OP's mean bound whole periods
     op = record.op
     mv = record.mv
     pv = record.pv - record.sp
@@ -35,6 +38,8 @@ def sustained_cycle(loop: Loop, periods: int) -> pd.DataFrame:
     up = at[op[np.minimum(at.astype(int) + 1, op.size - 1)] > op.mean()]
     start = round(up[-periods - 1])
     stop = round(up[-1])
+
+    # The periods, with PV about its set point
     return pd.DataFrame(
         {
             "period (s)": (up[-1] - up[-periods - 1]) / periods * Ts,

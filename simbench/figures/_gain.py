@@ -42,6 +42,7 @@ def gain_table(loop: Loop, factor: float, numbers: Mapping[str, float]) -> pd.Da
 @styled
 def draw_gain(data: pd.DataFrame) -> Figure:
     """Draw OP and PV over time, with gain and period on either side."""
+    # OP and PV over time
     figure, axes = panels(2, 1, 7.2, 4.2, sharex=True)
     for place, name, unit in (
         (axes[0, 0], "OP", "OP (%)"),
@@ -56,6 +57,8 @@ def draw_gain(data: pd.DataFrame) -> Figure:
         room(place, values, 0.06, 0.34 if name == "OP" else 0.06)
         label(place, "time from the change of gain (s)", unit)
         place.label_outer()
+
+    # Gain, period and amplitude of each part
     for Kc, part in data.groupby("Kc", sort=False):
         low, high = axes[0, 0].get_xlim()
         middle = (part["t (s)"].mean() - low) / (high - low)

@@ -54,6 +54,7 @@ class Loops:
 
     def numbers(self, **own: float | None) -> dict[str, float | None]:
         """Return a loop's numbers with the changes in them."""
+        # A ratio changes what it is a ratio of
         numbers = {**own}
         for name, value in self.changes.items():
             if name in _RATIOS:
@@ -70,6 +71,8 @@ class Loops:
             else:
                 continue
             self.used.add(name)
+
+        # What the figure's table states
         self.last = {COLUMNS[k]: float(v) for k, v in numbers.items() if v is not None}
         return numbers
 
@@ -156,6 +159,7 @@ def pi_loop(
     """Return a PI loop around a first-order plant with dead time, for `n` samples, and what else it
     has; without T the plant integrates, without Ti the controller is P.
     """
+    # Without T an integrator, without Ti a P controller
     if T is None:
         plant = {"type": "integrating"}
     else:
@@ -192,6 +196,7 @@ def numbers_line(table: pd.DataFrame) -> str:
     >>> numbers_line(pd.DataFrame({"K": [1.0, 1.0], "Td (s)": [2.0, 4.0], "S (%)": [5.0, 5.0]}))
     'K = 1, Td = 2 / 4 s, S = 5 %'
     """
+    # Each column that has numbers, with its different values
     parts = []
     for name, column in COLUMNS.items():
         if column not in table or table[column].dtype.kind not in "fiu":

@@ -111,6 +111,7 @@ def make_figures(
     >>> make_figures(["fig-11-12"], tempfile.mkdtemp())[0].left_out
     'needs ISDB'
     """
+    # The ids, each once
     known = figure_ids()
     wanted: list[str] = []
     for name in ids:
@@ -118,18 +119,24 @@ def make_figures(
         if name != "all" and name not in known:
             raise UnknownName("figure", name, known + ["all"])
         wanted += [n for n in (known if name == "all" else [name]) if n not in wanted]
+
+    # What is there to draw from
     if isdb is None:
         fault = ""
     else:
         fault = _no_records(Path(isdb))
     if fault:
         raise RecordError(f"{isdb} {fault}; an ISDB .mat file or a folder of records is needed")
+
+    # Wrong numbers are refused before anything is drawn
     given = {"isdb": isdb}
     if numbers:
         for name in wanted:
             refuse_numbers(name, numbers)
     if not all(_missing_need(name, given) for name in wanted):
         remove_stale_temporaries(folder(out))
+
+    # Figure by figure
     return [_make_one(name, Path(out), given, numbers) for name in wanted]
 
 

@@ -19,6 +19,7 @@ _SEGMENT = 64
 
 def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataFrame:
     """Return trend, bicoherence, PV-OP plot and fitted ellipse in long form."""
+    # The control error of a record that is long enough
     if record.n < 4 * _SEGMENT:
         raise RecordError(
             f"{record.tag}: {record.n} samples; at least {4 * _SEGMENT} are needed for a"
@@ -28,6 +29,8 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
         e = -pv
     else:
         e = record.sp - pv
+
+    # Its bicoherence, and PV over OP
     higher = bicoherence(e, _SEGMENT)
     rows = [
         pd.DataFrame({"part": "error", "t (s)": record.t, "e": e}),
@@ -36,6 +39,8 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
         ),
         pd.DataFrame({"part": "data", "OP": op, "PV": pv}),
     ]
+
+    # The fitted ellipse, where there is one
     fitted = fit_ellipse(op, pv)
     about = {"NGI (-)": higher.ngi, "NLI (-)": higher.nli}
     if fitted is not None:
@@ -47,10 +52,13 @@ def nonlinearity(record: LoopRecord, op: np.ndarray, pv: np.ndarray) -> pd.DataF
 
 def draw_nonlinearity(data: pd.DataFrame, ellipse: bool, printed: str) -> Figure:
     """Draw the three views side by side."""
+    # The error over time
     figure, axes = mosaic([["error", "bic", "xy"]], 9.0, 3.2)
     error, higher, points = (data[data.part == name] for name in ("error", "bicoherence", "data"))
     axes["error"].plot(error["t (s)"], error["e"], color=BLUE, linewidth=0.7)
     label(axes["error"], "time (s)", "SP - PV (record's units)", "control error")
+
+    # Its bicoherence over both frequencies
     shades = axes["bic"].scatter(
         higher["f1"],
         higher["f2"],
@@ -64,6 +72,8 @@ def draw_nonlinearity(data: pd.DataFrame, ellipse: bool, printed: str) -> Figure
     figure.colorbar(shades, ax=axes["bic"], label="squared bicoherence (-)")
     label(axes["bic"], "f1 (cycles/sample)", "f2 (cycles/sample)", "nonlinearity")
     axes["bic"].set_ylim(0, 0.31)
+
+    # PV over OP with the ellipse
     axes["xy"].margins(y=0.22)
     first = data.iloc[0]
     note(axes["bic"], f"NGI = {first['NGI (-)']:.3f}, NLI = {first['NLI (-)']:.2f}\n{printed}")

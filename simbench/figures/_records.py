@@ -31,6 +31,7 @@ class NeedsRecord(UserError):
 
 def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
     """Read one real loop."""
+    # A folder of records: the file of that name
     path = Path(isdb)
     if path.is_dir():
         for stem in (name, f"ISDB_{name}"):
@@ -41,6 +42,7 @@ def real_loop(isdb: str | Path, name: str, **about: str) -> LoopRecord:
             if matches:
                 return replace(read_record(matches[0], **about), tag=name)
     else:
+        # A .mat file: the loop of that sector and number
         letters = name.rstrip("0123456789")
         wanted = f"{_SECTORS.get(letters, letters)}.loop{name[len(letters) :]}".lower()
         matches = []

@@ -45,12 +45,15 @@ def sketch(*parts: list[list]) -> pd.DataFrame:
 @styled
 def draw_sketch(table: pd.DataFrame) -> Figure:
     """Draw a sketch, its units as long as they are high; arrows that point at a box reach it."""
+    # A page of the sketch's own size
     wide, high = (float(table[c].max() - table[c].min()) + 1.6 for c in ("x", "y"))
     inches = min(0.95, 9.0 / wide)  # of one unit
     figure = Figure(figsize=(inches * wide, inches * high))
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set(xlim=(0, wide), ylim=(0, high))
     axes.axis("off")
+
+    # Boxes and words first, so that their frames are known
     parts = [(str(p["shape"].iloc[0]), p) for _, p in table.groupby(["shape", "part"], sort=False)]
     for shape, part in parts:
         if shape in ("box", "words"):
@@ -61,10 +64,14 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
                 look = {"color": GREY}
             x, y, text = part[["x", "y", "text"]].iloc[0]
             axes.text(x, y, text, ha="center", va="center", fontsize=8, **look)
+
+    # The frames as drawn
     figure.draw_without_rendering()  # which settles the frames
     seen = [(t.get_bbox_patch(), t) for t in axes.texts]
     boxes = [b.get_window_extent().transformed(axes.transData.inverted()) for b, _ in seen if b]
     taken = [t.get_window_extent().transformed(axes.transData.inverted()) for b, t in seen if not b]
+
+    # Lines and arrows end at the frames
     for shape, part in parts:
         if shape in ("arrow", "line"):
             ends = part[["x", "y"]].to_numpy(dtype=float, copy=True)
@@ -76,6 +83,8 @@ def draw_sketch(table: pd.DataFrame) -> Figure:
                 head(axes, ends[-2], ends[-1], "-|>", color=BLACK, linewidth=1.1)
             axes.plot(*ends.T, color=BLACK, linewidth=1.1, solid_capstyle="butt")
             taken.append(Bbox([ends.min(axis=0), ends.max(axis=0)]))
+
+    # The page closes around everything
     whole = Bbox.union(boxes + taken).padded(0.15)
     axes.set(xlim=whole.intervalx, ylim=whole.intervaly)
     figure.set_size_inches(inches * whole.width, inches * whole.height)

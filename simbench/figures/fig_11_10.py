@@ -33,6 +33,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the three primitives, and a series with its normalised differences."""
+    # The three primitives
     figure, axes = mosaic([["a", "b"], ["a", "c"]], 7.2, 3.9, width_ratios=[1, 2.2])
     for symbol, start, end in (
         ("I", (0.1, 0.55), (0.9, 0.95)),
@@ -46,6 +47,8 @@ def draw(data: pd.DataFrame) -> Figure:
         axes["a"].text(0.98, y, text, ha="right", va="bottom")
     axes["a"].set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[])
     label(axes["a"], "time", "value", "(a) primitives")
+
+    # The series, each sample in the colour of its symbol
     t = data["t (s)"]
     x = data["x (%)"]
     z = data["normalised difference (-)"]
@@ -56,6 +59,8 @@ def draw(data: pd.DataFrame) -> Figure:
     axes["b"].legend(ncols=3, loc="upper left", markerscale=2.5, handletextpad=0.1)
     axes["b"].set_ylim(25, 95)
     label(axes["b"], "", "signal (%)", "(b) a series and its symbols")
+
+    # The limits of a steady sample
     for limit in (-1, 1):
         axes["c"].axhline(limit, color="black", linewidth=0.8, linestyle="--")
     label(axes["c"], "time (s)", "normalised\ndifference (-)")

@@ -60,6 +60,7 @@ def walk(
 
     Rests keep the standard deviation of the differences below their size while something moves.
     """
+    # Corner by corner, with a rest at every second one
     t = 0
     at = []  # times of the corners
     x = []  # OP
@@ -71,6 +72,8 @@ def walk(
             x = x + [op[k % op.size]]
             y = y + [mv[k % op.size]]
         t += steps
+
+    # Both signals at every sample
     keep = np.concatenate([[True], np.diff(at) > 0])
     sample = np.arange(at[-1] + 1)
     return np.interp(sample, np.array(at)[keep], np.array(x)[keep]), np.interp(
@@ -81,6 +84,7 @@ def walk(
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the three closed paths, the sticking sides in another colour."""
+    # Each side of the path by its symbol
     figure, axes = panels(1, 3, 8.0, 3.0)
     for place, panel, part in parts(axes, data, "panel"):
         corners = part[["OP", "MV"]].to_numpy()
@@ -90,6 +94,8 @@ def draw(data: pd.DataFrame) -> Figure:
             colour = RED if symbol in ("IS", "DS") else BLUE
             arrow(place, start, end, "->", color=colour, linewidth=2)
             text_near(place, symbol, (start + end) / 2, ASIDE[symbol])
+
+        # The indices that follow from it
         place.set(xlim=(-1.2, 6.4), ylim=(0.2, 4.6), xticks=[], yticks=[])
         label(place, "OP", "MV", str(panel))
         rho1 = part["rho1 (-)"].iloc[0]

@@ -27,6 +27,7 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     Columns: panel, part ("trend" or "correlation"), t (s), OP (%), PV - SP (PV units), lag
     (s), Phi (-), dtau (-), drho (-), and the numbers of the loop.
     """
+    # A loop that an outside sine drives
     rows = []
     loops = loops or Loops()
     driven = loops.pi(numbers=HEALTHY, n=4000, disturbance=sine(3.0, PERIOD))
@@ -35,9 +36,13 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     healthy = pd.DataFrame(
         {"t (s)": record.t, "OP (%)": record.op, "PV - SP": record.pv - record.sp}
     )
+
+    # A sticky one
     sticky = sustained_cycle(loops.pi(numbers=STICKY, n=4000), periods=12)
     sticky = sticky[["t (s)", "OP (%)", "PV - SP"]]
     numbers = numbers + [loops.last]
+
+    # Trend and correlation of both
     panels_of = (("no stiction", healthy), ("stiction", sticky))
     for (panel, trend), own in zip(panels_of, numbers, strict=True):
         phi = correlation(trend["OP (%)"].to_numpy(), trend["PV - SP"].to_numpy(), record.Ts, 120.0)
@@ -51,6 +56,7 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw OP and PV above their cross-correlation, for both loops."""
+    # Trends above, correlations below
     figure, axes = panels(3, 2, 7.2, 6.0, height_ratios=[1, 1, 1.6])
     for j, (panel, part) in enumerate(data.groupby("panel", sort=False)):
         trend = part[part.part == "trend"]

@@ -31,9 +31,12 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the function with its two zero crossings, its value at lag 0 and its peak."""
+    # The function with Horch's points
     figure, axes = panel(5.4, 3.8)
     marks = draw_correlation(axes, data, "")
     peak = float(data["lag (s)"][data["Phi (-)"].idxmin()])
+
+    # The lags of both crossings, and the values at lag 0 and the peak
     span(axes, (-marks.tau_l, 0.12), (0, 0.12), "$τ_l$", (0, 8))
     span(axes, (0, 0.12), (marks.tau_r, 0.12), "$τ_r$", (0, 8))
     axes.plot([peak], [marks.phi_max], "ko")
@@ -42,6 +45,8 @@ def draw(data: pd.DataFrame) -> Figure:
         "$Φ_{max}$", (peak, marks.phi_max), (0, -13), textcoords="offset points", ha="center"
     )
     axes.set_ylim(-1.25, 1.5)
+
+    # The two differences
     note(
         axes,
         rf"$Δτ = |τ_l - τ_r|\,/\,(τ_l + τ_r)$ = {marks.dtau:.2f}" + "\n"

@@ -49,6 +49,7 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the sine fits above the triangle fits."""
+    # Each kind of fit over the same half cycles
     figure, axes = panels(2, 1, 6.2, 4.8, sharex=True)
     start = data["sample"].min()
     for place, (name, colour) in zip(axes[:, 0], (("sine", BLUE), ("triangle", RED))):
@@ -66,5 +67,7 @@ def draw(data: pd.DataFrame) -> Figure:
             f"({'a' if name == 'sine' else 'b'}) {name} fit: mean squared error {mse:.3f} %²",
         )
         place.label_outer()
+
+    # The index of both errors
     note(axes[1, 0], f"η = {eta(data):.2f}", 0.98, 0.98, "right")
     return figure

@@ -26,6 +26,7 @@ def data(isdb: str) -> pd.DataFrame:
     Columns: loop, Ts (s), eta, eta_two_line (-), half (number), sample (index), signal, sine,
     triangle (record's units).
     """
+    # Loops that are not there are left out, but for the first
     rows = []
     for name, (signal, process, kind, _) in PRINTED.items():
         try:
@@ -34,6 +35,8 @@ def data(isdb: str) -> pd.DataFrame:
             if not rows:
                 raise
             continue
+
+        # The half cycles with both fits, and the printed index
         period = find_oscillation(record.op, record.pv, record.Ts).period_s / record.Ts
         fits = half_cycle_fits(band(record.op if signal == "OP" else record.pv, period, 7), period)
         indices = judge(record, ["he"], raw=True)[0].indices
@@ -48,6 +51,7 @@ def data(isdb: str) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw up to 16 half cycles of each loop with both fits."""
+    # One panel a loop
     loops = list(data.groupby("loop", sort=False))
     figure, axes = panels(len(loops), 1, 7.2, 2.9 * len(loops))
     for place, (name, part) in zip(axes[:, 0], loops):

@@ -46,22 +46,29 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the plot with the ellipse's semi-axes and its angle."""
+    # Points and ellipse
     figure, place = panel(6.0, 4.4)
     draw_ellipse(place, data, "$OP_f$ - mean (%)", "$PV_f$ - mean (%)")
     a, b, alpha = (float(data[c].iloc[0]) for c in ("a (%)", "b (%)", "alpha (rad)"))
     ring = data[data.curve == "ellipse"]
     x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
+
+    # Both semi-axes with their names
     for length, angle, name in ((a, alpha, "a"), (b, alpha + np.pi / 2, "b")):
         end = (x0 + length * np.cos(angle), y0 + length * np.sin(angle))
         place.plot([x0, end[0]], [y0, end[1]], color=BLACK, linewidth=1.1)
         at = ((x0 + end[0]) / 2, (y0 + end[1]) / 2)
         place.annotate(name, at, (5, 5), textcoords="offset points", fontweight="bold")
+
+    # The angle of the long one
     place.plot([x0, x0 + 0.5 * a], [y0, y0], color=BLACK, linestyle=":")
     arc = np.linspace(0.0, alpha, 20)
     place.plot(x0 + 0.9 * np.cos(arc), y0 + 0.9 * np.sin(arc), color=BLACK, linewidth=0.8)
     place.annotate(
         "α", (x0 + 1.0, y0 + 0.5 * np.sin(alpha)), (0, 0), textcoords="offset points", va="center"
     )
+
+    # The numbers in words
     place.set_aspect("equal")
     place.set_ylim(-2.4, 2.2)
     place.legend(loc="upper right", ncols=3, markerscale=3)

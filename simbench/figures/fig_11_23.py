@@ -31,11 +31,14 @@ def data(isdb: str) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw points, ellipse and limits."""
+    # Points and ellipse of POW2
     figure, place = panel(5.6, 4.4)
     draw_ellipse(
         place, data, "$OP_f$ - drift (record's units)", "$PV_f$ - drift (record's units)", "POW2"
     )
     place.legend(loc="upper right", markerscale=3)
+
+    # The numbers beside the printed ones
     fitness = float(data["fitness (-)"].iloc[0])
     S = float(data["S_apparent"].iloc[0])
     note(

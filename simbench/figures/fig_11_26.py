@@ -30,6 +30,7 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     Columns: t (s), OP (%), MV (%), PV (%), phase (0 big steps, 1 same direction, 2 reversed), S
     measured (%), J measured (%), and the numbers of the loop.
     """
+    # The test, sample by sample
     loops = loops or Loops()
     result = travel_test(loop(loops))
     trace = result.trace
@@ -43,6 +44,8 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
             "phase": result.phase,
         }
     )
+
+    # What it measured
     measured = {"S measured (%)": result.S, "J measured (%)": result.J}
     return table.assign(**measured, **loops.last)
 
@@ -50,6 +53,7 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw OP and PV with the two bands marked."""
+    # OP and PV, with the ends of both parts
     figure, axes = panels(2, 1, 7.2, 4.8, sharex=True)
     t = data["t (s)"]
     for place, name in ((axes[0, 0], "OP"), (axes[1, 0], "PV")):
@@ -61,6 +65,8 @@ def draw(data: pd.DataFrame) -> Figure:
             place.axvline(
                 t[data["phase"] == phase].iloc[0], color=GREY, linestyle="--", linewidth=0.9
             )
+
+    # What each part measures
     remarks = (
         "big steps",
         f"same direction:\nJ = {data['J measured (%)'].iloc[0]:.1f} %",

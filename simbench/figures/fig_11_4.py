@@ -48,6 +48,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the four OP-MV plots."""
+    # A full traverse and an inner loop of each valve
     figure, axes = panels(2, 2, 6.4, 6.0, sharex=True, sharey=True)
     for place, panel, part in parts(axes, data, "panel"):
         for name, colour in (("full traverse", BLUE), ("inner loop", ORANGE)):
@@ -60,6 +61,8 @@ def draw(data: pd.DataFrame) -> Figure:
         label(place, "OP (% of span)", "MV (% of travel)", panel)
         place.set(aspect="equal", xlim=(-2, 102), ylim=(-2, 102))
         place.label_outer()
+
+    # The separation that hysteresis makes
     full = data[data.part == "full traverse"]
     for place, panel in (
         (axes[0, 0], "(a) hysteresis"),
@@ -73,6 +76,8 @@ def draw(data: pd.DataFrame) -> Figure:
             f"{high - low:.0f} %",
             (30, -29) if panel[1] == "a" else (18, 24),
         )
+
+    # The widths of dead-band and dead-zone
     low, high = branches(full[full.panel == "(b) dead-band"], "MV (%)", 25.0, "OP (%)")
     span(axes[0, 1], (low, 25), (high, 25), f"S = {high - low:.0f} %", (50, 0))
     span(axes[1, 1], (50 - D / 2, 50), (50 + D / 2, 50), f"D = {D:.0f} %", (0, 9))
@@ -85,6 +90,8 @@ def draw(data: pd.DataFrame) -> Figure:
         "right",
         "bottom",
     )
+
+    # Figures that belong to two panels, and the legend
     axes[0, 0].legend(loc="upper left")
     return figure
 

@@ -42,6 +42,7 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the OP-MV plot, its phases by colour, and name the points of the chapter."""
+    # The valve's way, a colour for each phase
     figure, place = panel(5.6, 5.2)
     place.plot(
         [0, 100], [0, 100], color=GREY, linestyle="-.", linewidth=0.9, label="without stiction"
@@ -60,6 +61,8 @@ def draw(data: pd.DataFrame) -> Figure:
             label=None if name in shown else name,
         )
         shown.add(name)
+
+    # The points that the chapter names
     band, jump = (float(data[name].iloc[0]) for name in ("S (%)", "J (%)"))
     half = (band - jump) / 2
     for name, point, gap in (
@@ -73,6 +76,8 @@ def draw(data: pd.DataFrame) -> Figure:
     ):
         place.plot(*point, marker="o", color="black", markersize=4)
         text_near(place, name, point, gap, fontweight="bold")
+
+    # The bands and the jump
     low = 10 + half
     span(place, (10, low - 5), (10 + band - jump, low - 5), "dead-band\nS - J", (0, -13))
     span(place, (10 + band - jump, low - 5), (10 + band, low - 5), "stick\nband J", (4, -13))
@@ -81,6 +86,8 @@ def draw(data: pd.DataFrame) -> Figure:
     span(place, (65, 65 - half - 5), (65 + jump, 65 - half - 5), "stick\nband J", (0, -13))
     for at, gap in (((80, 70), (26, -8)), ((40, 50), (-62, 6))):
         text_near(place, "moving phase", at, gap, color=BLUE, fontsize=8, ha="left")
+
+    # Legend and axes
     place.legend(loc="upper left", title="phase")
     label(place, "OP (% of span)", "MV (% of travel)")
     place.set_xlim(0, 105)

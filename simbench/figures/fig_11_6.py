@@ -23,6 +23,7 @@ def data(isdb: str) -> pd.DataFrame:
 
     Columns: loop, t (s), OP, PV (both in the record's units).
     """
+    # The first four that are there
     rows = []
     for name in LOOPS:
         try:
@@ -34,6 +35,8 @@ def data(isdb: str) -> pd.DataFrame:
         )
         if len(rows) == 4:
             return pd.concat(rows, ignore_index=True)
+
+    # Fewer than four make no figure
     raise NeedsRecord(
         f"needs four sticky flow loops of ISDB ({', '.join(LOOPS[:6])}, ...); {isdb} holds"
         f" {len(rows)}"

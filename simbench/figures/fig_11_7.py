@@ -25,6 +25,7 @@ def data() -> pd.DataFrame:
     Columns: panel, velocity (mm/s), friction (N); three rows at velocity 0 (-, at rest, +) where
     the law jumps.
     """
+    # Each law over the speed that shows it
     p = valve_parameters(VALVES.load("stribeck"), {}, 1.0)
     wide = np.linspace(0.0, 600.0, 61)
     narrow = np.linspace(0.0, 1.5, 151)
@@ -38,6 +39,8 @@ def data() -> pd.DataFrame:
             p.Fs,
         ),
     }
+
+    # Both signs of the speed, with the break-away force at rest
     rows = []
     for panel, (v, force, at_rest) in laws.items():
         both = np.concatenate([-v[::-1], [0.0, 0.0], v])
@@ -51,6 +54,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw force over velocity, at rest in another colour."""
+    # Moving in blue, at rest in red
     figure, axes = panels(2, 2, 6.4, 5.4)
     for place, panel, part in parts(axes, data, "panel"):
         v = part["velocity (mm/s)"].to_numpy()

@@ -41,6 +41,7 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     Columns: panel, curve ("L", "-1/N" or "intersection"), J (%), Re (-), Im (-), w (rad/s), A (%),
     period (s), and the numbers of the loop.
     """
+    # The open loop over frequency
     rows = []
     loops = loops or Loops()
     for panel in PLANTS:
@@ -56,6 +57,8 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
                 {"panel": panel, "curve": "L", "Re": L.real, "Im": L.imag, "w (rad/s)": w, **own}
             )
         )
+
+        # Each slip jump: -1/N, and where it meets the loop
         for jump in JUMPS:
             found = sampled_loop(loop(panel, jump, loops))
             band, J = (loops.last[COLUMNS[name]] for name in "SJ")
@@ -82,12 +85,15 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw both planes with the predicted periods and amplitudes."""
+    # The open loop
     figure, axes = panels(1, 2, 8.0, 4.6, sharey=True)
     for place, panel, part in parts(axes, data, "panel"):
         place.axhline(0, color=GREY, linewidth=0.6)
         place.axvline(0, color=GREY, linewidth=0.6)
         L = part[part.curve == "L"]
         place.plot(L["Re"], L["Im"], color=BLACK, label="open loop $L(j\\omega)$")
+
+        # Each slip jump with its predictions
         jumps = sorted(part["J (%)"].dropna().unique(), reverse=True)
         for J, colour in zip(jumps, COLOURS, strict=False):
             curve = part[(part.curve == "-1/N") & (part["J (%)"] == J)]
@@ -118,10 +124,14 @@ def draw(data: pd.DataFrame) -> Figure:
                     fontsize=8,
                     arrowprops=line,
                 )
+
+        # The critical point and the axes
         place.plot(-1, 0, "+", color="black", markersize=7)
         place.set(xlim=(-3.6, 1.8), ylim=(-4.2, 0.5))
         label(place, "real part (-)", "imaginary part (-)", str(panel))
         place.label_outer()
+
+    # One legend for both planes
     said = "period P and amplitude A of OP by the describing function, not exact"
     named = axes[0, 0].get_legend_handles_labels()
     figure.legend(*named, loc="outside lower center", ncols=4, title=said)

@@ -27,6 +27,7 @@ def data() -> pd.DataFrame:
     Columns: parameter, ideal, practical, and per valve the measured value and whether it is
     acceptable (NAME: ok).
     """
+    # Three valves on one loop
     graded = {}
     for name, (model, parameters, K, noise) in VALVES.items():
         valve = {"model": model, **parameters}
@@ -34,6 +35,8 @@ def data() -> pd.DataFrame:
             K=K, T=5.0, Td=1.0, Kc=0.3, Ti=5.0, Ts=1.0, valve=valve, noise={"std": noise}
         )
         graded[name] = grade(loop)
+
+    # A row for every measure, a column for every valve
     first = next(iter(graded.values()))
     frame = pd.DataFrame(
         [[g.parameter, g.ideal, g.practical] for g in first],

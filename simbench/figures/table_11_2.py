@@ -47,6 +47,7 @@ def data() -> pd.DataFrame:
     like), agreement (-, share of the cycles of all loops with the table's label), cycles, t/P (-),
     value (mean removed, largest 1).
     """
+    # Three slip jumps in every cell of the table
     rows = []
     for (process, action), shapes in TABLE_11_2.items():
         settings, jumps = LOOPS[process, action]
@@ -60,6 +61,8 @@ def data() -> pd.DataFrame:
                 waves[signal].append(cycles(x, period))
                 if J == jumps[1]:
                     wave[signal] = np.interp(PHASE * period, np.arange(x.size), x / np.abs(x).max())
+
+        # How many cycles have the table's shape
         for signal, shape in zip(("OP", "PV"), shapes):
             every = np.concatenate(waves[signal])
             seen = dict(zip(SHAPES, label_shares(waves[signal][1]), strict=True))
@@ -68,6 +71,8 @@ def data() -> pd.DataFrame:
                 for name, share in zip(SHAPES, label_shares(every))
                 if name in COUNTS_AS[shape]
             )
+
+            # Two periods of the second one are drawn
             frame = pd.DataFrame({"t/P (-)": PHASE, "value (-)": wave[signal]})
             about = {"process": process, "action": action, "signal": signal, "table": shape}
             about["drawn"] = max(seen, key=lambda name: seen[name])
@@ -78,6 +83,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw one waveform per cell with the table's word and the agreement."""
+    # One panel for every cell
     figure, axes = panels(2, len(TABLE_11_2), 10.4, 4.6, sharex=True, sharey=True)
     for j, (process, action) in enumerate(TABLE_11_2):
         part = data[(data["process"] == process) & (data["action"] == action)]
@@ -92,6 +98,8 @@ def draw(data: pd.DataFrame) -> Figure:
             place.set_title(word, fontsize=7.5)
             place.set_ylim(-1.15, 1.15)
             label(place, "time / period" if i else "", f"{signal} (scaled)" if j == 0 else "")
+
+        # The cell's words above it
         head = process.replace(" (", "\n(") + (f", {action} action" if action else "")
         axes[0, j].text(
             0.0,

@@ -88,6 +88,7 @@ def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
 
 def cycles(loop: Loop) -> bool:
     """Whether any start leaves the valve moving to and fro at the end, without decay."""
+    # Starts by load steps and by steps of the set point
     n = loop.sampling.n
     least = 0.5 * float(str(loop.valve.parameters["J"])) or 0.05 * S
     per_percent = abs(loop.plant.K) * (1.0 if loop.plant.type == "foptd" else loop.plant.Td)
@@ -96,6 +97,8 @@ def cycles(loop: Loop) -> bool:
         begun.append(
             loop.with_("setpoint.steps", [[0.0, loop.setpoint.value + size * per_percent]])
         )
+
+    # A start that still moves at the end, and has not decayed, is a cycle
     for start in begun:
         mv = simulate(start).record.mv
         early = np.ptp(mv[n // 2 : 3 * n // 4])
@@ -137,6 +140,7 @@ def data() -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw the table with a count in every cell."""
+    # A row for every plant and controller
     rows = []
     for process, controller in dict.fromkeys(zip(data["process"], data["controller"])):
         part = data[(data["process"] == process) & (data["controller"] == controller)]
@@ -147,6 +151,8 @@ def draw(data: pd.DataFrame) -> Figure:
     frame = pd.DataFrame(
         rows, columns=["process", "controller", "dead-band (J = 0)", "stick-slip (J > 0)"]
     )
+
+    # What the three lines mean
     foot = (
         "First line: the table. Then: loops in which the exact cycle exists; those that any of 25"
         " random load steps reaches; simulated loops that cycle from at least one of six starts."

@@ -46,6 +46,7 @@ def _estimate_plant(x, y, least, most, estimate):
     """Fill `estimate` with (a, b, c, delay, error) by the normal equations; return whether these
     were well conditioned.
     """
+    # Means and sums that no delay changes
     first = most
     n = y.size
     m = n - first
@@ -58,6 +59,8 @@ def _estimate_plant(x, y, least, most, estimate):
     for k in range(first, n):
         zz += (y[k - 1] - mean_z) * (y[k - 1] - mean_z)
         zy += (y[k - 1] - mean_z) * (y[k] - mean_y)
+
+    # For every delay: sums over the late input
     for d in range(least, most):
         mean_x = 0.0
         for k in range(first, n):
@@ -68,12 +71,16 @@ def _estimate_plant(x, y, least, most, estimate):
             xx += v * v
             xy += v * (y[k] - mean_y)
             xz += v * (y[k - 1] - mean_z)
+
+        # The normal equations of two unknowns; an ill-conditioned pair has no answer
         det = zz * xx - xz * xz
         if not det > _ILL * zz * xx or xx <= _ILL * m * mean_x * mean_x:
             return False
         a = (zy * xx - xy * xz) / det
         b = (xy * zz - zy * xz) / det
         c = mean_y - a * mean_z - b * mean_x
+
+        # The error that this delay leaves; the least one stays
         error = 0.0
         for k in range(first, n):
             left = y[k] - (a * y[k - 1] + b * x[k - 1 - d] + c)

@@ -138,6 +138,7 @@ class _Search:
         """Return error and delay index of every valve with its pole, best of delays low, low +
         stride ...; arrays broadcast.
         """
+        # One row of numbers per valve, of whatever shape they come in
         parts = (stops, S, J, start, pole)
         shape = np.broadcast(*parts).shape
         table = np.empty((5,) + shape)
@@ -146,11 +147,15 @@ class _Search:
             table[i] = values
         windows[0] = low
         windows[1] = count
+
+        # All valves in one call of the kernel
         valves = table.reshape(5, -1)
         first, counts = windows.reshape(2, -1)
         out = np.empty((counts.size, 2))
         own = Valves(*valves, first + self.delays[0], counts)
         compiled(errors)(self.stretch, own, stride, out)
+
+        # The delay's index in the search, in the shape that was asked
         at = windows[0] + stride * out[:, 1].astype(np.int64).reshape(shape)
         return out[:, 0].reshape(shape), at
 
@@ -163,6 +168,7 @@ class _Search:
         """Return the bottoms of the valleys, steps from `width` down to `least` shares of the
         swing; starts and delays stay.
         """
+        # Coordinates of every end: S, J and the logarithm of the lag's rate
         m = ends.d.size
         shape = ends.d.shape
         pole = ends.pole.ravel()
@@ -172,17 +178,23 @@ class _Search:
         points[:, 1] = ends.J.ravel()
         finite = (pole > 0.0) & (pole < 1.0)
         points[finite, 2] = np.log(-np.log(pole[finite]))
+
+        # Steps of the first pattern; a lag at an end of its range is kept
         wide = np.full(shape, width).ravel()
         error = np.empty(m)
         steps[:, 0] = wide * self.swing
         steps[:, 1] = np.where(np.full(shape, fixed_J).ravel(), 0.0, steps[:, 0])
         steps[:, 2] = np.where(finite, 2.0 * wide, 0.0)
+
+        # The valves to begin with, and one search for each
         low, count = self.window(ends.d.ravel(), reach)
         maps, start, share = (
             np.full(shape, x).ravel() for x in (_MAPS, ends.start, np.divide(least, width))
         )
         begin = Valves(maps, *points.T[:2].copy(), start, pole, self.delays[low], count)
         quick(descend, errors)(self.stretch, begin, points, steps, share, error)
+
+        # What was found, as ends again
         S = points[:, 0]
         J = points[:, 1]
         pole = np.exp(-np.exp(points[:, 2]))
@@ -333,10 +345,13 @@ def _improve_plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
     """Improve the plants downstream of the valves: time constants around the present ones, any
     delay.
     """
+    # Time constants around the present ones; an integrator has none
     fine = ends.pole[..., None]
     if not integrating:
         fine = np.exp(np.log(np.clip(fine, 1e-9, 0.9999)) * _AROUND)
         fine[..., 0] = ends.pole
+
+    # Every time constant with every delay
     error, d = search.scan(
         _MAPS[:, None],
         *(x[..., None] for x in (ends.S, ends.J, ends.start)),
@@ -344,6 +359,8 @@ def _improve_plants(search: _Search, ends: _Ends, integrating: bool) -> _Ends:
         0,
         search.delays.size,
     )
+
+    # The best of each end
     column = np.arange(ends.d.shape[1])
     k = error.argmin(axis=2)
     return ends._replace(

@@ -88,11 +88,14 @@ def errors(record, valves, stride, out):
     delay[i] + stride (0, 1 ... count[i] - 1). The error is relative to the variance of y, both over
     the averages from `first` to before `last`.
     """
+    # Rows for positions and their running sums
     wide()
     n = record.y.size
     delay = valves.delay
     v = rows(n)
     total = rows(n + 1)
+
+    # Block by block: the window of delays that its valves share
     for block in range(0, delay.size, LANES):
         low = delay[block]
         high = delay[block]
@@ -100,6 +103,8 @@ def errors(record, valves, stride, out):
             low = min(low, delay[i])
             high = max(high, delay[i])
         x = rows(n + high - low)
+
+        # Positions, the lags' answers to them, and the misfit of PV
         moves(record, valves, block, v, total)
         answers(record.half, valves, low, block, v, total, x)
         _fill_misfits(record, valves.count, low, stride, block, x, out)
@@ -174,6 +179,7 @@ def answers(half, valves, low, block, v, total, x):
     """Fill `x` with the lags' answers to positions `v` with running sums `total`, each group late
     by its delay less `low`.
     """
+    # The lag of each lane; an integrator adds up
     wide()
     pole = valves.pole
     delay = valves.delay
@@ -185,6 +191,8 @@ def answers(half, valves, low, block, v, total, x):
         a[c] = pole[min(block + c, pole.size - 1)]
         gain[c] = 1.0 if a[c] == 1.0 else 1.0 - a[c]
         now[c] = 0.0
+
+    # A position without its moving mean drives the lag
     for k in range(n):
         left = max(k - half, 0)
         right = min(k + half + 1, n)
@@ -196,6 +204,8 @@ def answers(half, valves, low, block, v, total, x):
             i = np.uintp(c)
             h = v[row + i] - (total[stop + i] - total[start + i]) * share
             now[c] = a[c] * now[c] + gain[c] * h if k > 0 else 0.0
+
+        # Each group of lanes is written late by its own delay
         for group in range(0, LANES, VALVES_SIDE_BY_SIDE):
             late = delay[min(block + group, pole.size - 1)] - low
             place = np.uintp((k + late) * LANES + group)

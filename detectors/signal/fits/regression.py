@@ -326,16 +326,21 @@ def _average_positions(
     The valves are those of `stiction_map`, or such as stop within every sample (`stops`), which are
     He's. S = 0: it follows OP.
     """
+    # The valves side by side in blocks of lanes
     count = op.size // q
     blocks = -(-len(points) // LANES)
     S, J, stops = np.ascontiguousarray(points.T)
     at_rest = np.zeros(len(points))
     none = np.zeros(len(points), dtype=np.int64)
     valves = Valves(stops, S, J, at_rest, at_rest, none, none)
+
+    # The record as the kernel of positions takes it
     record = Stretch(op, op, q, 0, 0, 0, 1.0, -np.inf, np.inf)
     v = rows(blocks * count).reshape(blocks, count, LANES)
     total = rows(count + 1)
     squares = np.empty((blocks, 2, LANES))
+
+    # Positions in standard deviations; a valve that hardly moves counts as resting
     least = _FLAT * np.abs(op - op[0]).max()
     scaled = compiled(_scale_positions)
     for block, (moved, sums) in enumerate(zip(v, squares, strict=True)):
@@ -347,6 +352,7 @@ def _scale_positions(record, valves, block, least, first, v, total, sums):
     """Fill `v` with the averaged positions of a block of valves in standard deviations, 0 where
     that is not above `least`, `total` as `moves` does, and `sums` as `_average_positions` says.
     """
+    # The averaged positions, and their means
     wide()
     moves(record, valves, block, v, total)
     n = v.size // LANES
@@ -357,22 +363,30 @@ def _scale_positions(record, valves, block, least, first, v, total, sums):
     for c in range(LANES):
         mean[c] = total[np.uintp(n * LANES + c)] / n
         scale[c] = one[c] = two[c] = 0.0
+
+    # Deviations and their squares
     for k in range(n):
         row = np.uintp(k * LANES)
         for c in range(LANES):
             off = v[row + np.uintp(c)] - mean[c]
             v[row + np.uintp(c)] = off
             scale[c] += off * off
+
+    # One over the standard deviation, 0 of a valve at rest
     for c in range(LANES):
         size = math.sqrt(scale[c] / n)
         if size > least:
             scale[c] = 1.0 / size
         else:
             scale[c] = 0.0
+
+    # Positions in standard deviations
     for k in range(n):
         row = np.uintp(k * LANES)
         for c in range(LANES):
             v[row + np.uintp(c)] *= scale[c]
+
+    # Sums of squares, and of products one sample apart
     for k in range(first, n - 1):
         row = np.uintp(k * LANES)
         before = np.uintp((k - 1) * LANES)
@@ -380,6 +394,8 @@ def _scale_positions(record, valves, block, least, first, v, total, sums):
             now = v[row + np.uintp(c)]
             one[c] += now * now
             two[c] += now * v[before + np.uintp(c)]
+
+    # The sums, as the regression takes them
     for c in range(LANES):
         sums[0, c] = one[c]
         sums[1, c] = two[c]

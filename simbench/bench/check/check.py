@@ -183,6 +183,7 @@ def _count_equal_bits(pairs: Pairs, before: RunArrays, flips: pd.DataFrame) -> d
 
 def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     """Make a run the baseline, and say what that changes."""
+    # The run by itself: what a comparison with it can show
     now = read_book(folder)
     there = (Path(baseline) / "manifest.json").exists()
     lines = [
@@ -191,6 +192,8 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
     ]
     itself = check_books(now, now)
     lines.append(f"{say_power(itself.tests, 'equal')}; {loops_needed(itself)}")
+
+    # What differs from the baseline that is there
     if there:
         try:
             before = read_book(baseline)
@@ -201,11 +204,14 @@ def update_baseline(folder: str | Path, baseline: str | Path) -> str:
             lines += changes or ["nothing moved"]
         except UserError as error:  # an unreadable baseline is replaced, and that is said
             lines.append(f"not compared with the old one: {error}")
+
+    # The run takes its place
     write_baseline(folder, baseline)
     return "\n".join(lines)
 
 
 def _find_problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]:
+    # Methods and scenarios that the run lacks
     found = []
     for m in before.methods:
         if m not in now.methods:
@@ -213,6 +219,8 @@ def _find_problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]
     missing = before.ids.size - pairs.before.size
     if missing:
         found.append(f"{missing} of the baseline's {before.ids.size} scenarios are not in the run")
+
+    # Truths that changed on records with equal bits
     for truth in _CHECKED_TRUTHS:
         moved = now.truth[truth][pairs.now] != before.truth[truth][pairs.before]
         changed = int((moved & pairs.same).sum())
@@ -220,6 +228,8 @@ def _find_problems(now: RunArrays, before: RunArrays, pairs: Pairs) -> list[str]
             found.append(
                 f"the truth {truth!r} of {changed} scenarios with the same records has changed"
             )
+
+    # Methods that fail where they did not
     for method in (m for m in before.methods if m in now.methods):
         failed = now.failed[now.methods.index(method)]
         was = before.failed[before.methods.index(method)]
@@ -235,12 +245,15 @@ def _find_changes(
     """Return what an exact comparison does not let pass: changed verdicts and scores of built-in
     methods, and other records.
     """
+    # Records with other bits cannot be compared exactly
     differ = int((~pairs.same).sum())
     if differ:
         yield (
             f"exact: {differ} of {pairs.now.size} records differ from the baseline's: verdicts"
             " cannot be compared there; --exact is for two runs of one machine"
         )
+
+    # Verdicts of the package's methods, then their scores
     own = own_methods(now.manifest)
     for method in (m for m in before.methods if m in now.methods and m not in own):
         if len(flips):
@@ -257,9 +270,12 @@ def _find_changes(
 
 
 def _describe_rule(now: RunArrays, before: RunArrays, pairs: Pairs, margin: float) -> str:
+    # The rule of the paired tests
     tests = f"a rate may fall by {points(margin)} (exact paired tests with Holm's correction)"
     if copies := before.manifest.get(COPIES):
         tests += f"; {copies} copies of records with the same labels do not count"
+
+    # Bits: all equal, or how many differ and where
     differ = int((~pairs.same).sum())
     if not differ:
         return (
@@ -337,10 +353,13 @@ def _share_right(right: np.ndarray) -> float:
 
 
 def _list_flips(now: RunArrays, i: int, before: RunArrays, j: int, pairs: Pairs) -> pd.DataFrame:
+    # The loops on which the method answers otherwise
     changed = now.verdict[i][pairs.now] != before.verdict[j][pairs.before]
     at = pairs.now[changed]
     was_at = pairs.before[changed]
     names = np.array([w for w, _ in sorted(CODES.items(), key=lambda item: item[1])])
+
+    # Their old and new answer, with what the loops are
     return pd.DataFrame(
         {
             "scenario_id": before.ids[was_at].astype(str),

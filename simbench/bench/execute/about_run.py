@@ -72,6 +72,7 @@ def _source_digest(detector: Any) -> str:
 
 def about_method(name: str) -> dict[str, Any]:
     """Return what a run's manifest keeps of a method."""
+    # The oracle is no plug-in: what it is stands here
     oracle: dict[str, Any] = {
         "front_end": False,
         "needs_mv": False,
@@ -83,6 +84,8 @@ def about_method(name: str) -> dict[str, Any]:
     }
     if name == ORACLE:
         return oracle
+
+    # A detector by its declaration
     method = registry.load(name).METHOD
     about = {}
     for key in oracle:

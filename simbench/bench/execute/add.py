@@ -212,12 +212,17 @@ def _methods_to_ask(
     """Return by their names the methods of the package that the run lacks, then the detectors that
     are given as files or by the caller.
     """
+    # The same code must have made the run
     refuse_other_code(folder, stated)
+
+    # Detectors of one's own have names that the run does not use
     words, own = named_methods(methods)
     plugins = {Path(file).stem: Path(file).stem for file in options.get("plugins", ())} | own
     for name in plugins:
         if name in stated["methods"]:
             raise RunError(f"{folder} has a method {name!r} already; another name is needed")
+
+    # Methods of the package that the run lacks
     names = choose_with_oracle([word for word in split_names(words) if word not in plugins], [])
     lacking = [name for name in names if name not in stated["methods"]]
     if not lacking and not plugins:
@@ -255,12 +260,15 @@ def _refuse_known(
 
 def _read_added(folder: Path, place: Path) -> _Addition:
     """Return the methods that were asked about the loops of a run in a run of their own."""
+    # Both runs' records, in the order of their ids
     manifest = read_manifest(place)
     hashes = []
     for where in (folder, place):
         hashes.append(
             read_table(where, "scenarios", ["scenario_id", "record_hash"]).sort_by("scenario_id")
         )
+
+    # Records whose bits differ on this machine are told
     before, now = (table.column("record_hash").to_pylist() for table in hashes)
     other = sum(a != b for a, b in zip(before, now, strict=True) if a is not None)
     told = f"added: {', '.join(manifest['methods'])}"
@@ -270,6 +278,8 @@ def _read_added(folder: Path, place: Path) -> _Addition:
         sources = None
     if other:
         told += f"; {other} of {len(now)} records have other bits on this machine"
+
+    # The verdicts, and the sources of plug-ins
     verdicts = read_table(place, "verdicts").cast(VERDICT_SCHEMA)
     return _Addition(manifest["methods"], manifest["plugins"], verdicts, told, sources)
 
@@ -308,19 +318,26 @@ def _write_joined_run(
     with_reference: bool,
 ) -> Scores:
     """Write the run with the verdicts that are added to it into another folder."""
+    # The run without its verdicts, and sources of what is added
     shutil.rmtree(into, ignore_errors=True)
     shutil.copytree(folder, into, ignore=shutil.ignore_patterns("verdicts.parquet", ".*"))
     for sources in (addition.sources for addition in additions if addition.sources is not None):
         shutil.copytree(sources, into / SOURCES, dirs_exist_ok=True)
+
+    # All methods, the oracle last
     new = {name: about for addition in additions for name, about in addition.about.items()}
     about = {**stated["methods"], **new}
     methods = sorted(about, key=lambda name: name == ORACLE)  # last, as where it is asked at once
+
+    # The added verdicts in the order of the scenarios
     scenarios = read_table(folder, "scenarios", ["scenario_id", "error"]).to_pylist()
     added = _in_order(
         _with_failures(pa.concat_tables(a.verdicts for a in additions), scenarios, list(new)),
         [row["scenario_id"] for row in scenarios],
         list(new),
     )
+
+    # Piece by piece: the old verdicts and the new ones
     receipts = []
     start = 0
     for number, part in enumerate(table_parts(folder, "verdicts", stated)):
@@ -334,6 +351,8 @@ def _write_joined_run(
         failures = table.num_rows - table.column("error").null_count
         receipts.append(Receipt(number, len(ids), failures, 0.0, 0.0, 0.0, digests))
         start += len(ids)
+
+    # The manifest states what was added and by which command
     manifest = {
         **stated,
         "methods": {name: about[name] for name in methods},

@@ -59,6 +59,7 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
     ...     read_answers(file, ["a1", "b2"])["mine"]["a1"].verdict
     'stiction'
     """
+    # Line by line: a known record and a name that is free
     answers: Answers = {}
     lines: dict[tuple[str, str], int] = {}
     for line, row in _read_rows(Path(file)):
@@ -71,6 +72,8 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
             raise ParameterError(
                 f"{where}: the run has no record {record[:80]!r}: {nearest(record, records)}"
             )
+
+        # A verdict of the vocabulary, once a record and method
         row["verdict"] = in_data(row["verdict"])
         if row["verdict"] not in VERDICTS:
             raise ParameterError(
@@ -82,6 +85,8 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
                 f" {lines[method, record]}; once is allowed"
             )
         lines[method, record] = line
+
+        # Score and sizes, where they are given
         if row["score"]:
             score = _read_number(row["score"], where, "score")
         else:
@@ -90,6 +95,8 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
         answers.setdefault(method, {})[record] = Verdict(
             method, row["verdict"], score, S=S, J=J, reason="as answered"
         )
+
+    # A file without answers is a mistake
     if not answers:
         raise ParameterError(f"{file} has no answers; a line for each method and record is needed")
     return answers

@@ -276,6 +276,7 @@ def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
 
 def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, Any]:
     """Return a scenario's row of the scenarios table; `prepared` is its record without MV."""
+    # What theory predicts and the simulation did
     row = scenario_columns(it.scenario, it.group)
     row.update(
         zip(_THEORY_COLUMNS, it.theory),
@@ -284,6 +285,8 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
         cycle_swing=it.cycled.swing,
         error=it.error,
     )
+
+    # What the record shows, also without its waveform
     if it.run is not None and prepared is not None:
         oscillation = prepared.oscillation
         period_s = oscillation.period_s if oscillation.sustained else math.nan
@@ -306,10 +309,13 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
 
 def verdict_row(ident: str, answer: Answer) -> dict[str, Any]:
     """Return one method's row of the verdicts table."""
+    # Numbers of the answer; JSON has no infinity
     said = answer.verdict
     S_lo, S_hi = level_ends(said.S)
     J_lo, J_hi = level_ends(said.J)
     indices = {k: float(v) if math.isfinite(v) else None for k, v in said.indices.items()}
+
+    # One row, as the table's schema has it
     return {
         "scenario_id": ident,
         "method": said.method,

@@ -157,6 +157,7 @@ def _join_dask(address: str | None, stack: contextlib.ExitStack) -> dict[str, An
 
 def _join_ray(address: str | None, jobs: int, stack: contextlib.ExitStack) -> dict[str, Any]:
     """Return the settings of joblib for a cluster of ray, or for ray on this machine."""
+    # The package ray is optional
     try:
         import ray  # type: ignore[import-not-found]
         from ray.util.joblib import register_ray  # type: ignore[import-not-found]
@@ -164,6 +165,8 @@ def _join_ray(address: str | None, jobs: int, stack: contextlib.ExitStack) -> di
         raise RunError(
             "backend ray needs the package ray; install stiction-simbench[ray]"
         ) from None
+
+    # The cluster answers, or it is said that none does
     try:
         ray.init(address, log_to_driver=False, logging_level="ERROR")
     except (ConnectionError, OSError, RuntimeError, ValueError) as error:
@@ -171,6 +174,8 @@ def _join_ray(address: str | None, jobs: int, stack: contextlib.ExitStack) -> di
         raise RunError(
             f"no ray cluster answers at {address}: {reason}; its HOST:PORT is needed"
         ) from None
+
+    # Joblib hands its calls to it until the stack is closed
     stack.callback(ray.shutdown)
     register_ray()
     return {"n_jobs": jobs}

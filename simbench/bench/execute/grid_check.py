@@ -124,6 +124,7 @@ def _samples_of_record(plan: Grid, block: Any) -> float:
 
 
 def _find_wrong_parts(plan: Grid) -> Iterator[str]:
+    # Disturbances: a known type, parameters that it has
     content = plan.content
     for name, load in content.disturbances.items():
         where = f"disturbance {name!r}"
@@ -134,6 +135,8 @@ def _find_wrong_parts(plan: Grid) -> Iterator[str]:
         yield from _check_parameters(
             where, OF_LOADS[load.type], given, ("amplitude", "period", "lag", "start")
         )
+
+    # Valves and effects of every member, and which member an echo is of
     known = VALVES.names()
     for block in content.block:
         first = next((m.name for m in block.member if m.echo is None), None)

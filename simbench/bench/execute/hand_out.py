@@ -101,6 +101,8 @@ def _write_records(folder: Path, plan: Grid) -> int:
     records = _yield_records(plan)
     left_out = []
     known = []
+
+    # Records in portions, so that a large grid needs little memory
     with (
         whole_file(folder / _RECORDS, "wb") as f,
         pq.ParquetWriter(f, _SCHEMA, compression="zstd") as writer,
@@ -117,6 +119,8 @@ def _write_records(folder: Path, plan: Grid) -> int:
                 writer.write_table(_stack_samples(there))
             for name, r in there.items():
                 known.append((name, r.Ts, r.process, *(r.op_span or ("", ""))))
+
+    # Scenarios without a record are told once
     if left_out:
         print(
             f"{len(left_out)} scenarios could not be simulated and are left out ({left_out[0]})",
@@ -124,6 +128,8 @@ def _write_records(folder: Path, plan: Grid) -> int:
         )
     if not known:
         raise ParameterError(f"no scenario of grid {plan.name} can be simulated; one is needed")
+
+    # What is known of each loop, beside the records
     with whole_file(folder / _LOOPS) as f:
         csv.writer(f, lineterminator="\n").writerows([_KNOWN] + known)
     return len(known)

@@ -88,6 +88,7 @@ def _best_valve(
     """Return S and J of the best valve, and its misfit: of a coarse lattice over all valves, then
     of finer ones around the best so far.
     """
+    # A coarse lattice over all valves to begin with
     sizes = _BANDS
     ratios = _JUMPS
     factor = np.log(_BANDS[1] / _BANDS[0])
@@ -96,6 +97,8 @@ def _best_valve(
     best = np.inf
     S = np.nan
     J = np.nan
+
+    # The best of it is the centre of the next one, half as wide
     for _ in range(1 + _ZOOMS):
         s = np.repeat(sizes, ratios.size)
         j = s * np.tile(ratios, sizes.size)

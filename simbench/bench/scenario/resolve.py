@@ -65,12 +65,17 @@ def settle(group: Group) -> list[Scenario | None]:
     """Settle the rules of one group: a scenario for each draft, or None for an echo whose sibling
     does not cycle with the echo's seed.
     """
+    # A group without rules is settled already
     if group.rules.empty:
         return [Scenario(loop=d.loop, seed=d.seed, tags=d.tags, asked=d.id) for d in group.drafts]
+
+    # The sticky twin's cycle is what everything is measured in
     twin = group.twin
     cycle = measure_cycle(group.twin)
     if group.rules.w_Ti is not None:
         twin, cycle = _with_w_Ti(twin, cycle, float(group.rules.w_Ti))
+
+    # One loop per draft, which its echoes share
     loops: dict[int, Loop] = {}
     found: list[Scenario | None] = []
     for draft in group.drafts:
@@ -101,14 +106,19 @@ def _make_echo(
     """Return the healthy loop that moves as its sibling does; None where the sibling does not
     cycle, or with no seed but its own.
     """
+    # A sibling that does not cycle has no echo
     if simulate_with_truth(sibling, wanted.of.seed)[1].answer != YES:
         return None
+
+    # A load that repeats what the sibling's valve does
     if wanted.cut is None:
         cut = {}
     else:
         cut = {"cut": wanted.cut}
     own = {echo.VALVE: sibling.valve.name, **sibling.valve.parameters, "kind": wanted.kind, **cut}
     load = Part(name=echo.NAME, parameters=own)
+
+    # The same loop with a sound valve
     table = _valve_of(draft, unit)
     loop = sibling.model_copy(
         update={
@@ -116,6 +126,8 @@ def _make_echo(
             "valve": Part(name=table.pop("model"), parameters=table),
         }
     )
+
+    # A seed with which the echo cycles as well
     seed = seed_of_echo(loop, draft.seed)
     if seed is None:
         return None
@@ -156,6 +168,7 @@ def measure_cycle(twin: Loop) -> Cycle:
 
 @lru_cache(maxsize=64)  # cells that differ in the disturbance alone share their twin
 def _measure_twin(text: str) -> Cycle:
+    # Simulate from theory's cycle until sampling and period agree
     twin = Loop.model_validate_json(text)
     guess = period = first_guess(twin)
     try:
@@ -171,9 +184,13 @@ def _measure_twin(text: str) -> Cycle:
             period = moved.period * loop.sampling.Ts
             if 0.5 * _FIRST < moved.period < 2.0 * _FIRST:
                 return Cycle(period, float(np.std(run.record.pv[_FIRST:])), True)
+
+    # A loop that theory does not know is started by a kick
     except ParameterError:  # no cycle to start on, or none that theory can find
         if (found := _measure_from_kick(twin, guess)) is not None:
             return found
+
+    # No cycle: PV's size follows from the band
     S, _ = band(twin)
     if not twin.plant.integrating:
         size = 0.25 * S * abs(twin.plant.K)
@@ -186,11 +203,14 @@ def _measure_from_kick(twin: Loop, period: float) -> Cycle | None:
     """Measure the cycle of a loop that theory does not know (own law, cascade) from a run that
     begins away from rest.
     """
+    # A loop that is linear but for its valve is none of these
     S, J = band(twin)
     if not plain_setup(twin, 0).not_linear:
         return None
     if twin.outer is None:
         twin = twin.with_("setpoint.steps", [[0.0, twin.pv0 + abs(twin.plant.K) * S]])
+
+    # Run it until sampling and period agree
     for _ in range(3):
         loop = _with_sampling(twin, period / _FIRST, 3 * _FIRST * _PERIODS)
         run = simulate(loop, 0, kick=S + J if twin.outer is not None else 0.0)
@@ -205,6 +225,7 @@ def _measure_from_kick(twin: Loop, period: float) -> Cycle | None:
 
 def first_guess(loop: Loop) -> float:
     """Guess the period (s) of a sticky loop's cycle."""
+    # The loop as a first-order plant, and its loop gain per second
     S, J = band(loop)
     like = plant.first_order_like(loop.plant)
     Td = like.Td
@@ -212,8 +233,12 @@ def first_guess(loop: Loop) -> float:
     k = abs(like.K) * loop.controller.Kc / (like.T or 1.0)
     if Ti is not None and like.T is not None:
         k *= max(1.0, like.T / Ti)  # more integral action than Ti = T: faster
+
+    # A valve without slip jump is sampled like its neighbours
     if J == 0 and (like.T is not None or Ti is None):
         J = S / 3.0  # does not cycle: sampled like its neighbours that do
+
+    # A stick-slip cycle of a first-order loop, or the double integrator's
     if J > 0:
         speed = min(k * Td, 0.9)
         p = J / (2.0 - speed)
@@ -237,16 +262,21 @@ def band(loop: Loop) -> tuple[float, float]:
 
 def sampled_ultimate_gain(loop: Loop) -> float:
     """Return the gain Kc at which the loop, sampled as it is, stops being stable."""
+    # A loop with more than one lag is asked of theory
     Ts = loop.sampling.Ts
     setup = plain_setup(loop, 0)
     if setup.not_linear or len(setup.den) != 2 or loop.controller.type == "PID":
         return loop.controller.Kc * (ultimate_gain(sampled_loop(loop)) or 1.0)
+
+    # The open loop's frequency response, controller and hold included
     g = plant.sample(setup.num, setup.den, loop.plant.Td, Ts)
     w = np.geomspace(1e-4, math.pi, 4000)
     z = np.exp(1j * w)
     G = (g.B_old[0] / z + g.B_new[0]) / (z - g.A[0, 0]) * g.C[0] * z ** -float(g.delay)
     Ti = loop.controller.Ti
     L = loop.controller.sign * G * (1.0 if Ti is None else 1.0 + Ts / Ti * z / (z - 1.0))
+
+    # The gain is that at the first crossing of -180 degrees
     crossings = phase_crossings(L)
     if crossings.size:
         at = crossings[0] + 1
@@ -355,6 +385,7 @@ def valve_table(
     name: str, cell: Mapping[str, Any], period: float, more: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the table of any valve file that has the (S, J) a cell asks for."""
+    # The valve's own words for S and J
     module = VALVES.load(name)
     S = float(cell["S"])
     J = float(cell.get("J", 0.0))
@@ -366,6 +397,8 @@ def valve_table(
         for key, value in (("S", S), ("J", J)):
             if key in module.PARAMETERS:
                 own[key] = value
+
+    # A valve that cannot have both is refused with the nearest one
     table = {**own, **more}
     if module.FRICTION and hasattr(module, "mapped_SJ"):
         found = module.mapped_SJ(valve_parameters(module, own, 1.0))

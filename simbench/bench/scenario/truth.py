@@ -113,6 +113,7 @@ def healthy_twin(loop: Loop) -> Loop:
     """Return the loop with an ideal valve in place of its friction, all else equal; a stage without
     friction stays.
     """
+    # The valve without friction, where it has any
     if loop.effect:
         bare = loop.model_copy(update={"effect": ()})
     else:
@@ -121,6 +122,8 @@ def healthy_twin(loop: Loop) -> Loop:
         valve = Part(name="ideal")
     else:
         valve = loop.valve
+
+    # Effects without friction stay
     ideal = bare.model_copy(update={"valve": Part(name="ideal")})
     kept = []
     for e in loop.effect:

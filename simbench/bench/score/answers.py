@@ -50,6 +50,7 @@ class Answers(NamedTuple):
 
 def answers_of(book: RunArrays) -> Iterator[Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same."""
+    # Every method, with what the run's manifest says of it
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]
         answered = about.get("answered", "package")
@@ -71,6 +72,8 @@ def answers_of(book: RunArrays) -> Iterator[Answers]:
             answered,
             foreign,
         )
+
+    # Two yardsticks that know nothing
     nothing = np.zeros(book.ids.size)
     for name, word in CONSTANTS.items():
         said = np.full(book.ids.size, CODES[word])
@@ -111,6 +114,7 @@ def _share_within(book: RunArrays, grid: str) -> float:
     """Return the share of a run's loops that lie within the ranges of a grid of the package, in
     dead time and shape of stiction.
     """
+    # For every kind of plant: within the grid's range on both axes
     within = np.zeros(book.ids.size, dtype=bool)
     blocks = packaged_grid(grid).content.block
     for process, axis in _RATIO_OF.items():
@@ -125,6 +129,8 @@ def _share_within(book: RunArrays, grid: str) -> float:
                     known.append(float(v))
             inside = inside & (values >= min(known)) & (values <= max(known))
         within |= inside
+
+    # An empty run lies in no grid
     if within.size:
         return float(within.mean())
     return 0.0

@@ -61,6 +61,7 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
     `period_s` is that of its oscillation, NaN where there is none: then it has 0 samples per period
     and 0 periods.
     """
+    # The signals, and the period where there is one
     op = record.op
     pv = record.pv
     if record.sp is None:
@@ -73,6 +74,8 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
         period = period_s / record.Ts
     else:
         period = 0.0
+
+    # Features of each signal, then of both
     of_op = _features_of_signal(op, fifth)
     of_pv = _features_of_signal(pv, fifth)
     values = {f"op_{name}": value for name, value in of_op.items()} | {
@@ -88,15 +91,20 @@ def features_without_waveform(record: LoopRecord, period_s: float) -> np.ndarray
         sp_span=float(np.ptp(sp)) / max(of_pv["std"], _SMALLEST),
         error_mean=float(np.mean(sp - pv)) / max(of_pv["std"], _SMALLEST),
     )
+
+    # In the order of their names
     return np.array([values[name] for name in FEATURES + EXTREMES])
 
 
 def _features_of_signal(x: np.ndarray, fifth: int) -> dict[str, float]:
+    # Scale, both ends of the record, and the levels in order
     std = centred(x)[1]
     unit = max(std, _SMALLEST)
     begin = x[:fifth]
     end = x[-fifth:]
     levels = np.sort(x)
+
+    # Each feature in units of the standard deviation, where it has one
     return {
         "std": std,
         "mean": float(np.mean(x)),

@@ -63,6 +63,7 @@ def quantification(book: RunArrays) -> pd.DataFrame:
     """Return how well every method tells S and J of each family of valves; errors and widths in
     shares of S.
     """
+    # Median error, coverage and width by method, family and parameter
     found = estimates(book).groupby(["method", "family", "parameter"], sort=False)
     table = found.agg(
         n=("error", "size"),
@@ -70,6 +71,8 @@ def quantification(book: RunArrays) -> pd.DataFrame:
         coverage=("held", "mean"),
         width=("width", "median"),
     )
+
+    # In the order of the run
     order = {}
     for i, method in enumerate(book.methods):
         order[method] = i
@@ -89,12 +92,15 @@ def compared(
 
     `allowed` is what either may lose. A baseline that kept no S and J asks nothing.
     """
+    # Both runs by the loops that they share
     old, new = (estimates(book) for book in (before, now))
     new["loop"] = new["loop"].map(dict(zip(pairs.now, pairs.before, strict=True)))
     keys = ["method", "parameter", "family"]
     ours = dict(list(new.groupby(keys)))
     rows = []
     untold = []
+
+    # A family that is too rare is not tested
     for key, one in old.groupby(keys, sort=False):
         method, parameter, family = tuple(key)  # type: ignore[arg-type]
         if len(one) < _ENOUGH or method not in now.methods:
@@ -102,12 +108,16 @@ def compared(
         two = ours.get(key, new[:0])
         both = one.merge(two, on="loop", suffixes=("_old", "_new"))
         sides = [both.filter(like=end).rename(columns=lambda c: c[:-4]) for end in ("_old", "_new")]
+
+        # A method that now gives few sizes cannot be compared
         if len(sides[1]) < _KEPT * len(one):
             untold.append(
                 f"{method}: cannot tell of {parameter} of {family}: given {len(sides[1])} times,"
                 f" before {len(one)}"
             )
             continue
+
+        # Errors and coverage, loop by loop
         for what, column in ((MEDIAN_ERROR, "error"), (COVERAGE, "held")):
             a, b = (np.asarray(side[column], dtype=float) for side in sides)
             if np.isfinite(a).any():

@@ -48,15 +48,20 @@ def rhythm_features(record: LoopRecord, period_s: float) -> np.ndarray:
 
 def _of_signal(x: np.ndarray, means: np.ndarray, period: float) -> list[float]:
     """Return `_OF_EACH` of one signal."""
+    # The fundamental, and where it rises through zero
     off, std = centred(x)
     fundamental = _band_of_period(off, period)
     before = np.flatnonzero((fundamental[:-1] < 0.0) & (fundamental[1:] >= 0.0))
     if before.size < 3 or not std > 0.0:
         return [0.0] * len(_OF_EACH)
+
+    # Lengths and sizes of the cycles
     a = fundamental[before]
     b = fundamental[before + 1]
     lengths = np.diff(before + a / (a - b))
     sizes = np.maximum.reduceat(np.abs(fundamental), before + 1)[:-1]
+
+    # How much they vary, and whether neighbours vary alike
     return [
         _relative_spread(lengths),
         _correlate_next(lengths),

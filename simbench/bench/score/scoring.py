@@ -194,6 +194,7 @@ def _score_block(
     """Return a row for every method: what is a count, of all loops (`counts` are `tallied`); orders
     and spreads, of those in the block.
     """
+    # What is counted
     where = dict(place)
     rows = []
     for a, c in zip(sample.answers, counts, strict=True):
@@ -201,11 +202,15 @@ def _score_block(
         row |= {key: getattr(a, key) for key in _ABOUT} | {key: c[key] for key in _COUNTED}
         row["missed"] = _divide_counts(c["missed"], c["sticky"])
         row["no_decision_positives"] = _divide_counts(c["open_sticky"], c["sticky"])
+
+        # Of loops that the method covers, by the truth
         row["no_decision_negatives"] = _divide_counts(
             c["open_other"], c["applicable"] - c["sticky"]
         )
         wrong = c["applicable"] - c["right"] - (1.0 - cost) * c["open"]
         of_all = _divide_counts(wrong, c["applicable"]), c["applicable"]
+
+        # What needs an order, and the time
         row |= _score_orders(block, a, cost, of_all, interval)
         row["errors"] = c["errors"]
         times = a.runtime[block.use]
@@ -229,14 +234,19 @@ def _score_orders(
     """Return what needs an order of the loops or their spread; `of_all` are the mean cost of all
     loops, and how many the method covers.
     """
+    # The loops that the method covers
     applies = a.applies[block.use]
     if applies.all():
         here, positive, groups, folds, blind = block
     else:
         here, positive, groups, folds, blind = (x[applies] for x in block)
+
+    # The mean cost, its interval by groups of loops
     earned = _earn_answers(a.said[here], positive, cost)
     ranges = {"cost": _mean_of_groups(1.0 - earned, groups, 0.0, *of_all)}
     score = a.score[here]
+
+    # Sensitivity at 5 % false positives, and cost over the row without a waveform
     if interval:
         sticky = int(positive.sum())
         both = 0 < sticky < positive.size
@@ -250,9 +260,13 @@ def _score_orders(
             ),
             "sensitivity_at_5": found,
         }
+
+    # The area under the ROC curve, of loops with a score
     if not (known := score >= 0).all():
         score = score[known]
         positive = positive[known]
+
+    # Each range as three columns
     row: dict[str, float] = {}
     for name, ends in ranges.items():
         row[name], row[f"{name}_lo"], row[f"{name}_hi"] = ends

@@ -214,6 +214,7 @@ def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any], com
     """Raise RunError, naming what differs, unless two manifests state the same evaluator and the
     runs have scenarios in common.
     """
+    # Both runs state their version
     versions = [manifest.get(BENCHMARK) for manifest in (one, other)]
     for manifest, stated in zip((one, other), versions, strict=True):
         if stated is None:
@@ -222,6 +223,8 @@ def refuse_other_benchmark(one: Mapping[str, Any], other: Mapping[str, Any], com
                 " simbench wrote it"
             )
             raise RunError(f"{older}; run it again")
+
+    # The same rules, and scenarios in common
     first, second = versions
     if first["parts"]["evaluator"] != second["parts"]["evaluator"] or not common:
         differ = []

@@ -237,6 +237,7 @@ def processor() -> dict[str, str]:
 
 
 def _describe_difference(key: str, old: Any, new: Any) -> str:
+    # A table: keys that go, come and change
     if isinstance(old, dict) and isinstance(new, dict):
         gone = [k for k in old if k not in new]
         come = [k for k in new if k not in old]
@@ -253,6 +254,8 @@ def _describe_difference(key: str, old: Any, new: Any) -> str:
                 changes.append(_describe_change(k, old[k], new[k]))
         verb = "differ" if key.endswith("s") else "differs"
         return f"{key} {verb}: {'; '.join(changes[:3])}"
+
+    # A single value
     names = {"grid_hash": "the grid", "code": "the code"}
     return f"{names.get(key, key)} differs (was {old}, is {new})"
 
@@ -277,6 +280,7 @@ def _installed_version(name: str) -> str:
 @cache
 def _read_commit() -> str | None:
     """Return the commit of the checkout that this file is in, read without git."""
+    # A working tree has its HEAD, a linked one elsewhere
     git = Path(__file__).resolve().parents[3] / ".git"
     try:
         if git.is_file():  # a linked working tree: its HEAD lies apart from the branches
@@ -284,6 +288,8 @@ def _read_commit() -> str | None:
         head = (git / "HEAD").read_text().strip()
         if not head.startswith("ref: "):
             return head
+
+        # The branch that HEAD names
         shared = git / "commondir"
         return (
             ((git / shared.read_text().strip() if shared.exists() else git) / head[5:])

@@ -253,6 +253,7 @@ class RunArrays:
     @classmethod
     def read(cls, path: str | Path, manifest: dict[str, Any] | None = None) -> RunArrays:
         """Read a finished run."""
+        # The manifest, and the scenarios in their order
         folder = Path(path)
         if manifest is None:
             manifest = read_manifest(folder)
@@ -266,6 +267,8 @@ class RunArrays:
             tags = []
         scenarios = _concatenate(_parts_for_arrays(folder, "scenarios", manifest, *tags))
         ids = scenarios.column("scenario_id").to_pylist()
+
+        # The verdicts of each piece belong to its scenarios, method by method
         said = []
         start = 0
         for part in _parts_for_arrays(folder, "verdicts", manifest):
@@ -275,11 +278,15 @@ class RunArrays:
             match &= _follows_names(part.column("method"), list(methods), np.tile, size)
             said.append(dict(_of_verdicts(part, (len(methods), size))) if match else {})
             start += size
+
+        # A piece that does not fit was damaged
         if not start == len(ids) == n or not all(said):
             raise RunError(
                 f"{folder} is damaged: verdicts and scenarios do not match; the verdicts of"
                 f" {len(methods)} methods are needed for each of {n} scenarios: run it again"
             )
+
+        # One array per column over all pieces
         wide = {}
         for name in said[0]:
             wide[name] = np.concatenate([s[name] for s in said], axis=-1)
@@ -290,18 +297,25 @@ class RunArrays:
 
 def _of_scenarios(table: pa.Table) -> Iterator[tuple[str, Any]]:
     """Yield the arrays of a run that its scenarios give."""
+    # Hashes as bytes
     keys = {"ids": "scenario_id", "digests": "loop_digest", "hashes": "record_hash"}
     for name, column in keys.items():
         yield name, np.array([x or "" for x in table.column(column).to_pylist()], dtype="S16")
+
+    # The axes
     axes = {}
     for name in WORD_COLUMNS:
         axes[name] = _of_words(table.column(name))
     yield "axes", axes | {name: _read_numbers(table.column(name)) for name in _NUMBERS}
+
+    # The truths
     truth = {}
     for name in ("sticky", "predicted"):
         truth[name] = _read_flags(table.column(name))
     truth["cycled"] = _encode_words(table.column("cycled"), _CYCLED)
     yield "truth", truth | {"cycled_word": _of_words(table.column("cycled"))}
+
+    # What the record shows, and what it is made of
     yield "oscillating", _read_flags(table.column("oscillating")) == 1
     yield "groups", table.column("group").to_numpy()
     yield "design", _read_lists(table.column("no_waveform"))
@@ -409,6 +423,7 @@ def _read_lists(column: pa.ChunkedArray) -> np.ndarray:
 
 def read_book(folder: str | Path) -> RunArrays:
     """Read a run or a baseline."""
+    # Whatever a damaged file raises is one sentence
     try:
         book = RunArrays.read(folder)
     except (
@@ -423,6 +438,8 @@ def read_book(folder: str | Path) -> RunArrays:
             f"{folder} is damaged: {' '.join(str(error).split())[:200]}; restore it, or run it"
             " again"
         ) from None
+
+    # A run without verdicts answers nothing
     if not book.ids.size or not book.methods:
         raise RunError(
             f"{folder} holds no verdicts: {book.ids.size} scenarios, {len(book.methods)} methods;"

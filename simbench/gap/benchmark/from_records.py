@@ -220,6 +220,7 @@ def grid_from_records(
     -----
     Not for a record whose operation changes: one loop copies all of it.
     """
+    # The loop near each record, or why there is none
     calls = [delayed(_kept_loop)(record, seed, kept) for record in records.values()]
     answers = dict(zip(records, run_parallel(calls, jobs, "loops identified"), strict=True))
     loops = {}
@@ -230,6 +231,8 @@ def grid_from_records(
     for n, one in answers.items():
         if isinstance(one, Refusal):
             left_out[n] = one.reason
+
+    # No loop, no grid
     if not loops:
         why = "; ".join(f"{n}: {reason}" for n, reason in list(left_out.items())[:3])
         raise RecordError(f"{name}: no record has a loop that is near it ({why})")
@@ -237,6 +240,8 @@ def grid_from_records(
         f"Loops that copy {len(loops)} of {len(records)} records, with sound valves and with"
         " sticking ones"
     )
+
+    # Few loops are drawn more often
     repeats = -(-_LEAST // len(loops))
     grid = grid_of_loops(loops, name, title, repeats=repeats, seed=seed, jobs=jobs)
     return RecordsGrid(grid, loops, left_out)
@@ -254,6 +259,7 @@ def grid_of_loops(
     """Return the grid of some loops that copy records; loads and noise of every cell are drawn
     `repeats` times.
     """
+    # The scenarios of every loop; a few loops form groups by cell, many by record
     calls = [delayed(_scenarios_of_record)(n, one, name, seed, repeats) for n, one in loops.items()]
     rows = []
     group = 0
@@ -263,6 +269,8 @@ def grid_of_loops(
                 group += 1
             rows += [_scenario_row(one, group) for one in ones]
         group += 1
+
+    # The grid as a table with nothing to settle
     content = GridFile(
         title=title,
         source=FROM_RECORDS,
@@ -285,8 +293,11 @@ def _scenario_row(one: Scenario, group: int) -> dict[str, Any]:
 
 def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | Refusal:
     """Return the loop of a record, from where it was kept if it was."""
+    # Without a folder nothing is kept
     if kept is None:
         return near_loop(record, seed)
+
+    # What the answer depends on is its name
     about = (record.Ts, record.process, record.kind, record.op_span, record.pv_span)
     told = {"record": record_hash(record), "about": [str(x) for x in about], "seed": seed}
     file = kept / f"{content_hash(told)}.json"
@@ -295,6 +306,8 @@ def _kept_loop(record: LoopRecord, seed: int, kept: Path | None) -> NearLoop | R
         if isinstance(stored, str):
             return Refusal(stored)
         return NearLoop.from_json(stored)
+
+    # Found once, kept for the next call
     found = near_loop(record, seed)
     kept.mkdir(parents=True, exist_ok=True)
     with whole_file(file) as f:
@@ -306,10 +319,13 @@ def _scenarios_of_record(
     name: str, near: NearLoop, grid: str, seed: int, repeats: int
 ) -> list[list[Scenario]]:
     """Return the scenarios of one record, those of each cell together: sticky and healthy."""
+    # Every size with every slip jump
     cells = []
     for jump in JUMPS:
         for size in SIZES:
             cells.append((size * near.S, jump))
+
+    # Cell by cell, each with its own stream
     found = []
     with one_thread():
         for cell, (S, jump) in enumerate(cells):
@@ -336,10 +352,13 @@ def _draw_cell(
     it, the sibling has fresh loads, as that of one that does not cycle, which stands in every other
     cell. What cannot be simulated is left out.
     """
+    # Seeds that depend on the record, the cell and the member
     rng = np.random.default_rng(stream + [int(near.digest[:8], 16)])
     first, other = (int(x) for x in rng.integers(2**31, size=2))
     valve = {"S": S, "J": jump * S}
     sticky = near.loop.model_copy(update={"valve": Part(name=_VALVE, parameters=valve)})
+
+    # The sticky loop, and an echo of it where it cycles
     try:
         cycles = simulate_with_truth(sticky, first)[1].answer == YES
         found = [_make_scenario(near, sticky, first, {**tags, "member": "sticky"}, sticky)]
@@ -348,6 +367,8 @@ def _draw_cell(
             healthy = _draw_echo(near.loop, valve, kind, other)
         else:
             healthy = None
+
+        # Else the loop as it is, in every second cell
         if healthy is None:
             healthy = (near.loop, other)
             kind = "none"
@@ -378,6 +399,7 @@ def _make_scenario(
     near: NearLoop, loop: Loop, seed: int, tags: dict[str, Any], sticky: Loop
 ) -> Scenario:
     """Return a scenario whose id is a hash of the record, the cell and the member."""
+    # The axes of the loop, with those that only its cell knows
     axes = {
         **loop_axes(loop),
         "cell_S_over_2J": loop_axes(sticky)["S_over_2J"],
@@ -388,6 +410,8 @@ def _make_scenario(
         "record": tags["block"],
         "ranked": 1.0,
     }
+
+    # The id is of what it was drawn from
     asked = {}
     for key in ("benchmark", "cell", "repeat", "member"):
         asked[key] = tags[key]

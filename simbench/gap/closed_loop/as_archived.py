@@ -23,16 +23,23 @@ def as_archived(
     """Return OP and PV of a simulated loop after the changes that the archive made to the recorded
     ones.
     """
+    # Every how many samples, and how late OP is written
     op, pv = (x[:: situation.pace] for x in (op, pv))
     late = situation.law.late
     if late:
         op = np.append(np.repeat(op[0], late), op[:-late])
+
+    # Means in place of samples, where the record has them
     if situation.law.averaged and situation.law.recovered_pv is not None:
         pv = mean_like(situation.record.pv, situation.law.recovered_pv, pv)
+
+    # Rounded as the record is
     op, pv = (
         unit * np.round(x / unit) if unit > 0.0 else x
         for x, unit in zip((op, pv), digits_of(situation))
     )
+
+    # Held as the record is, unless an effect holds it already
     by_effect = _resting_by_effect(situation)
     recorded = situation.op, situation.record.pv
     op, pv = (

@@ -11,8 +11,7 @@ import numpy as np
 from simbench.detectors.signal.lattice import written_unit
 from simbench.gap.effects import Parameters, is_friction, recogniser
 from simbench.gap.likelihood.model import Data
-from simbench.gap.likelihood.valve_map import positioner
-from simbench.gap.likelihood.valve_map import MapFit, MapSearch, share_of
+from simbench.gap.likelihood.valve_map import MapFit, MapSearch, positioner, share_of
 from simbench.gap.situation import Situation, through_valve
 from simbench.gap.thresholds import BY_MV, MV_LEFT, MV_LEFT_BY_FRICTION
 from simbench.loop.effects import EFFECTS

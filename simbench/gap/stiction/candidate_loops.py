@@ -15,8 +15,7 @@ from simbench.detectors.record import LoopRecord
 from simbench.gap.closed_loop.runs import ClosedLoops
 from simbench.gap.decide.assess import Assessment
 from simbench.gap.intake.partial import Partial
-from simbench.gap.likelihood.valve_map import positioner
-from simbench.gap.likelihood.valve_map import MapSearch
+from simbench.gap.likelihood.valve_map import MapSearch, positioner
 from simbench.gap.stiction.deniable import Deniable, steady
 from simbench.gap.stiction.friction import (
     FRICTION,
