@@ -119,10 +119,13 @@ def _end_on_sigterm() -> Iterator[None]:
 
 def add_options(command: Sequence[str], cure: str) -> str:
     """Return a command with further options, in place of those with the same names."""
+    # The option with its new values
     option, *values = shlex.split(cure)
     words = []
     old = []
     at = 0
+
+    # The command without it; old values are kept for columns
     while at < len(command):
         name, equals, value = command[at].partition("=")
         if name != option:
@@ -131,12 +134,12 @@ def add_options(command: Sequence[str], cure: str) -> str:
             continue
         if equals:
             old += [value]
-        else:
-            old += command[at + 1 : at + 1 + len(values)]
-        if equals:
             at += 1
         else:
+            old += command[at + 1 : at + 1 + len(values)]
             at += 1 + len(values)
+
+    # Columns add up
     if option == "--columns":
         both = (column_pairs(old) or {}) | (column_pairs(values) or {})
         values = [",".join(f"{role}={name}" for role, name in both.items())]

@@ -124,8 +124,10 @@ def detect(
     >>> report["half"].verdict, len(report), report.to_frame().method.tolist()
     ('no_stiction', 2, ['half', 'horch'])
     """
+    # Detectors of one's own take part under their names
     asked, custom = named_methods(methods)
     with registry.adopted({name: as_plugin(name, detector) for name, detector in custom.items()}):
+        # A file, or a folder of them
         signals = about.get("op"), about.get("pv")
         if isinstance(source, (str, Path)) and all(signal is None for signal in signals):
             known = {}
@@ -133,11 +135,15 @@ def detect(
                 if k not in ("op", "pv", "sp", "mv"):
                     known[k] = v
             return judge_files(source, asked, plugins=plugins, **known)
+
+        # A record, repaired where it must be
         record = repair_record(as_record(source, **about))
         with registry.added(plugins) as added:
             names = choose_methods(asked + added)
             refuse_wrong_forms(names)
             verdicts = judge(record, names)
+
+        # The conclusion, where all methods are asked
         if _weighs_evidence(asked):
             conclusions = {None: _conclude_record(record)}
         else:

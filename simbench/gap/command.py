@@ -254,10 +254,13 @@ _SAYS = {
 
 def _with_comments(table: Mapping[str, Any]) -> str:
     """Return a loop's table as the text of a loop file, above each part what it is for."""
+    # Each part of each section
     parts = []
     for section, content in table.items():
         for one in content if isinstance(content, list) else [content]:
             kind = str(one.get("name") or one.get("type"))
+
+            # What it is for, by its section or its kind
             if section == "effect" and kind in EFFECTS:
                 of_effect = EFFECTS[kind].says
             else:
@@ -292,11 +295,14 @@ def _commands_to_repeat(
     about: dict[str, Any],
 ) -> list[str]:
     """Return the commands that repeat a diagnosis and simulate the fixed loop."""
+    # The command itself, with the loop file or without
     words = ["simbench", "gap", "diagnose", *map(str, records)]
     if baseline is None:
         words += ["--identify"]
     else:
         words += ["--baseline", str(baseline)]
+
+    # Every option that was given, in the form of the command line
     for name, value in about.items():
         if isinstance(value, dict):
             value = ",".join(f"{role}={column}" for role, column in value.items())
@@ -308,5 +314,7 @@ def _commands_to_repeat(
             else:
                 numbers = (one,)
             words += [f"--{name.replace('_', '-').lower()}", *map(plain_number, numbers)]
+
+    # And the simulation of what it wrote
     words += ["--write-loop", "fixed.toml"]
     return [shlex.join(words), "simbench simulate fixed.toml -o fixed.csv"]

@@ -280,6 +280,7 @@ def _assess_all(
     """Assess every record; evidence adds up, and the longest record carries the fits, parameters
     and the gap.
     """
+    # Every record by itself, in parallel where there are several
     longest, *shorter = sorted(records, key=lambda r: -r.n)
     assessed = delayed(_assess_one)
     calls = [assessed(r, baseline, ordinary, seed) for r in (longest, *shorter)]
@@ -287,6 +288,8 @@ def _assess_all(
         pairs: list[Any] = list(Parallel(n_jobs=jobs if shorter else 1)(calls))
     every = [assessment for assessment, _ in pairs]
     loops = pairs[0][1]
+
+    # Friction by all records that could be weighed
     main, *others = every
     weighed = []
     for _, one in pairs:
@@ -295,12 +298,16 @@ def _assess_all(
     if weighed:
         loops = replace(weighed[0], log_odds=pool_log_odds([one.log_odds for one in weighed]))
         main = replace(main, friction=loops.probability)
+
+    # One record is what it is
     if not others:
         return main, loops
     main.situation.notes.append(
         f"{len(every)} records judged together; gap and parameters are those of"
         f" {main.situation.record.tag or 'the longest'}"
     )
+
+    # Evidence of all records; the numbers are those of the longest
     main = replace(
         main,
         rows=tuple(row for one in every for row in one.rows),

@@ -203,11 +203,16 @@ def frozen(s: Situation, first: int) -> Term | None:
     """Return the spells in which PV repeats itself; None where there are none, or a rounding or the
     ends of a range explain them better.
     """
+    # A rounding explains repeats by itself
     if s.archive.rounding is not None:
         return None
+
+    # How likely two equal samples are by chance
     pv = np.asarray(s.record.pv)
     unit = max(s.samples.resolution, 2.0 * s.samples.band, 1e-9 * float(np.ptp(pv)))
     chance = unit / max(float(np.std(np.diff(pv))), unit)
+
+    # Repeats of three samples and more; those at a limit are none
     still = np.append(False, np.diff(pv) == 0.0)
     ends = []
     for end in (float(pv.min()), float(pv.max())):
@@ -215,11 +220,17 @@ def frozen(s: Situation, first: int) -> Term | None:
             ends.append(end)
     long = still & (holds(pv)[np.cumsum(~still) - 1] >= 3)
     noisy = s.samples.band == 0.0 and s.baseline.noise.std > unit
+
+    # Few repeats, or a sensor that is too quiet to tell
     if long.mean() <= _HELD or not (s.frozen or noisy):
         return None
+
+    # Repeats at the limits explain as much
     nats = read_off(long, chance, first)
     if ends and read_off(np.isin(pv, ends), chance, first) >= nats:
         return None
+
+    # The share and the mean length of the spells
     length = float(long.sum()) / len(runs_of(long)) * s.record.Ts
     return Term("held", {"share": float(long.mean()), "length": length}, nats)
 

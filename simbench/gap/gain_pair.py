@@ -46,11 +46,14 @@ def gain_change_recorded(
     The change is weighed by simulations, as in `gain_change`, of the loops that are identified from
     either record; what each record shows of friction by itself counts as well.
     """
+    # One sampling period
     if not np.isclose(before.Ts, after.Ts):
         raise ParameterError(
             f"gain change: Ts = {before.Ts:g} s before and {after.Ts:g} s after; one is needed for"
             " both"
         )
+
+    # The gains are stated, or read off both records
     if factor is not None:
         gains = (1.0, factor)
     else:
@@ -60,6 +63,8 @@ def gain_change_recorded(
             "gain change: the records do not show the controller gain; new over old is needed:"
             " --ratio"
         )
+
+    # A change that is large enough to tell anything
     if gains[0] > 0:
         ratio = gains[1] / gains[0]
     else:
@@ -68,10 +73,14 @@ def gain_change_recorded(
         raise ParameterError(
             f"gain change: Kc changed {ratio:.3g}-fold; at least 20 % more or less is needed"
         )
+
+    # What each record does, and how the two differ
     records = (before, after)
     signals = [r.op if r.op_percent is None else r.op_percent for r in records]
     phases = [measure(op, r.Ts, float(Kc)) for op, r, Kc in zip(signals, records, gains)]
     verdict, reason = _compare_records(records, phases, ratio)
+
+    # Both records in one trace
     op = np.concatenate(signals)
     pv = np.concatenate([before.pv, after.pv])
     trace = Trace(op, pv, np.full(op.size, np.nan))

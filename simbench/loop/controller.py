@@ -89,21 +89,28 @@ def pid_step(e, sp, state, p):
     OP. Velocity: OP before its limits moves by the changes of P, I and D; clamping takes the
     limited OP for the next sample, back-calculation brings it there with Tt.
     """
+    # Proportional and derivative terms, with their weights and the scheduled gain
     r = sp - p.pv0
     g = scheduled(sp - e if p.on == 0.0 else state[0] if p.on == 1.0 else sp, p.at, p.factor)
     now = g * p.Kc * (e - (1.0 - p.b) * r)
     f = e - (1.0 - p.c) * r
     d = p.fade * state[3] + g * p.Kc * p.kd * (f - state[4])
+
+    # The velocity form adds changes to what was written last
     ahead = g * p.Ki * e
     if p.velocity > 0.0:
         v = state[1] + ((now - state[2]) + ahead + (d - state[3]))
         u = min(max(v, p.lo), p.hi)
         return u, (v + p.back * (u - v) if p.back > 0.0 else u), now, d, f
+
+    # The positional form, with back-calculation where it is stated
     kept = state[1] + ahead
     v = now + kept + d
     if p.back > 0.0:
         u = min(max(v, p.lo), p.hi)
         return u, kept + p.back * (u - v), now, d, f
+
+    # Else the integral stops at a limit
     if (v > p.hi and ahead > 0.0) or (v < p.lo and ahead < 0.0):
         kept = state[1]
     return min(max(now + kept + d, p.lo), p.hi), kept, now, d, f
@@ -131,15 +138,20 @@ def pid_numbers(c, Kc, Ti, Ts, pv0, lo, hi):
     """Return the numbers of a loop file's PID for `pid_step`; `Kc` (signed) and `Ti` as effects
     left them.
     """
+    # The derivative filter and the tracking time
     Td = c.Td or 0.0
     lag = Td / derivative_filter(c)
     back = 0.0
     if c.anti_windup == "back-calculation":
         back = min(Ts / (c.Tt or (np.sqrt(Ti * Td) if Td > 0.0 else Ti)), 1.0)
+
+    # The schedule, the weights and the form
     points = np.array(c.schedule or [[0.0, 1.0]], dtype=float).T.copy()
     b, weight = (default if value is None else value for value, default in ((c.b, 1.0), (c.c, 0.0)))
     velocity = float(c.form == "velocity")
     on = float(SCHEDULED_ON.index(c.schedule_on or "pv"))
+
+    # In the order of the step's fields
     numbers = (
         Kc,
         Kc * Ts / Ti,

@@ -61,11 +61,14 @@ class NoCycleError(ParameterError):
 
 def donor_of(loop: Loop, echo: Part) -> Loop:
     """Return the loop whose valve's error a load is: without the load, and with its valve."""
+    # An echo comes last, and once
     if loop.disturbance[-1] is not echo or any(d.name == NAME for d in loop.disturbance[:-1]):
         raise ParameterError(
             f"disturbance {NAME!r} is followed by another one; it must be the last, and the only"
             " echo"
         )
+
+    # The sticky valve that it echoes
     name = echo.parameters.get(VALVE)
     if not isinstance(name, str):
         raise ParameterError(
@@ -76,12 +79,16 @@ def donor_of(loop: Loop, echo: Part) -> Loop:
     for k, v in echo.parameters.items():
         if k not in (*SHAPES, VALVE):
             numbers[k] = v
+
+    # The valve must be one that can be built
     valve = Part(name=name, parameters=numbers)
     VALVES.load(name)
     try:
         stages_of(valve, loop.sampling.Ts)
     except UserError as error:
         raise ParameterError(f"disturbance {NAME!r}: {error}") from None
+
+    # The loop with that valve in place of the echo
     return loop.model_copy(update={"disturbance": loop.disturbance[:-1], "valve": valve})
 
 
@@ -116,14 +123,19 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
 
 def _draw_harmonics(error: np.ndarray, period: float, rng: np.random.Generator) -> np.ndarray:
     """Return harmonics that follow the phase and the size of the error's fundamental."""
+    # The error's fundamental, between two low-pass filters
     low, high = (share / period for share in _FUNDAMENTAL)
     band = _low_pass(error, high, period) - _low_pass(error, low, period)
+
+    # Its analytic signal: size and phase
     spectrum = np.fft.fft(band)
     spectrum[1 : (band.size + 1) // 2] *= 2.0
     spectrum[band.size // 2 + 1 :] = 0.0
     analytic = np.fft.ifft(spectrum)
     size = elementwise(math.hypot, analytic.real, analytic.imag)
     phase = np.unwrap(elementwise(math.atan2, analytic.imag, analytic.real))
+
+    # Each harmonic follows both, with a share and a turn that are drawn
     total = np.zeros(error.size)
     for times, most in _HARMONICS.items():
         share = rng.uniform(0.0, most)

@@ -38,10 +38,13 @@ def closed_loop(sp, load_in, load_out, noise, moves, op0, w, x, c, v, s, numbers
     past; `moves` (%) are added to OP, and the controller goes on from there. Fills `op`, `pv` and
     `mv`.
     """
+    # The parts' numbers by name
     plant, controller, gap, sensor, valve = named(numbers)
     lag = w.shape[0] - sp.shape[0]
     w_now = w[lag:]
     w_new = w[1:]
+
+    # Sensor, controller, valve, plant, in this order
     for k in range(sp.shape[0]):
         s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
         c = controller_step(error_step(sp[k] - s[0], gap), sp[k], c, controller)
@@ -51,6 +54,8 @@ def closed_loop(sp, load_in, load_out, noise, moves, op0, w, x, c, v, s, numbers
         v = valve_step(u, v, valve)
         w_now[k] = v[-1][0] - op0 + load_in[k]
         x = plant_step(w[k], w_new[k], x, plant)
+
+        # What is recorded
         pv[k] = s[0]
         op[k] = u
         mv[k] = v[-1][0]
@@ -89,15 +94,20 @@ def cascade(
     sampled exactly. `lags` are their samples of dead time + 1, `w` begins with as many of the past
     as the longer has.
     """
+    # The parts' numbers by name
     plant, controller, gap, sensor, outer_plant, outer, valve = named(numbers)
     past = w.shape[0] - sp.shape[0]
     w_now = w[past:]
     w_in = w[past - lags[0] :]
     w_out = w[past - lags[1] :]
+
+    # The outer loop writes the inner set point
     for k in range(sp.shape[0]):
         y = outer_plant_output(X, outer_plant) + outer_noise[k]
         C = outer_step(sp[k] - y, sp[k], C, outer)
         point[k] = lo + per * C[0]
+
+        # The inner loop as in `closed_loop`
         s = sensor_step(plant_output(x, plant) + load_out[k], noise[k], s, sensor)
         c = controller_step(error_step(point[k] - s[0], gap), point[k], c, controller)
         if moves[k] != 0.0:
@@ -106,6 +116,8 @@ def cascade(
         v = valve_step(u, v, valve)
         w_now[k] = v[-1][0] - op0 + load_in[k]
         x = plant_step(w_in[k], w_in[k + 1], x, plant)
+
+        # The outer plant answers to the inner one's input
         X = outer_plant_step(w_out[k], w_out[k + 1], X, outer_plant)
         outer_op[k] = C[0]
         outer_pv[k] = y

@@ -43,8 +43,11 @@ class Parts:
 
 def parts_of(setup: Setup) -> Parts:
     """Choose the steps a setup needs, and resolve their parameters."""
+    # Plant and controller
     sampled, plant_steps, plant_p = _plant_of(setup)
     control_steps, control_p = _control_of(setup)
+
+    # Error gap and rounded OP, sensor lag and rounded PV: the plain steps where there is none
     full_control = setup.error_gap > 0 or setup.op_step > 0
     full_sensor = setup.sensor_tau > 0 or setup.pv_step > 0
     if setup.sensor_tau > 0:
@@ -58,6 +61,8 @@ def parts_of(setup: Setup) -> Parts:
         **plant_steps,
         "sensor_step": sensor.full_step if full_sensor else sensor.plain_step,
     }
+
+    # Their numbers
     if full_control:
         gap_p = controller.Gap(setup.error_gap / 2, setup.op_step)
     else:
@@ -66,6 +71,8 @@ def parts_of(setup: Setup) -> Parts:
         sensor_p = sensor.Transmitter(float(follow), setup.pv_step)
     else:
         sensor_p = sensor.Bare(0.0)
+
+    # An effect on the law needs a plain P or PI controller
     if setup.derivative is not None or setup.idle is not None:
         if steps["controller_kick"] is not controller.kicked:
             raise ParameterError(
@@ -79,9 +86,13 @@ def parts_of(setup: Setup) -> Parts:
             )
         steps["controller_step"] = controller.other_step
         control_p = _other_pi(setup)
+
+    # A sensor that freezes
     if setup.frozen is not None:
         steps["sensor_step"] = sensor.freezing_step
         sensor_p = sensor.Freezing(float(follow), setup.pv_step, setup.frozen)
+
+    # The valve's stages
     valve_p = tuple(p for _, p in setup.valves)
     stages = tuple(module.step for module, _ in setup.valves)
     return Parts(sampled, steps, stages, (plant_p, control_p, gap_p, sensor_p, valve_p))
@@ -114,6 +125,7 @@ def in_series(inner: Setup, outer: Setup) -> Parts:
 
 def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType], Any]:
     """Return the sampled plant, its steps and their numbers."""
+    # A plug-in computes its own step; its transfer function is not changed
     if setup.plant_plugin is not None:
         module, p = setup.plant_plugin
         num, den = linear_plant(module, p)
@@ -128,6 +140,8 @@ def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType]
             np.zeros((0, 0)), empty, empty, empty, plant.whole_delay(setup.Td, setup.Ts)
         )
         return sampled, {"plant_step": module.step, "plant_output": plant.first_order_output}, p
+
+    # A sampled plant of first, second, or any order
     sampled = plant.sample(setup.num, setup.den, setup.Td, setup.Ts)
     old = sampled.B_old.tolist()
     new = sampled.B_new.tolist()
@@ -151,6 +165,7 @@ def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType]
 
 def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
     """Return the controller's steps and their numbers."""
+    # A plug-in has the numbers that it names
     gain = setup.sign * setup.Kc
     limits = (setup.op_lo, setup.op_hi)
     if setup.control_plugin is not None:
@@ -166,6 +181,8 @@ def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
             )
         p = p._replace(**tuned, op0=setup.op0, pv0=setup.pv0, lo=limits[0], hi=limits[1])
         return {"controller_step": module.step, "controller_kick": controller.plugin_kicked}, p
+
+    # P, PID and PI
     if setup.Ti is None:
         p = controller.P(gain, setup.op0, *limits)
         return {"controller_step": controller.p_step, "controller_kick": controller.kicked}, p
@@ -195,11 +212,14 @@ def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] 
     """Return the plant's state: at rest, with PV at `pv` where it is of first order, or the one
     given.
     """
+    # A plug-in says where it rests
     order = parts.sampled.order
     g = parts.sampled
     if setup.plant_plugin is not None:
         rest = _numbers_in(setup.plant_plugin[0].start(parts.numbers[0]))
         return (float(pv - setup.pv0),) + rest[1:]
+
+    # A cycle's state is given, in the form of the plant's step
     second = parts.steps["plant_step"] is plant.second_order_step
     if state and second:
         moved = times(g.A, np.asarray(state)) - state
@@ -208,6 +228,8 @@ def plant_start(setup: Setup, parts: Parts, pv: float, state: tuple[float, ...] 
         if order == 1:
             return state
         return np.append(state, np.zeros(order))
+
+    # Else at rest
     if order == 1:
         return (float(pv - setup.pv0),)
     if second:

@@ -92,13 +92,18 @@ class Number:
         float
             The value in the number's unit.
         """
+        # A plain number in range needs no sentence
         if type(value) is float and self.low < value < self.high and -LARGEST <= value <= LARGEST:
             return value  # nearly always
+
+        # What is allowed, in words
         if self.unit:
             unit = f" ({self.unit})"
         else:
             unit = ""
         allowed = f"it must be {self._allowed_range()}{unit}"
+
+        # A number
         if isinstance(value, bool) or not hasattr(value, "__float__"):
             raise ParameterError(f"{where}: {name} = {value!r} is no number, {allowed}")
         try:
@@ -107,6 +112,8 @@ class Number:
             raise ParameterError(
                 f"{where}: {name} = {_start_of_value(value)} is not finite, {allowed}"
             ) from None
+
+        # Finite, and within its range
         if not math.isfinite(number):
             raise ParameterError(f"{where}: {name} = {number} is not finite, {allowed}")
         if abs(number) > LARGEST:
@@ -194,10 +201,13 @@ def resolve(
     follow from others (they arrive as NaN). UnknownName for a key the schema lacks, ParameterError
     for a value that is missing, not finite, or out of range.
     """
+    # No key but those of the schema
     if not table.keys() <= schema.keys():
         raise UnknownName(
             "parameter", next(name for name in table if name not in schema), schema, where
         )
+
+    # Each value as stated, or its default
     values: dict[str, float] = {}
     for name, rule in schema.items():
         if name in table:
@@ -212,6 +222,8 @@ def resolve(
             values[name] = rule.read(rule.default, name, where)
         else:
             values[name] = float(rule.default)
+
+    # What follows from the others
     if complete is not None:
         values = complete(values, where)
     values.update(extra)

@@ -42,6 +42,7 @@ def _try_parts(folder: PluginFolder, names: Iterable[str]) -> None:
     """Run a loop for one step with each part; ParameterError for one that raises what is no refusal
     of its parameters.
     """
+    # Parameters without a default get a value of their range
     for name in names:
         module = folder.load(name)
         wanted = {}
@@ -51,6 +52,8 @@ def _try_parts(folder: PluginFolder, names: Iterable[str]) -> None:
         table = {}
         for key, rule in wanted.items():
             table[key] = _value_of(rule)
+
+        # A step in the smallest loop that has such a part
         loop = {**_LOOP, **_IN_LOOP[folder.kind](name, table)}
         try:
             simulate(Loop.from_table(loop), 0)

@@ -99,16 +99,21 @@ def first_order_like(plant: Plant) -> Plant:
     """Return the first-order or integrating plant with a plant's gain, mean delay and, where there
     is one, spread in time.
     """
+    # A plant in z, or one that is of first order already
     if plant.dt is not None:
         return _like_of_samples(plant)
     if plant.den is None or len(plant.den) == 2:
         return plant
+
+    # Mean and variance of its lags, by the polynomials
     den = np.array(plant.den[: -1 if plant.integrating else None])
     (n1, n2), (d1, d2) = (
         np.append([0.0, 0.0], side)[-2:-4:-1] / side[-1] for side in (plant.num, den)
     )
     delay = d1 - n1
     spread = d1**2 - 2.0 * d2 - (n1**2 - 2.0 * n2)
+
+    # One lag of the same variance; the rest is dead time
     if plant.integrating:
         T = 0.0
         table = {"type": "integrating"}

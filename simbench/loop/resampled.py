@@ -42,6 +42,7 @@ def drawn(
     """Yield where the residuals act and the signals, shape (total,), that their pieces make; of
     "op" the moves of OP, sample by sample.
     """
+    # The filter, the columns, and the numbers
     where = f"disturbance {RESAMPLED!r}"
     given = dict(part.parameters)
     law = given.pop("filter", None)
@@ -50,6 +51,8 @@ def drawn(
         if name in given:
             columns[name] = _checked_column(given.pop(name), name, where)
     p = resolve(NUMBERS, given, where)
+
+    # Columns of one length
     lengths = {x.size for x in columns.values()}
     if len(lengths) != 1:
         raise ParameterError(
@@ -57,15 +60,21 @@ def drawn(
             + f" file, or {', '.join(f'{n} ({u})' for n, u in _UNITS.items())}, is needed"
         )  # fmt: skip
     (n,) = lengths
+
+    # A piece of at least one sample
     piece = round(p.piece / Ts)
     if not 1 <= piece <= n:
         raise ParameterError(
             f"{where}: piece = {p.piece:g} s is {piece} samples; 1 to {n} are needed, as many as"
             " there are residuals"
         )
+
+    # Pieces drawn with replacement, one behind the other
     rng = np.random.default_rng(stream)
     begins = rng.integers(0, n - piece + 1, -(-total // piece))
     at = (begins[:, None] + np.arange(piece)).ravel()[:total]
+
+    # Each signal through the filter, but for what acts on OP
     for name, column in columns.items():
         signal = p.amplitude * column[at]
         if law is not None and name != "op":

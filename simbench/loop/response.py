@@ -33,10 +33,13 @@ def valve_response(
     plain: bool = False,
 ) -> np.ndarray:
     """Return the valve position under an OP series."""
+    # The valve's parameters for this sampling period
     module = VALVES.load(model)
     if not (np.isfinite(Ts) and Ts > 0.0):
         raise ParameterError(f"valve {model!r}: Ts = {Ts} s must be a finite number > 0")
     p = valve_parameters(module, parameters or {}, Ts)
+
+    # One finite series
     op = np.ascontiguousarray(op, dtype=np.float64)
     if op.ndim != 1:
         raise ParameterError(
@@ -46,6 +49,8 @@ def valve_response(
         raise ParameterError(
             f"valve {model!r}: OP is not finite at sample {int(np.argmin(np.isfinite(op)))}"
         )
+
+    # From rest, sample by sample
     mv = np.empty(op.size)
     if op.size:
         state = tuple(float(s) for s in module.start(float(op[0]), p))
@@ -55,6 +60,8 @@ def valve_response(
                 mv[k] = state[0]
         else:
             _compiled_trace(module.step)(op, state, p, mv)
+
+    # A motion that did not end
     if np.isnan(mv).any():
         raise ParameterError(
             f"valve {model!r}: the motion of sample {int(np.argmax(np.isnan(mv)))} did not come to"

@@ -132,14 +132,19 @@ def signals_of(
     """Return OP, PV as the controller saw it, and MV of a run, each of shape (warm_up + n +
     tail,).
     """
+    # The steps of each part
     parts = parts_of(setup)
     sampled = parts.sampled
     total = setup.sp.size
+
+    # The master of a cascade, and the lags of both plants
     if setup.outer is None:
         outer = None
     else:
         outer = in_series(setup, setup.outer)
     lags = (sampled.delay + 1, 0 if outer is None else outer.sampled.delay + 1)
+
+    # The state at rest
     w = np.zeros(total + max(lags))
     pv = setup.pv0
     c = control_start(setup, parts.numbers[1])
@@ -149,6 +154,8 @@ def signals_of(
         state = tuple(float(x) for x in module.start(u, p))
         v.append(state)
         u = state[0]
+
+    # Or that of a cycle
     if start is not None:
         past = np.array(start.mv[-(sampled.delay + 1) :], dtype=float) - setup.op0
         w[: sampled.delay + 1] = past[0]
@@ -156,6 +163,8 @@ def signals_of(
         pv = start.pv
         c = start.control or (float(start.op), float(start.error))
         v = [tuple(float(x) for x in start.valve)]
+
+    # Plant and sensor start with it
     x = plant_start(setup, parts, pv, () if start is None else start.state)
     if setup.frozen is not None:
         s: Any = sensor.freezing_start(pv)
@@ -164,16 +173,22 @@ def signals_of(
             s = sensor.full_start(pv)
         else:
             s = sensor.plain_start(pv)
+
+    # Room for the signals, and OP's first move
     op = np.empty(total)
     measured = np.empty(total)
     mv = np.empty(total)
     moves = setup.op_moves.copy()
     moves[0] += kick
+
+    # A cascade has a kernel of its own
     outside = [f for f in (setup.plant_plugin, setup.control_plugin) if f is not None]
     if outer is not None:
         return _run_cascade(
             setup, parts, outer, lags, moves, plain, (w, x, c, tuple(v), s, op, measured, mv)
         )
+
+    # Plain Python, plug-ins that may not compile, or compiled
     if plain:
         make = kernel.bind
     elif outside:
@@ -234,6 +249,7 @@ def _run_cascade(
     """Run both loops of a cascade; the inner set point stands in `setup.sp` afterwards, the outer
     OP and PV beside it.
     """
+    # The master's limits, and its steps by their names in the kernel
     assert setup.outer is not None
     assert setup.loop.outer is not None
     w, x, c, v, s, op, measured, mv = rooms
@@ -245,12 +261,16 @@ def _run_cascade(
         "outer_step": "controller_step",
     }
     steps = parts.steps | {name: outer.steps[own] for name, own in steps.items()}
+
+    # The numbers of both loops
     plant_p, control_p, gap_p, sensor_p, valve_p = parts.numbers
     both = replace(
         parts,
         steps=steps,
         numbers=(plant_p, control_p, gap_p, sensor_p) + outer.numbers[:2] + (valve_p,),
     )
+
+    # The master at rest
     X = plant_start(master, outer, master.pv0)
     C = control_start(master, outer.numbers[1])
     signals = np.empty_like(op), np.empty_like(op)
@@ -279,6 +299,8 @@ def _run_cascade(
         mv,
         *signals,
     )
+
+    # What the kernel filled
     setup.outer_signals = signals
     return op, measured, mv
 

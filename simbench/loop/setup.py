@@ -339,8 +339,11 @@ def plain_setup(
     `tf` takes the place of the loop's plant (its dead time stays); `parts` are those of the loop,
     where they are known.
     """
+    # The parts of the loop, looked up once
     total = (loop.sampling.warm_up or 0) + loop.sampling.n + tail
     parts = parts or look_up_parts(loop, tf)
+
+    # Everything at rest, over all samples
     setup = Setup(
         loop=loop,
         seed=seed,
@@ -362,6 +365,8 @@ def plain_setup(
         plant_plugin=parts.plant_plugin,
         control_plugin=parts.control_plugin,
     )
+
+    # Set points, and the master of a cascade
     _set_up_steps(setup, loop.setpoint.steps)
     if loop.outer is not None:
         setup.outer = _set_up_outer(setup, loop.outer)
@@ -382,11 +387,14 @@ def _set_up_outer(inner: Setup, outer: Outer) -> Setup:
     """Return the outer loop of a cascade, its plant without that of the inner loop, OP at rest
     where the inner PV rests.
     """
+    # The master moves the inner set point, whose loop must be linear
     if inner.not_linear:
         raise ParameterError(
             f"cascade: {inner.not_linear}; the inner loop of a cascade needs a plant with a"
             " transfer function"
         )
+
+    # The master's own plant, OP at the inner set point
     num, den = plant.polynomials(outer.plant)
     lo, hi = outer.sp_span
     alone = {
@@ -411,5 +419,7 @@ def _set_up_outer(inner: Setup, outer: Outer) -> Setup:
         valves=[],
         recorders=[],
     )
+
+    # Set points of the master
     _set_up_steps(setup, outer.setpoint.steps)
     return setup

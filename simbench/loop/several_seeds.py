@@ -113,8 +113,11 @@ def simulate_seeds(loop: Loop, seeds: int, first: int = 0, kick: float = 0.0) ->
     >>> simulate_seeds(loop, 5).oscillates
     0.0
     """
+    # One record for every seed
     records = [simulate(loop, first + i, kick=kick).record for i in range(seeds)]
     rows = [measure(record) for record in records]
+
+    # A column for each number; a period only of those that oscillate
     columns = {}
     for name in _NUMBERS:
         columns[name] = [row[name] for row in rows]
@@ -122,6 +125,8 @@ def simulate_seeds(loop: Loop, seeds: int, first: int = 0, kick: float = 0.0) ->
     for period in columns.pop("period_s"):
         if math.isfinite(period):
             periods.append(period)
+
+    # Their means with intervals
     return Spread(
         **{name: _interval_of(values) for name, values in columns.items()},
         period_s=_interval_of(periods) if periods else None,

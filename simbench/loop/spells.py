@@ -20,10 +20,13 @@ def spells(setup: Any, p: Any, rng: np.random.Generator) -> np.ndarray:
     """Return 1.0 in spells of a mean length `p.length` (s) that fill a share of the run, 0.0
     between them.
     """
+    # On or off to begin with, by the share
     out = np.zeros(setup.sp.size)
     length = p.length / setup.Ts
     k = 0
     on = rng.random() < p.share
+
+    # Each spell has an exponential length; those between make up the share
     while k < out.size:
         if on:
             mean = length
@@ -33,5 +36,7 @@ def spells(setup: Any, p: Any, rng: np.random.Generator) -> np.ndarray:
         out[k:k_next] = float(on)
         k = k_next
         on = not on
+
+    # The first sample is never in a spell
     out[0] = 0.0
     return out

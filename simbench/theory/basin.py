@@ -58,11 +58,14 @@ def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
     when the next kick of the scan starts the cycle too: the basin of an irregular cycle has fringes
     of isolated kicks, which no one could apply on purpose. Larger kicks may fail again.
     """
+    # Kicks from the static friction to the end of travel, each a little larger
     if not 0 < loop.fs < loop.hi:
         return None
     scan = (
         loop.fs * 1.0005 * _RATIO ** np.arange(int(np.log(loop.hi / loop.fs) / np.log(_RATIO)) + 1)
     )
+
+    # Two that start the cycle in a row; the smallest lies before the first
     before = False
     for i, kick in enumerate(scan):
         now = starts_cycle(loop, cycle, kick)
@@ -72,6 +75,8 @@ def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
             else:
                 low = loop.fs
             high = scan[i - 1]
+
+            # By halving, to a thousandth
             while high - low > 1e-3 * high:
                 middle = 0.5 * (low + high)
                 if starts_cycle(loop, cycle, middle):

@@ -154,6 +154,7 @@ def cycle_start(loop: Loop) -> Start:
     """Return where a simulation must begin to be on the loop's limit cycle: the valve has just
     stopped.
     """
+    # The exact cycle of a loop that has one valve
     sampled = sampled_loop(loop)
     [*stages, (module, p)] = undisturbed(loop).valves
     cycle = exact_cycle(sampled)
@@ -161,15 +162,21 @@ def cycle_start(loop: Loop) -> Start:
         raise ParameterError("cycle_start: this loop has no limit cycle to start on")
     if loop.effect or stages:
         raise ParameterError("cycle_start: only a loop with one valve and no effect starts there")
+
+    # From the break-away to the stop that follows
     x, s, past = (a.copy() for a in cycle.state)
     while s[4] == 1.0:  # the march ends where the valve breaks away: let it come to its stop
         reversals(sampled, x, s, past, 1, most=1)
+
+    # The state there, as the simulation begins with it
     op0, op, w, mv = loop.operating_point.op0, *(float(value) for value in s[:3])
     ahead = sampled.A @ x + sampled.B_old * past[0] + sampled.B_new * past[1]
     if sampled.order != 1 and loop.plant.parameters is not None:
         raise ParameterError(
             "cycle_start: a plant plug-in starts there only where it is of first order"
         )
+
+    # What each kind of plant and controller keeps
     pid = loop.controller.type == "PID"
     order = sampled.order - 2 * (sampled.kd > 0.0)
     return Start(

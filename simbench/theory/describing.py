@@ -118,8 +118,11 @@ def first_harmonic(
 
 def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _DescribingFunction:
     """Describing function of any valve model, measured at 80 amplitudes and interpolated."""
+    # The first harmonic at every amplitude
     A = np.geomspace(0.05, 49.0, 80)
     N = first_harmonic(model, parameters, A, **settings)
+
+    # Below the first amplitude that moves the valve there is none
     moves = np.nonzero(np.abs(N) < 1e-6)[0]
     if moves.size:
         first = moves[-1] + 1
@@ -129,6 +132,8 @@ def measured(model: str, parameters: Mapping[str, Any], **settings: Any) -> _Des
         raise ParameterError(
             f"describing function: valve {model!r} does not move under a sine of {A[-1]:g} %"
         )
+
+    # Interpolated over the logarithm of the amplitude
     x = np.log(A[first:])
     re = N.real[first:]
     im = N.imag[first:]

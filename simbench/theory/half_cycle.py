@@ -143,6 +143,7 @@ def _sign_changes(head, T, fs, waits):
     """Return the numbers q of samples after the head where the residual changes its sign from q to
     q + 1.
     """
+    # Powers of the transition matrix, by squaring
     c = len(head)
     depth = 1
     while 2**depth <= 2 * waits[-1] + 4:
@@ -151,11 +152,15 @@ def _sign_changes(head, T, fs, waits):
     _copy_array(T, powers[0])
     for i in range(1, depth):
         _multiply_into(powers[i - 1], powers[i - 1], powers[i])
+
+    # Room for the residuals
     Y = np.empty((c, c + 1))
     other = np.empty((c, c + 1))
     rows = np.empty((c, c + 1))
     found = np.empty(waits.size, dtype=np.int64)
     count = 0
+
+    # Wherever the residual changes its sign, the whole number is found by halving
     before = 0.0
     for i in range(waits.size):
         now = _residual_by_kernel(head, T, powers, fs, waits[i], Y, other, rows)
@@ -286,6 +291,7 @@ def _move_states(plant, control, fd, delay, m, out):
     """Fill `out` with the state m + delay + 2 samples after z, as rows over the columns of z
     and 1; `plant` as in `march`, `control` = (integral, beta).
     """
+    # The plant, the controller, and room for their states
     A, B_old, B_new, C = plant
     integral, beta = control
     order = A.shape[0]
@@ -293,6 +299,8 @@ def _move_states(plant, control, fd, delay, m, out):
     x = np.zeros(order)
     fresh = np.zeros(order)
     v = np.zeros(m + 1)
+
+    # Each column begins with a unit of one state
     for column in range(columns):
         for i in range(order):
             x[i] = 0.0
@@ -304,7 +312,11 @@ def _move_states(plant, control, fd, delay, m, out):
             u = 1.0
         elif column == order + 1:
             v[0] = 1.0
+
+        # The last column is the constant
         constant = fd if column == columns - 1 else 0.0
+
+        # Sample by sample: plant, controller, valve
         for k in range(1, m + delay + 3):
             new = v[min(max(k - 1 - delay, 0), m)]
             old = v[min(max(k - 2 - delay, 0), m)]
@@ -323,6 +335,8 @@ def _move_states(plant, control, fd, delay, m, out):
             w = y
             if k <= m:
                 v[k] = u + constant
+
+        # The state at the end is the column
         for i in range(order):
             out[i, column] = x[i]
         out[order, column] = u

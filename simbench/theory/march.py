@@ -26,6 +26,7 @@ def march(plant, control, valve, state, n_max, stall, out):
     of samples from break-away to the last stop. All positions are deviations from rest in %.
     Returns (reversals, samples, how it ended).
     """
+    # The parts, and room for what is found
     A, B_old, B_new, C = plant
     integral, beta, lo, hi = control
     fs, fd, resticks = valve
@@ -34,6 +35,8 @@ def march(plant, control, valve, state, n_max, stall, out):
     extreme = out[1]
     stop = out[2]
     moved = out[3]
+
+    # The state, in local names
     order = x.shape[0]
     depth = past.shape[0]
     fresh = x.copy()
@@ -49,6 +52,8 @@ def march(plant, control, valve, state, n_max, stall, out):
     k = 0
     how = _SPENT
     stood = 0
+
+    # The plant answers to positions of one dead time ago
     while k < n_max:
         k += 1
         new = past[(newest + 2) % depth]
@@ -61,6 +66,8 @@ def march(plant, control, valve, state, n_max, stall, out):
             y += C[i] * fresh[i]
         for i in range(order):
             x[i] = fresh[i]
+
+        # The controller, within its limits
         before = u
         if integral:
             u = u - (y - w) - beta * y
@@ -68,12 +75,16 @@ def march(plant, control, valve, state, n_max, stall, out):
             u = -y
         u = min(max(u, lo), hi)
         w = y
+
+        # The valve stops where OP turns, and slips once OP has crossed the band
         if moving == 1.0 and (resticks or (u - before) * direction <= 0.0):
             moving = 0.0
             stood = k
         if moving == 0.0 and abs(u - v) > fs:
             side = 1.0 if u > v else -1.0
             moving = 1.0
+
+            # A slip the other way is a reversal
             if side != direction:
                 samples[found] = k
                 extreme[found] = top if side < 0.0 else bottom
@@ -83,18 +94,24 @@ def march(plant, control, valve, state, n_max, stall, out):
                 last = k
                 direction = side
                 top = bottom = before
+
+        # A moving valve follows; extremes and positions are kept
         if moving == 1.0:
             v = min(max(u - direction * fd, lo), hi)
         top = max(top, u)
         bottom = min(bottom, u)
         newest = (newest + 1) % depth
         past[newest] = v
+
+        # Enough reversals, or none for too long
         if found == samples.shape[0]:
             how = _ENDED
             break
         if k - last > stall:
             how = _STALLED
             break
+
+    # The state as it is left, the oldest position first
     s[0] = u
     s[1] = w
     s[2] = v

@@ -147,6 +147,7 @@ def sampled_loop(loop: Loop) -> SampledLoop:
 
 def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
     """Reduce a resolved loop with the valve (S, J) in %; as `sampled_loop`."""
+    # What theory does not know is refused
     resticks, misfit = nearest_map(tuple(setup.valves), S, J)
     for name, says in (("error_gap", "an error dead-band"), ("op_step", "a rounded OP")):
         if getattr(setup, name) > 0:
@@ -159,11 +160,15 @@ def reduced(setup: Setup, S: float, J: float) -> SampledLoop:
         )
     if setup.not_linear:
         raise ParameterError(f"theory: cannot tell, {setup.not_linear}; simulate the loop instead")
+
+    # The sampled plant, with the gain in it
     flat = np.ascontiguousarray  # one memory layout, one compiled march
     sampled = plants.sample(setup.num, setup.den, setup.Td, setup.Ts)
     gain = setup.sign * setup.Kc
     if setup.loop.controller.type == "PID" and setup.loop.controller.Td:
         return _with_derivative(setup, sampled, gain, (S, J, resticks, misfit))
+
+    # Time constants that set the scale of what follows
     poles = np.roots(setup.den)
     times = [setup.Td, setup.Ti or 0.0, setup.Ts] + [1 / abs(p) for p in poles if abs(p) > 1e-12]
     return SampledLoop(
@@ -197,6 +202,7 @@ def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> S
     (z - 1)/(z - fade) and PI = ((1 + beta) z - 1)/(z - 1). Holds within the limits of OP, and there
     for the velocity form with clamping.
     """
+    # The PID's numbers as the simulation has them
     c = setup.loop.controller
     Ti = float(setup.Ti or 0.0)
     flat = np.ascontiguousarray
@@ -204,6 +210,8 @@ def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> S
     p = controllers.pid_numbers(c, gain, Ti, setup.Ts, 0.0, 0.0, 100.0)
     beta = setup.Ts / Ti
     Tf = float(c.Td or 0.0) / controllers.derivative_filter(c)
+
+    # Two more states: the filtered derivative, and w one sample ago
     a = p.fade
     g = 1.0 / (1.0 + beta)
     through = p.kd / (1.0 + beta)
@@ -215,6 +223,8 @@ def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> S
     C = np.concatenate(
         [gain * (1.0 + through) * sampled.C, through * np.array([a + g - 2.0, 1.0 - a * g])]
     )
+
+    # The law in s, for frequency responses
     law = np.polymul([Ti, 1.0], [Tf, 1.0])
     S, J, resticks, misfit = valve
     poles = np.roots(setup.den)
@@ -248,6 +258,7 @@ def _with_derivative(setup: Setup, sampled: Any, gain: float, valve: tuple) -> S
 
 def mapped_valve(setup: Setup) -> tuple[float, float]:
     """Return (S, J) in % of the one valve stage that has friction; (0, 0) for a healthy valve."""
+    # The (S, J) of each stage
     found: list[tuple[float, float]] = []
     for module, p in setup.valves:
         if not hasattr(module, "mapped_SJ"):
@@ -258,6 +269,8 @@ def mapped_valve(setup: Setup) -> tuple[float, float]:
         S, J = _pair_of_floats(module.mapped_SJ(p))
         if S > 0 or J > 0:
             found.append((S, J))
+
+    # One stage at most has friction
     if len(found) > 1:
         raise ParameterError(
             f"theory: {len(found)} valve stages have friction; tables and exact cycle describe one"

@@ -46,17 +46,22 @@ def check_table_11_3(*, load_steps: int = 25, seed: int = 0, every: int = 1) -> 
     600 loops: three dead times (one of them 0), five gains of 0.1..0.9 of the ultimate gain, three
     integral times, four J/S; S = 5 %. Load steps act on a loop at rest in mid-band, without noise.
     """
+    # Cell by cell of the table
     rng = np.random.default_rng(seed)
     checks = []
     for key, table in TABLE_11_3.items():
         exist = right = reached = 0
         differ: Counter[str] = Counter()
         loops = list(_loops_of_cell(*key))[::every]
+
+        # Whether the exact cycle exists, and theory agrees with it
         for loop in loops:
             cycle = exact_cycle(loop)
             right += refined(loop, cycle) == (cycle is not None)
             if (cycle is not None) != table:
                 differ[_condition_of_key(key, cycle is not None)] += 1
+
+            # Whether random steps of the load reach it
             if cycle is None:
                 continue
             exist += 1
@@ -75,12 +80,14 @@ def _condition_of_key(key: tuple[str, str, str], exists: bool) -> str:
 
 
 def _loops_of_cell(process: str, controller: str, nonlinearity: str) -> Iterator[SampledLoop]:
+    # Plants with and without dead time
     integrating = process == "integrating"
     if integrating:
         plant: dict[str, Any] = {"type": "integrating", "K": 0.1}
     else:
         plant = {"type": "foptd", "K": 1.0, "T": 10.0}
     for Td in (0.0, 1.0, 4.0) if integrating else (0.0, 2.0, 10.0):
+        # Controllers with and without integral action
         for Ti in (
             ((10.0, 20.0, 40.0) if integrating else (5.0, 10.0, 20.0))
             if controller == "PI"
@@ -94,6 +101,8 @@ def _loops_of_cell(process: str, controller: str, nonlinearity: str) -> Iterator
                 "valve": {"model": "choudhury", "S": _BAND_S, "J": 0.0},
                 "sampling": {"Ts": 0.1},
             }
+
+            # Gains as shares of the ultimate one, and slip jumps
             if Td:
                 limit = ultimate_gain(sampled_loop(Loop.from_table(table)))
             else:

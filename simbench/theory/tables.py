@@ -176,6 +176,7 @@ def _without_mapping(setup: Setup, theory: dict[str, Any]) -> None:
 
 
 def _reason(loop: SampledLoop, cycle: ExactCycle | None) -> str:
+    # Why there is none
     place = cell(loop)
     assert place is not None
     said = []

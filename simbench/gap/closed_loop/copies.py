@@ -56,25 +56,34 @@ def copies(s: Situation, fitted: Loop, effects: Sequence[Mapping[str, Any]]) -> 
     """Yield the loops that may copy a record, the plainest first: the fitted one, and those whose
     load is drawn again; `effects` are those of the valve in all of them.
     """
+    # The fitted loop itself, unless OP lies outside of travel
     given, s, end = s, _in_travel(s), held_out(s)
     if s is given:
         yield Copy(fitted, "first order", "Gaussian")
+
+    # The controller's law by regression on the part that fits are made of
     op = s.op[:end]
     pv = s.record.pv[:end]
     sp = s.sp[:end]
     law = regress_law(op, sp - pv)
     if law is None:
         return
+
+    # Where the valve stood under OP, with the effects
     position = op
     kick = max((kick_of(effect) for effect in effects), default=0.0)
     for effect in effects:
         position = through_valve(position, s.baseline, s.record.Ts, effect)
+
+    # The plant as it was fitted, and as a regression shows it
     tables: list[tuple[str, _Left]] = [
         ("first order", _leave_by_plant(fitted.plant, position, pv, s))
     ]
     plant_shown = regress_plant(position, pv)
     if plant_shown is not None:
         tables.append((AS_SHOWN, _leave_by_regression(plant_shown, s, s.record.Ts)))
+
+    # Copies with what each plant leaves, drawn again
     around = _surrounding_loop(s, fitted, effects).replace(
         controller=controller_of(law, s.record.Ts)
     )

@@ -54,11 +54,14 @@ def _describe_plant(plant: Plant) -> str:
 
 def controller_words(loop: Loop) -> str:
     """Return what a loop's controller is, or acts like, in words that follow its name."""
+    # A controller in the field's words has its numbers
     c = loop.controller
     if c.type != "tf":
         own = {"Kc": f"{c.sign * c.Kc:.3g}", "Ti": c.Ti and f"{c.Ti:.3g} s"}
         own |= {"Td": c.Td and f"{c.Td:.3g} s"}
         return f"is {c.type}: " + ", ".join(f"{k} = {v}" for k, v in own.items() if v)
+
+    # A filter in powers of z acts like a PID at low frequency
     Kc, Ki, Kd = _like_pid(c, loop.sampling.Ts)
     if Ki:
         Ti = Kc / Ki
@@ -68,6 +71,8 @@ def controller_words(loop: Loop) -> str:
         Td = Kd / Kc
     else:
         Td = 0.0
+
+    # Its derivative, or what it acts late by, where either is more than a little
     kind = "PI" if np.isfinite(Ti) else "P"
     said = f"Kc = {Kc:.3g}"
     if np.isfinite(Ti):

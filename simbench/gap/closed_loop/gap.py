@@ -34,9 +34,11 @@ _COUNTS = ("at rest", "straight", "at limit")
 
 def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
     """Return the features of one (part of a) record, or of several at once."""
+    # Of PV about its set point and of OP, the same features
     e = pv - sp
     out: dict[str, Any] = {}
     for name, x in (("pv", e), ("op", op)):
+        # Sizes, and how peaked levels and changes are
         x = x - x.mean(axis=-1, keepdims=True)
         d = np.diff(x)
         variance = np.mean(x * x, axis=-1)
@@ -46,11 +48,15 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
         out[f"{name} change"] = np.log(step)
         out[f"{name} kurtosis"] = np.log1p(np.mean((x * x) ** 2, axis=-1) / size**4)
         out[f"{name} change kurtosis"] = np.log1p(np.mean((d * d) ** 2, axis=-1) / step**4)
+
+        # How often it rests, goes straight, or stands at its extremes
         near = size[..., None]
         out[f"{name} at rest"] = np.log(REST + np.mean(np.abs(d) < 1e-9 * near, axis=-1))
         out[f"{name} straight"] = np.log(REST + np.mean(np.abs(np.diff(d)) < 1e-6 * near, axis=-1))
         ends = (x == x.max(axis=-1, keepdims=True)) | (x == x.min(axis=-1, keepdims=True))
         out[f"{name} at limit"] = np.log(REST + np.mean(ends, axis=-1))
+
+        # The spectrum in bands, and how sharp its peaks are
         n = x.shape[-1]
         power = np.abs(np.fft.rfft(x * np.hanning(n))) ** 2
         edges = np.unique(np.geomspace(2, power.shape[-1], BANDS + 1).astype(int))
@@ -60,10 +66,14 @@ def features(op: np.ndarray, pv: np.ndarray, sp: np.ndarray) -> dict[str, Any]:
             power[..., 2:].sum(axis=-1) + 1e-12
         )
         out[f"{name} sharpness"] = np.log(PEAK + top)
+
+        # The autocorrelation, and how far the mean wanders
         for lag in _LAGS:
             out[f"{name} memory {lag}"] = np.mean(x[..., lag:] * x[..., :-lag], axis=-1) / size**2
         slow = np.array([part.mean(axis=-1) for part in np.array_split(x, 5, axis=-1)])
         out[f"{name} wander"] = np.std(slow, axis=0) / size
+
+    # How each signal's changes follow the other's
     de = np.diff(e)
     du = np.diff(op)
     m = de.shape[-1]

@@ -29,11 +29,14 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
     """Return the loop with the operating point at which the means of its runs are the record's; the
     nearest one tried.
     """
+    # The record's means and standard deviations
     real = np.array([situation.op, situation.record.pv])
     wide = np.maximum(real.std(axis=1), 1e-9)
     bias_only = loop.controller.Ti is None and not loop.plant.integrating
     best = loop
     least = np.inf
+
+    # Runs of the loop, and how far their means are off
     for _ in range(_ROUNDS):
         runs = run_with_seeds(loop, seed, RUNS, kick)
         if runs is None:
@@ -41,11 +44,15 @@ def level(situation: Situation, loop: Loop, kick: float, seed: int = 0) -> Loop:
         means = np.mean([(run.op.mean(), run.pv.mean()) for run in runs], axis=0)
         away = real.mean(axis=1) - means
         off = float(np.max(np.abs(away) / wide))
+
+        # The best so far stays; near enough is done
         if off < least:
             best = loop
             least = off
         if off < _CLOSE:
             break
+
+        # The operating point moves by what is missing
         d_op, d_pv = map(float, away)
         at = loop.operating_point
         op0 = at.op0 + d_op

@@ -119,6 +119,8 @@ class ClosedLoops:
         under the load of the effects' fit; the loop before stands for one that runs away.
         """
         key = tuple(effects)
+
+        # Baseline and recalibrated loop, with the kick that the effects need
         if key not in self.arms:
             before, again = (
                 self._simulate_under([], effects, plant) for plant in ("baseline", "fitted")
@@ -127,6 +129,8 @@ class ClosedLoops:
                 raise RecordError(
                     "the baseline cannot be simulated with this record's set point: it runs away"
                 )
+
+            # The loop with the effects; what cannot be simulated is stood in for by the one before
             if key:
                 after = self._simulate_under(effects, effects)
             else:

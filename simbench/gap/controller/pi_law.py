@@ -218,6 +218,7 @@ class _Examination:
 
     def law(self, trusted: bool) -> Law:
         """Return the law; of settings that are not `trusted` no other tuning is told."""
+        # At its limits OP follows no law
         if self.rows.sum() < 20:
             return Law(
                 1.0,
@@ -225,6 +226,8 @@ class _Examination:
                 self.Ti or np.inf,
                 reason="OP stands at its limits nearly all the time",
             )
+
+        # The law that leaves least, in the baseline's execution order
         self._fit_law()
         fit = self.fit
         law = Law(
@@ -237,9 +240,13 @@ class _Examination:
             blur=self.rounding / abs(self.Kc),
             hidden=self.hidden,
         )
+
+        # Of settings that nobody stated no other tuning is told
         if not trusted:
             reason = "" if self.exact else "the recorded PV does not explain OP through a PI law"
             return replace(law, reason=reason, strays=np.empty(0, dtype=int))
+
+        # OP that stands where the law moves it: scans were skipped
         unit = max(self.op_is.unit, self.op_is.step)
         if self.plain and skips_scans(
             self.op, self.e, self._error_at, self.told, self.size, unit, self.tolerance
@@ -248,9 +255,13 @@ class _Examination:
                 law,
                 foreign="OP stands still where the law would move it: the controller skips scans",
             )
+
+        # A controller that runs within a sample shows no tuning of its own
         if self._runs_within_a_sample():
             none = np.empty(0, dtype=int)
             return replace(law, quick=not self.exact, Kc=self.Kc, Ti=self.Ti or np.inf, strays=none)
+
+        # An exact law is told as it is; a hidden one by what it leaves
         if self.exact:
             return self._find_known_law(law)
         return self._find_hidden_law(law)
@@ -475,6 +486,7 @@ class _Examination:
         Under backward integration, which the simulation runs, the two numbers reproduce this very
         OP.
         """
+        # Every order of execution has its own Kc and Ti
         Kc = self.Kc
         Ti = self.Ti
         Ts = self.Ts
@@ -488,6 +500,8 @@ class _Examination:
                 ti = kc * Ts / integral
             else:
                 ti = np.inf
+
+            # The distance in logarithms; the baseline's order wins unless another is much nearer
             distance = abs(np.log(kc / Kc)) + (
                 abs(np.log(ti / Ti)) if Ti and np.isfinite(ti) else (10.0 if Ti else 0.0)
             )

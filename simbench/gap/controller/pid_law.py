@@ -133,8 +133,11 @@ class Stated:
         """Return a PID with the Ti that explains most changes of OP; None where the loop file's
         does, or none does.
         """
+        # A law with a schedule, or without integral action, has none
         if self._terms_per_gain is None or self._terms_per_gain.at.size > 1 or not self.Ti:
             return None
+
+        # Kc and Ki by the majority of OP's changes
         du = np.diff(op)
         moves = np.diff(replace(self, Ti=None).error(op, pv, sp))
         free = du != 0.0
@@ -144,6 +147,8 @@ class Stated:
             Kc, Ki = solve_by_majority(X, y)
         else:
             Kc, Ki = (0.0, 0.0)
+
+        # They must explain nearly all, and be far from the stated Ti
         if Kc * Ki <= 0.0 or about_zero(y - X @ [Kc, Ki]) > _EXPLAINS * about_zero(y):
             return None
         Ti = float(self.Ts * Kc / Ki)

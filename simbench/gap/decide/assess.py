@@ -253,9 +253,12 @@ def _evidence_rows(
     """Return what law, samples, MV, PV, and OP and PV without a model show, each effect's rows with
     its numbers; what the baseline states has none.
     """
+    # What law and samples prove
     rows = []
     for e, p in s.proven.items():
         rows.append(Evidence(e, LAW if block_of(e) == "controller" else SAMPLES, TERM_NATS, p))
+
+    # The position by MV, and PV's likelihood
     seen = {}
     for e, (gain, _) in maps.items():
         seen[e] = (MV, gain)
@@ -263,6 +266,8 @@ def _evidence_rows(
     for e, (source, nats) in seen.items():
         if e not in s.proven and e not in s.stated:
             rows.append(Evidence(e, source, nats, parameters.get(e, {})))
+
+    # Friction as OP and PV show it without any model
     without_model = alone / TEMPERATURE
     by_pv = []
     for row in rows:

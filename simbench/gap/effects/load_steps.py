@@ -90,6 +90,7 @@ def _find_jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     """Return samples at which a jump of the load explains the innovations, the clearest first, and
     the std of their heights.
     """
+    # What PV does after a unit step of the load, whitened as the residual is
     d = engine.data
     th = fit.theta
     n = engine.data.n
@@ -99,13 +100,19 @@ def _find_jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
     response = np.append(g[1:], g[-1])
     model = engine.noise_model(Spec(), th)
     white = kernels.whiten(response[None, :], model, kernels.NO_JUMPS)[0][0]
+
+    # The residual, and the energy that is left of a step at each place
     residual = np.asarray(fit.residual).copy()
     residual[: kernels.SKIP] = 0.0
     energy = np.cumsum(white**2)[::-1]
     energy = np.maximum(energy, 1e-3 * energy[0])
+
+    # The correlation of both, by the Fourier transform
     size = next_fast_len(2 * n, real=True)
     edge = max(3, int(0.005 * n))
     conjugate = np.conj(np.fft.rfft(white, size))
+
+    # One place after the other: the best, away from the ends and from those taken
     places: list[int] = []
     heights: list[float] = []
     taken = np.zeros(n, dtype=bool)
@@ -116,6 +123,8 @@ def _find_jumps(engine: Engine, fit: Fit) -> tuple[list[int], float]:
         score[:edge] = 0.0
         score[-5:] = 0.0
         score[np.convolve(taken, np.ones(2 * _APART + 1), "same") > 0.5] = 0.0
+
+        # Its height is taken off the residual before the next is looked for
         k = int(np.argmax(score))
         taken[k] = True
         height = float(cross[k] / energy[k])

@@ -219,6 +219,7 @@ _KNOWN = (
 
 def refuse_pv_units(record: LoopRecord, baseline: Loop, where: str) -> None:
     """Refuse a record whose set point is that of the loop file in another unit."""
+    # The ranges of the set point in the record and in the loop file
     if record.sp is None:
         return
     stated = baseline.setpoint
@@ -227,6 +228,8 @@ def refuse_pv_units(record: LoopRecord, baseline: Loop, where: str) -> None:
     seen = np.array([record.sp.min(), record.sp.max()])
     if _ranges_agree(seen, file):
         return
+
+    # One of the known changes of unit explains the difference
     for unit in _KNOWN:
         if _ranges_agree(seen, unit.gain * file + unit.offset) and np.abs(file).max() > 0.0:
             raise RecordError(

@@ -99,12 +99,15 @@ def check_healthy(record: LoopRecord, baseline: Loop | Partial | None) -> Situat
 
 
 def _of_one(s: Situation) -> Healthy:
+    # The engine without loads that are known already, noise free
     s = replace(s, data=replace(s.data, loads={}, sines=()))
     engine = Engine(s.data, load_memory(s))
     base = engine.base()
     free, count = noise.fit(engine, base)
     if free.loglik - base.loglik > size_penalty(s.data.n, count):
         base = free
+
+    # Every ordinary load on top of it
     known = []
     for e in _LOADS:
         if recogniser(e).fit is not None:
@@ -113,10 +116,14 @@ def _of_one(s: Situation) -> Healthy:
     for e, c in fit_candidates(engine, base, known).items():
         if c.used:
             found[e] = c
+
+    # Their numbers, and which of them are worth anything
     p: dict[str, Parameters] = {}
     for e, c in found.items():
         p[e] = recogniser(e).numbers(c.fit, s)
     worth = {e for e, c in found.items() if c.log_likelihood_gain > 0.0}
+
+    # A slow wander, or a sine that keeps its period
     duration = s.record.duration
     sines = ()
     slow = 0.0
@@ -128,10 +135,14 @@ def _of_one(s: Situation) -> Healthy:
         else:
             fit = found["oscillation"].fit
             sines = ((fit.theta["period"] * s.record.Ts, float(np.hypot(*fit.beta[-2:]))),)
+
+    # Steps of the load
     if "load_steps" in worth:
         steps = float(p["load_steps"]["size"])
     else:
         steps = 0.0
+
+    # The noise without what rounding adds
     rounding = s.data.resolution**2 / 12.0
     std = float(np.sqrt(max(base.theta["noise_std"] ** 2 - rounding, s.data.floor**2)))
     return Healthy(std, slow / float(np.sqrt(duration)), steps, sines, _most_load(engine, base))

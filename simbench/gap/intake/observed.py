@@ -143,6 +143,7 @@ def remarks_of(r: LoopRecord, samples: Samples, integrating: bool) -> list[str]:
     """Return what an identified loop takes from its record, and what no effect of it can say:
     the plant's type, lattices, wild samples.
     """
+    # The type of process, where nobody stated it
     pv = np.asarray(r.pv)
     op = np.asarray(r.op)
     out = []
@@ -153,12 +154,16 @@ def remarks_of(r: LoopRecord, samples: Samples, integrating: bool) -> list[str]:
         else:
             said = ""
         out.append(f"process: not given{said}; judged as {kind}, the likelier of the two")
+
+    # Signals on a lattice
     for signal, x, other in (("PV", pv, op), ("OP", op, pv)):
         step = lattice(x, written_unit(x, other)) or root_lattice(x)
         if step > 0.0:
             share = f"{step / float(x.std()):.1%} of the standard deviation"
             levels = f"{np.unique(x).size} levels, {step:.3g} apart ({share})"
             out.append(f"lattice: {x.size} samples of {signal} on {levels}")
+
+    # Isolated outliers
     if samples.spikes.size:
         first = f"the first {samples.spikes[0] * r.Ts:g} s after the start"
         out.append(f"outliers: {samples.spikes.size} isolated, {first}")

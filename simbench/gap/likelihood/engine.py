@@ -68,16 +68,21 @@ class Engine:
 
     def start(self) -> dict[str, float]:
         """Return the nuisance parameters from which the first fit starts."""
+        # The noise that is stated, or what second differences show
         d = self.data
         rough = float(np.std(np.diff(d.y, 2))) / np.sqrt(6.0)
         if d.noise > 0:
             noise = d.noise
         else:
             noise = max(rough, d.floor)
+
+        # A load as large as PV, or as its steps
         if d.T > 0:
             load = max(float(np.std(d.y)), noise)
         else:
             load = max(float(np.std(np.diff(d.y))), 0.1 * noise)
+
+        # Numbers to start from, in samples
         return {
             "T": d.T,
             "Td": d.Td,
@@ -349,22 +354,29 @@ class Engine:
         """Return the derivatives of `left` (p, n) and `level` (p,), with the linear
         coefficients held, see `_likelihood_terms`.
         """
+        # The error of PV with the linear coefficients held
         left, level, beta, _, channels = now
         error = channels[0] - beta @ channels[1:]
         J = np.empty((x.size, left.size))
         slope = np.empty(x.size)
         shaping = _SHAPING | {number.name for number in spec.effect_numbers if number.shapes}
         count = self.data.n - kernels.SKIP
+
+        # One number after the other, by a one-sided step within its box
         for i, name in enumerate(names):
             step = _WHITE if name == "colour" and abs(x[i]) < _WHITE else STEP
             h = step if x[i] + step <= box[i, 1] else -step
             moved = x.copy()
             moved[i] += h
+
+            # Only numbers that shape a signal make the signals anew
             theta = unpack(moved)
             changed = error
             if name in shaping:
                 signals = self._input_channels(spec, theta)
                 changed = signals[0] - beta @ signals[1:]
+
+            # Residuals, then how far each number lies outside its prior
             white, higher = self._whiten_channels(spec, theta, changed[None, :])
             J[i, :count] = white[0, kernels.SKIP :]
             J[i, count] = left[count]

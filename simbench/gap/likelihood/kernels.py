@@ -110,6 +110,7 @@ def valve(u, kind, p0, p1, p2):
 
 def _move_valve(u, kind, p0, p1, p2, v):
     """Fill `v` as `valve` returns it."""
+    # Each map sample by sample; the start is an offset from OP
     lo = -np.inf
     hi = np.inf
     if kind == PLAY:
@@ -319,6 +320,7 @@ def _state_space(model, jumps):
     make 1/f noise with the first; the plant's second pole; random walks of the load and of PV; a
     load that jumps; noise that remembers its last value.
     """
+    # Which states there are: load, plant, lag of the load, sensor, walks, colour, jump
     T, tau, load_time, load_lag, load, noise, colour, spread, load_walk, walk = model
     smooth = load_lag > 0.1
     parts = 3 if load_lag == PINK_LOAD else 1
@@ -327,6 +329,8 @@ def _state_space(model, jumps):
     jumping = jumps.places.size > 0
     jumping = jumping and not jumps.fade
     s = 1 + parts + smooth + has_tau + (load_walk > 0.0) + (walk > 0.0) + coloured + jumping
+
+    # A load of the memory `load_time`, a plant of one lag
     F = np.zeros((s, s))
     Q = np.zeros((s, s))
     P = np.zeros((s, s))
@@ -340,6 +344,8 @@ def _state_space(model, jumps):
         enters = 1.0
     F[0, 0] = phi
     F[1, 1] = a
+
+    # A load that is itself smooth passes a lag first
     top = 2
     if smooth:
         b = math.exp(-1.0 / load_lag)
@@ -350,6 +356,8 @@ def _state_space(model, jumps):
         top = 3
     else:
         F[1, 0] = enters
+
+    # Its variance, over as many parts as pink noise needs
     share = load * load / parts
     Q[0, 0] = share * (1.0 - phi * phi)
     P[0, 0] = share
@@ -361,6 +369,8 @@ def _state_space(model, jumps):
         Q[top, top] = share * (1.0 - phi * phi)
         P[top, top] = share
         top += 1
+
+    # A sensor with a lag sees the plant late
     seen = 1
     if has_tau:
         seen = top
@@ -370,6 +380,8 @@ def _state_space(model, jumps):
         P[top, top] = spread * spread
         top += 1
     h[seen] = 1.0
+
+    # A load that walks, and a PV that walks
     if load_walk > 0.0:
         F[top, top] = 1.0
         F[1, top] = enters
@@ -380,12 +392,16 @@ def _state_space(model, jumps):
         Q[top, top] = walk * walk
         h[top] = 1.0
         top += 1
+
+    # A jump of the load enters the plant
     level = 0
     if jumping:
         level = top
         F[top, top] = 1.0
         F[1, top] = enters
         top += 1
+
+    # Noise with a memory is a state of its own
     r = noise * noise
     if coloured:
         F[top, top] = colour

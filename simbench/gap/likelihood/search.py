@@ -100,6 +100,7 @@ def scan_map(
     """Return the fit at the best point of a valve map, looked for around the best of a coarse
     set.
     """
+    # The best points whose sizes lie apart
     values = engine.scan(spec, theta, kind, points)
     tops: list[int] = []
     for i in np.argsort(-values):
@@ -107,8 +108,12 @@ def scan_map(
             tops.append(int(i))
         if len(tops) == (3 if kind in _SLIPPING else 2):
             break
+
+    # Finer around each of them
     near = np.vstack([around(kind, points[i], 0.5 * SIZES_APART) for i in tops])
     high = engine.scan(spec, theta, kind, near)
+
+    # Maps that slip have many peaks; the others one
     if kind in _SLIPPING:
         points = np.vstack([points, near])
         values = np.concatenate([values, high])
@@ -154,8 +159,11 @@ def around(kind: int, point: np.ndarray, share: float) -> np.ndarray:
     """Return points about one of a valve map: sizes within a share of it, the other number, and
     starts within the band.
     """
+    # Sizes about the point, in five steps
     a, b, _ = point
     sizes = a * (1 + share * np.linspace(-1.0, 1.0, 5))
+
+    # The other number: a dead-zone's middle, a start, or a slip jump with a start
     if kind == kernels.ZONE:
         return np.array(
             [
@@ -200,6 +208,7 @@ def settle(engine: Engine, fit: Fit, steps: int = 3) -> Fit:
 
 def narrow(engine: Engine, fit: Fit) -> Fit:
     """Alternate ever finer scans around a valve map's numbers with steps in all others."""
+    # The map taken out, so that a scan can try others
     best = fit
     kind = fit.spec.valve
     bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
@@ -207,6 +216,8 @@ def narrow(engine: Engine, fit: Fit) -> Fit:
         first, second = ("D", "c")
     else:
         first, second = ("S", "J")
+
+    # Ever finer: a scan, then steps in all numbers, while it gains
     for share in (0.06, 0.02, 0.007, 0.002):
         for _ in range(3):
             th = best.theta

@@ -71,6 +71,7 @@ def numbers(
 
     `op_unit` takes the place of % where OP of the record is no percentage.
     """
+    # Units of the effect's parameters; OP's own unit where travel is not known
     if effect in EFFECTS:
         known = EFFECTS[effect].parameters
     else:
@@ -78,6 +79,8 @@ def numbers(
     units = [getattr(known.get(k), "unit", "") for k in parameters]
     if op_unit != PERCENT:
         units = [re.sub(f"^({PERCENT}|%)", op_unit, unit) for unit in units]
+
+    # A unit that the next number shares is told once, behind it
     parts = []
     for (k, v), unit, after in zip(parameters.items(), units, units[1:] + [""]):
         if isinstance(v, (int, float)):

@@ -124,10 +124,13 @@ def candidate_loops(record: LoopRecord, known: Partial | None = None) -> Candida
     """Identify the loop of a record, but for what is `known` of it, with a healthy valve and with
     friction.
     """
+    # The record weighed alone, or with what is known of its loop
     if known is None:
         weighed = friction_of(record)
     else:
         weighed = friction(record, known)
+
+    # The loops, with what the weighing told
     found = loops_of(record, weighed.assessment, weighed.log_odds)
     if weighed.told is None:
         of_mv = ()
@@ -146,9 +149,12 @@ def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> Candidat
     """Return the loops of an assessment of a record, with and without friction, whose probability
     was weighed.
     """
+    # Effects that the archive proves belong to every loop
     record, percent = in_percent(record)
     loops = ClosedLoops(found, 0)
     archive = [e for e in _ARCHIVE if e in found.situation.proven]
+
+    # A sound valve, with an outside oscillation and without
     sound = [archive]
     swung = found.candidates.get(OUTSIDE)
     if swung:
@@ -159,11 +165,15 @@ def loops_of(record: LoopRecord, found: Assessment, log_odds: float) -> Candidat
         sound.append(archive + [OUTSIDE])
         if outside:
             sound.reverse()
+
+    # A sticking valve of the fitted sizes
     sizes = found.parameters.get(FRICTION)
     if sizes is None:
         sticky = None
     else:
         sticky = loops.loop(archive + [FRICTION])
+
+    # All of them, the likelier healthy one first
     return CandidateLoops(
         record=record,
         healthy=tuple(loops.loop(effects) for effects in sound),

@@ -105,8 +105,10 @@ class Causes:
         """Return of the likeliest causes what speaks for and against each, but for what was `told`
         before.
         """
+        # Four causes at most
         lines = []
         for c in self.weighed[:4]:
+            # What speaks for and against each; what was said above is not repeated
             said = {"for": c.speaks_for, "against": c.against}
             parts = []
             for side, why in said.items():
@@ -114,6 +116,8 @@ class Causes:
                     parts.append(
                         f"{side}: {'; '.join(r for r in why if r not in told) or 'as said above'}"
                     )
+
+            # Its block, unless the cause is called like it
             if c.block in (NONE, c.name):
                 where = ""
             else:
@@ -126,6 +130,7 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
     """Weigh the causes of one loop's motion; `loops` are those that may have made the record, or
     why none can be identified.
     """
+    # What single samples show needs no simulation, unless stiction is claimed
     claimed = not isinstance(loops, Refusal) and loops.probability > CLAIMED_FROM
     if claimed:
         plain = None
@@ -133,14 +138,20 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
         plain = _see_in_samples(prepared)
     if plain is not None:
         return Causes(plain, (plain,))
+
+    # Without loops all is open
     if isinstance(loops, Refusal):
         return _leave_open(loops.reason, ())
+
+    # A positioner or a slow valve that MV shows
     if claimed:
         moves = None
     else:
         moves = _judge_positioner(loops) or _judge_slow_valve(loops)
     if moves is not None:
         return Causes(moves, (moves,))
+
+    # The rest is weighed side by side
     swing = prepared.oscillation
     tuning, outside = _weigh_oscillation(prepared, loops)
     sticking = _judge_stiction(loops, prepared.record.S_unit)

@@ -166,14 +166,19 @@ def from_record(prepared: Prepared, loops: CandidateLoops | Refusal) -> tuple[Co
     """Conclude from a record alone, and return the causes weighed; parameters as in
     `find_causes`.
     """
+    # The causes, and the one that is named
     causes = find_causes(prepared, loops)
     cause = causes.named.name
     swings = prepared.oscillation.sustained
     notes = prepared.record.notes
+
+    # No loop could be identified: the reason says why
     if isinstance(loops, Refusal):
         to_do = _NEXT.get(cause, _RECORD_AGAIN)
         reason = "; ".join(causes.named.speaks_for + (loops.reason,))
         return Conclusion(NO_DECISION, None, cause, reason, to_do, notes), causes
+
+    # The probability decides; reasons for and against friction, then for the cause
     p = loops.probability
     answer = verdict(p)
     friction = next((c for c in causes.weighed if c.name == why.STICKING), causes.named)
@@ -183,6 +188,8 @@ def from_record(prepared: Prepared, loops: CandidateLoops | Refusal) -> tuple[Co
             reasons.append(r)
     if loops.shown is not None:
         reasons.append(loops.shown.sentence(loops.percent, prepared.record.S_unit))
+
+    # Why a likely friction is not claimed
     if answer == NO_DECISION and p > LIKELIER and loops.unclaimed:
         if p > _JUST_BELOW:
             held = f" (for that the probability is held at {CLAIMED_FROM:g})"
@@ -190,13 +197,19 @@ def from_record(prepared: Prepared, loops: CandidateLoops | Refusal) -> tuple[Co
             held = ""
         reasons.append(f"{loops.unclaimed}{held}")
     reasons += loops.of_mv
+
+    # A loop that does not oscillate may stick all the same
     if answer != STICTION and not swings:
         reasons.append(
             "a sticking valve need not make a loop oscillate, so the probability decides"
         )
+
+    # The next thing to do
     to_do = _NEXT.get(cause) or (_ORIGIN if swings else _WATCH)
     if answer != NO_STICTION:
         to_do = _open_to_do(answer, swings, loops.shown)
+
+    # Sizes only where friction is likelier than not
     S, J = (loops.sizes if p > LIKELIER else None) or (None, None)
     if loops.shown:
         above = loops.shown.size(loops.percent, prepared.record.S_unit)
@@ -215,6 +228,7 @@ def from_posterior(
     """Conclude from the posterior of all effects, given a loop file: `shown` is which stiction the
     record would have shown, None where it was not asked, and `test` the one to run next.
     """
+    # The probability of friction, and the likeliest answer
     p = weights.friction
     first = named[0]
     answer = verdict(p)
@@ -223,6 +237,8 @@ def from_posterior(
         f"the effects with friction have probability {p:.2f}",
         f"the likeliest answer is {words} ({weights.probability[first]:.2f})",
     ]
+
+    # Sizes of the friction that is named
     sticks = []
     for e in named:
         if is_friction(e):
@@ -233,6 +249,8 @@ def from_posterior(
         sizes = None
     if sizes is not None:
         reasons.append(describe_sizes(*sizes, "% of travel"))
+
+    # What the record shows of friction, or what contradicts the loop file
     if shown is not None:
         reasons.append(shown.sentence(1.0, "% of travel"))
     alone = assessment.friction_alone
@@ -241,6 +259,8 @@ def from_posterior(
             f"OP and PV by themselves say stiction ({alone:.2f}), and the loop file contradicts"
             " them: is it this loop's, with its units?"
         )
+
+    # The next thing to do
     if answer == STICTION or (answer == NO_DECISION and test is None):
         to_do = _open_to_do(answer, _record_swings(assessment), shown)
     elif test is not None:
@@ -251,6 +271,8 @@ def from_posterior(
         to_do = "check the loop file, and record the valve position MV with OP"
     else:
         to_do = f"add {words} to the simulation (`--write-loop`)"
+
+    # Sizes and cause
     S, J = sizes or (None, None)
     cause = why.NOT_TOLD if answer == NO_DECISION else words
     if shown:

@@ -60,9 +60,12 @@ class Deniable:
 
 def deniable(view: Assessment) -> Deniable:
     """Return which stiction a record denies, by its position of the valve where it has one."""
+    # With MV the position itself decides
     s = view.situation
     if s.record.mv is not None:
         return _by_mv(s)
+
+    # Too few samples per period hide a valve that sticks
     swing = find_oscillation(s.op, np.asarray(s.record.pv), s.record.Ts)
     if swing.sustained:
         pace = swing.period_s / s.record.Ts
@@ -74,12 +77,16 @@ def deniable(view: Assessment) -> Deniable:
             f"{pace:.2g} samples per period are too few to rule friction out",
             f"record OP and PV every {swing.period_s / _PACE:.2g} s or faster",
         )
+
+    # Without integral action nothing moves a valve that sticks
     if not swing.sustained and not _integral_acts(_without_friction(view), s.record.duration):
         return Deniable(
             math.inf,
             "friction cannot be ruled out: no integral action moves OP until a valve that sticks"
             f" moves, and by most of its range OP turned fewer than {REVERSALS:g} times",
         )
+
+    # OP that hardly moves leaves a standing valve possible
     moved = op_range(s.op)
     if moved <= MAY_STAND and _stands_as_well(s):
         return Deniable(
@@ -87,6 +94,8 @@ def deniable(view: Assessment) -> Deniable:
             "friction cannot be ruled out: a valve that stands still explains PV as well, and OP"
             f" moved by {moved:.2g} % only",
         )
+
+    # Friction is denied down to a share of what OP moved
     return Deniable(max(WORTH_REPAIRING, NARROWEST * moved))
 
 

@@ -178,21 +178,32 @@ def _with_mv(record: LoopRecord, known: Partial | None) -> Friction:
     """Return what a record with MV shows of friction: MV counts as far as it is the position of the
     valve, and OP and PV alone where it is not.
     """
+    # The record without MV
     alone = _ask_what_shows(_weigh_friction(replace(record, mv=None), known))
     percent = in_percent(record)[0]
     op = np.asarray(percent.op)
     mv = np.asarray(record.mv, dtype=float)
+
+    # An MV that stands still tells of no position
     if standing(op, mv) is not None:
         return replace(alone, told=Told(alone.log_odds, replace(record, mv=None), (FROZEN,)))
+
+    # How likely MV is the position at all
     true = chance_of_position(*_worth_of_mv(alone, mv), alone.log_odds)
+
+    # Friction by MV, weighed with friction without it
     by_mv, scale = _in_scale(record, known, alone.fitted)
     p = true * by_mv.probability + (1.0 - true) * alone.probability
+
+    # What a reader must know of MV
     if record.op_percent is not None:
         notes = [scale.sentence()]
     else:
         notes = []
     if true < LIKELIER:
         notes.append(ECHO if repeats(op, mv) else NO_POSITION)
+
+    # The likelier view of both is told on
     main = alone
     believed = replace(record, mv=None)
     if true >= LIKELIER:

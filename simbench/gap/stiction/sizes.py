@@ -61,11 +61,14 @@ def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:
     """Return S and J (%) of an effect with friction, each with its interval; None where it was not
     fitted.
     """
+    # The fitted sizes
     numbers = assessment.parameters.get(effect)
     if numbers is None:
         return None
     S = float(numbers["S"])
     J = float(numbers.get("J", 0.0))
+
+    # Likelihoods of sizes near them, by MV or by PV
     s = assessment.situation
     if s.record.mv is not None:
         search = MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.op, late=s.data.late)
@@ -74,6 +77,8 @@ def sizes_of(assessment: Assessment, effect: str) -> tuple[Size, Size] | None:
         levels = _by_pv(assessment, effect)
     else:
         return None
+
+    # Their spread; a band that OP never crossed has no upper end
     size, jump = _spread_of_sizes(levels, S, J)
     return (size if passes(S, s.op) else replace(size, hi=np.inf)), jump
 

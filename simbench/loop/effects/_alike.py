@@ -84,14 +84,19 @@ def circumstances(
     """Return the circumstances of an effect: `plant` and the std of `noise` as the loop file states
     them, recorded signals.
     """
+    # Changes of both signals
     change = np.diff(pv)
     jitter = np.diff(op)
+
+    # The slip jump, where the effect has one
     p = parameters or {}
     known = EFFECTS.get(effect, Effect("", {}, ""))
     if "J" in known.parameters:
         jump = p.get("J")
     else:
         jump = 0.0
+
+    # What decides whether two effects look alike
     return Circumstances(
         integrating=plant.get("type") == "integrating",
         sp_moves=sp is not None and bool(np.ptp(sp) > 2 * noise),
@@ -106,14 +111,19 @@ def circumstances(
 def _pace_of_load(
     effect: Effect, p: Mapping[str, Any], plant: Mapping[str, Any], noise: float
 ) -> dict[str, bool]:
+    # Only loads that may be slow have a pace
     if not {"slow", "ramp"} & set(effect.alike) or plant.get("K") is None or plant.get("T") is None:
         return {}
     if effect.block == "disturbance":
         gain = abs(float(plant["K"]))
     else:
         gain = 1.0
+
+    # A step is slow where it is smaller than the noise
     if "size" in effect.parameters:
         return {"slow": "size" in p and gain * abs(float(p["size"])) < noise}
+
+    # A ramp or a walk by how far it goes while the plant answers
     pace = float(plant["T"]) + float(plant.get("Td", 0.0))
     rate = abs(float(p.get("rate", 0.0)))
     walked = abs(float(p.get("walk", 0.0))) * pace**0.5

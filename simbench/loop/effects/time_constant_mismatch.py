@@ -22,6 +22,7 @@ ALIKE = ("gain over time constant",)
 
 def apply(setup, p, rng):
     """Move the baseline's pole, and leave what other effects added to the plant."""
+    # A factor of 1 changes nothing
     if p.factor == 1.0:
         return
     own = setup.loop.plant
@@ -30,6 +31,8 @@ def apply(setup, p, rng):
         raise ParameterError(
             f"effect 'time_constant_mismatch': plant {own.type!r} has no time constant"
         )
+
+    # The poles of the loop file are divided out, and put back changed
     if T is not None:
         base = [T, 1.0]
     else:

@@ -19,6 +19,7 @@ def slide(u, x, r, fs, fd, a, w2, rest, T):
 
     (NaN, NaN) when the valve was still stopping and starting after `_MAX_EVENTS` phases.
     """
+    # At rest the valve breaks away only against more than the static force
     for _ in range(_MAX_EVENTS):
         if r == 0.0:
             if abs(u - x) <= fs:
@@ -26,6 +27,8 @@ def slide(u, x, r, fs, fd, a, w2, rest, T):
             d = 1.0 if u > x else -1.0
         else:
             d = 1.0 if r > 0.0 else -1.0
+
+        # The course until the rate falls to rest, is zero, or the time is over
         z = x - (u - d * fd)
         t = fade_time(z, r, d, rest, a, w2)
         if t <= T:
@@ -34,6 +37,8 @@ def slide(u, x, r, fs, fd, a, w2, rest, T):
         stops = t <= T
         if not stops:
             t = T
+
+        # A rate that falls below `rest` on the way stops there
         z1, r1 = free(z, r, a, w2, t)
         if not stops and d * r1 <= rest and d * (w2 * z1 + 2.0 * a * r1) > 0.0:
             stops = True
@@ -41,11 +46,15 @@ def slide(u, x, r, fs, fd, a, w2, rest, T):
             if t == 0.0:
                 return x, 0.0
             z1, r1 = free(z, r, a, w2, t)
+
+        # The ends of travel stop it as well
         x1 = x + (z1 - z)
         if x1 < 0.0 or x1 > 100.0:
             stops = True
             x1 = min(max(x1, 0.0), 100.0)
             t = arrival_time(z, r, d, z + (x1 - x), a, w2, t)
+
+        # Moving to the end of the time, or at rest for what is left of it
         if not stops:
             return x1, r1
         x = x1
@@ -56,6 +65,7 @@ def slide(u, x, r, fs, fd, a, w2, rest, T):
 
 def free(z, r, a, w2, t):
     """Return (z, r) after t s of z'' + 2 a z' + w2 z = 0."""
+    # Critical damping, overdamped, underdamped
     b2 = a * a - w2
     if abs(b2) <= 1e-12 * w2:
         c = exp(-a * t)
@@ -71,6 +81,8 @@ def free(z, r, a, w2, t):
         decay = exp(-a * t)
         c = decay * cos(b * t)
         s = decay * sin(b * t) / b
+
+    # Position and rate from both solutions
     return z * c + (r + a * z) * s, r * c - (a * r + w2 * z) * s
 
 
@@ -96,12 +108,15 @@ def fade_time(z, r, d, rest, a, w2):
 
 def stop_time(z, r, a, w2):
     """Return when the rate is next zero, infinity if never; from rest, when it is zero again."""
+    # Critical damping
     b2 = a * a - w2
     pull = a * r + w2 * z
     if abs(b2) <= 1e-12 * w2:
         if r * pull > 0.0:
             return r / pull
         return inf
+
+    # Overdamped: at most one zero
     if b2 > 0.0:
         b = sqrt(b2)
         if pull != 0.0:
@@ -111,6 +126,8 @@ def stop_time(z, r, a, w2):
         if 0.0 < share < 1.0:
             return 0.5 * log((1.0 + share) / (1.0 - share)) / b
         return inf
+
+    # Underdamped: the first zero after the start
     b = sqrt(-b2)
     if pull != 0.0:
         angle = atan(b * r / pull)
@@ -185,8 +202,11 @@ def slide_in_substeps(u, x, r, fs, fd, vs, a, w2, rest, T, substep):
     |OP - position| > fs. Friction falls from fs to fd with speed over vs (%/s, Stribeck), at once
     for vs = 0. Each sub-step is taken, standing or not.
     """
+    # Equal steps of at most `substep`
     n = ceil(T / substep - 1e-9)
     h = T / n
+
+    # At rest the valve needs more than the static force
     for _ in range(n):
         if r == 0.0:
             if abs(u - x) <= fs:
@@ -194,10 +214,14 @@ def slide_in_substeps(u, x, r, fs, fd, vs, a, w2, rest, T, substep):
             d = 1.0 if u > x else -1.0
         else:
             d = 1.0 if r > 0.0 else -1.0
+
+        # The friction at this rate, and the step
         friction = fd
         if vs > 0.0:
             friction = fd + (fs - fd) * exp(-(r / vs) * (r / vs))
         r1 = r + h * (w2 * (u - x - d * friction) - 2.0 * a * r)
+
+        # A rate below `rest` is none; travel has ends
         if d * r1 <= rest:
             r1 = 0.0
         x = min(max(x + 0.5 * h * (r + r1), 0.0), 100.0)

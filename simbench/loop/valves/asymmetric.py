@@ -34,8 +34,11 @@ def start(u0, p):
 
 def step(u, state, p):
     """One sample: OP `u` (%) in, state (v, d, moving, u_prev) out, v = MV (%)."""
+    # OP within travel
     v, d, moving, u_prev = state
     x = min(max(u, 0.0), 100.0)
+
+    # A valve that rests breaks away in either direction by its own band
     if moving == 0.0 or (x - u_prev) * d <= 0.0:
         moving = 0.0
         if x - v > 0.5 * (p.S_up + p.J_up):
@@ -44,6 +47,8 @@ def step(u, state, p):
         elif x - v < -0.5 * (p.S_down + p.J_down):
             d = -1.0
             moving = 1.0
+
+    # A moving valve follows at its own distance
     if moving == 1.0:
         if d > 0.0:
             fd = 0.5 * (p.S_up - p.J_up)

@@ -34,6 +34,7 @@ def step(u, state, p):
     x_ss is OP where the band began, `held` is 1 when it began with a pause of OP, `slope` the sign
     of OP's change.
     """
+    # OP within travel, and which way it goes
     v, x_ss, held, slope_old, u_prev = state
     x = min(max(u, 0.0), 100.0)
     slope = 0.0
@@ -41,12 +42,16 @@ def step(u, state, p):
         slope = 1.0
     elif x < u_prev:
         slope = -1.0
+
+    # OP rests or turns: the valve sticks there
     if slope == 0.0 and slope_old != 0.0:
         x_ss = u_prev
         held = 1.0
     elif slope * slope_old < 0.0:
         x_ss = u_prev
         held = 0.0
+
+    # It moves on once OP has gone past the band
     threshold = p.J if held == 1.0 else p.S
     if abs(x - x_ss) > threshold:
         v = min(max(x - slope * 0.5 * (p.S - p.J), 0.0), 100.0)

@@ -79,6 +79,7 @@ def step(u, state, p):
     """One sample: OP `u` (%) in, state (v, rate, z, h, u_prev) out, v = MV (%) at the sample's
     end.
     """
+    # The valve's numbers per unit of mass
     v, rate, z, h, u_prev = state
     x = min(max(u, 0.0), 100.0)
     fs = 0.5 * (p.S + p.J)
@@ -90,6 +91,8 @@ def step(u, state, p):
     w2 = p.k / p.m
     g0 = p.s0 / p.m
     g1 = p.s1 / p.m
+
+    # The supply limits how fast the pressure follows OP, then it rests
     v, rate, z, h = slide_bristles(
         u_prev, ramp, v, rate, z, h, fs, fd, vs, a, w2, g0, g1, p.k / p.s0, first
     )
@@ -127,6 +130,7 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
     error estimate (Shampine and Reichelt 1997, ode23s), whose order does not hang on the kink of
     |r| in the Jacobian.
     """
+    # All of the time is used up, or the valve rests in balance
     for _ in range(_MAX_STEPS):
         if T <= 0.0:
             return x, r, z, h
@@ -137,6 +141,8 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
             and abs(w2 * (u - x) - g0 * z) < _BALANCE * w2 * fs
         ):
             return x, 0.0, z, h
+
+        # Three stages of a Rosenbrock step
         t = min(h, T)
         acc, slip, acc_r, acc_z, slip_r, slip_z = slopes(
             u, x, r, z, fs, fd, vs, a, w2, g0, g1, soft
@@ -166,6 +172,8 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
             sn - _E32 * (z2 - sm) - 2.0 * (z1 - slip),
             w2, acc_r, acc_z, slip_r, slip_z,
         )  # fmt: skip
+
+        # The error of the step decides whether it counts, and how long the next is
         error = (
             t
             / 6.0
@@ -177,6 +185,8 @@ def slide_bristles(u, ramp, x, r, z, h, fs, fd, vs, a, w2, g0, g1, soft, T):
             continue
         if t == h:
             h = t * min(5.0, 0.8 * max(error, 1e-6) ** -0.3333333333333333)
+
+        # The end of the step; travel has ends
         T = T - t
         u = u + ramp * t
         x = x_new

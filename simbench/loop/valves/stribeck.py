@@ -139,6 +139,7 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     """Return (position, rate, error) one step h later; error 1 is what is allowed. Dormand and
     Prince (1980), 5(4).
     """
+    # Stages one to four
     k1 = _acceleration(u, x, r, d, fs, fd, vs, a, w2)
     r2 = r + h * (k1 / 5.0)
     k2 = _acceleration(u, x + h * (r / 5.0), r2, d, fs, fd, vs, a, w2)
@@ -148,12 +149,16 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     k4 = _acceleration(
         u, x + h * (44.0 / 45.0 * r - 56.0 / 15.0 * r2 + 32.0 / 9.0 * r3), r4, d, fs, fd, vs, a, w2
     )
+
+    # Stage five, with its own weights
     c1 = 19372.0 / 6561.0
     c2 = -25360.0 / 2187.0
     c3 = 64448.0 / 6561.0
     c4 = -212.0 / 729.0
     r5 = r + h * (c1 * k1 + c2 * k2 + c3 * k3 + c4 * k4)
     k5 = _acceleration(u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4), r5, d, fs, fd, vs, a, w2)
+
+    # Stage six
     c1 = 9017.0 / 3168.0
     c2 = -355.0 / 33.0
     c3 = 46732.0 / 5247.0
@@ -163,6 +168,8 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     k6 = _acceleration(
         u, x + h * (c1 * r + c2 * r2 + c3 * r3 + c4 * r4 + c5 * r5), r6, d, fs, fd, vs, a, w2
     )
+
+    # The step of fifth order
     c1 = 35.0 / 384.0
     c3 = 500.0 / 1113.0
     c4 = 125.0 / 192.0
@@ -170,6 +177,8 @@ def runge_kutta(u, x, r, d, h, fs, fd, vs, a, w2):
     c6 = 11.0 / 84.0
     x1 = x + h * (c1 * r + c3 * r3 + c4 * r4 + c5 * r5 + c6 * r6)
     r1 = r + h * (c1 * k1 + c3 * k3 + c4 * k4 + c5 * k5 + c6 * k6)
+
+    # The last stage, and the difference to fourth order
     k7 = _acceleration(u, x1, r1, d, fs, fd, vs, a, w2)
     e1 = 71.0 / 57600.0
     e3 = -71.0 / 16695.0
